@@ -1,0 +1,38 @@
+"""Checks of scalar inputs, shared by the frozen dataclasses of the core."""
+
+import math
+
+from impact_rig.core.errors import ParameterError
+
+
+def check_positive(name: str, value: float, unit: str) -> None:
+    """Require a finite number above zero.
+
+    Parameters
+    ----------
+    name : str
+        What the number is, for the message.
+    value : float
+        The number.
+    unit : str
+        Its unit, for the message.
+
+    Raises
+    ------
+    ParameterError
+        If `value` is not a finite positive number.
+    """
+    if not (math.isfinite(value) and value > 0):
+        raise ParameterError(f"{name} is {value!r} {unit}: it must be a finite number above zero")
+
+
+def check_not_negative(name: str, value: float, unit: str) -> None:
+    """Require a finite number of zero or more; parameters and errors as `check_positive`."""
+    if not (math.isfinite(value) and value >= 0):
+        raise ParameterError(f"{name} is {value!r} {unit}: it must be a finite number, 0 or more")
+
+
+def check_between(name: str, value: float, low: float, high: float) -> None:
+    """Require a finite number in the closed interval [low, high]; raises `ParameterError`."""
+    if not (math.isfinite(value) and low <= value <= high):
+        raise ParameterError(f"{name} is {value!r}: it must lie between {low:g} and {high:g}")

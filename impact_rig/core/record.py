@@ -1,0 +1,179 @@
+"""What the accelerometers deliver: blocks of counts, and records of one hit in m/s^2."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impact_rig.core.checks import check_not_negative, check_positive
+from impact_rig.core.errors import SignalError
+
+FloatArray = NDArray[np.float64]
+CountArray = NDArray[np.int32]
+
+
+def make_read_only(values: FloatArray) -> FloatArray:
+    """Return a float64 copy of `values` that nobody can change."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True)
+class HitLabel:
+    """Which hit something belongs to.
+
+    Attributes
+    ----------
+    sample : str
+        Name of the struck sample.
+    record : int
+        Number of the arming, counted from 1.
+    impact : int
+        Impact of the sample's series, counted from 1.
+    attempt : int
+        Attempt at this impact, counted from 1.
+    """
+
+    sample: str
+    record: int = 1
+    impact: int = 1
+    attempt: int = 1
+
+
+@dataclass(frozen=True)
+class ChannelBlock:
+    """One channel over one block: acceleration = scale * counts + offset.
+
+    Attributes
+    ----------
+    counts : ndarray of int32, shape (n,)
+        Raw digitizer output [counts].
+    scale, offset : float
+        Acceleration per count and at zero counts [m/s^2].
+    full_scale : float
+        Largest acceleration the channel can show, either sign [m/s^2]; 0: not known.
+    """
+
+    counts: CountArray
+    scale: float
+    offset: float
+    full_scale: float
+
+    def __post_init__(self) -> None:
+        """Refuse a calibration that cannot be meant."""
+        if not (math.isfinite(self.scale) and self.scale != 0):
+            raise SignalError(f"scale is {self.scale!r} m/s^2 per count: it must not be zero")
+        if not math.isfinite(self.offset):
+            raise SignalError(f"offset is {self.offset!r} m/s^2: it must be a finite number")
+        check_not_negative("full scale", self.full_scale, "m/s^2")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A contiguous stretch of both channels.
+
+    Attributes
+    ----------
+    label : HitLabel
+        The arming it belongs to.
+    first_sample : int
+        Index of the first point, counted since arming.
+    sampling_rate : float
+        [Hz]
+    hammer, specimen : ChannelBlock
+        Of equal length.
+    triggered : bool
+        False: the arming ended without a trigger and the block is empty.
+    last : bool
+        This block ends the record.
+    stamp : int
+        Time of the first point, nanoseconds since the epoch; carried along, never computed with.
+    """
+
+    label: HitLabel
+    first_sample: int
+    sampling_rate: float
+    hammer: ChannelBlock
+    specimen: ChannelBlock
+    triggered: bool = True
+    last: bool = False
+    stamp: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse channels of different length and a rate that is none."""
+        check_positive("sampling rate", self.sampling_rate, "Hz")
+        if self.hammer.counts.shape != self.specimen.counts.shape:
+            raise SignalError(
+                f"block at point {self.first_sample} of record {self.label.record} has"
+                f" {self.hammer.counts.size} hammer points and {self.specimen.counts.size}"
+                " sample points: both channels must be equally long"
+            )
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One channel of one hit.
+
+    Attributes
+    ----------
+    acceleration : ndarray of float64, shape (n,)
+        [m/s^2]; read-only.
+    full_scale : float
+        Largest acceleration the channel can show, either sign [m/s^2]; 0: not known.
+    """
+
+    acceleration: FloatArray
+    full_scale: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Copy the trace, make it read-only, and refuse one that is not a vector."""
+        values = make_read_only(self.acceleration)
+        if values.ndim != 1:
+            raise SignalError(f"a trace has shape {values.shape}: it must be one row of points")
+        object.__setattr__(self, "acceleration", values)
+        check_not_negative("full scale", self.full_scale, "m/s^2")
+
+
+@dataclass(frozen=True)
+class Record:
+    """Both channels of one hit, cut out of the stream.
+
+    Attributes
+    ----------
+    label : HitLabel
+        Which hit.
+    sampling_rate : float
+        [Hz]
+    hammer, specimen : Trace
+        Of equal length n.
+    pulse_index : int or None
+        Point at which the hammer's acceleration first exceeded the detection level; None: it
+        never did.
+    triggered : bool
+        False: the arming ended without a trigger, and the traces are empty.
+    flaws : tuple of str
+        What is wrong with the stream here (gaps), in words; empty: nothing.
+    stamp : int
+        Time of the first point, nanoseconds since the epoch.
+    """
+
+    label: HitLabel
+    sampling_rate: float
+    hammer: Trace
+    specimen: Trace
+    pulse_index: int | None
+    triggered: bool = True
+    flaws: tuple[str, ...] = ()
+    stamp: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse traces of different length and a rate that is none."""
+        check_positive("sampling rate", self.sampling_rate, "Hz")
+        if self.hammer.acceleration.shape != self.specimen.acceleration.shape:
+            raise SignalError(
+                f"record {self.label.record} has {self.hammer.acceleration.size} hammer points"
+                f" and {self.specimen.acceleration.size} sample points: both traces must be"
+                " equally long"
+            )

@@ -1,0 +1,59 @@
+"""How hits are cut out, judged and evaluated: one record, stored with every recording."""
+
+from dataclasses import dataclass
+
+from impact_rig.core.checks import check_between, check_not_negative, check_positive
+from impact_rig.core.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class AnalysisSettings:
+    """Settings of detection, verdict and estimation.
+
+    Attributes
+    ----------
+    cutoff_frequency : float
+        -3 dB frequency of the zero-phase low-pass [Hz]; 0 switches it off. The paper's 50 kHz.
+    pulse_factor : float
+        F in tau_p = F * w50 [-]; the paper's 2 belongs to a versed-sine.
+    pre_trigger : float
+        Kept before the impact, and the source of the baseline [s]. Our choice: a tenth of the
+        record.
+    record_duration : float
+        Length of a hit's record [s]; the paper's 2 ms.
+    detection_level : float
+        Hammer acceleration that starts a hit, part of full scale [-]. Our choice: well above
+        12-bit noise, well below the weakest acceptable hit.
+    minimum_peak : float
+        Weakest acceptable hammer peak, part of full scale [-]. Our choice.
+    overload_run : int
+        Points in a row at the rail that make an overload [-]. Our choice: one point may be
+        chance, three are not.
+    double_hit_level : float
+        Second pulse that makes a double hit, part of the first [-]. Our choice.
+    """
+
+    cutoff_frequency: float = 50e3
+    pulse_factor: float = 2.0
+    pre_trigger: float = 0.2e-3
+    record_duration: float = 2e-3
+    detection_level: float = 0.03
+    minimum_peak: float = 0.15
+    overload_run: int = 3
+    double_hit_level: float = 0.05
+
+    def __post_init__(self) -> None:
+        """Refuse values that cannot be meant."""
+        check_not_negative("cutoff_frequency", self.cutoff_frequency, "Hz")
+        check_between("pulse_factor", self.pulse_factor, 1.0, 4.0)
+        check_positive("pre_trigger", self.pre_trigger, "s")
+        check_positive("record_duration", self.record_duration, "s")
+        if self.pre_trigger >= self.record_duration:
+            raise ParameterError(
+                f"pre_trigger is {self.pre_trigger} s: it must be shorter than the record"
+                f" of {self.record_duration} s"
+            )
+        check_between("detection_level", self.detection_level, 1e-6, 1.0)
+        check_between("minimum_peak", self.minimum_peak, 0.0, 1.0)
+        check_between("overload_run", self.overload_run, 1, 1000)
+        check_between("double_hit_level", self.double_hit_level, 1e-3, 1.0)

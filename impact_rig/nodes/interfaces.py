@@ -1,0 +1,87 @@
+"""Names, types and QoS of everything the rig's nodes say to each other: the one place.
+
+All names are relative, so that a rig can be put into a namespace and remapped.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from impact_rig_msgs.msg import (
+    AccelerationBlock,
+    AcquisitionState,
+    HammerEstimate,
+    HammerRelease,
+    HammerState,
+    Impact,
+    ModelComparison,
+    RecorderState,
+    RigSetup,
+    SampleEstimate,
+    VirtualImpact,
+)
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+
+def _make_qos(depth: int, *, latched: bool) -> QoSProfile:
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of the rig.
+
+    Attributes
+    ----------
+    name : str
+        Relative to the rig's namespace.
+    type : type
+        Message class.
+    qos : QoSProfile
+        Used by publisher and subscribers alike.
+    """
+
+    name: str
+    type: Any
+    qos: QoSProfile
+
+
+SETUP = Topic("setup", RigSetup, _make_qos(1, latched=True))
+ACCELERATION = Topic("acceleration", AccelerationBlock, _make_qos(200, latched=False))
+RELEASE = Topic("release", HammerRelease, _make_qos(16, latched=True))
+VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _make_qos(16, latched=True))
+IMPACT = Topic("impact", Impact, _make_qos(16, latched=True))
+ESTIMATE = Topic("estimate", SampleEstimate, _make_qos(64, latched=True))
+HAMMER_ESTIMATE = Topic("hammer_estimate", HammerEstimate, _make_qos(1, latched=True))
+COMPARISON = Topic("comparison", ModelComparison, _make_qos(64, latched=True))
+HAMMER_STATE = Topic("hammer/state", HammerState, _make_qos(1, latched=True))
+ACQUISITION_STATE = Topic("accelerometer/state", AcquisitionState, _make_qos(1, latched=True))
+RECORDER_STATE = Topic("recorder/state", RecorderState, _make_qos(1, latched=True))
+
+RECORDED_TOPICS = (
+    SETUP,
+    ACCELERATION,
+    RELEASE,
+    VIRTUAL_IMPACT,
+    IMPACT,
+    ESTIMATE,
+    HAMMER_ESTIMATE,
+    COMPARISON,
+    HAMMER_STATE,
+    ACQUISITION_STATE,
+    RECORDER_STATE,
+)
+"""Every topic of the rig; what else lies under its namespace is recorded as it is discovered."""
+
+ARM_ACCELEROMETER = "accelerometer/arm"
+DISARM_ACCELEROMETER = "accelerometer/disarm"
+ARM_HAMMER = "hammer/arm"
+DISARM_HAMMER = "hammer/disarm"
+RELEASE_HAMMER = "hammer/release"
+CONFIRM_SAMPLE = "campaign/confirm_sample"
+GET_RESULTS = "estimator/get_results"
+RUN_CAMPAIGN = "campaign/run"

@@ -1,0 +1,1 @@
+"""MCAP recordings and plain traces in and out; no rclpy."""
