@@ -146,8 +146,10 @@ class Record:
         Which hit.
     sampling_rate : float
         [Hz]
-    hammer, specimen : Trace
-        Of equal length n.
+    hammer : Trace
+        Of the accelerometer inside the hammer.
+    specimen : Trace or None
+        Of the accelerometer on the sample, as long as `hammer`; None: not measured.
     pulse_index : int or None
         Point at which the hammer's acceleration first exceeded the detection level; None: it
         never did.
@@ -162,7 +164,7 @@ class Record:
     label: HitLabel
     sampling_rate: float
     hammer: Trace
-    specimen: Trace
+    specimen: Trace | None
     pulse_index: int | None
     triggered: bool = True
     flaws: tuple[str, ...] = ()
@@ -171,7 +173,10 @@ class Record:
     def __post_init__(self) -> None:
         """Refuse traces of different length and a rate that is none."""
         check_positive("sampling rate", self.sampling_rate, "Hz")
-        if self.hammer.acceleration.shape != self.specimen.acceleration.shape:
+        if (
+            self.specimen is not None
+            and self.hammer.acceleration.shape != self.specimen.acceleration.shape
+        ):
             raise SignalError(
                 f"record {self.label.record} has {self.hammer.acceleration.size} hammer points"
                 f" and {self.specimen.acceleration.size} sample points: both traces must be"

@@ -1,0 +1,259 @@
+"""The two-body model of the paper in closed form.
+
+While the bodies touch, the model is a linear system y' = A y + B F(t) driven by a constant and
+a cosine, since F(t) = F0 sin^2(pi t / tau_p); its solution is a particular one, constant plus
+sinusoid, and e^(At) times what is left of the initial state. Afterwards each body is a damped
+oscillator, e^(At) alone. On a uniform grid e^(At) y is built by doubling, Y[n:2n] = e^(An dt)
+Y[0:n]: exact for every damping, critical included, where eigenvectors would fail.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from scipy.linalg import expm
+
+from impact_rig.core.checks import check_not_negative, check_positive
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.record import FloatArray
+
+
+class ModelVariant(Enum):
+    """How the two bodies are driven.
+
+    `PRINTED` is equations (1) and (2) as they stand. `DRIVEN` is what Figs. 5 and 6 describe:
+    the hammer's trace is the versed-sine (4) itself, and the sample is driven by +F(t) alone.
+    """
+
+    DRIVEN = "driven"
+    PRINTED = "printed"
+
+
+@dataclass(frozen=True)
+class Body:
+    """One body: a mass on a spring and a damper.
+
+    Attributes
+    ----------
+    mass : float
+        [kg]
+    stiffness : float
+        [N/m]
+    damping_coefficient : float
+        [N s/m]
+    """
+
+    mass: float
+    stiffness: float
+    damping_coefficient: float
+
+    def __post_init__(self) -> None:
+        """Refuse impossible numbers."""
+        check_positive("mass of a body", self.mass, "kg")
+        check_positive("stiffness of a body", self.stiffness, "N/m")
+        check_not_negative("damping coefficient of a body", self.damping_coefficient, "N s/m")
+
+
+@dataclass(frozen=True)
+class ImpactModel:
+    """Parameters of one impact.
+
+    Attributes
+    ----------
+    hammer, specimen : Body
+        m1, k1, c1 and m2, k2, c2.
+    contact_time : float
+        tau_p [s].
+    impact_speed : float
+        v1 [m/s].
+    peak_force : float
+        F0 [N], signed; equation (1) has -F(t) on body 2.
+    """
+
+    hammer: Body
+    specimen: Body
+    contact_time: float
+    impact_speed: float
+    peak_force: float
+
+    def __post_init__(self) -> None:
+        """Refuse impossible numbers."""
+        check_positive("contact time", self.contact_time, "s")
+        for name, value in (("speed", self.impact_speed), ("peak force", self.peak_force)):
+            if not np.isfinite(value):
+                raise ParameterError(f"impact {name} is {value!r}: it must be a finite number")
+
+
+def compute_peak_force(
+    hammer_mass: float,
+    moving_mass: float,
+    impact_speed: float,
+    contact_time: float,
+    restitution: float = 1.0,
+) -> float:
+    """Compute F0 [N] from the momentum balance F0 = 2 (1 + e) m_eq v1 / tau_p.
+
+    The impulse of a versed-sine is F0 tau_p / 2; `restitution` is e [-], 1 for an elastic
+    impact; masses in kg, speed in m/s, time in s.
+    """
+    equivalent = hammer_mass * moving_mass / (hammer_mass + moving_mass)
+    return 2.0 * (1.0 + restitution) * equivalent * impact_speed / contact_time
+
+
+def simulate_impact(
+    model: ImpactModel,
+    sampling_rate: float,
+    count: int,
+    *,
+    start: float = 0.0,
+    variant: ModelVariant = ModelVariant.PRINTED,
+) -> tuple[FloatArray, FloatArray]:
+    """Simulate the accelerations of both bodies on a uniform time grid.
+
+    Parameters
+    ----------
+    model : ImpactModel
+        Parameters.
+    sampling_rate : float
+        [Hz]
+    count : int
+        Number of points.
+    start : float
+        Time of the first point, counted from the start of the contact [s]; before the contact
+        both accelerations are zero.
+    variant : ModelVariant
+        How the bodies are driven.
+
+    Returns
+    -------
+    hammer, specimen : ndarray, shape (count,)
+        x1'' and x2'' [m/s^2]. With v1 and c1 the printed model steps at t = 0 and at tau_p:
+        that is the model, and nothing here smooths it.
+    """
+    check_positive("sampling rate", sampling_rate, "Hz")
+    time = start + np.arange(count) / sampling_rate
+    first_contact = int(np.searchsorted(time, 0.0, side="left"))
+    first_free = int(np.searchsorted(time, model.contact_time, side="right"))
+    contact = _ContactPhase(model, variant)
+    hammer = np.zeros(count)
+    specimen = np.zeros(count)
+    if first_free > first_contact:
+        inside = slice(first_contact, first_free)
+        hammer[inside], specimen[inside] = contact.evaluate(time[inside], 1.0 / sampling_rate)
+    if count > first_free:
+        state = contact.find_state(model.contact_time)
+        late = time[first_free:] - model.contact_time
+        if variant is ModelVariant.PRINTED:
+            hammer[first_free:] = _evaluate_free(model.hammer, state[[0, 2]], late, sampling_rate)
+        specimen[first_free:] = _evaluate_free(
+            model.specimen, state[[1, 3]], late, sampling_rate
+        )
+    return hammer, specimen
+
+
+class _ContactPhase:
+    """The contact, 0 <= t <= tau_p, with state y = (x1, x2, x1', x2')."""
+
+    def __init__(self, model: ImpactModel, variant: ModelVariant) -> None:
+        first, second = model.hammer, model.specimen
+        self._half_force = model.peak_force / 2.0
+        self._frequency = 2.0 * np.pi / model.contact_time
+        if variant is ModelVariant.PRINTED:
+            k1, c1 = first.stiffness, first.damping_coefficient
+            acceleration = np.array([
+                [-k1 / first.mass, k1 / first.mass, -c1 / first.mass, c1 / first.mass],
+                [
+                    k1 / second.mass,
+                    -(k1 + second.stiffness) / second.mass,
+                    c1 / second.mass,
+                    -(c1 + second.damping_coefficient) / second.mass,
+                ],
+            ])
+            drive = np.array([0.0, -1.0 / second.mass])
+            speed = model.impact_speed
+        else:
+            acceleration = np.array([
+                [-first.stiffness / first.mass, 0.0, -first.damping_coefficient / first.mass, 0.0],
+                [
+                    0.0,
+                    -second.stiffness / second.mass,
+                    0.0,
+                    -second.damping_coefficient / second.mass,
+                ],
+            ])
+            drive = np.array([0.0, 1.0 / second.mass])
+            speed = 0.0
+        self._matrix = np.vstack((np.eye(4)[2:], acceleration))
+        inputs = np.concatenate(([0.0, 0.0], drive))
+        self._constant = -np.linalg.solve(self._matrix, inputs) * self._half_force
+        self._phasor = -self._half_force * np.linalg.solve(
+            1j * self._frequency * np.eye(4) - self._matrix, inputs.astype(complex)
+        )
+        initial = np.array([0.0, 0.0, speed, 0.0])
+        self._free_part = initial - self._constant - self._phasor.real
+        self._acceleration = acceleration
+        self._drive = drive
+        self._hammer_drive = -1.0 / first.mass if variant is ModelVariant.DRIVEN else 0.0
+
+    def find_state(self, time: float) -> FloatArray:
+        """Return the state at `time` [s]."""
+        rotation = np.exp(1j * self._frequency * time)
+        steady = self._constant + (self._phasor * rotation).real
+        return np.asarray(steady + expm(self._matrix * time) @ self._free_part)
+
+    def evaluate(self, time: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+        """Return both accelerations [m/s^2] on a uniform grid of `step` [s]."""
+        angle = self._frequency * time
+        cosine = np.cos(angle)
+        force = self._half_force * (1.0 - cosine)
+        transient = propagate(
+            self._matrix * step, expm(self._matrix * time[0]) @ self._free_part, time.size
+        )
+        phasor = self._acceleration @ self._phasor
+        result = self._acceleration @ transient
+        result += (self._acceleration @ self._constant)[:, np.newaxis]
+        result += phasor.real[:, np.newaxis] * cosine
+        result -= phasor.imag[:, np.newaxis] * np.sin(angle)
+        result += self._drive[:, np.newaxis] * force
+        if self._hammer_drive:
+            result[0] = self._hammer_drive * force
+        return result[0], result[1]
+
+
+def _evaluate_free(
+    body: Body, state: FloatArray, time: FloatArray, sampling_rate: float
+) -> FloatArray:
+    """Return the acceleration [m/s^2] of a body left alone in `state` = (x, x')."""
+    matrix = np.array(
+        [[0.0, 1.0], [-body.stiffness / body.mass, -body.damping_coefficient / body.mass]]
+    )
+    states = propagate(matrix / sampling_rate, expm(matrix * time[0]) @ state, time.size)
+    return np.asarray(matrix[1] @ states)
+
+
+def propagate(matrix: FloatArray, initial: FloatArray, count: int) -> FloatArray:
+    """Compute e^(n M) y for n = 0 ... count - 1 by doubling.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (d, d)
+        M, the system matrix times the step [-].
+    initial : ndarray, shape (d,)
+        y.
+    count : int
+        Number of columns.
+
+    Returns
+    -------
+    ndarray, shape (d, count)
+    """
+    result = np.empty((initial.size, count))
+    result[:, 0] = initial
+    power = expm(matrix)
+    done = 1
+    while done < count:
+        more = min(done, count - done)
+        np.matmul(power, result[:, :more], out=result[:, done : done + more])
+        done += more
+        power = power @ power
+    return result

@@ -1,0 +1,128 @@
+"""A whole session: blocks in, verdicts and estimates out. The node and the analysis of files
+run this same code, so that the same hits give bit-identical numbers."""
+
+from dataclasses import dataclass
+
+from impact_rig.core.averaging import MeanHit, average_hits
+from impact_rig.core.detection import ImpactDetector
+from impact_rig.core.estimation import (
+    BodyEstimate,
+    SampleEstimate,
+    estimate_hammer,
+    estimate_sample,
+)
+from impact_rig.core.hit import JudgedHit, judge_hit
+from impact_rig.core.record import Block, Record
+from impact_rig.core.samples import RigSetup
+
+
+@dataclass(frozen=True)
+class SessionResults:
+    """What a session has found so far.
+
+    Attributes
+    ----------
+    setup : RigSetup
+        Masses and settings.
+    hammer : BodyEstimate
+        k1, zeta1, c1.
+    samples : tuple of SampleEstimate
+        Those with hits, in the order of the sample set.
+    rejected : tuple of JudgedHit
+        In the order of arrival.
+    """
+
+    setup: RigSetup
+    hammer: BodyEstimate
+    samples: tuple[SampleEstimate, ...]
+    rejected: tuple[JudgedHit, ...]
+
+
+class Session:
+    """Judges hits as they come and keeps the estimates of every sample.
+
+    Parameters
+    ----------
+    setup : RigSetup
+        Masses, sample set and settings.
+    """
+
+    def __init__(self, setup: RigSetup) -> None:
+        self.setup = setup
+        self._detector = ImpactDetector(setup.analysis)
+        self._hits: dict[str, list[JudgedHit]] = {}
+        self._means: dict[str, MeanHit] = {}
+
+    def feed(self, block: Block) -> tuple[JudgedHit, ...]:
+        """Take the next block and return the hits that it completed, judged.
+
+        Raises
+        ------
+        ParameterError
+            If the block names a sample that is not in the set, or is sampled too slowly for
+            the low-pass.
+        """
+        self.setup.samples.find(block.label.sample)
+        return tuple(self.judge(record) for record in self._detector.feed(block))
+
+    def judge(self, record: Record) -> JudgedHit:
+        """Judge one record and count it in; errors as `feed`."""
+        self.setup.samples.find(record.label.sample)
+        hit = judge_hit(record, self.setup.analysis)
+        self._hits.setdefault(hit.label.sample, []).append(hit)
+        if hit.accepted:
+            self._means.pop(hit.label.sample, None)
+        return hit
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Samples with hits, in the order of the sample set."""
+        return tuple(name for name in self.setup.samples.names if name in self._hits)
+
+    def estimate_hammer(self) -> BodyEstimate:
+        """Return what the control experiment says of the hammer so far."""
+        control = self.setup.samples.control_sample
+        if not control:
+            return BodyEstimate(notes=("k1: the sample set has no control sample",))
+        mean = self._find_mean(control)
+        if mean is None:
+            return BodyEstimate()
+        return estimate_hammer(mean, self.setup)
+
+    def estimate_sample(self, name: str) -> SampleEstimate:
+        """Return what is known of one sample so far."""
+        return self._estimate_sample(name, self.estimate_hammer())
+
+    def _estimate_sample(self, name: str, hammer: BodyEstimate) -> SampleEstimate:
+        hits = self._hits.get(name, [])
+        accepted = [hit for hit in hits if hit.accepted]
+        rejected = len(hits) - len(accepted)
+        mean = self._find_mean(name)
+        if mean is None:
+            note = f"{name}: not determined, none of {rejected} hits was accepted"
+            return SampleEstimate(name, 0, rejected, body=BodyEstimate(notes=(note,)))
+        contact_times = tuple(hit.contact_time for hit in accepted)
+        return estimate_sample(name, mean, contact_times, rejected, hammer, self.setup)
+
+    def estimate_all(self) -> SessionResults:
+        """Return everything found so far."""
+        hammer = self.estimate_hammer()
+        return SessionResults(
+            setup=self.setup,
+            hammer=hammer,
+            samples=tuple(self._estimate_sample(name, hammer) for name in self.names),
+            rejected=tuple(
+                sorted(
+                    (hit for hits in self._hits.values() for hit in hits if not hit.accepted),
+                    key=lambda hit: hit.label.record,
+                )
+            ),
+        )
+
+    def _find_mean(self, name: str) -> MeanHit | None:
+        if name not in self._means:
+            filtered = [hit.filtered for hit in self._hits.get(name, []) if hit.filtered]
+            if not filtered:
+                return None
+            self._means[name] = average_hits(filtered)
+        return self._means[name]

@@ -1,0 +1,1 @@
+"""The virtual rig: what stands in for hammer, sample, sensors and digitizer."""

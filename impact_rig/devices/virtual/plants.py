@@ -1,0 +1,194 @@
+"""What a hit does to hammer and sample, before any sensor sees it.
+
+`published` plays back what the paper's tables describe: on it the paper's procedure must give
+back Tables 2 to 4. `dynamics` and `dynamics_printed` are the two forms of the model, with known
+truth: on them the bias of an estimator is measured.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from impact_rig.core.damping import estimate_damping_ratio_from_coefficient
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.model import (
+    Body,
+    ImpactModel,
+    ModelVariant,
+    compute_peak_force,
+    simulate_impact,
+)
+from impact_rig.core.pulses import VERSED_SINE, PulseShape, compute_pulse
+from impact_rig.core.record import FloatArray
+from impact_rig.core.samples import RigSetup
+from impact_rig.core.stiffness import (
+    estimate_equivalent_mass,
+    estimate_equivalent_stiffness,
+    estimate_hammer_stiffness,
+)
+
+
+class Plant(Enum):
+    """Which physics the virtual rig has."""
+
+    PUBLISHED = "published"
+    DYNAMICS = "dynamics"
+    DYNAMICS_PRINTED = "dynamics_printed"
+
+
+@dataclass(frozen=True)
+class HitPhysics:
+    """One hit as it really happens.
+
+    Attributes
+    ----------
+    model : ImpactModel
+        Bodies, tau_p, v1 and F0 of this hit.
+    shape : PulseShape
+        Of the contact force.
+    asymmetry : float
+        Of the contact force, see `compute_pulse` [-].
+    """
+
+    model: ImpactModel
+    shape: PulseShape = VERSED_SINE
+    asymmetry: float = 0.0
+
+
+def find_nominal_model(setup: RigSetup, sample: str, hammer_damping: float) -> ImpactModel:
+    """Return the true parameters of a hit on `sample`, from its reference values.
+
+    Parameters
+    ----------
+    setup : RigSetup
+        Masses, speed and reference values; k1 follows from the control sample's reference.
+    sample : str
+        Name of the sample.
+    hammer_damping : float
+        c1 [N s/m].
+
+    Raises
+    ------
+    ParameterError
+        If the sample or the control sample lacks a reference value that the virtual rig needs.
+    """
+    chosen = setup.samples.find(sample)
+    control_name = setup.samples.control_sample
+    if not control_name:
+        raise ParameterError(
+            "the virtual rig needs a control sample: name one in the sample set, its reference"
+            " contact time gives the hammer's stiffness"
+        )
+    control = setup.samples.find(control_name)
+    for owner, quantity, value in (
+        (control, "contact time", control.reference_contact_time),
+        (chosen, "contact time", chosen.reference_contact_time),
+        (chosen, "stiffness", chosen.reference_stiffness),
+        (chosen, "damping coefficient", chosen.reference_damping_coefficient),
+    ):
+        if math.isnan(value):
+            raise ParameterError(
+                f"sample {owner.name!r} has no reference {quantity}: the virtual rig cannot"
+                " strike it without; give one in the rig file"
+            )
+    hammer_stiffness = estimate_hammer_stiffness(
+        estimate_equivalent_stiffness(
+            estimate_equivalent_mass(
+                setup.hammer_mass, setup.samples.find_moving_mass(control_name)
+            ),
+            control.reference_contact_time,
+        )
+    )
+    moving_mass = setup.samples.find_moving_mass(sample)
+    return ImpactModel(
+        hammer=Body(setup.hammer_mass, hammer_stiffness, hammer_damping),
+        specimen=Body(
+            moving_mass, chosen.reference_stiffness, chosen.reference_damping_coefficient
+        ),
+        contact_time=chosen.reference_contact_time,
+        impact_speed=setup.impact_speed,
+        peak_force=compute_peak_force(
+            setup.hammer_mass, moving_mass, setup.impact_speed, chosen.reference_contact_time
+        ),
+    )
+
+
+def simulate_plant(
+    plant: Plant, physics: HitPhysics, sampling_rate: float, count: int, start: float
+) -> tuple[FloatArray, FloatArray]:
+    """Compute the true accelerations of hammer and sample.
+
+    Parameters
+    ----------
+    plant : Plant
+        Which physics.
+    physics : HitPhysics
+        The hit.
+    sampling_rate : float
+        [Hz]
+    count : int
+        Number of points.
+    start : float
+        Time of the first point from the start of the contact [s].
+
+    Returns
+    -------
+    hammer, specimen : ndarray, shape (count,)
+        [m/s^2]
+    """
+    if plant is Plant.PUBLISHED:
+        time = start + np.arange(count) / sampling_rate
+        return _play_hammer(physics, time), _play_specimen(physics, time)
+    variant = ModelVariant.DRIVEN if plant is Plant.DYNAMICS else ModelVariant.PRINTED
+    return simulate_impact(physics.model, sampling_rate, count, start=start, variant=variant)
+
+
+def _play_hammer(physics: HitPhysics, time: FloatArray) -> FloatArray:
+    """Return the contact pulse, then the decaying tail whose first peak is U1 e^-Delta."""
+    model, body = physics.model, physics.model.hammer
+    pulse = compute_pulse(time, model.contact_time, physics.shape, physics.asymmetry)
+    peak = model.peak_force / body.mass
+    decay, frequency = _find_free_decay(body)
+    if frequency == 0.0:
+        return peak * pulse
+    late = np.maximum(time - model.contact_time, 0.0)
+    top = math.atan2(frequency, decay) / frequency
+    height = math.exp(-decay * top) * math.sin(frequency * top)
+    second = math.exp(-decay * 2.0 * math.pi / frequency)
+    tail = second / height * np.exp(-decay * late) * np.sin(frequency * late)
+    return np.asarray(peak * (pulse + tail))
+
+
+def _play_specimen(physics: HitPhysics, time: FloatArray) -> FloatArray:
+    """Return the rising half of the pulse, then the free decay from rest at its peak."""
+    model, body = physics.model, physics.model.specimen
+    rise_time = model.contact_time * (1.0 + physics.asymmetry) / 2.0
+    rise = compute_pulse(time, model.contact_time, physics.shape, physics.asymmetry)
+    late = np.maximum(time - rise_time, 0.0)
+    peak = model.peak_force / body.mass
+    return np.asarray(peak * np.where(time < rise_time, rise, _decay_from_rest(body, late)))
+
+
+def _find_free_decay(body: Body) -> tuple[float, float]:
+    """Return decay rate and damped angular frequency [1/s]; frequency 0: not under-damped."""
+    natural = math.sqrt(body.stiffness / body.mass)
+    ratio = estimate_damping_ratio_from_coefficient(
+        body.damping_coefficient, body.stiffness, body.mass
+    )
+    return ratio * natural, natural * math.sqrt(max(1.0 - ratio**2, 0.0))
+
+
+def _decay_from_rest(body: Body, time: FloatArray) -> FloatArray:
+    decay, frequency = _find_free_decay(body)
+    if frequency > 0.0:
+        wave: FloatArray = np.cos(frequency * time) + decay / frequency * np.sin(frequency * time)
+        return np.asarray(np.exp(-decay * time) * wave)
+    spread = math.sqrt(max(decay**2 - body.stiffness / body.mass, 0.0))
+    if spread == 0.0:
+        return np.asarray((1.0 + decay * time) * np.exp(-decay * time))
+    slow, fast = decay - spread, decay + spread
+    return np.asarray(
+        (fast * np.exp(-slow * time) - slow * np.exp(-fast * time)) / (fast - slow)
+    )
