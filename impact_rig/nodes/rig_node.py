@@ -1,7 +1,11 @@
 """What all nodes of the rig share: parameters, lifecycle, diagnostics and a clean end."""
 
 import os
+import signal
+import socket
 import sys
+import threading
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -14,12 +18,23 @@ from rclpy.exceptions import (
 )
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
-from impact_rig.core.errors import RigError
+from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes.interfaces import Topic
 
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two diagnostic messages [s]: the convention of diagnostic aggregators."""
+WAITING_PERIOD = 0.05
+"""How often a condition without a callback is looked at [s], our choice."""
+SERVICE_TIMEOUT = 10.0
+"""How long another node may take to appear or answer [s], our choice: six Python processes start
+in seconds on two cores."""
+DRAIN_QUIET = 0.1
+"""How long nothing may have come before the queues count as empty at the end [s]."""
+DRAIN_TIMEOUT = 2.0
+"""How long emptying the queues at the end may take [s], below what process managers grant."""
 
 
 class RigNode(LifecycleNode):
@@ -40,6 +55,8 @@ class RigNode(LifecycleNode):
         self.declare(
             "autostart", True, "configure and activate at start-up, without a lifecycle manager"
         )
+        self._waiters: list[Callable[[], None]] = []
+        self.messages_handled = 0
         self._fault = ""
         self._is_configured = False
         self._is_active = False
@@ -105,14 +122,101 @@ class RigNode(LifecycleNode):
         """Subscribe to one of the rig's topics; a `RigError` in the callback is reported."""
 
         def guarded(message: Any) -> None:
+            self.messages_handled += 1
             try:
                 callback(message)
             except RigError as error:
                 self.report_fault(f"{topic.name}: {error}")
+            self.wake_waiters()
 
         return self.create_subscription(
             topic.type, topic.name, guarded, topic.qos, **options
         )
+
+    def advertise_state(self, topic: Topic, **options: Any) -> Callable[..., None]:
+        """Create a publisher of a state topic; return a function that publishes its fields."""
+        publisher = self.advertise(topic, **options)
+
+        def publish(**fields: Any) -> None:
+            message = topic.type(**fields)
+            message.header.stamp = self.get_clock().now().to_msg()
+            publisher.publish(message)
+
+        return publish
+
+    def run_once_after(self, delay: float, work: Callable[[], None]) -> None:
+        """Call `work` once, `delay` seconds from now; a `RigError` in it is reported."""
+
+        def fire() -> None:
+            self.destroy_timer(timer)
+            try:
+                work()
+            except RigError as error:
+                self.report_fault(str(error))
+            self.wake_waiters()
+
+        timer = self.create_timer(delay, fire)
+
+    async def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Wait for a condition that some callback of this node makes true.
+
+        Parameters
+        ----------
+        condition : callable
+            Looked at after every callback of `listen` and `run_once_after`, and every
+            `WAITING_PERIOD`, for what has no callback.
+        timeout : float
+            [s]
+
+        Returns
+        -------
+        bool
+            Whether the condition came true in time.
+        """
+        if condition():
+            return True
+        future: Future = Future(executor=self.executor)
+        deadline = time.monotonic() + timeout
+
+        def look() -> None:
+            if future.done():
+                return
+            if condition():
+                future.set_result(True)
+            elif time.monotonic() >= deadline:
+                future.set_result(False)
+
+        self._waiters.append(look)
+        timer = self.create_timer(min(WAITING_PERIOD, max(timeout, 1e-3)), look)
+        try:
+            return bool(await future)
+        finally:
+            self._waiters.remove(look)
+            self.destroy_timer(timer)
+
+    async def call(self, client: Any, request: Any, timeout: float = SERVICE_TIMEOUT) -> Any:
+        """Call a service of another node of the rig and return its answer.
+
+        Raises
+        ------
+        DeviceError
+            If nobody offers the service, or no answer comes within `timeout` seconds.
+        """
+        if not await self.wait_until(client.service_is_ready, timeout):
+            raise DeviceError(
+                f"nobody offers the service {client.srv_name}: start the node that does"
+            )
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: self.wake_waiters())
+        if not await self.wait_until(future.done, timeout):
+            client.remove_pending_request(future)
+            raise DeviceError(f"{client.srv_name} did not answer within {timeout:g} s")
+        return future.result()
+
+    def wake_waiters(self) -> None:
+        """Let everything that waits in `wait_until` look at its condition."""
+        for look in tuple(self._waiters):
+            look()
 
     def report_fault(self, text: str) -> None:
         """Log an error and show it in the diagnostics until the next good transition."""
@@ -198,14 +302,18 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
         Exit code: 0 after a stop that was asked for, 2 after an impossible parameter.
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    rclpy.init(args=argv)
+    # rclpy's own handler would tear the context down under the node: nothing that is still in
+    # the queues could be recorded, and no last word published.
+    rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+    executor = SingleThreadedExecutor()
+    _stop_on_signals(executor)
     node = None
     try:
         node = make_node()
-        executor = SingleThreadedExecutor()
         executor.add_node(node)
         node.autostart()
         executor.spin()
+        _drain(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (InvalidParameterTypeException, InvalidParameterValueException, RigError) as error:
@@ -217,3 +325,34 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _stop_on_signals(executor: SingleThreadedExecutor) -> None:
+    """Let SIGINT and SIGTERM end `executor.spin`, even while it waits inside the middleware."""
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: None)
+    signal.set_wakeup_fd(writer.fileno())
+
+    def wait() -> None:
+        reader.recv(1)
+        # The socket must outlive the function: the signal handler writes to it.
+        executor.shutdown(timeout_sec=0.0)
+        writer.fileno()
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def _drain(node: RigNode) -> None:
+    """Work off what is still in the queues, as long as there is anything, for a bounded time."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    deadline = time.monotonic() + DRAIN_TIMEOUT
+    quiet_since = time.monotonic()
+    handled = node.messages_handled
+    while time.monotonic() < deadline and time.monotonic() - quiet_since < DRAIN_QUIET:
+        executor.spin_once(timeout_sec=DRAIN_QUIET)
+        if node.messages_handled != handled:
+            handled, quiet_since = node.messages_handled, time.monotonic()
+    executor.remove_node(node)

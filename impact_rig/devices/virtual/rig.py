@@ -155,6 +155,10 @@ class VirtualRig:
         self.setup = setup
         self.settings = settings
 
+    def check_sample(self, name: str) -> None:
+        """Raise `ParameterError` if the sample is unknown or lacks a reference value."""
+        find_nominal_model(self.setup, name, self.settings.hammer_damping)
+
     def strike(self, label: HitLabel) -> VirtualHit:
         """Simulate one hit.
 

@@ -1,0 +1,293 @@
+"""The campaign: samples times impacts, the next sample asked for, rejected hits repeated."""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.msg import Impact, RecorderState
+from impact_rig_msgs.srv import Arm, ConfirmSample, GetResults, Release
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from std_srvs.srv import Trigger
+
+from impact_rig.configuration.rig_file import read_rig_file
+from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.paper import PAPER_SETUP
+from impact_rig.core.samples import RigSetup
+from impact_rig.nodes import interfaces, messages
+from impact_rig.nodes.rig_node import RigNode, run_node
+
+CONFIRMATION_TIMEOUT = 24 * 3600.0
+"""How long a person may take to mount a sample [s]: a campaign may wait overnight."""
+
+
+class _CancelledError(RigError):
+    """The client asked the campaign to stop."""
+
+
+@dataclass
+class _Progress:
+    """Where a running campaign stands."""
+
+    handle: ServerGoalHandle
+    samples: tuple[str, ...]
+    impacts: int
+    attempts: int
+    started: float = field(default_factory=time.monotonic)
+    accepted: int = 0
+    feedback: RunCampaign.Feedback = field(default_factory=RunCampaign.Feedback)
+
+    def publish(self, **fields: Any) -> None:
+        """Publish the feedback with some fields changed and the time left estimated anew."""
+        for name, value in fields.items():
+            setattr(self.feedback, name, value)
+        elapsed = time.monotonic() - self.started
+        missing = len(self.samples) * self.impacts - self.accepted
+        self.feedback.time_left = (
+            elapsed / self.accepted * missing if self.accepted else math.nan
+        )
+        self.handle.publish_feedback(self.feedback)
+
+
+class CampaignNode(RigNode):
+    """An action server that runs campaigns on the rig's other nodes."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("campaign", **options)
+        self.declare("rig_file", "", "path of the rig file; empty: the paper's rig and samples")
+        self.declare(
+            "attempts_per_impact", 10, "rejected hits in a row before a campaign gives up [-]",
+            low=1, high=1000,
+        )  # fmt: skip
+        self.declare(
+            "verdict_timeout", 10.0, "longest time from release to verdict [s]",
+            low=0.1, high=3600.0,
+        )  # fmt: skip
+        self._setup_of_rig: RigSetup = PAPER_SETUP
+        self._progress: _Progress | None = None
+        self._verdicts: dict[int, Impact] = {}
+        self._confirmed = ""
+        self._recorder = RecorderState()
+        self._setup = self.advertise(interfaces.SETUP)
+        self.listen(interfaces.IMPACT, self._keep_verdict)
+        self.listen(interfaces.RECORDER_STATE, self._keep_recorder)
+        self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._confirm)
+        self._arm = self.create_client(Arm, interfaces.ARM_ACCELEROMETER)
+        self._disarm = self.create_client(Trigger, interfaces.DISARM_ACCELEROMETER)
+        self._enable = self.create_client(Trigger, interfaces.ARM_HAMMER)
+        self._disable = self.create_client(Trigger, interfaces.DISARM_HAMMER)
+        self._release = self.create_client(Release, interfaces.RELEASE_HAMMER)
+        self._results = self.create_client(GetResults, interfaces.GET_RESULTS)
+        self._server = ActionServer(
+            self,
+            RunCampaign,
+            interfaces.RUN_CAMPAIGN,
+            execute_callback=self._execute,
+            goal_callback=lambda _: GoalResponse.ACCEPT,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )
+
+    def configure(self) -> None:
+        """Read the rig file."""
+        path = self.get_value("rig_file")
+        self._setup_of_rig = read_rig_file(Path(path)).setup if path else PAPER_SETUP
+
+    def activate(self) -> None:
+        """Publish the set-up, so that the rig's other nodes know what it is."""
+        self._publish_setup()
+
+    def diagnose(self) -> dict[str, Any]:
+        """Return where the campaign stands."""
+        progress = self._progress
+        if progress is None:
+            return {"campaign": "none"}
+        return {
+            "campaign": f"{progress.feedback.sample}, {progress.feedback.impact} hits",
+            "rejected": progress.feedback.rejected,
+        }
+
+    def _publish_setup(self) -> Any:
+        message = messages.setup_to_msg(self._setup_of_rig, self.get_clock().now().to_msg())
+        self._setup.publish(message)
+        return message.header.stamp
+
+    def _keep_verdict(self, message: Impact) -> None:
+        self._verdicts[message.record] = message
+
+    def _keep_recorder(self, message: RecorderState) -> None:
+        self._recorder = message
+
+    def _confirm(
+        self, request: ConfirmSample.Request, response: ConfirmSample.Response
+    ) -> ConfirmSample.Response:
+        feedback = self._progress.feedback if self._progress else None
+        if feedback is None or feedback.phase != RunCampaign.Feedback.WAITING_FOR_SAMPLE:
+            response.message = "no campaign is waiting for a sample"
+        elif request.sample != feedback.sample:
+            response.message = (
+                f"the campaign is waiting for {feedback.sample!r}, not {request.sample!r}"
+            )
+        else:
+            self._confirmed = request.sample
+            response.success, response.message = True, f"{request.sample} is mounted"
+        self.wake_waiters()
+        return response
+
+    async def _execute(self, handle: ServerGoalHandle) -> RunCampaign.Result:
+        result = RunCampaign.Result()
+        if self._progress is not None:
+            result.message = "another campaign is running: wait for it or cancel it"
+            handle.abort()
+            return result
+        try:
+            self._progress = self._plan(handle)
+            await self._run(self._progress)
+        except _CancelledError as error:
+            result.message = str(error)
+        except RigError as error:
+            result.message = str(error)
+            self.get_logger().error(f"campaign stopped: {error}")
+        else:
+            result.success, result.message = True, "complete"
+        finally:
+            self._progress = None
+        await self._settle(result)
+        if result.success:
+            handle.succeed()
+        elif handle.is_cancel_requested:
+            handle.canceled()
+        else:
+            handle.abort()
+        return result
+
+    def _plan(self, handle: ServerGoalHandle) -> _Progress:
+        goal = handle.request
+        if not self.is_active:
+            raise DeviceError("the campaign node is not active: activate it first")
+        if goal.impacts < 1:
+            raise ParameterError("impacts is 0: a campaign needs at least 1 per sample")
+        samples: Sequence[str] = goal.samples or self._setup_of_rig.samples.names
+        for name in samples:
+            self._setup_of_rig.samples.find(name)
+            if list(samples).count(name) > 1:
+                raise ParameterError(f"sample {name!r} is asked for twice: once is enough")
+        return _Progress(
+            handle=handle,
+            samples=tuple(samples),
+            impacts=goal.impacts,
+            attempts=goal.attempts_per_impact or self.get_value("attempts_per_impact"),
+        )
+
+    async def _run(self, progress: _Progress) -> None:
+        await self._begin()
+        progress.started = time.monotonic()
+        for number, sample in enumerate(progress.samples, start=1):
+            progress.publish(
+                sample=sample,
+                sample_number=number,
+                sample_count=len(progress.samples),
+                impact=0,
+                impacts=progress.impacts,
+            )
+            if progress.handle.request.confirm_samples:
+                await self._await_sample(progress, sample)
+            for impact in range(1, progress.impacts + 1):
+                await self._strike_until_accepted(progress, sample, impact)
+
+    async def _begin(self) -> None:
+        """Give every node the set-up anew, which starts the estimates afresh, and arm."""
+        stamp = self._publish_setup()
+        deadline = time.monotonic() + float(self.get_value("verdict_timeout"))
+        while (await self.call(self._results, GetResults.Request())).setup_stamp != stamp:
+            if time.monotonic() > deadline:
+                raise DeviceError("the estimator does not take the set-up: see its diagnostics")
+        answer = await self.call(self._enable, Trigger.Request())
+        if not answer.success:
+            raise DeviceError(f"the hammer cannot be armed: {answer.message}")
+
+    async def _await_sample(self, progress: _Progress, sample: str) -> None:
+        self._confirmed = ""
+        progress.publish(phase=RunCampaign.Feedback.WAITING_FOR_SAMPLE)
+        confirmed = await self.wait_until(
+            lambda: self._confirmed == sample or progress.handle.is_cancel_requested,
+            CONFIRMATION_TIMEOUT,
+        )
+        _check_cancel(progress)
+        if not confirmed:
+            raise DeviceError(f"nobody confirmed that {sample!r} is mounted")
+        progress.publish(phase=RunCampaign.Feedback.RUNNING)
+
+    async def _strike_until_accepted(self, progress: _Progress, sample: str, impact: int) -> None:
+        verdict = Impact()
+        for attempt in range(1, progress.attempts + 1):
+            _check_cancel(progress)
+            verdict = await self._strike(progress, sample, impact, attempt)
+            if verdict.accepted:
+                progress.accepted += 1
+                progress.publish(impact=impact, last=verdict)
+                return
+            reasons = "; ".join(verdict.reasons)
+            self.get_logger().warning(f"{sample}, hit {impact}.{attempt} rejected: {reasons}")
+            progress.publish(rejected=progress.feedback.rejected + 1, last=verdict)
+        raise DeviceError(
+            f"{sample}, hit {impact}: {progress.attempts} hits in a row were rejected, the last"
+            f" for {'; '.join(verdict.reasons)}"
+        )
+
+    async def _strike(
+        self, progress: _Progress, sample: str, impact: int, attempt: int
+    ) -> Impact:
+        hit = {"sample": sample, "impact": impact, "attempt": attempt}
+        self._verdicts.clear()
+        armed = await self.call(self._arm, Arm.Request(**hit))
+        if not armed.success:
+            raise DeviceError(f"the accelerometers cannot be armed: {armed.message}")
+        record = armed.record
+        released = await self.call(self._release, Release.Request(record=record, **hit))
+        if not released.success:
+            raise DeviceError(f"the hammer was not released: {released.message}")
+        timeout = float(self.get_value("verdict_timeout"))
+        await self.wait_until(
+            lambda: record in self._verdicts or progress.handle.is_cancel_requested, timeout
+        )
+        if record not in self._verdicts:
+            _check_cancel(progress)
+            raise DeviceError(f"no verdict on record {record} came within {timeout:g} s")
+        return self._verdicts[record]
+
+    async def _settle(self, result: RunCampaign.Result) -> None:
+        """Disarm everything and collect what there is, whatever ended the campaign."""
+        for client in (self._disable, self._disarm):
+            if client.service_is_ready():
+                await self._try_call(client, Trigger.Request())
+        results = await self._try_call(self._results, GetResults.Request())
+        if results is not None:
+            result.hammer = results.hammer
+            result.samples = results.samples
+            result.rejected = results.rejected
+        result.recording = self._recorder.uri if self._recorder.recording else ""
+
+    async def _try_call(self, client: Any, request: Any) -> Any:
+        try:
+            return await self.call(client, request)
+        except DeviceError as error:
+            self.get_logger().error(str(error))
+            return None
+
+
+def _check_cancel(progress: _Progress) -> None:
+    if progress.handle.is_cancel_requested:
+        raise _CancelledError("cancelled by the operator")
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(CampaignNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

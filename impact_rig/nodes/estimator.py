@@ -1,0 +1,102 @@
+"""The estimator: finds impacts in the stream, judges them, estimates tau_p, k and c."""
+
+from collections import deque
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from impact_rig_msgs.msg import AccelerationBlock, RigSetup
+from impact_rig_msgs.srv import GetResults
+
+from impact_rig.core.estimation import SampleEstimate
+from impact_rig.core.hit import JudgedHit
+from impact_rig.core.session import Session
+from impact_rig.nodes import interfaces, messages
+from impact_rig.nodes.rig_node import RigNode, run_node
+from impact_rig.recording.messages import block_from_msg, setup_from_msg
+
+WAITING_BLOCKS = 1000
+"""Blocks kept while no set-up has arrived [-], our choice: a few seconds of streaming."""
+
+
+class EstimatorNode(RigNode):
+    """Feeds the core's session with what the accelerometers publish."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("estimator", **options)
+        self._session: Session | None = None
+        self._setup_stamp = Time()
+        self._early: deque[AccelerationBlock] = deque(maxlen=WAITING_BLOCKS)
+        self._impact = self.advertise(interfaces.IMPACT)
+        self._estimate = self.advertise(interfaces.ESTIMATE)
+        self._hammer_estimate = self.advertise(interfaces.HAMMER_ESTIMATE)
+        self._comparison = self.advertise(interfaces.COMPARISON)
+        self._counts = {"impacts accepted": 0, "impacts rejected": 0, "blocks": 0}
+        self.listen(interfaces.SETUP, self._begin)
+        self.listen(interfaces.ACCELERATION, self._take)
+        self.create_service(GetResults, interfaces.GET_RESULTS, self._answer)
+
+    def diagnose(self) -> dict[str, Any]:
+        """Return how much has been judged."""
+        return dict(self._counts)
+
+    def _begin(self, message: RigSetup) -> None:
+        self._session = Session(setup_from_msg(message))
+        self._setup_stamp = message.header.stamp
+        while self._early:
+            self._take(self._early.popleft())
+
+    def _take(self, message: AccelerationBlock) -> None:
+        if not self.is_active:
+            return
+        if self._session is None:
+            self._early.append(message)
+            return
+        self._counts["blocks"] += 1
+        for hit in self._session.feed(block_from_msg(message)):
+            self._publish(self._session, hit)
+
+    def _publish(self, session: Session, hit: JudgedHit) -> None:
+        self._impact.publish(messages.hit_to_msg(hit))
+        self._counts["impacts accepted" if hit.accepted else "impacts rejected"] += 1
+        if not hit.accepted:
+            return
+        stamp = self.get_clock().now().to_msg()
+        control = session.setup.samples.control_sample
+        if hit.label.sample != control:
+            self._publish_estimate(session.estimate_sample(hit.label.sample), stamp)
+            return
+        # What the control sample says of the hammer changes every other sample's k2.
+        results = session.estimate_all()
+        self._hammer_estimate.publish(messages.hammer_to_msg(results.hammer, control, stamp))
+        for estimate in results.samples:
+            if estimate.contact:
+                self._publish_estimate(estimate, stamp)
+
+    def _publish_estimate(self, estimate: SampleEstimate, stamp: Time) -> None:
+        self._estimate.publish(messages.estimate_to_msg(estimate, stamp))
+        for comparison in estimate.comparisons:
+            self._comparison.publish(messages.comparison_to_msg(estimate, comparison, stamp))
+
+    def _answer(
+        self, _: GetResults.Request, response: GetResults.Response
+    ) -> GetResults.Response:
+        response.setup_stamp = self._setup_stamp
+        if self._session is None:
+            return response
+        results = self._session.estimate_all()
+        stamp = self.get_clock().now().to_msg()
+        response.hammer = messages.hammer_to_msg(
+            results.hammer, results.setup.samples.control_sample, stamp
+        )
+        response.samples = messages.estimate_to_msgs(results.samples, stamp)
+        response.rejected = [messages.hit_to_msg(hit) for hit in results.rejected]
+        return response
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(EstimatorNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,130 @@
+"""The hammer: holds it, and lets it go when the rest of the rig can record the hit."""
+
+from typing import Any
+
+from impact_rig_msgs.msg import AcquisitionState, HammerRelease, HammerState, RecorderState
+from impact_rig_msgs.srv import Release
+from std_srvs.srv import Trigger
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.rig_node import RigNode, run_node
+
+READINESS_TIMEOUT = 1.0
+"""How long a release may wait for the word of accelerometers and recorder [s], our choice: their
+states travel by other topics than the request."""
+
+
+class HammerNode(RigNode):
+    """Holds and releases the hammer; refuses, with a reason, what could not be recorded."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("hammer", **options)
+        self.declare(
+            "swing_time", 0.207, "time from release to contact [s]; the paper's 0.207",
+            low=0.0, high=60.0,
+        )  # fmt: skip
+        self.declare("return_time", 0.0, "from contact back into the holder [s]", low=0.0, high=60)
+        self.declare("require_recorder", True, "refuse to release while nothing is recorded")
+        self._state = HammerState.HELD
+        self._armed = False
+        self._acquisition = AcquisitionState()
+        self._recorder = RecorderState()
+        self._publish_state = self.advertise_state(interfaces.HAMMER_STATE)
+        self._release = self.advertise(interfaces.RELEASE)
+        self.listen(interfaces.ACQUISITION_STATE, self._keep_acquisition)
+        self.listen(interfaces.RECORDER_STATE, self._keep_recorder)
+        self.create_service(Trigger, interfaces.ARM_HAMMER, self._arm)
+        self.create_service(Trigger, interfaces.DISARM_HAMMER, self._disarm)
+        self.create_service(Release, interfaces.RELEASE_HAMMER, self._let_go)
+
+    def activate(self) -> None:
+        """Say that the hammer is held and not armed."""
+        self._change(HammerState.HELD, armed=False, message="held, not armed")
+
+    def deactivate(self) -> None:
+        """Take the operator's enable back."""
+        if self.context.ok():
+            self._change(self._state, armed=False, message="node inactive")
+
+    def diagnose(self) -> dict[str, Any]:
+        """Return what the hammer does."""
+        return {"armed": self._armed, "held": self._state == HammerState.HELD}
+
+    def _keep_acquisition(self, message: AcquisitionState) -> None:
+        self._acquisition = message
+
+    def _keep_recorder(self, message: RecorderState) -> None:
+        self._recorder = message
+
+    def _change(self, state: int, *, armed: bool, message: str) -> None:
+        self._state, self._armed = state, armed
+        self._publish_state(state=state, armed=armed, message=message)
+
+    def _arm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self.is_active
+        response.message = "armed" if self.is_active else "the hammer node is not active"
+        if self.is_active:
+            self._change(self._state, armed=True, message="armed by the operator")
+        return response
+
+    def _disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._change(self._state, armed=False, message="disarmed by the operator")
+        response.success, response.message = True, "disarmed"
+        return response
+
+    async def _let_go(
+        self, request: Release.Request, response: Release.Response
+    ) -> Release.Response:
+        await self.wait_until(lambda: not self._find_obstacle(request), READINESS_TIMEOUT)
+        obstacle = self._find_obstacle(request)
+        response.success, response.message = not obstacle, obstacle
+        if obstacle:
+            self.get_logger().warning(f"release refused: {obstacle}")
+            return response
+        swing_time = float(self.get_value("swing_time"))
+        release = HammerRelease(
+            record=request.record,
+            sample=request.sample,
+            impact=request.impact,
+            attempt=request.attempt,
+            swing_time=swing_time,
+        )
+        release.header.stamp = self.get_clock().now().to_msg()
+        self._change(HammerState.SWINGING, armed=self._armed, message="released")
+        self._release.publish(release)
+        self.run_once_after(swing_time + float(self.get_value("return_time")), self._catch)
+        return response
+
+    def _catch(self) -> None:
+        self._change(HammerState.HELD, armed=self._armed, message="back in the holder")
+
+    def _find_obstacle(self, request: Release.Request) -> str:
+        """Return why the hammer may not go now; empty: it may."""
+        acquisition = self._acquisition
+        if not self.is_active:
+            return "the hammer node is not active: activate it first"
+        if not self._armed:
+            return "the hammer is not armed: call hammer/arm first"
+        if self._state != HammerState.HELD:
+            return "the hammer is not in its holder: wait for the swing to end"
+        if acquisition.state != AcquisitionState.ARMED:
+            return "the accelerometers are not armed: call accelerometer/arm first"
+        if (acquisition.record, acquisition.sample) != (request.record, request.sample):
+            return (
+                f"the accelerometers are armed for record {acquisition.record} on"
+                f" {acquisition.sample!r}, not for record {request.record} on"
+                f" {request.sample!r}"
+            )
+        if self.get_value("require_recorder") and not self._recorder.recording:
+            why = self._recorder.message or "no recorder has reported"
+            return f"nothing is being recorded ({why}): start the recorder first"
+        return ""
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(HammerNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,214 @@
+"""From core types to the rig's messages; the way back is `impact_rig.recording.messages`."""
+
+from array import array
+from collections.abc import Sequence
+
+from builtin_interfaces.msg import Time
+from impact_rig_msgs.msg import (
+    AccelerationBlock,
+    AnalysisSettings,
+    Channel,
+    HammerEstimate,
+    Impact,
+    ModelComparison,
+    RigSetup,
+    Sample,
+    SampleEstimate,
+    VirtualImpact,
+)
+
+from impact_rig import __version__
+from impact_rig.core import comparison, estimation, hit, record, samples
+from impact_rig.core.model import ModelVariant
+from impact_rig.devices.virtual.rig import VirtualHit
+
+NAN = float("nan")
+
+
+def stamp_to_msg(nanoseconds: int) -> Time:
+    """Return nanoseconds since the epoch as a `builtin_interfaces/Time`."""
+    seconds, rest = divmod(nanoseconds, 1_000_000_000)
+    return Time(sec=seconds, nanosec=rest)
+
+
+def _channel_to_msg(channel: record.ChannelBlock) -> Channel:
+    # An array.array is taken over as it is; numpy would be checked item by item.
+    return Channel(
+        counts=array("i", channel.counts.tobytes()),
+        scale=channel.scale,
+        offset=channel.offset,
+        full_scale=channel.full_scale,
+    )
+
+
+def block_to_msg(block: record.Block) -> AccelerationBlock:
+    """Return a block as a message, stamped with its first point's time."""
+    message = AccelerationBlock(
+        record=block.label.record,
+        sample=block.label.sample,
+        impact=block.label.impact,
+        attempt=block.label.attempt,
+        first_sample=block.first_sample,
+        sampling_rate=block.sampling_rate,
+        triggered=block.triggered,
+        last=block.last,
+        hammer=_channel_to_msg(block.hammer),
+        specimen=_channel_to_msg(block.specimen),
+    )
+    message.header.stamp = stamp_to_msg(block.stamp)
+    return message
+
+
+def virtual_hit_to_msg(virtual: VirtualHit, stamp: Time) -> VirtualImpact:
+    """Return the truth behind a simulated hit as a message."""
+    message = VirtualImpact(
+        record=virtual.label.record,
+        sample=virtual.label.sample,
+        impact=virtual.label.impact,
+        attempt=virtual.label.attempt,
+        faults=[fault.value for fault in virtual.faults],
+        contact_time=virtual.model.contact_time,
+        peak_force=virtual.model.peak_force,
+    )
+    message.header.stamp = stamp
+    return message
+
+
+def setup_to_msg(setup: samples.RigSetup, stamp: Time) -> RigSetup:
+    """Return a rig's set-up as a message."""
+    analysis = setup.analysis
+    message = RigSetup(
+        name=setup.name,
+        description=setup.description,
+        software_version=__version__,
+        hammer_mass=setup.hammer_mass,
+        accelerometer_mass=setup.samples.accelerometer_mass,
+        impact_speed=setup.impact_speed,
+        control_sample=setup.samples.control_sample,
+        samples=[
+            Sample(
+                name=sample.name,
+                material=sample.material,
+                mass=sample.mass,
+                reference_contact_time=sample.reference_contact_time,
+                reference_stiffness=sample.reference_stiffness,
+                reference_damping_coefficient=sample.reference_damping_coefficient,
+            )
+            for sample in setup.samples.samples
+        ],
+        analysis=AnalysisSettings(
+            cutoff_frequency=analysis.cutoff_frequency,
+            pulse_factor=analysis.pulse_factor,
+            pre_trigger=analysis.pre_trigger,
+            record_duration=analysis.record_duration,
+            detection_level=analysis.detection_level,
+            minimum_peak=analysis.minimum_peak,
+            overload_run=analysis.overload_run,
+            double_hit_level=analysis.double_hit_level,
+        ),
+    )
+    message.header.stamp = stamp
+    return message
+
+
+def hit_to_msg(judged: hit.JudgedHit) -> Impact:
+    """Return a judged hit as a message, stamped with its record's first point's time."""
+    message = Impact(
+        record=judged.label.record,
+        sample=judged.label.sample,
+        impact=judged.label.impact,
+        attempt=judged.label.attempt,
+        accepted=judged.accepted,
+        reasons=[str(rejection) for rejection in judged.rejections],
+        impact_time=judged.impact_time,
+        contact_time=judged.contact_time,
+        hammer_peak=judged.hammer_peak,
+        specimen_peak=judged.specimen_peak,
+    )
+    message.header.stamp = stamp_to_msg(judged.stamp)
+    return message
+
+
+def hammer_to_msg(
+    hammer: estimation.BodyEstimate, control_sample: str, stamp: Time
+) -> HammerEstimate:
+    """Return the hammer's estimate as a message."""
+    message = HammerEstimate(
+        control_sample=control_sample,
+        stiffness=hammer.stiffness,
+        log_decrement=hammer.log_decrement,
+        damping_ratio=hammer.damping_ratio,
+        damping_coefficient=hammer.damping_coefficient,
+        notes=list(hammer.notes),
+    )
+    message.header.stamp = stamp
+    return message
+
+
+def estimate_to_msg(estimate: estimation.SampleEstimate, stamp: Time) -> SampleEstimate:
+    """Return a sample's estimate as a message."""
+    contact, body = estimate.contact, estimate.body
+    driven = estimate.find_comparison(ModelVariant.DRIVEN)
+    printed = estimate.find_comparison(ModelVariant.PRINTED)
+    message = SampleEstimate(
+        sample=estimate.name,
+        impacts_accepted=estimate.impacts_accepted,
+        impacts_rejected=estimate.impacts_rejected,
+        half_amplitude_width=contact.half_amplitude_width if contact else NAN,
+        width_ratio=contact.width_ratio if contact else NAN,
+        contact_time=contact.contact_time if contact else NAN,
+        contact_time_spread=estimate.contact_time_spread,
+        equivalent_stiffness=contact.equivalent_stiffness if contact else NAN,
+        stiffness=body.stiffness,
+        log_decrement=body.log_decrement,
+        damping_ratio=body.damping_ratio,
+        damping_coefficient=body.damping_coefficient,
+        hammer_peak=estimate.hammer_peak,
+        specimen_peak=estimate.specimen_peak,
+        mse_hammer_percent=driven.hammer.mse_percent if driven else NAN,
+        mse_sample_percent=driven.specimen.mse_percent if driven else NAN,
+        contact_error_hammer_percent=driven.hammer.contact_error_percent if driven else NAN,
+        contact_error_sample_percent=driven.specimen.contact_error_percent if driven else NAN,
+        hammer_shift=driven.hammer.shift if driven else NAN,
+        specimen_shift=driven.specimen.shift if driven else NAN,
+        printed_mse_hammer_percent=printed.hammer.mse_percent if printed else NAN,
+        printed_mse_sample_percent=printed.specimen.mse_percent if printed else NAN,
+        notes=list(body.notes),
+    )
+    message.header.stamp = stamp
+    return message
+
+
+def comparison_to_msg(
+    estimate: estimation.SampleEstimate, compared: comparison.ModelComparison, stamp: Time
+) -> ModelComparison:
+    """Return the traces of a model comparison as a message."""
+    message = ModelComparison(
+        sample=estimate.name,
+        model=compared.variant.value,
+        impacts_accepted=estimate.impacts_accepted,
+        sampling_rate=compared.sampling_rate,
+        start_time=compared.start_time,
+        contact_time=compared.contact_time,
+        hammer_measured=_floats(compared.hammer.measured),
+        hammer_model=_floats(compared.hammer.model),
+        specimen_measured=_floats(compared.specimen.measured),
+        specimen_model=_floats(compared.specimen.model),
+        hammer_shift=compared.hammer.shift,
+        specimen_shift=compared.specimen.shift,
+        mse_hammer_percent=compared.hammer.mse_percent,
+        mse_sample_percent=compared.specimen.mse_percent,
+    )
+    message.header.stamp = stamp
+    return message
+
+
+def estimate_to_msgs(
+    estimates: Sequence[estimation.SampleEstimate], stamp: Time
+) -> list[SampleEstimate]:
+    """Return several samples' estimates as messages."""
+    return [estimate_to_msg(estimate, stamp) for estimate in estimates]
+
+
+def _floats(values: record.FloatArray) -> array[float]:
+    return array("f", values.astype("float32").tobytes())
