@@ -1,0 +1,88 @@
+"""The processes that make a rig: one list, for the command line and for ROS launch files."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+RECORDING_NAME = "session.mcap"
+VIEW_NAME = "session.rrd"
+RESULTS_NAME = "results.json"
+LOG_NAME = "nodes.log"
+
+
+@dataclass(frozen=True)
+class NodeProcess:
+    """One node, to be started as a process of its own.
+
+    Attributes
+    ----------
+    name : str
+        Executable, and node name, of package impact_rig.
+    parameters : mapping
+        ROS parameters that differ from their defaults.
+    """
+
+    name: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+def list_rig_processes(
+    output: Path | str,
+    *,
+    rig_file: str = "",
+    virtual: Mapping[str, Any] | None = None,
+    swing_time: float | None = None,
+    record: bool = True,
+    visualize: bool = True,
+    viewer_url: str = "",
+) -> tuple[NodeProcess, ...]:
+    """Return the nodes of a rig with their parameters.
+
+    Parameters
+    ----------
+    output : Path or str
+        Folder of the run; recording and view go there.
+    rig_file : str
+        Path of the rig file; empty: the paper's rig.
+    virtual : mapping, optional
+        Parameters of the virtual rig: plant, seed, fault_probability ...
+    swing_time : float, optional
+        Time from release to contact [s]; None: the hammer's default.
+    record : bool
+        Whether everything is recorded; if not, the hammer is released all the same.
+    visualize : bool
+        Whether model and measurement are shown.
+    viewer_url : str
+        Show them in the viewer at this address; empty: write them into a file.
+
+    Returns
+    -------
+    tuple of NodeProcess
+        In no particular order: each node waits for the others.
+    """
+    folder = Path(output)
+    hammer: dict[str, Any] = {} if record else {"require_recorder": False}
+    if swing_time is not None:
+        hammer["swing_time"] = float(swing_time)
+    accelerometer = dict(virtual or {})
+    if not record:
+        accelerometer["minimum_subscribers"] = 1
+    processes = [
+        NodeProcess("hammer", hammer),
+        NodeProcess("accelerometer", accelerometer),
+        NodeProcess("estimator"),
+        NodeProcess("campaign", {"rig_file": str(rig_file)} if rig_file else {}),
+    ]
+    if record:
+        processes.append(NodeProcess("recorder", {"output": str(folder / RECORDING_NAME)}))
+    if visualize:
+        view = {"connect": viewer_url} if viewer_url else {"output": str(folder / VIEW_NAME)}
+        processes.append(NodeProcess("visualizer", view))
+    return tuple(processes)
+
+
+def make_run_folder_name(now: datetime) -> str:
+    """Return ``runs/<time>`` for a run that starts `now`."""
+    return str(Path("runs") / now.strftime("%Y-%m-%dT%H-%M-%S"))

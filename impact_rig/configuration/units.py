@@ -1,0 +1,64 @@
+"""Quantities with units, as a person writes them: "21.31 g" to 0.02131 kg."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from tokenize import TokenError
+from typing import TYPE_CHECKING, Any
+
+from impact_rig.core.errors import ParameterError
+
+if TYPE_CHECKING:
+    from pint import UnitRegistry
+
+
+@lru_cache(maxsize=1)
+def _load_registry() -> UnitRegistry:
+    # Reading pint's unit definitions takes a noticeable part of a second: only when needed.
+    from pint import UnitRegistry  # noqa: PLC0415
+
+    return UnitRegistry()
+
+
+def parse_quantity(what: str, value: Any, unit: str, example: str) -> float:
+    """Convert a text with number and unit into SI units.
+
+    Parameters
+    ----------
+    what : str
+        What the quantity is, for the message.
+    value : object
+        As read from the file; anything but such a text is refused.
+    unit : str
+        SI unit of the result, in pint's notation.
+    example : str
+        A good value, for the message.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ParameterError
+        If the text is no quantity, or has a unit of another dimension.
+    """
+    from pint import DimensionalityError, PintError  # noqa: PLC0415
+
+    if not isinstance(value, str):
+        raise ParameterError(
+            f'{what} is {value!r}, which has no unit: write it as a text like "{example}"'
+        )
+    try:
+        quantity = _load_registry().Quantity(value)
+        return float(quantity.to(unit).magnitude)
+    except DimensionalityError:
+        raise ParameterError(
+            f'{what} is "{value}", which is no {unit}: write it like "{example}"'
+        ) from None
+    # pint reads the text with Python's own tokenizer, whose errors come through as they are.
+    except (PintError, ValueError, TypeError, AttributeError, SyntaxError, TokenError):
+        raise ParameterError(
+            f'{what} is "{value}", which cannot be read as number and unit: write it like'
+            f' "{example}"'
+        ) from None
