@@ -1,0 +1,1 @@
+"""Results for people and programs: tables in a terminal, and results.json."""
