@@ -4,65 +4,37 @@ A stream may have gaps: they are found, named and never bridged. What a gap cuts
 handed out, with the gap named, so that no hit vanishes without a word.
 """
 
+import sys
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from impact_rig.core.record import Block, ChannelBlock, CountArray, FloatArray, HitLabel, Record, Trace
+from impact_rig.core.record import Block, ChannelBlock, CountArray, FloatArray, Record, Trace
 from impact_rig.core.settings import AnalysisSettings
+from impact_rig.core.stretch import Stretch
 
 EMPTY = np.empty(0)
 RELATIVE_LEVEL = 0.1
 """Where full scale is unknown, the part of the largest deviation that starts a pulse [-], our
 choice: a hit recorded as a whole always has one."""
+PULSE_NOISE = 6.0
+"""Where full scale is unknown, the least height of a pulse, in standard deviations of the trace
+[-], our choice: noise alone reaches it in one record of 100 000."""
+SPREAD_OF_MEDIAN = 1.4826
+"""Standard deviation over median absolute deviation of normal noise [-]."""
+QUIET_RECORDS = 10
+"""How much of an arming without a pulse is kept, in record durations [-], our choice: enough to
+see which channel is dead."""
 
 
 @dataclass(frozen=True)
 class _Gap:
-    """A place where the stream does not go on as it should; points low to high of the arming."""
+    """A place where the stream does not go on as it should: points low to high of the arming."""
 
     low: int
     high: int
     description: str
-
-
-@dataclass
-class _Segment:
-    """A contiguous stretch of the stream, kept as long as a hit may still begin in it."""
-
-    start: int
-    stamp: int
-    hammer: list[CountArray] = field(default_factory=list)
-    specimen: list[CountArray] = field(default_factory=list)
-    length: int = 0
-
-    def append(self, block: Block) -> None:
-        self.hammer.append(block.hammer.counts)
-        self.specimen.append(block.specimen.counts)
-        self.length += block.hammer.counts.size
-
-    @property
-    def stop(self) -> int:
-        return self.start + self.length
-
-    def join(self) -> tuple[CountArray, CountArray]:
-        """Return both channels as one array each, kept joined."""
-        if len(self.hammer) > 1:
-            self.hammer = [np.concatenate(self.hammer)]
-            self.specimen = [np.concatenate(self.specimen)]
-        return self.hammer[0], self.specimen[0]
-
-    def drop_before(self, index: int, sampling_rate: float) -> None:
-        """Forget what lies before the stream's point `index`."""
-        surplus = min(index - self.start, self.length)
-        if surplus <= 0:
-            return
-        hammer, specimen = self.join()
-        self.hammer, self.specimen = [hammer[surplus:]], [specimen[surplus:]]
-        self.start += surplus
-        self.length -= surplus
-        self.stamp += round(surplus / sampling_rate * 1e9)
 
 
 class ImpactDetector:
@@ -70,7 +42,8 @@ class ImpactDetector:
 
     Feed it every block in order; it hands out a `Record` as soon as a hit's whole window has
     arrived, or the arming ends, or a gap cuts it off. An arming that ends without any pulse
-    gives one record of what there is.
+    gives one record of its last ten record durations. How the stream is split into blocks
+    changes nothing.
 
     Parameters
     ----------
@@ -80,160 +53,185 @@ class ImpactDetector:
 
     def __init__(self, settings: AnalysisSettings) -> None:
         self._settings = settings
-        self._label: HitLabel | None = None
         self._reset()
 
     def _reset(self) -> None:
-        self._segment: _Segment | None = None
-        self._search_from = 0
+        self._previous: Block | None = None
+        self._stretch: Stretch | None = None
+        self._expected = 0
         self._baseline: float | None = None
         self._pulse: int | None = None
-        self._found = 0
+        self._found = False
         self._gaps: list[_Gap] = []
 
     def feed(self, block: Block) -> tuple[Record, ...]:
         """Take the next block, and return the hits that it completes, oldest first."""
         records: list[Record] = []
-        if self._label is not None and block.label.record != self._label.record:
-            self._reset()
-        self._label = block.label
+        previous = self._previous
+        if previous is not None and (block.label != previous.label or not block.triggered):
+            records += self._break_off(previous)
         if not block.triggered:
-            self._reset()
-            return (self._make_empty_record(block),)
-        self._follow_gap(block, records)
+            return (*records, self._make_record(block, triggered=False))
+        records += self._follow(block)
+        self._previous = block
+        self._expected = block.first_sample + block.hammer.counts.size
         if block.hammer.counts.size:
-            if self._segment is None:
-                self._segment = _Segment(start=block.first_sample, stamp=block.stamp)
-            self._segment.append(block)
-        records.extend(self._cut(block, end=block.last))
+            if self._stretch is None:
+                self._stretch = Stretch(block)
+            self._stretch.append(block)
+        records += self._cut(end=block.last)
         if block.last:
-            if not self._found:
-                records.append(self._cut_window(block, None))
-            self._reset()
+            records += self._finish(block)
         return tuple(records)
 
-    def _follow_gap(self, block: Block, records: list[Record]) -> None:
-        expected = 0 if self._segment is None else self._segment.stop
-        if self._segment is None and self._found:
-            return
-        if block.first_sample == expected:
-            return
-        missing = block.first_sample - expected
-        what = f"{missing} points missing" if missing > 0 else f"{-missing} points repeated"
-        self._gaps.append(
-            _Gap(
-                low=min(expected, block.first_sample),
-                high=max(expected, block.first_sample),
-                description=f"{what} at point {expected}",
-            )
-        )
-        if self._segment is not None:
-            records.extend(self._cut(block, end=True))
-        self._segment = None
-        self._search_from = block.first_sample
-        self._baseline = None
+    def _break_off(self, previous: Block) -> list[Record]:
+        """End an arming whose last block never came."""
+        place = self._expected
+        self._gaps.append(_Gap(place, sys.maxsize, f"the stream breaks off at point {place}"))
+        return self._cut(end=True) + self._finish(previous)
 
-    def _cut(self, block: Block, *, end: bool) -> Iterable[Record]:
-        """Hand out every hit whose window is complete; at the `end`, what there is of it."""
-        segment = self._segment
-        if segment is None:
-            return
-        length = round(self._settings.record_duration * block.sampling_rate)
-        before = round(self._settings.pre_trigger * block.sampling_rate)
-        while True:
-            if self._pulse is None:
-                self._pulse = self._find_pulse(block, before, end=end)
-            if self._pulse is None:
-                if self._found:
-                    segment.drop_before(self._search_from - before, block.sampling_rate)
-                return
-            stop = max(self._pulse - before, segment.start) + length
-            if segment.stop < stop and not end:
-                return
-            yield self._cut_window(block, self._pulse)
-            self._found += 1
-            self._pulse = None
-            self._search_from = min(stop, segment.stop)
+    def _finish(self, block: Block) -> list[Record]:
+        """Forget the arming; one record of what there is if it had no pulse."""
+        records = [] if self._found else [self._cut_quiet(block)]
+        self._reset()
+        return records
 
-    def _find_pulse(self, block: Block, before: int, *, end: bool) -> int | None:
-        segment = self._segment
-        if segment is None or segment.stop <= self._search_from:
-            return None
-        scale = abs(block.hammer.full_scale / block.hammer.scale)
-        if not end and (scale == 0.0 or segment.length < before):
-            return None
-        hammer, _ = segment.join()
-        if self._baseline is None:
-            self._baseline = float(np.median(hammer[:before]))
-        deviation = np.abs(hammer[self._search_from - segment.start :] - self._baseline)
-        if scale > 0.0:
-            level = self._settings.detection_level * scale
+    def _follow(self, block: Block) -> list[Record]:
+        """Find out whether `block` goes on where the stream stopped; if not, cut there."""
+        expected, start = self._expected, block.first_sample
+        if start > expected:
+            what = f"{start - expected} points missing at point {expected}"
+        elif start < expected:
+            what = f"{expected - start} points repeated at point {start}"
+        elif self._previous is not None and not _is_alike(self._previous, block):
+            what = f"sampling rate or calibration changed at point {start}"
         else:
-            level = max(RELATIVE_LEVEL * float(deviation.max()), 1.0)
-        above = deviation >= level
+            return []
+        self._gaps.append(_Gap(min(expected, start), max(expected, start), what))
+        records = self._cut(end=True)
+        self._stretch = None
+        return records
+
+    def _cut(self, *, end: bool) -> list[Record]:
+        """Cut out every hit whose window is complete; at the `end`, what there is of it."""
+        records: list[Record] = []
+        stretch = self._stretch
+        while stretch is not None:
+            if self._pulse is None:
+                self._pulse = self._find_pulse(stretch, end=end)
+            if self._pulse is None:
+                break
+            before, length = self._count_points(stretch.block)
+            wanted = self._pulse - before
+            first = max(wanted, stretch.start)
+            last = first + length
+            if stretch.stop < last and not end:
+                break
+            gaps = [gap for gap in self._gaps if gap.high > wanted and gap.low < last]
+            record = self._cut_window(stretch, first, min(last, stretch.stop), gaps)
+            records.append(record)
+            if stretch.stop >= last:
+                self._baseline = float(np.median(stretch.read(first, last)[0]))
+            stretch.searched = min(last, stretch.stop)
+            self._found = True
+            self._pulse = None
+        return records
+
+    def _count_points(self, block: Block) -> tuple[int, int]:
+        """Return pre-trigger and length of a hit's window [points]."""
+        settings, rate = self._settings, block.sampling_rate
+        return (
+            max(round(settings.pre_trigger * rate), 1),
+            max(round(settings.record_duration * rate), 1),
+        )
+
+    def _find_pulse(self, stretch: Stretch, *, end: bool) -> int | None:
+        channel = stretch.block.hammer
+        before, length = self._count_points(stretch.block)
+        full_scale = abs(channel.full_scale / channel.scale)
+        complete = full_scale > 0.0 and stretch.stop - stretch.start >= before
+        if stretch.stop <= stretch.searched or not (complete or end):
+            return None
+        baseline = self._baseline
+        if baseline is None:
+            baseline = float(np.median(stretch.read(stretch.start, stretch.start + before)[0]))
+            self._baseline = baseline if complete else None
+        # Without a full scale the level is a part of the largest pulse: of the whole stretch.
+        from_point = stretch.searched if full_scale > 0.0 else stretch.start
+        deviation = np.abs(stretch.read(from_point, stretch.stop)[0] - baseline)
+        level = max(_find_level(deviation, full_scale, self._settings), 1.0)
+        above = deviation[stretch.searched - from_point :] >= level
         index = int(np.argmax(above))
         if above[index]:
-            return self._search_from + index
-        self._search_from = segment.stop
+            return stretch.searched + index
+        stretch.searched = stretch.stop
+        stretch.forget(stretch.stop - max(before, 0 if self._found else QUIET_RECORDS * length))
         return None
 
-    def _cut_window(self, block: Block, pulse: int | None) -> Record:
-        segment = self._segment
-        if segment is None:
-            return self._make_record(block, EMPTY, EMPTY, None, 0, self._gaps)
-        hammer, specimen = segment.join()
-        first, last = segment.start, segment.stop
-        gaps = self._gaps
-        if pulse is not None:
-            wanted = pulse - round(self._settings.pre_trigger * block.sampling_rate)
-            first = max(wanted, segment.start)
-            wanted_last = first + round(self._settings.record_duration * block.sampling_rate)
-            last = min(wanted_last, segment.stop)
-            gaps = [gap for gap in gaps if gap.high >= wanted and gap.low <= wanted_last]
-        window = slice(first - segment.start, last - segment.start)
+    def _cut_window(self, stretch: Stretch, first: int, last: int, gaps: Iterable[_Gap]) -> Record:
+        block, rate = stretch.block, stretch.block.sampling_rate
+        hammer, specimen = stretch.read(first, last)
         return self._make_record(
             block,
-            _to_acceleration(block.hammer, hammer[window]),
-            _to_acceleration(block.specimen, specimen[window]),
-            None if pulse is None else pulse - first,
-            segment.stamp + round((first - segment.start) / block.sampling_rate * 1e9),
-            gaps,
+            hammer=_to_acceleration(block.hammer, hammer),
+            specimen=_to_acceleration(block.specimen, specimen),
+            pulse_index=None if self._pulse is None else self._pulse - first,
+            gaps=gaps,
+            delay=round((first - stretch.start) / rate * 1e9),
         )
 
+    def _cut_quiet(self, block: Block) -> Record:
+        """Make one record of an arming without a pulse."""
+        stretch = self._stretch
+        if stretch is None:
+            return self._make_record(block, gaps=self._gaps)
+        _, length = self._count_points(stretch.block)
+        first = max(stretch.start, stretch.stop - QUIET_RECORDS * length)
+        return self._cut_window(stretch, first, stretch.stop, self._gaps)
+
+    @staticmethod
     def _make_record(
-        self,
         block: Block,
-        hammer: FloatArray,
-        specimen: FloatArray,
-        pulse_index: int | None,
-        stamp: int,
-        gaps: Iterable[_Gap],
+        *,
+        hammer: FloatArray = EMPTY,
+        specimen: FloatArray = EMPTY,
+        pulse_index: int | None = None,
+        triggered: bool = True,
+        gaps: Iterable[_Gap] = (),
+        delay: int = 0,
     ) -> Record:
         return Record(
             label=block.label,
             sampling_rate=block.sampling_rate,
-            hammer=Trace(hammer, block.hammer.full_scale),
-            specimen=Trace(specimen, block.specimen.full_scale),
+            hammer=Trace(hammer, block.hammer.full_scale, abs(block.hammer.scale)),
+            specimen=Trace(specimen, block.specimen.full_scale, abs(block.specimen.scale)),
             pulse_index=pulse_index,
+            triggered=triggered,
             flaws=tuple(gap.description for gap in gaps),
-            stamp=stamp or block.stamp,
+            stamp=block.stamp + delay,
         )
 
-    @staticmethod
-    def _make_empty_record(block: Block) -> Record:
-        return Record(
-            label=block.label,
-            sampling_rate=block.sampling_rate,
-            hammer=Trace(EMPTY, block.hammer.full_scale),
-            specimen=Trace(EMPTY, block.specimen.full_scale),
-            pulse_index=None,
-            triggered=False,
-            stamp=block.stamp,
-        )
+
+def _is_alike(block: Block, other: Block) -> bool:
+    """Whether two blocks may be joined: equal rate and calibration."""
+    return block.sampling_rate == other.sampling_rate and all(
+        (a.scale, a.offset, a.full_scale) == (b.scale, b.offset, b.full_scale)
+        for a, b in ((block.hammer, other.hammer), (block.specimen, other.specimen))
+    )
 
 
 def _to_acceleration(channel: ChannelBlock, counts: CountArray) -> FloatArray:
-    return channel.scale * counts + channel.offset
+    acceleration: FloatArray = channel.scale * counts.astype(np.float64) + channel.offset
+    return acceleration
+
+
+def _find_level(deviation: FloatArray, full_scale: float, settings: AnalysisSettings) -> float:
+    """Return what a pulse must reach [unit of the deviation]; infinite: there is no pulse."""
+    if full_scale > 0.0:
+        return settings.detection_level * full_scale
+    largest = float(deviation.max())
+    noise = SPREAD_OF_MEDIAN * float(np.median(deviation))
+    return RELATIVE_LEVEL * largest if largest > PULSE_NOISE * noise else np.inf
 
 
 def find_pulse_start(trace: Trace, settings: AnalysisSettings) -> int | None:
@@ -244,13 +242,14 @@ def find_pulse_start(trace: Trace, settings: AnalysisSettings) -> int | None:
     trace : Trace
         The hammer's.
     settings : AnalysisSettings
-        `detection_level` is used: of full scale where that is known, else of the trace's own
-        largest deviation.
+        `detection_level` is used: of full scale where that is known, else a tenth of the
+        trace's own largest deviation, which must then stand out of the noise.
 
     Returns
     -------
     int or None
-        Index of the first point at or above the level; None: the trace never leaves it.
+        Index of the first point at or above the level; None: the trace never leaves its
+        baseline, or is not finite.
     """
     acceleration = trace.acceleration
     if acceleration.size == 0 or not np.all(np.isfinite(acceleration)):
@@ -258,10 +257,6 @@ def find_pulse_start(trace: Trace, settings: AnalysisSettings) -> int | None:
     peak = int(np.argmax(np.abs(acceleration - np.median(acceleration))))
     baseline = float(np.median(acceleration[: max(peak // 2, 1)]))
     deviation = np.abs(acceleration - baseline)
-    if trace.full_scale > 0.0:
-        level = settings.detection_level * trace.full_scale
-    else:
-        level = RELATIVE_LEVEL * float(deviation.max())
-    above = deviation >= level
+    above = deviation >= _find_level(deviation, trace.full_scale, settings)
     index = int(np.argmax(above))
-    return index if above[index] and level > 0.0 else None
+    return index if above[index] else None

@@ -49,7 +49,7 @@ class ChannelBlock:
     Attributes
     ----------
     counts : ndarray of int32, shape (n,)
-        Raw digitizer output [counts].
+        Raw digitizer output [counts]; read-only.
     scale, offset : float
         Acceleration per count and at zero counts [m/s^2].
     full_scale : float
@@ -62,7 +62,16 @@ class ChannelBlock:
     full_scale: float
 
     def __post_init__(self) -> None:
-        """Refuse a calibration that cannot be meant."""
+        """Copy the counts, make them read-only, and refuse what cannot be meant."""
+        counts = np.asarray(self.counts)
+        if counts.ndim != 1 or not np.can_cast(counts.dtype, np.int32):
+            raise SignalError(
+                f"counts of shape {counts.shape} and type {counts.dtype}: they must be one row of"
+                " whole numbers of 32 bits at most"
+            )
+        counts = counts.astype(np.int32)
+        counts.setflags(write=False)
+        object.__setattr__(self, "counts", counts)
         if not (math.isfinite(self.scale) and self.scale != 0):
             raise SignalError(f"scale is {self.scale!r} m/s^2 per count: it must not be zero")
         if not math.isfinite(self.offset):
@@ -122,10 +131,13 @@ class Trace:
         [m/s^2]; read-only.
     full_scale : float
         Largest acceleration the channel can show, either sign [m/s^2]; 0: not known.
+    resolution : float
+        Acceleration of one count [m/s^2]; 0: not known.
     """
 
     acceleration: FloatArray
     full_scale: float = 0.0
+    resolution: float = 0.0
 
     def __post_init__(self) -> None:
         """Copy the trace, make it read-only, and refuse one that is not a vector."""
@@ -134,6 +146,7 @@ class Trace:
             raise SignalError(f"a trace has shape {values.shape}: it must be one row of points")
         object.__setattr__(self, "acceleration", values)
         check_not_negative("full scale", self.full_scale, "m/s^2")
+        check_not_negative("resolution", self.resolution, "m/s^2")
 
 
 @dataclass(frozen=True)

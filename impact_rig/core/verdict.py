@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from impact_rig.core.pulse_width import PulseWidth
@@ -14,6 +15,8 @@ from impact_rig.core.settings import AnalysisSettings
 RAIL_TOLERANCE = 2e-3
 """How near to full scale a point counts as at the rail, part of full scale [-], our choice: four
 steps of 12 bits, room for an offset."""
+RAIL_STEPS = 1.0
+"""The same for the converter's steps [-]: of b bits the largest count is 2^(b-1) - 1."""
 CORNER_STEP = 0.01
 """Where full scale is unknown: the least step into a flat top that makes it a clipped one, part
 of the peak [-], our choice. A rounded top that merely repeats a value has none."""
@@ -21,8 +24,8 @@ DEAD_LEVEL = 0.005
 """Largest deviation of a channel that shows nothing, part of full scale [-], our choice: half of
 the smallest signal worth a range."""
 DEAD_NOISE = 6.0
-"""The same in standard deviations of the channel's own pre-trigger noise [-], our choice: fewer
-than one record of a million has such a point by chance."""
+"""The same in standard deviations of the channel's own pre-trigger noise [-], our choice: one
+record of 100 000 has such a point by chance."""
 QUIET_PART = 0.05
 """Part of a record without a hammer pulse in which its noise is looked for [-], our choice: half
 the default pre-trigger."""
@@ -162,7 +165,9 @@ def find_longest_rail_run(trace: Trace) -> int:
     if magnitude.size == 0:
         return 0
     if trace.full_scale > 0.0:
-        return _find_longest_run(magnitude >= (1.0 - RAIL_TOLERANCE) * trace.full_scale)
+        # A converter of b bits ends one step below its positive full scale.
+        rail = (1.0 - RAIL_TOLERANCE) * trace.full_scale - RAIL_STEPS * trace.resolution
+        return _find_longest_run(magnitude >= rail)
     peak = float(magnitude.max())
     at_rail = magnitude >= peak * (1.0 - 1e-9)
     run = _find_longest_run(at_rail)
@@ -171,7 +176,7 @@ def find_longest_rail_run(trace: Trace) -> int:
     return run if step > CORNER_STEP * peak else 1
 
 
-def _find_longest_run(flags: np.ndarray) -> int:
+def _find_longest_run(flags: NDArray[np.bool_]) -> int:
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
     return int(np.max(edges[1::2] - edges[::2], initial=0))
 
