@@ -1,10 +1,11 @@
 """The two-body model of the paper in closed form.
 
-While the bodies touch, the model is a linear system y' = A y + B F(t) driven by a constant and
-a cosine, since F(t) = F0 sin^2(pi t / tau_p); its solution is a particular one, constant plus
-sinusoid, and e^(At) times what is left of the initial state. Afterwards each body is a damped
-oscillator, e^(At) alone. On a uniform grid e^(At) y is built by doubling, Y[n:2n] = e^(An dt)
-Y[0:n]: exact for every damping, critical included, where eigenvectors would fail.
+While the bodies touch, the model is a linear system driven by a constant and a cosine, since
+F(t) = F0 sin^2(pi t / tau_p). Both are solutions of linear equations themselves, so that with
+them in the state y nothing but y' = A y is left, and y(t) = e^(At) y(0). Afterwards each body is
+a damped oscillator, again e^(At). On a uniform grid e^(At) y is built by doubling, Y[n:2n] =
+e^(An dt) Y[0:n]: exact for every damping and every pulse, critical damping and resonance
+included, where eigenvectors or a particular solution would fail.
 """
 
 from dataclasses import dataclass
@@ -13,9 +14,10 @@ from enum import Enum
 import numpy as np
 from scipy.linalg import expm
 
-from impact_rig.core.checks import check_not_negative, check_positive
+from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.record import FloatArray
+from impact_rig.core.stiffness import estimate_equivalent_mass
 
 
 class ModelVariant(Enum):
@@ -94,9 +96,11 @@ def compute_peak_force(
     """Compute F0 [N] from the momentum balance F0 = 2 (1 + e) m_eq v1 / tau_p.
 
     The impulse of a versed-sine is F0 tau_p / 2; `restitution` is e [-], 1 for an elastic
-    impact; masses in kg, speed in m/s, time in s.
+    impact; masses in kg, speed in m/s, time in s. Raises `ParameterError` for impossible ones.
     """
-    equivalent = hammer_mass * moving_mass / (hammer_mass + moving_mass)
+    check_between("restitution", restitution, 0.0, 1.0)
+    check_positive("contact time", contact_time, "s")
+    equivalent = estimate_equivalent_mass(hammer_mass, moving_mass)
     return 2.0 * (1.0 + restitution) * equivalent * impact_speed / contact_time
 
 
@@ -145,79 +149,60 @@ def simulate_impact(
         late = time[first_free:] - model.contact_time
         if variant is ModelVariant.PRINTED:
             hammer[first_free:] = _evaluate_free(model.hammer, state[[0, 2]], late, sampling_rate)
-        specimen[first_free:] = _evaluate_free(
-            model.specimen, state[[1, 3]], late, sampling_rate
-        )
+        specimen[first_free:] = _evaluate_free(model.specimen, state[[1, 3]], late, sampling_rate)
     return hammer, specimen
 
 
 class _ContactPhase:
-    """The contact, 0 <= t <= tau_p, with state y = (x1, x2, x1', x2')."""
+    """The contact, 0 <= t <= tau_p, as one linear system without input.
+
+    Its state is z = (x1/d, x2/d, x1'/(d w), x2'/(d w), 1, cos wt, sin wt) with w = 2 pi / tau_p
+    and a length d that makes all entries of about one size; z' = w N z.
+    """
 
     def __init__(self, model: ImpactModel, variant: ModelVariant) -> None:
         first, second = model.hammer, model.specimen
-        self._half_force = model.peak_force / 2.0
-        self._frequency = 2.0 * np.pi / model.contact_time
+        self._rate = 2.0 * np.pi / model.contact_time
         if variant is ModelVariant.PRINTED:
-            k1, c1 = first.stiffness, first.damping_coefficient
-            acceleration = np.array([
-                [-k1 / first.mass, k1 / first.mass, -c1 / first.mass, c1 / first.mass],
-                [
-                    k1 / second.mass,
-                    -(k1 + second.stiffness) / second.mass,
-                    c1 / second.mass,
-                    -(c1 + second.damping_coefficient) / second.mass,
-                ],
-            ])
-            drive = np.array([0.0, -1.0 / second.mass])
-            speed = model.impact_speed
+            k1, c1, direction, speed = (
+                first.stiffness,
+                first.damping_coefficient,
+                (0.0, -1.0),
+                model.impact_speed,
+            )
         else:
-            acceleration = np.array([
-                [-first.stiffness / first.mass, 0.0, -first.damping_coefficient / first.mass, 0.0],
-                [
-                    0.0,
-                    -second.stiffness / second.mass,
-                    0.0,
-                    -second.damping_coefficient / second.mass,
-                ],
-            ])
-            drive = np.array([0.0, 1.0 / second.mass])
-            speed = 0.0
-        self._matrix = np.vstack((np.eye(4)[2:], acceleration))
-        inputs = np.concatenate(([0.0, 0.0], drive))
-        self._constant = -np.linalg.solve(self._matrix, inputs) * self._half_force
-        self._phasor = -self._half_force * np.linalg.solve(
-            1j * self._frequency * np.eye(4) - self._matrix, inputs.astype(complex)
-        )
-        initial = np.array([0.0, 0.0, speed, 0.0])
-        self._free_part = initial - self._constant - self._phasor.real
-        self._acceleration = acceleration
-        self._drive = drive
-        self._hammer_drive = -1.0 / first.mass if variant is ModelVariant.DRIVEN else 0.0
+            k1, c1, direction, speed = 0.0, 0.0, (-1.0, 1.0), 0.0
+        k2, c2 = second.stiffness, second.damping_coefficient
+        masses = np.array([first.mass, second.mass])
+        drive = np.array(direction) * model.peak_force / 2.0 / masses
+        length = float(max(np.abs(drive).max() / self._rate, abs(speed)) / self._rate)
+        self._length = length or 1.0
+        stiffness = np.array([[k1, -k1], [-k1, k1 + k2]]) / masses[:, np.newaxis]
+        damping = np.array([[c1, -c1], [-c1, c1 + c2]]) / masses[:, np.newaxis]
+        drive /= self._length * self._rate**2
+        self._matrix = np.zeros((7, 7))
+        self._matrix[0, 2] = self._matrix[1, 3] = 1.0
+        self._matrix[2:4, 0:2] = -stiffness / self._rate**2
+        self._matrix[2:4, 2:4] = -damping / self._rate
+        self._matrix[2:4, 4] = drive
+        self._matrix[2:4, 5] = -drive
+        self._matrix[5, 6], self._matrix[6, 5] = -1.0, 1.0
+        relative_speed = speed / (self._length * self._rate)
+        self._initial = np.array([0.0, 0.0, relative_speed, 0.0, 1.0, 1.0, 0.0])
 
     def find_state(self, time: float) -> FloatArray:
-        """Return the state at `time` [s]."""
-        rotation = np.exp(1j * self._frequency * time)
-        steady = self._constant + (self._phasor * rotation).real
-        return np.asarray(steady + expm(self._matrix * time) @ self._free_part)
+        """Return (x1, x2, x1', x2') at `time` [s]."""
+        scaled: FloatArray = expm(self._matrix * self._rate * time) @ self._initial
+        state = self._length * scaled[:4]
+        state[2:] *= self._rate
+        return state
 
     def evaluate(self, time: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
         """Return both accelerations [m/s^2] on a uniform grid of `step` [s]."""
-        angle = self._frequency * time
-        cosine = np.cos(angle)
-        force = self._half_force * (1.0 - cosine)
-        transient = propagate(
-            self._matrix * step, expm(self._matrix * time[0]) @ self._free_part, time.size
-        )
-        phasor = self._acceleration @ self._phasor
-        result = self._acceleration @ transient
-        result += (self._acceleration @ self._constant)[:, np.newaxis]
-        result += phasor.real[:, np.newaxis] * cosine
-        result -= phasor.imag[:, np.newaxis] * np.sin(angle)
-        result += self._drive[:, np.newaxis] * force
-        if self._hammer_drive:
-            result[0] = self._hammer_drive * force
-        return result[0], result[1]
+        initial = expm(self._matrix * self._rate * time[0]) @ self._initial
+        states = propagate(self._matrix * self._rate * step, initial, time.size)
+        hammer, specimen = self._length * self._rate**2 * (self._matrix[2:4] @ states)
+        return hammer, specimen
 
 
 def _evaluate_free(
