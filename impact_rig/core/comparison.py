@@ -120,7 +120,8 @@ def shift_trace(trace: FloatArray, shift: float) -> FloatArray:
     """Shift a trace, shape (n,), later by `shift` points, zeros coming in from beyond its ends."""
     points = np.arange(trace.size)
     spline = CubicSpline(points, trace, extrapolate=False)
-    return np.nan_to_num(spline(points - shift), nan=0.0)
+    shifted: FloatArray = np.nan_to_num(spline(points - shift), nan=0.0)
+    return shifted
 
 
 def compare_trace(
@@ -179,9 +180,7 @@ def compare_with_model(
     rate = mean.sampling_rate
     count = mean.traces.shape[1]
     start_time = model.contact_time / 2.0 - mean.origin / rate
-    simulated = np.stack(
-        simulate_impact(model, rate, count, start=start_time, variant=variant)
-    )
+    simulated = np.stack(simulate_impact(model, rate, count, start=start_time, variant=variant))
     filtered = low_pass(simulated, cutoff_frequency, rate)
     first = max(0, int(np.ceil(-start_time * rate)))
     last = min(count, int(np.floor((model.contact_time - start_time) * rate)) + 1)

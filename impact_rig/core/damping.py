@@ -59,7 +59,7 @@ def estimate_log_decrement(trace: FloatArray, noise: float) -> LogDecrement:
     Raises
     ------
     NotDeterminedError
-        If no second peak stands out of the noise.
+        If no second peak stands out of the noise, or the second is no lower than the first.
     SignalError
         If the trace has no pulse.
     """
@@ -76,6 +76,10 @@ def estimate_log_decrement(trace: FloatArray, noise: float) -> LogDecrement:
             f" ({needed / abs(pulse.peak) * 100:.2g} % of the first)"
         )
     second = tail_start + int(candidates[np.argmax(tail[candidates])])
+    if upright[second] >= abs(pulse.peak):
+        raise NotDeterminedError(
+            "log decrement: the second peak is as high as the first, so that nothing decays"
+        )
     return LogDecrement(
         first_peak=abs(pulse.peak),
         second_peak=float(upright[second]),

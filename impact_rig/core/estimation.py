@@ -193,7 +193,7 @@ def estimate_sample(
     moving_mass = setup.samples.find_moving_mass(name)
     stiffness, notes = NAN, hammer.notes
     if math.isnan(hammer.stiffness):
-        notes += ("k2: k1 is not known, since the control sample has no accepted hit yet",)
+        notes += ("k2: not determined without k1",)
     else:
         try:
             stiffness = estimate_sample_stiffness(contact.equivalent_stiffness, hammer.stiffness)

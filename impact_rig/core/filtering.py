@@ -78,8 +78,7 @@ def low_pass(traces: FloatArray, cutoff_frequency: float, sampling_rate: float) 
             f"a trace of {count} points is too short for the low-pass: it needs {MINIMUM_POINTS}"
         )
     sections = _design_sections(float(cutoff_frequency), float(sampling_rate))
-    # Zeros after the padding of the default would cut a steady baseline: it has been removed
-    # before, so even padding of a few time constants is enough.
+    # A few time constants, since the default pads by a few points whatever the cutoff.
     padding = min(count - 1, int(3 * sampling_rate / cutoff_frequency))
     filtered: FloatArray = sosfiltfilt(sections, traces, axis=-1, padtype="odd", padlen=padding)
     return filtered

@@ -117,9 +117,7 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
         return JudgedHit(record.label, rejections, record.stamp)
     baseline_stop = int(BASELINE_PART * record.pulse_index)
     if baseline_stop < BASELINE_POINTS:
-        rejections += (
-            Rejection(Reason.TRUNCATED, "the record starts too late for a baseline"),
-        )
+        rejections += (Rejection(Reason.TRUNCATED, "the record starts too late for a baseline"),)
         return JudgedHit(record.label, rejections, record.stamp)
     try:
         filtered = _filter_record(record, baseline_stop, settings)
@@ -143,9 +141,7 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
     )
 
 
-def _filter_record(
-    record: Record, baseline_stop: int, settings: AnalysisSettings
-) -> FilteredHit:
+def _filter_record(record: Record, baseline_stop: int, settings: AnalysisSettings) -> FilteredHit:
     channels = [record.hammer.acceleration]
     if record.specimen is not None:
         channels.append(record.specimen.acceleration)

@@ -11,8 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import beta, betainc, betaincinv
 
-from impact_rig.core.checks import check_positive
+from impact_rig.core.checks import check_between, check_positive
 from impact_rig.core.record import FloatArray
+
+LARGEST_ASYMMETRY = 0.9
+"""Either way [-], our choice: a twentieth of the duration is left for the shorter side."""
 
 
 @dataclass(frozen=True)
@@ -112,9 +115,10 @@ def compute_pulse(
     Raises
     ------
     ParameterError
-        If the duration is not a positive number.
+        If the duration is not a positive number, or the asymmetry leaves no rise or no fall.
     """
     check_positive("pulse duration", duration, "s")
+    check_between("asymmetry", asymmetry, -LARGEST_ASYMMETRY, LARGEST_ASYMMETRY)
     rise = duration * (1.0 + asymmetry) / 2.0
     phase = np.where(
         time < rise,

@@ -1,5 +1,8 @@
-"""A whole session: blocks in, verdicts and estimates out. The node and the analysis of files
-run this same code, so that the same hits give bit-identical numbers."""
+"""A whole session: blocks in, verdicts and estimates out.
+
+The node and the analysis of files run this same code, so that the same hits give bit-identical
+numbers.
+"""
 
 from dataclasses import dataclass
 
@@ -86,7 +89,8 @@ class Session:
             return BodyEstimate(notes=("k1: the sample set has no control sample",))
         mean = self._find_mean(control)
         if mean is None:
-            return BodyEstimate()
+            note = f"k1: the control sample {control!r} has no accepted hit yet"
+            return BodyEstimate(notes=(note,))
         return estimate_hammer(mean, self.setup)
 
     def estimate_sample(self, name: str) -> SampleEstimate:

@@ -7,7 +7,11 @@ import numpy as np
 from scipy.signal import lfilter
 
 from impact_rig.core.checks import check_between, check_not_negative, check_positive
+from impact_rig.core.errors import ParameterError
 from impact_rig.core.record import CountArray, FloatArray
+
+SHORTEST_RECORD = 100
+"""Least points of a record [-], our choice: fewer show no pulse and its baseline."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,11 @@ class DigitizerSettings:
         """Refuse impossible numbers."""
         check_positive("sampling rate", self.sampling_rate, "Hz")
         check_positive("record duration", self.record_duration, "s")
+        if self.count < SHORTEST_RECORD:
+            raise ParameterError(
+                f"record duration is {self.record_duration:g} s, which is {self.count} points at"
+                f" {self.sampling_rate:g} Hz: a record needs {SHORTEST_RECORD}"
+            )
         check_between("pre-trigger", self.pre_trigger, 0.0, self.record_duration)
         check_between("bits", self.bits, 4, 31)
         check_positive("hammer full scale", self.hammer_full_scale, "m/s^2")

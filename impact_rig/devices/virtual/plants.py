@@ -189,6 +189,4 @@ def _decay_from_rest(body: Body, time: FloatArray) -> FloatArray:
     if spread == 0.0:
         return np.asarray((1.0 + decay * time) * np.exp(-decay * time))
     slow, fast = decay - spread, decay + spread
-    return np.asarray(
-        (fast * np.exp(-slow * time) - slow * np.exp(-fast * time)) / (fast - slow)
-    )
+    return np.asarray((fast * np.exp(-slow * time) - slow * np.exp(-fast * time)) / (fast - slow))

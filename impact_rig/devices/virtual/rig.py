@@ -112,7 +112,14 @@ class VirtualHit:
         -------
         tuple of Block
             A missed trigger gives one empty block; a lost block is missing in the middle.
+
+        Raises
+        ------
+        ParameterError
+            If the block size is below one point.
         """
+        if block_size < 1:
+            raise ParameterError(f"block size is {block_size} points: it must be 1 or more")
         if Fault.MISSED_TRIGGER in self.faults:
             return (self._cut(0, 0, stamp, triggered=False, last=True),)
         count = self.hammer.counts.size
@@ -239,9 +246,7 @@ class VirtualRig:
     def _make_channel(
         self, acceleration: FloatArray, full_scale: float, generator: np.random.Generator
     ) -> ChannelBlock:
-        counts: CountArray = digitize(
-            acceleration, full_scale, self.settings.digitizer, generator
-        )
+        counts: CountArray = digitize(acceleration, full_scale, self.settings.digitizer, generator)
         return ChannelBlock(
             counts=counts,
             scale=find_scale(full_scale, self.settings.digitizer.bits),
