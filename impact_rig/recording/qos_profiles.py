@@ -1,0 +1,107 @@
+"""Quality of service of a recorded topic, in the YAML that rosbag2 keeps with each channel."""
+
+from dataclasses import dataclass
+from typing import Any
+
+DEFAULT_DEPTH = 10
+"""History depth where a recording does not tell it; the default of ROS 2."""
+
+_INFINITE = "    sec: 9223372036\n    nsec: 854775807\n"
+"""How ROS 2 writes a duration without limit."""
+
+_HISTORIES = {1: "keep_last", 2: "keep_all"}
+_RELIABILITIES = {1: "reliable", 2: "best_effort"}
+_DURABILITIES = {1: "transient_local", 2: "volatile"}
+"""Numbers of rmw's enumerations, which rosbag2 wrote before Jazzy."""
+
+
+@dataclass(frozen=True)
+class OfferedQos:
+    """What a publisher of a topic offered, as far as it decides who receives what.
+
+    Attributes
+    ----------
+    reliability : str
+        "reliable" or "best_effort".
+    durability : str
+        "volatile" or "transient_local".
+    history : str
+        "keep_last", "keep_all" or "unknown": a publisher's history is not told to others.
+    depth : int
+        Of the history [messages]; 0: not known.
+    """
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    history: str = "keep_last"
+    depth: int = DEFAULT_DEPTH
+
+
+def format_offered_qos(profiles: tuple[OfferedQos, ...]) -> str:
+    """Return `offered_qos_profiles` as rosbag2 of ROS 2 Jazzy writes it."""
+    return "\n".join(
+        f"- history: {profile.history}\n"
+        f"  depth: {profile.depth}\n"
+        f"  reliability: {profile.reliability}\n"
+        f"  durability: {profile.durability}\n"
+        f"  deadline:\n{_INFINITE}"
+        f"  lifespan:\n{_INFINITE}"
+        "  liveliness: automatic\n"
+        f"  liveliness_lease_duration:\n{_INFINITE}"
+        "  avoid_ros_namespace_conventions: false"
+        for profile in profiles
+    )
+
+
+def parse_offered_qos(text: str) -> tuple[OfferedQos, ...]:
+    """Read `offered_qos_profiles` of any rosbag2 since Foxy.
+
+    Parameters
+    ----------
+    text : str
+        The YAML; empty: nothing was offered.
+
+    Returns
+    -------
+    tuple of OfferedQos
+        Empty where the text says nothing that can be understood: it only tells how to publish
+        again, and is no reason to refuse a recording.
+    """
+    import yaml
+
+    try:
+        items = yaml.safe_load(text)
+    except yaml.YAMLError:
+        return ()
+    if not isinstance(items, list):
+        return ()
+    return tuple(_parse_profile(item) for item in items if isinstance(item, dict))
+
+
+def choose_qos(profiles: tuple[OfferedQos, ...]) -> OfferedQos:
+    """Return the one profile that serves every subscriber the recorded publishers served.
+
+    As rosbag2 does: what all offered, where they agree; where they differ, and where nothing is
+    known, the default of ROS 2. The largest known depth is kept.
+    """
+    offers = {(profile.reliability, profile.durability) for profile in profiles}
+    depth = max((profile.depth for profile in profiles), default=0) or DEFAULT_DEPTH
+    if len(offers) != 1:
+        return OfferedQos(depth=depth)
+    reliability, durability = offers.pop()
+    return OfferedQos(reliability, durability, "keep_last", depth)
+
+
+def _parse_profile(item: dict[str, Any]) -> OfferedQos:
+    depth = item.get("depth", 0)
+    return OfferedQos(
+        reliability=_find_policy(item.get("reliability"), _RELIABILITIES, "reliable"),
+        durability=_find_policy(item.get("durability"), _DURABILITIES, "volatile"),
+        history=_find_policy(item.get("history"), _HISTORIES, "unknown"),
+        depth=depth if isinstance(depth, int) and depth > 0 else 0,
+    )
+
+
+def _find_policy(value: Any, names: dict[int, str], default: str) -> str:
+    name = names.get(value, default) if isinstance(value, int) else value
+    return name if name in names.values() else default
