@@ -33,10 +33,10 @@ def list_rig_processes(
     *,
     rig_file: str = "",
     virtual: Mapping[str, Any] | None = None,
-    swing_time: float | None = None,
     record: bool = True,
     visualize: bool = True,
     viewer_url: str = "",
+    overrides: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> tuple[NodeProcess, ...]:
     """Return the nodes of a rig with their parameters.
 
@@ -48,14 +48,14 @@ def list_rig_processes(
         Path of the rig file; empty: the paper's rig.
     virtual : mapping, optional
         Parameters of the virtual rig: plant, seed, fault_probability ...
-    swing_time : float, optional
-        Time from release to contact [s]; None: the hammer's default.
     record : bool
         Whether everything is recorded; if not, the hammer is released all the same.
     visualize : bool
         Whether model and measurement are shown.
     viewer_url : str
         Show them in the viewer at this address; empty: write them into a file.
+    overrides : mapping, optional
+        Further parameters by node; they go before all others.
 
     Returns
     -------
@@ -64,8 +64,6 @@ def list_rig_processes(
     """
     folder = Path(output)
     hammer: dict[str, Any] = {} if record else {"require_recorder": False}
-    if swing_time is not None:
-        hammer["swing_time"] = float(swing_time)
     accelerometer = dict(virtual or {})
     if not record:
         accelerometer["minimum_subscribers"] = 1
@@ -80,7 +78,11 @@ def list_rig_processes(
     if visualize:
         view = {"connect": viewer_url} if viewer_url else {"output": str(folder / VIEW_NAME)}
         processes.append(NodeProcess("visualizer", view))
-    return tuple(processes)
+    further = overrides or {}
+    return tuple(
+        NodeProcess(process.name, {**process.parameters, **further.get(process.name, {})})
+        for process in processes
+    )
 
 
 def make_run_folder_name(now: datetime) -> str:

@@ -140,7 +140,9 @@ def _parse_analysis(document: Mapping[str, Any]) -> AnalysisSettings:
             values[key] = parse_quantity(f"{key} in [analysis]", value, unit, example)
         elif isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ParameterError(f"{key} in [analysis] is {value!r}: it must be a plain number")
-        elif key == "overload_run" and not isinstance(value, int):
+        elif key != "overload_run":
+            values[key] = float(value)
+        elif not isinstance(value, int):
             raise ParameterError(f"overload_run in [analysis] is {value!r}: it must be whole")
         else:
             values[key] = value

@@ -204,9 +204,7 @@ class AccelerometerNode(RigNode):
             return
         self._struck = True
         hit = self._rig.strike(label)
-        self._virtual_impact.publish(
-            messages.virtual_hit_to_msg(hit, message.header.stamp)
-        )
+        self._virtual_impact.publish(messages.virtual_hit_to_msg(hit, message.header.stamp))
         wait = message.swing_time
         if Fault.MISSED_TRIGGER in hit.faults:
             wait += float(self.get_value("trigger_timeout"))

@@ -47,9 +47,7 @@ class _Progress:
             setattr(self.feedback, name, value)
         elapsed = time.monotonic() - self.started
         missing = len(self.samples) * self.impacts - self.accepted
-        self.feedback.time_left = (
-            elapsed / self.accepted * missing if self.accepted else math.nan
-        )
+        self.feedback.time_left = elapsed / self.accepted * missing if self.accepted else math.nan
         self.handle.publish_feedback(self.feedback)
 
 
@@ -238,9 +236,7 @@ class CampaignNode(RigNode):
             f" for {'; '.join(verdict.reasons)}"
         )
 
-    async def _strike(
-        self, progress: _Progress, sample: str, impact: int, attempt: int
-    ) -> Impact:
+    async def _strike(self, progress: _Progress, sample: str, impact: int, attempt: int) -> Impact:
         hit = {"sample": sample, "impact": impact, "attempt": attempt}
         self._verdicts.clear()
         armed = await self.call(self._arm, Arm.Request(**hit))

@@ -77,9 +77,7 @@ class EstimatorNode(RigNode):
         for comparison in estimate.comparisons:
             self._comparison.publish(messages.comparison_to_msg(estimate, comparison, stamp))
 
-    def _answer(
-        self, _: GetResults.Request, response: GetResults.Response
-    ) -> GetResults.Response:
+    def _answer(self, _: GetResults.Request, response: GetResults.Response) -> GetResults.Response:
         response.setup_stamp = self._setup_stamp
         if self._session is None:
             return response

@@ -1,4 +1,7 @@
-"""From core types to the rig's messages; the way back is `impact_rig.recording.messages`."""
+"""Core types to the rig's messages, and estimates back into results.
+
+What a recording holds too is read by `impact_rig.recording.messages`.
+"""
 
 from array import array
 from collections.abc import Sequence
@@ -19,10 +22,39 @@ from impact_rig_msgs.msg import (
 
 from impact_rig import __version__
 from impact_rig.core import comparison, estimation, hit, record, samples
-from impact_rig.core.model import ModelVariant
 from impact_rig.devices.virtual.rig import VirtualHit
+from impact_rig.reporting.results import (
+    HammerResults,
+    RejectedHit,
+    SampleResults,
+    sample_results_from_estimate,
+)
 
-NAN = float("nan")
+ESTIMATE_FIELDS = {
+    "sample": "name",
+    "impacts_accepted": "impacts_accepted",
+    "impacts_rejected": "impacts_rejected",
+    "half_amplitude_width": "half_amplitude_width_s",
+    "width_ratio": "width_ratio",
+    "contact_time": "contact_time_s",
+    "contact_time_spread": "contact_time_spread_s",
+    "equivalent_stiffness": "equivalent_stiffness_n_per_m",
+    "stiffness": "stiffness_n_per_m",
+    "log_decrement": "log_decrement",
+    "damping_ratio": "damping_ratio",
+    "damping_coefficient": "damping_coefficient_n_s_per_m",
+    "hammer_peak": "hammer_peak_m_per_s2",
+    "specimen_peak": "specimen_peak_m_per_s2",
+    "mse_hammer_percent": "mse_hammer_percent",
+    "mse_sample_percent": "mse_sample_percent",
+    "contact_error_hammer_percent": "contact_error_hammer_percent",
+    "contact_error_sample_percent": "contact_error_sample_percent",
+    "hammer_shift": "shift_hammer_s",
+    "specimen_shift": "shift_sample_s",
+    "printed_mse_hammer_percent": "printed_mse_hammer_percent",
+    "printed_mse_sample_percent": "printed_mse_sample_percent",
+}
+"""Fields of `SampleEstimate` and the results that they carry, the notes apart."""
 
 
 def stamp_to_msg(nanoseconds: int) -> Time:
@@ -81,30 +113,30 @@ def setup_to_msg(setup: samples.RigSetup, stamp: Time) -> RigSetup:
         name=setup.name,
         description=setup.description,
         software_version=__version__,
-        hammer_mass=setup.hammer_mass,
-        accelerometer_mass=setup.samples.accelerometer_mass,
-        impact_speed=setup.impact_speed,
+        hammer_mass=float(setup.hammer_mass),
+        accelerometer_mass=float(setup.samples.accelerometer_mass),
+        impact_speed=float(setup.impact_speed),
         control_sample=setup.samples.control_sample,
         samples=[
             Sample(
                 name=sample.name,
                 material=sample.material,
-                mass=sample.mass,
-                reference_contact_time=sample.reference_contact_time,
-                reference_stiffness=sample.reference_stiffness,
-                reference_damping_coefficient=sample.reference_damping_coefficient,
+                mass=float(sample.mass),
+                reference_contact_time=float(sample.reference_contact_time),
+                reference_stiffness=float(sample.reference_stiffness),
+                reference_damping_coefficient=float(sample.reference_damping_coefficient),
             )
             for sample in setup.samples.samples
         ],
         analysis=AnalysisSettings(
-            cutoff_frequency=analysis.cutoff_frequency,
-            pulse_factor=analysis.pulse_factor,
-            pre_trigger=analysis.pre_trigger,
-            record_duration=analysis.record_duration,
-            detection_level=analysis.detection_level,
-            minimum_peak=analysis.minimum_peak,
+            cutoff_frequency=float(analysis.cutoff_frequency),
+            pulse_factor=float(analysis.pulse_factor),
+            pre_trigger=float(analysis.pre_trigger),
+            record_duration=float(analysis.record_duration),
+            detection_level=float(analysis.detection_level),
+            minimum_peak=float(analysis.minimum_peak),
             overload_run=analysis.overload_run,
-            double_hit_level=analysis.double_hit_level,
+            double_hit_level=float(analysis.double_hit_level),
         ),
     )
     message.header.stamp = stamp
@@ -147,36 +179,44 @@ def hammer_to_msg(
 
 def estimate_to_msg(estimate: estimation.SampleEstimate, stamp: Time) -> SampleEstimate:
     """Return a sample's estimate as a message."""
-    contact, body = estimate.contact, estimate.body
-    driven = estimate.find_comparison(ModelVariant.DRIVEN)
-    printed = estimate.find_comparison(ModelVariant.PRINTED)
+    flat = sample_results_from_estimate(estimate)
     message = SampleEstimate(
-        sample=estimate.name,
-        impacts_accepted=estimate.impacts_accepted,
-        impacts_rejected=estimate.impacts_rejected,
-        half_amplitude_width=contact.half_amplitude_width if contact else NAN,
-        width_ratio=contact.width_ratio if contact else NAN,
-        contact_time=contact.contact_time if contact else NAN,
-        contact_time_spread=estimate.contact_time_spread,
-        equivalent_stiffness=contact.equivalent_stiffness if contact else NAN,
-        stiffness=body.stiffness,
-        log_decrement=body.log_decrement,
-        damping_ratio=body.damping_ratio,
-        damping_coefficient=body.damping_coefficient,
-        hammer_peak=estimate.hammer_peak,
-        specimen_peak=estimate.specimen_peak,
-        mse_hammer_percent=driven.hammer.mse_percent if driven else NAN,
-        mse_sample_percent=driven.specimen.mse_percent if driven else NAN,
-        contact_error_hammer_percent=driven.hammer.contact_error_percent if driven else NAN,
-        contact_error_sample_percent=driven.specimen.contact_error_percent if driven else NAN,
-        hammer_shift=driven.hammer.shift if driven else NAN,
-        specimen_shift=driven.specimen.shift if driven else NAN,
-        printed_mse_hammer_percent=printed.hammer.mse_percent if printed else NAN,
-        printed_mse_sample_percent=printed.specimen.mse_percent if printed else NAN,
-        notes=list(body.notes),
+        notes=list(flat.notes),
+        **{field: getattr(flat, name) for field, name in ESTIMATE_FIELDS.items()},
     )
     message.header.stamp = stamp
     return message
+
+
+def sample_results_from_msg(message: SampleEstimate) -> SampleResults:
+    """Return a sample's estimate as the results that leave the rig."""
+    return SampleResults(
+        notes=tuple(message.notes),
+        **{name: getattr(message, field) for field, name in ESTIMATE_FIELDS.items()},
+    )
+
+
+def hammer_results_from_msg(message: HammerEstimate) -> HammerResults:
+    """Return the hammer's estimate as the results that leave the rig."""
+    return HammerResults(
+        control_sample=message.control_sample,
+        stiffness_n_per_m=message.stiffness,
+        damping_coefficient_n_s_per_m=message.damping_coefficient,
+        damping_ratio=message.damping_ratio,
+        log_decrement=message.log_decrement,
+    )
+
+
+def rejected_hit_from_msg(message: Impact, injected_faults: Sequence[str]) -> RejectedHit:
+    """Return a rejected hit as the results that leave the rig."""
+    return RejectedHit(
+        sample=message.sample,
+        impact=message.impact,
+        attempt=message.attempt,
+        record=message.record,
+        reasons=tuple(message.reasons),
+        injected_faults=tuple(injected_faults),
+    )
 
 
 def comparison_to_msg(
@@ -210,5 +250,5 @@ def estimate_to_msgs(
     return [estimate_to_msg(estimate, stamp) for estimate in estimates]
 
 
-def _floats(values: record.FloatArray) -> array[float]:
+def _floats(values: record.FloatArray) -> "array[float]":
     return array("f", values.astype("float32").tobytes())

@@ -129,9 +129,7 @@ class RigNode(LifecycleNode):
                 self.report_fault(f"{topic.name}: {error}")
             self.wake_waiters()
 
-        return self.create_subscription(
-            topic.type, topic.name, guarded, topic.qos, **options
-        )
+        return self.create_subscription(topic.type, topic.name, guarded, topic.qos, **options)
 
     def advertise_state(self, topic: Topic, **options: Any) -> Callable[..., None]:
         """Create a publisher of a state topic; return a function that publishes its fields."""

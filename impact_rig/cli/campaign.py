@@ -1,0 +1,78 @@
+"""``impact-rig campaign``: run a campaign on a rig that is up."""
+
+from datetime import datetime
+from pathlib import Path
+
+import click
+
+from impact_rig.cli import options
+from impact_rig.configuration.processes import make_run_folder_name
+
+RIG_TIMEOUT = 10.0
+"""How long the rig may take to be found [s]."""
+
+
+@click.command(
+    epilog="""
+    \b
+    Examples:
+      impact-rig campaign                      the whole set, 10 hits each
+      impact-rig campaign --samples "steel small" --impacts 5
+      impact-rig campaign --namespace rig1 --network    a rig on another host
+    """
+)
+@options.samples_option
+@options.impacts_option
+@click.option(
+    "--attempts",
+    type=click.IntRange(1),
+    help="Rejected hits in a row before giving up. [the rig's own limit]",
+)
+@click.option(
+    "--ask/--no-ask",
+    default=None,
+    help="Wait until each sample is mounted. [yes, unless the rig is virtual]",
+)
+@click.option("--namespace", default="", help="ROS namespace of the rig. [none]")
+@options.network_option
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for results.json. [that of the recording, if it is on this host]",
+)
+@options.json_option
+def command(
+    samples: tuple[str, ...],
+    impacts: int,
+    attempts: int | None,
+    ask: bool | None,
+    namespace: str,
+    network: bool,
+    output: Path | None,
+    as_json: bool,
+) -> None:
+    """Run a campaign on a rig that is up, here or on another host.
+
+    The rig's campaign node does the work; this command starts it, follows it, and asks for the
+    next sample to be mounted.
+    """
+    from impact_rig.cli.campaign_view import CampaignView, report_outcome, run_campaign  # noqa: PLC0415, I001
+    from impact_rig.nodes.campaign_client import CampaignClient, CampaignRequest  # noqa: PLC0415
+    from impact_rig.reporting.terminal import make_console  # noqa: PLC0415
+
+    options.set_discovery(network=network)
+    with CampaignClient(namespace) as client, CampaignView(make_console(stderr=True)) as view:
+        client.wait_for_rig(RIG_TIMEOUT)
+        confirm = not client.is_virtual if ask is None else ask
+        outcome = run_campaign(
+            client, CampaignRequest(samples, impacts, attempts or 0, confirm), view
+        )
+    recorded = Path(outcome.recording) if outcome.recording else None
+    if output is None:
+        is_here = recorded is not None and recorded.is_file()
+        output = (
+            recorded.parent
+            if recorded is not None and is_here
+            else Path(make_run_folder_name(datetime.now().astimezone()))
+        )
+    report_outcome(outcome, output, as_json=as_json)

@@ -1,0 +1,79 @@
+"""``impact-rig demo``: a whole campaign on the virtual rig, in separate processes."""
+
+from pathlib import Path
+
+import click
+
+from impact_rig.cli import options
+from impact_rig.configuration.processes import RECORDING_NAME
+
+START_TIMEOUT = 90.0
+"""How long the processes may take to start [s]: seconds on two cores, more on a busy host."""
+SETTINGS = ("hammer.swing_time=0.02", "accelerometer.trigger_timeout=0.1")
+"""Nobody waits for a simulation: a tenth of the paper's swing, and a short wait for triggers
+that never come."""
+ATTEMPTS = 50
+"""Rejected hits in a row before the demo gives up [-]: with every fault at 10 % about half the
+hits are bad."""
+SUBSCRIBERS = 3
+"""Estimator, recorder and visualizer listen before the first hit, so that the view has all."""
+
+
+@click.command(
+    epilog="""
+    \b
+    Examples:
+      impact-rig demo                          the paper's campaign, 120 hits
+      impact-rig demo --samples "steel small" "aluminium large" --impacts 3
+      impact-rig demo --faults 0.1             what goes wrong on a real rig
+      impact-rig demo --json > results.json
+    """
+)
+@options.rig_file_option
+@options.virtual_rig_options
+@options.output_option
+@options.samples_option
+@options.impacts_option
+@options.json_option
+def command(
+    rig_file: Path | None,
+    plant: str | None,
+    seed: int | None,
+    faults: float | None,
+    output: Path | None,
+    samples: tuple[str, ...],
+    impacts: int,
+    as_json: bool,
+) -> None:
+    """Run a whole campaign on the virtual rig, each node its own process.
+
+    The hammer is released, two accelerometers stream, every hit is judged; contact time,
+    stiffness and damping of every sample are printed beside the published values, and
+    everything is recorded.
+    """
+    from impact_rig.cli.campaign_view import CampaignView, report_outcome, run_campaign  # noqa: PLC0415, I001
+    from impact_rig.cli.running_rig import run_rig, use_private_domain  # noqa: PLC0415
+    from impact_rig.reporting.terminal import make_console  # noqa: PLC0415
+
+    rig = options.load_rig_file(rig_file)
+    options.check_samples(rig, samples)
+    folder = options.make_run_folder(output)
+    options.set_discovery(network=False)
+    arguments = [word for setting in SETTINGS for word in ("--set", setting)]
+    for name, value in (
+        ("--rig-file", rig_file), ("--plant", plant), ("--seed", seed), ("--faults", faults),
+    ):  # fmt: skip
+        if value is not None:
+            arguments += [name, str(value)]
+    try:
+        with use_private_domain(), run_rig(folder, arguments) as running:
+            from impact_rig.nodes.campaign_client import CampaignClient, CampaignRequest  # noqa: PLC0415, I001
+
+            with CampaignClient() as client, CampaignView(make_console(stderr=True)) as view:
+                client.wait_for_rig(START_TIMEOUT, SUBSCRIBERS, running.check)
+                request = CampaignRequest(samples, impacts, ATTEMPTS)
+                outcome = run_campaign(client, request, view)
+    except KeyboardInterrupt:
+        click.echo(f"stopped; the recording so far: {folder / RECORDING_NAME}", err=True)
+        raise
+    report_outcome(outcome, folder, as_json=as_json)

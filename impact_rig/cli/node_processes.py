@@ -1,0 +1,72 @@
+"""The rig's nodes as processes of this host, started and stopped by honcho."""
+
+import json
+import os
+import shlex
+import signal
+import sys
+import threading
+from collections.abc import Iterable
+from typing import IO, Any
+
+from honcho.manager import Manager
+from honcho.printer import Printer
+
+from impact_rig.configuration.processes import NodeProcess
+
+STOPPED_BY_REQUEST = (0, 128 + signal.SIGINT, 128 + signal.SIGTERM)
+"""Exit codes of a rig that was told to stop."""
+
+
+def make_command(process: NodeProcess, namespace: str = "") -> str:
+    """Return the shell command that starts one node."""
+    words = [sys.executable, "-m", f"impact_rig.nodes.{process.name}", "--ros-args"]
+    words += ["-r", f"__node:={process.name}"]
+    if namespace:
+        words += ["-r", f"__ns:=/{namespace.strip('/')}"]
+    for name, value in process.parameters.items():
+        # JSON is YAML: texts are quoted, true and false are lower case.
+        words += ["-p", f"{name}:={json.dumps(value)}"]
+    return "exec " + shlex.join(words)
+
+
+def run_nodes(
+    processes: Iterable[NodeProcess],
+    output: IO[str],
+    *,
+    namespace: str = "",
+    stop_with_input: bool = False,
+) -> int:
+    """Run nodes side by side until told to stop, or until one of them ends.
+
+    Parameters
+    ----------
+    processes : iterable of NodeProcess
+        What to start.
+    output : text file
+        Where their output goes, each line with its node's name.
+    namespace : str
+        Of the rig.
+    stop_with_input : bool
+        Stop when standard input ends: whoever holds the other end may die without a word.
+
+    Returns
+    -------
+    int
+        0 after a stop that was asked for; else the exit code of the node that ended first.
+    """
+    manager = Manager(Printer(output, colour=output.isatty()))
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    for process in processes:
+        manager.add_process(process.name, make_command(process, namespace), env=environment)
+    if stop_with_input:
+        threading.Thread(target=_stop_at_end_of, args=(sys.stdin,), daemon=True).start()
+    manager.loop()
+    code = manager.returncode
+    return 0 if code in STOPPED_BY_REQUEST else int(code or 1)
+
+
+def _stop_at_end_of(stream: Any) -> None:
+    while stream.buffer.read(1):
+        pass
+    os.kill(os.getpid(), signal.SIGTERM)

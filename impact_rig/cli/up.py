@@ -1,0 +1,87 @@
+"""``impact-rig up``: start the nodes of a rig."""
+
+import sys
+from pathlib import Path
+
+import click
+
+from impact_rig.cli import options
+from impact_rig.configuration.processes import LOG_NAME, RECORDING_NAME, list_rig_processes
+from impact_rig.configuration.rig_file import read_template
+from impact_rig.core.errors import RigError
+
+
+@click.command(
+    epilog="""
+    \b
+    Examples:
+      impact-rig up                            the paper's rig, virtual
+      impact-rig up --template > my-rig.toml   a rig file to fill in
+      impact-rig up --rig-file my-rig.toml     your own samples
+      impact-rig up --set hammer.swing_time=0.3
+    Then, in another terminal:
+      impact-rig campaign
+    """
+)
+@options.rig_file_option
+@options.virtual_rig_options
+@options.output_option
+@options.network_option
+@click.option("--namespace", default="", help="ROS namespace of the rig. [none]")
+@click.option("--record/--no-record", default=True, help="Record everything to MCAP. [yes]")
+@click.option("--visualizer/--no-visualizer", default=True, help="Write a Rerun view. [yes]")
+@click.option("--viewer", default="", help="Show it in the Rerun viewer at this address instead.")
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NODE.PARAMETER=VALUE",
+    help="Set any ROS parameter of a node; repeatable.",
+)
+@click.option("--template", is_flag=True, help="Print the paper's rig file and end.")
+@click.option("--stop-with-input", is_flag=True, hidden=True)
+@click.option("--log-file", type=click.Path(path_type=Path), hidden=True)
+def command(
+    rig_file: Path | None,
+    plant: str | None,
+    seed: int | None,
+    faults: float | None,
+    output: Path | None,
+    network: bool,
+    namespace: str,
+    record: bool,
+    visualizer: bool,
+    viewer: str,
+    settings: tuple[str, ...],
+    template: bool,
+    stop_with_input: bool,
+    log_file: Path | None,
+) -> None:
+    """Start the nodes of a rig, each its own process, until Ctrl-C.
+
+    Everything is recorded into one folder, runs/<time>/ unless --output says otherwise.
+    """
+    if template:
+        click.echo(read_template(), nl=False)
+        return
+    from impact_rig.cli.node_processes import run_nodes  # noqa: PLC0415
+
+    rig = options.load_rig_file(rig_file)
+    folder = options.make_run_folder(output)
+    options.set_discovery(network=network)
+    processes = list_rig_processes(
+        folder.resolve(),
+        rig_file=str(rig_file.resolve()) if rig_file else "",
+        virtual=options.merge_virtual(rig, plant=plant, seed=seed, faults=faults),
+        record=record,
+        visualize=visualizer,
+        viewer_url=viewer,
+        overrides=options.parse_settings(settings),
+    )
+    log = log_file.open("w", encoding="utf-8") if log_file else sys.stdout
+    code = run_nodes(processes, log, namespace=namespace, stop_with_input=stop_with_input)
+    if record:
+        click.echo(f"recording: {folder / RECORDING_NAME}")
+    if code:
+        where = log_file or "above"
+        raise RigError(f"a node ended by itself, and the rig with it: see {where} ({LOG_NAME})")
