@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from impact_rig.core.errors import NotDeterminedError, SignalError
 from impact_rig.core.hit import FilteredHit
@@ -36,26 +35,6 @@ class MeanHit:
     count: int
 
 
-def align_hit(hit: FilteredHit) -> tuple[FloatArray, int]:
-    """Shift a hit by a part of a point so that its pulse's middle falls onto a point.
-
-    Returns
-    -------
-    traces : ndarray, shape (channels, n - 1 or n)
-        By cubic splines; exact where the shift is zero.
-    origin : int
-        The point of the middle.
-    """
-    middle = hit.pulse.middle
-    origin = int(np.floor(middle))
-    fraction = middle - origin
-    count = hit.traces.shape[1]
-    if fraction == 0.0:
-        return hit.traces, origin
-    spline = CubicSpline(np.arange(count), hit.traces, axis=1)
-    return spline(np.arange(count - 1) + fraction), origin
-
-
 def average_hits(hits: Sequence[FilteredHit]) -> MeanHit:
     """Align hits on the midpoints of their half-amplitude crossings and average them.
 
@@ -85,7 +64,7 @@ def average_hits(hits: Sequence[FilteredHit]) -> MeanHit:
             f"hits sampled at {sorted(rates)} Hz with {sorted(channels)} channels cannot be"
             " averaged: all hits of a sample need the same"
         )
-    aligned = [align_hit(hit) for hit in hits]
+    aligned = [hit.aligned for hit in hits]
     before = min(origin for _, origin in aligned)
     after = min(traces.shape[1] - origin for traces, origin in aligned)
     total = np.zeros((channels.pop(), before + after))

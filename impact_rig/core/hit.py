@@ -2,9 +2,11 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from impact_rig.core.alignment import align_traces
 from impact_rig.core.errors import SignalError
 from impact_rig.core.filtering import check_cutoff, low_pass
 from impact_rig.core.pulse_width import PulseWidth, measure_pulse
@@ -44,6 +46,14 @@ class FilteredHit:
     sampling_rate: float
     pulse: PulseWidth
     noise: FloatArray
+
+    @cached_property
+    def aligned(self) -> tuple[FloatArray, int]:
+        """Traces shifted below one point so that the pulse's middle falls onto a point; that point.
+
+        Kept, since every new hit of a sample is averaged with all before it.
+        """
+        return align_traces(self.traces, self.pulse.middle)
 
 
 @dataclass(frozen=True)
