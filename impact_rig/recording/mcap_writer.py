@@ -1,5 +1,6 @@
 """Writes messages that are already serialised to an MCAP file of profile `ros2`."""
 
+import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +26,9 @@ COMPRESSIONS = ("zstd", "lz4", "none")
 ZSTD_LEVEL = 1
 """Our choice: counts of a digitizer pack nearly as well as at the default level, in half the
 time."""
+ROOM_FOR_ENDING = 1 << 20
+"""What is left free on the disk for the end of the file [byte], our choice: the index of ten
+thousand chunks."""
 DEFAULT_CHUNK_SIZE = 1 << 20
 """Uncompressed size at which a chunk is finished [byte]; what other MCAP writers use."""
 
@@ -162,8 +166,8 @@ class McapWriter:
         Raises
         ------
         FileError
-            If the chunk is full and cannot be written; it is dropped, what was written before
-            stays.
+            If the chunk is full and cannot be written, or would leave no room for the end of the
+            file; it is dropped, what was written before stays.
         """
         sequence = self._sequences[channel - 1]
         self._sequences[channel - 1] = (sequence + 1) & 0xFFFFFFFF
@@ -190,6 +194,7 @@ class McapWriter:
             pieces.append(pack_message_index(channel, entries))
             offsets[channel] = position
             position += len(pieces[-1])
+        self._check_room(position - start)
         self._write(b"".join(pieces))
         self._finished_messages += pending
         self._chunks.append(
@@ -250,6 +255,20 @@ class McapWriter:
         """Finish the file, whatever happened."""
         self.close()
 
+    def _check_room(self, length: int) -> None:
+        try:
+            state = os.fstatvfs(self._file.fileno())
+        except OSError:
+            return
+        if state.f_bavail * state.f_frsize < length + ROOM_FOR_ENDING:
+            raise self._make_error(os.strerror(errno.ENOSPC))
+
+    def _make_error(self, reason: str | None) -> FileError:
+        return FileError(
+            f"{self.path} cannot be written: {reason}; it keeps the"
+            f" {self._finished_messages} messages written before"
+        )
+
     def _write(self, data: bytes) -> None:
         rest = memoryview(data)
         try:
@@ -261,10 +280,7 @@ class McapWriter:
                 self._file.truncate()
             except OSError:
                 pass
-            raise FileError(
-                f"{self.path} cannot be written: {error.strerror}; it keeps the"
-                f" {self._finished_messages} messages written before"
-            ) from None
+            raise self._make_error(error.strerror) from None
         self._size += len(data)
 
 
