@@ -1,0 +1,122 @@
+"""The command `impact-rig`: finds its subcommands when they are called, and ends errors well."""
+
+import importlib
+import sys
+from dataclasses import dataclass
+from typing import IO, Any
+
+import click
+
+from impact_rig import __version__
+from impact_rig.core.errors import RigError
+
+EXIT_ERROR = 2
+"""Something that the user can mend."""
+EXIT_INTERRUPTED = 130
+"""Ended by Ctrl-C: 128 + SIGINT, as shells have it."""
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A subcommand: what it does in a few words, and the module whose `command` it is."""
+
+    help: str
+    module: str
+
+
+COMMANDS = {
+    "demo": _Entry("Run a whole campaign on the virtual rig.", "impact_rig.cli.demo"),
+    "up": _Entry("Start the nodes of a rig, real or virtual.", "impact_rig.cli.up"),
+    "campaign": _Entry("Run a campaign on a rig that is up.", "impact_rig.cli.campaign"),
+    "analyze": _Entry("Estimate from recordings or plain traces.", "impact_rig.cli.analyze"),
+    "paper": _Entry("Check the arithmetic of the paper.", "impact_rig.cli.paper"),
+    "doctor": _Entry("See what is installed and what is broken.", "impact_rig.cli.doctor"),
+}
+"""Known by name, so that the help needs none of their modules."""
+
+PROVIDERS = {
+    "rclpy": "ROS 2",
+    "impact_rig_msgs": "the rig's ROS 2 interfaces",
+    "rosbags": "rosbags",
+    "mcap": "mcap",
+    "pint": "pint",
+    "rerun": "rerun-sdk",
+}
+"""Modules that may be absent, and what brings them."""
+
+
+class _Failure(click.ClickException):
+    """An error in one line on standard error."""
+
+    exit_code = EXIT_ERROR
+
+    def show(self, file: IO[Any] | None = None) -> None:
+        click.echo(f"error: {self.format_message()}", file=file, err=file is None)
+
+
+class RigGroup(click.Group):
+    """A click group that imports a subcommand's module only when it is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the subcommands, the main job first."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return a subcommand; None: there is none of that name."""
+        entry = COMMANDS.get(cmd_name)
+        if entry is None:
+            return None
+        command: click.Command = importlib.import_module(entry.module).command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the subcommands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, entry.help) for name, entry in COMMANDS.items()])
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a subcommand; errors become one line, Ctrl-C a quiet end."""
+        try:
+            return super().invoke(ctx)
+        except RigError as error:
+            raise _Failure(str(error)) from None
+        except ModuleNotFoundError as error:
+            missing = (error.name or "").partition(".")[0]
+            if missing not in PROVIDERS:
+                raise
+            raise _Failure(
+                f"this needs {PROVIDERS[missing]}: Python finds no module {missing!r};"
+                " `impact-rig doctor` says what is missing and how to get it"
+            ) from None
+        except KeyboardInterrupt:
+            ctx.exit(EXIT_INTERRUPTED)
+
+
+@click.command(
+    cls=RigGroup,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="""
+    \b
+    Examples:
+      impact-rig demo                          the whole job, no hardware needed
+      impact-rig analyze session.mcap          the tables of a recorded campaign
+      impact-rig analyze --cutoff off hit*.npy contact times of plain traces
+      impact-rig doctor                        when something does not work
+      impact-rig COMMAND --help                more about one command
+    """,
+)
+@click.version_option(__version__, "--version", prog_name="impact-rig")
+def cli() -> None:
+    """Strike samples with a pendulum hammer and estimate contact time, stiffness and damping."""
+
+
+def main() -> None:
+    """Run the command line; never returns."""
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal without Greek letters shows question marks, not a traceback.
+        stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+    cli(prog_name="impact-rig")
+
+
+if __name__ == "__main__":
+    main()

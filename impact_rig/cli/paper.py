@@ -1,0 +1,132 @@
+"""`impact-rig paper`: the arithmetic of the paper, printed beside computed."""
+
+import click
+from rich.console import Console
+
+from impact_rig.core.paper import ACCELEROMETER_MASS
+from impact_rig.reporting.paper_arithmetic import PaperArithmetic, compute_paper
+from impact_rig.reporting.results_file import format_json, record_to_json
+from impact_rig.reporting.terminal import Column, format_number, make_console, print_table
+
+
+@click.command(
+    "paper",
+    epilog="""
+    \b
+    Examples:
+      impact-rig paper
+      impact-rig paper --json | python3 -m json.tool
+    """,
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
+def command(as_json: bool) -> None:
+    """Check the arithmetic of the paper.
+
+    Computes the stiffness of all twelve samples (Table 3) from their masses (Table 1) and
+    contact times (Table 2) by equations (5) and (6), and what the damping coefficients of Table 4
+    mean. Printed value, computed value, difference; the misprint is marked.
+    """
+    paper = compute_paper()
+    if as_json:
+        click.echo(format_json(record_to_json(paper)), nl=False)
+        return
+    console = make_console()
+    _print_stiffness(console, paper)
+    _print_damping(console, paper)
+    _print_facts(console, paper)
+    _print_agreement(console, paper)
+
+
+def _print_stiffness(console: Console, paper: PaperArithmetic) -> None:
+    rows, notes = [], []
+    for sample in paper.samples:
+        printed = format_number(sample.printed_stiffness_n_per_m / 1e6, 2)
+        rows.append(
+            (
+                f"{sample.name} *" if sample.is_misprinted else sample.name,
+                format_number(sample.moving_mass_kg * 1e3, 2),
+                format_number(sample.printed_contact_time_s * 1e6, 2),
+                printed,
+                format_number(sample.computed_stiffness_n_per_m / 1e6, 2),
+                f"{sample.difference_percent:+z.2f}",
+            )
+        )
+        if sample.is_misprinted:
+            rows.append(
+                (
+                    "  corrected",
+                    "",
+                    format_number(sample.corrected_contact_time_s * 1e6, 2),
+                    printed,
+                    format_number(sample.corrected_stiffness_n_per_m / 1e6, 2),
+                    f"{sample.corrected_difference_percent:+z.2f}",
+                )
+            )
+            notes.append(
+                f"* misprint in Table 2: {sample.printed_contact_time_s * 1e6:.2f} µs would give"
+                f" {sample.computed_stiffness_n_per_m / 1e6:.1f} MN/m;"
+                f" {sample.corrected_contact_time_s * 1e6:.1f} µs agrees with Table 3."
+            )
+    hammer = paper.hammer
+    rows.append(
+        (
+            "hammer k1",
+            "",
+            "",
+            format_number(hammer.printed_stiffness_n_per_m / 1e6, 2),
+            format_number(hammer.computed_stiffness_n_per_m / 1e6, 2),
+            f"{hammer.difference_percent:+z.2f}",
+        )
+    )
+    notes.append(f"k1 = 2 k_eq of {hammer.control_sample}; k2 uses the printed k1.")
+    headers = ("Sample", "m2 [g]", "τp [µs]", "printed", "computed", "Diff. %")
+    columns = [
+        Column(header, cells, is_text=index == 0)
+        for index, (header, cells) in enumerate(zip(headers, zip(*rows, strict=True), strict=True))
+    ]
+    print_table(console, "Table 3 from Tables 1 and 2. Stiffness k2 [MN/m]", columns, notes)
+
+
+def _print_damping(console: Console, paper: PaperArithmetic) -> None:
+    bodies = [*paper.samples, paper.hammer]
+    columns = [
+        Column("Sample", [*(sample.name for sample in paper.samples), "hammer"], is_text=True),
+        Column("c [N s/m]", [f"{body.damping_coefficient_n_s_per_m:.0f}" for body in bodies]),
+        Column("k [MN/m]", [f"{body.printed_stiffness_n_per_m / 1e6:.2f}" for body in bodies]),
+        Column("ζ", [format_number(body.damping.damping_ratio, 3) for body in bodies]),
+        Column("Δ", [format_number(body.damping.log_decrement, 3) for body in bodies]),
+        Column("U1/U2", [format_number(body.damping.peak_ratio, 1) for body in bodies]),
+    ]
+    note = (
+        "ζ = c / (2 √(k m)); Δ = ln(U1/U2) = 2π ζ / √(1 - ζ²). Equation (7b) prints a minus under"
+        " the root where this needs a plus."
+    )
+    print_table(console, "What Table 4 means", columns, (note,))
+
+
+def _print_facts(console: Console, paper: PaperArithmetic) -> None:
+    worst = max(
+        (sample for sample in paper.samples if not sample.is_misprinted),
+        key=lambda sample: abs(sample.without_accelerometer_percent),
+    )
+    speed = paper.speed
+    console.print(
+        f"m2 includes the accelerometer of {ACCELEROMETER_MASS * 1e3:g} g: without it"
+        f" {worst.name} would be off by {worst.without_accelerometer_percent:+.1f} %."
+    )
+    console.print(
+        "Impact speed: 3.7° in 207 ms is"
+        f" {speed.computed_angular_speed_rad_per_s:.3f} rad/s, so"
+        f" {speed.computed_speed_m_per_s * 100:.2f} cm/s; the paper prints"
+        f" {speed.printed_angular_speed_rad_per_s:g} rad/s and"
+        f" {speed.printed_speed_m_per_s * 100:.2f} cm/s, which is the default here."
+    )
+    console.print()
+
+
+def _print_agreement(console: Console, paper: PaperArithmetic) -> None:
+    console.print(
+        f"Table 3 agrees within 0.1 % in {paper.cells_within_0_1_percent} of"
+        f" {len(paper.samples)} cells, within 0.5 % in {paper.cells_within_0_5_percent};"
+        f" misprinted: {', '.join(paper.misprinted)}."
+    )
