@@ -49,7 +49,7 @@ class FilteredHit:
 
     @cached_property
     def aligned(self) -> tuple[FloatArray, int]:
-        """Traces shifted below one point so that the pulse's middle falls onto a point; that point.
+        """Traces shifted so that the pulse's middle falls onto a point, and that point.
 
         Kept, since every new hit of a sample is averaged with all before it.
         """

@@ -43,7 +43,9 @@ class AccelerometerNode(RigNode):
         self._virtual_impact = self.advertise(interfaces.VIRTUAL_IMPACT)
         self.listen(interfaces.SETUP, self._take_setup)
         self.listen(interfaces.RELEASE, self._swing)
-        self.create_service(Arm, interfaces.ARM_ACCELEROMETER, self._arm)
+        self.create_service(
+            Arm, interfaces.ARM_ACCELEROMETER, self._arm, callback_group=self.waiting_group
+        )
         self.create_service(Trigger, interfaces.DISARM_ACCELEROMETER, self._disarm)
 
     def _declare_stream(self) -> None:

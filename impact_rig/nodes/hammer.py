@@ -35,7 +35,9 @@ class HammerNode(RigNode):
         self.listen(interfaces.RECORDER_STATE, self._keep_recorder)
         self.create_service(Trigger, interfaces.ARM_HAMMER, self._arm)
         self.create_service(Trigger, interfaces.DISARM_HAMMER, self._disarm)
-        self.create_service(Release, interfaces.RELEASE_HAMMER, self._let_go)
+        self.create_service(
+            Release, interfaces.RELEASE_HAMMER, self._let_go, callback_group=self.waiting_group
+        )
 
     def activate(self) -> None:
         """Say that the hammer is held and not armed."""
@@ -75,8 +77,10 @@ class HammerNode(RigNode):
     async def _let_go(
         self, request: Release.Request, response: Release.Response
     ) -> Release.Response:
-        await self.wait_until(lambda: not self._find_obstacle(request), READINESS_TIMEOUT)
-        obstacle = self._find_obstacle(request)
+        obstacle = self._find_own_obstacle()
+        if not obstacle:
+            await self.wait_until(lambda: not self._find_obstacle(request), READINESS_TIMEOUT)
+            obstacle = self._find_own_obstacle() or self._find_obstacle(request)
         response.success, response.message = not obstacle, obstacle
         if obstacle:
             self.get_logger().warning(f"release refused: {obstacle}")
@@ -98,15 +102,19 @@ class HammerNode(RigNode):
     def _catch(self) -> None:
         self._change(HammerState.HELD, armed=self._armed, message="back in the holder")
 
-    def _find_obstacle(self, request: Release.Request) -> str:
-        """Return why the hammer may not go now; empty: it may."""
-        acquisition = self._acquisition
+    def _find_own_obstacle(self) -> str:
+        """Return why the hammer itself may not go now; empty: it may."""
         if not self.is_active:
             return "the hammer node is not active: activate it first"
         if not self._armed:
             return "the hammer is not armed: call hammer/arm first"
         if self._state != HammerState.HELD:
             return "the hammer is not in its holder: wait for the swing to end"
+        return ""
+
+    def _find_obstacle(self, request: Release.Request) -> str:
+        """Return why the rest of the rig could not record the hit; empty: it could."""
+        acquisition = self._acquisition
         if acquisition.state != AcquisitionState.ARMED:
             return "the accelerometers are not armed: call accelerometer/arm first"
         if (acquisition.record, acquisition.sample) != (request.record, request.sample):

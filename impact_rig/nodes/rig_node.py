@@ -12,6 +12,7 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidParameterValueException,
@@ -55,6 +56,9 @@ class RigNode(LifecycleNode):
         self.declare(
             "autostart", True, "configure and activate at start-up, without a lifecycle manager"
         )
+        # While a callback waits, the others of its group stand still: those that wait get a
+        # group that lets them pass.
+        self.waiting_group = ReentrantCallbackGroup()
         self._waiters: list[Callable[[], None]] = []
         self.messages_handled = 0
         self._fault = ""
@@ -87,6 +91,11 @@ class RigNode(LifecycleNode):
     def is_active(self) -> bool:
         """Whether the node is in the state `active`."""
         return self._is_active
+
+    @property
+    def fault(self) -> str:
+        """What the diagnostics call an error; empty: nothing."""
+        return self._fault
 
     def declare(
         self,

@@ -1,0 +1,144 @@
+"""Real nodes over real DDS, each test in a ROS domain of its own."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from types import TracebackType
+from typing import Any
+
+import pytest
+import rclpy
+from domain_coordinator import domain_id
+from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from impact_rig.nodes.interfaces import Topic
+from impact_rig.nodes.rig_node import RigNode
+
+PATIENCE = 20.0
+"""How long anything may take before a test fails [s]; no test waits for it to pass."""
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Wait for what sends no event (the ROS graph), looking often."""
+    deadline = time.monotonic() + PATIENCE
+    pause = threading.Event()
+    while not condition():
+        assert time.monotonic() < deadline, "it never came true"
+        pause.wait(0.005)
+
+
+class Collector:
+    """Keeps what arrives on a topic, and waits for it."""
+
+    def __init__(self) -> None:
+        self.messages: list[Any] = []
+        self._arrived = threading.Condition()
+
+    def take(self, message: Any) -> None:
+        with self._arrived:
+            self.messages.append(message)
+            self._arrived.notify_all()
+
+    def wait(self, condition: Callable[[list[Any]], bool]) -> list[Any]:
+        with self._arrived:
+            assert self._arrived.wait_for(lambda: condition(self.messages), PATIENCE), (
+                f"only {len(self.messages)} messages came"
+            )
+            return list(self.messages)
+
+    def wait_for_count(self, count: int) -> list[Any]:
+        return self.wait(lambda messages: len(messages) >= count)
+
+
+class Harness:
+    """Runs nodes in a background thread."""
+
+    def __init__(self, domain: int) -> None:
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=domain, args=[])
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._nodes: list[RigNode] = []
+        self.peer = Node("peer", context=self._context)
+        self._executor.add_node(self.peer)
+        self._thread = threading.Thread(target=self._spin)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except (ShutdownException, ExternalShutdownException):
+            pass
+
+    def __enter__(self) -> "Harness":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._executor.shutdown(timeout_sec=1.0)
+        self._thread.join(PATIENCE)
+        for node in self._nodes:
+            node.close()
+            node.destroy_node()
+        self.peer.destroy_node()
+        self._context.try_shutdown()
+
+    def add(self, kind: Any, *, namespace: str = "", **parameters: Any) -> Any:
+        """Start a node as its `main` would."""
+        node = kind(
+            context=self._context,
+            namespace=namespace or None,
+            parameter_overrides=[
+                Parameter(name, value=value) for name, value in parameters.items()
+            ],
+        )
+        self._nodes.append(node)
+        node.autostart()
+        self._executor.add_node(node)
+        return node
+
+    def listen(self, topic: Topic, namespace: str = "") -> Collector:
+        collector = Collector()
+        self.peer.create_subscription(
+            topic.type, f"{namespace}/{topic.name}", collector.take, topic.qos
+        )
+        return collector
+
+    def advertise(self, topic: Topic) -> Any:
+        return self.peer.create_publisher(topic.type, topic.name, topic.qos)
+
+    def call(self, kind: Any, name: str, request: Any = None) -> Any:
+        """Call a service and return its answer."""
+        client = self.peer.create_client(kind, name)
+        wait_until(client.service_is_ready)
+        return self.wait(client.call_async(request or kind.Request()))
+
+    wait_until = staticmethod(wait_until)
+    make_collector = Collector
+
+    @staticmethod
+    def wait(future: Any) -> Any:
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        assert future.done() or done.wait(PATIENCE), "no answer came"
+        return future.result()
+
+
+@pytest.fixture
+def ros_domain() -> Iterator[int]:
+    """Return a ROS domain that nobody else on this host uses now."""
+    with domain_id() as number:
+        yield number
+
+
+@pytest.fixture
+def harness(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Harness]:
+    """Return a place to run nodes in."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with Harness(ros_domain) as started:
+        yield started

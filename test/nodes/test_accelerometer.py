@@ -1,0 +1,119 @@
+"""The accelerometers stream exactly what the virtual rig digitized, one arming at a time."""
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from impact_rig_msgs.msg import AcquisitionState, HammerRelease
+from impact_rig_msgs.srv import Arm
+from std_srvs.srv import Trigger
+
+from impact_rig.core.paper import PAPER_SETUP
+from impact_rig.core.record import HitLabel
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.accelerometer import AccelerometerNode
+from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
+from impact_rig.recording.messages import block_from_msg
+
+SAMPLE = "steel small"
+
+
+@pytest.fixture
+def rig(harness):
+    """Return a function that starts the node, gives it the paper's set-up and listens."""
+
+    def start(**parameters):
+        harness.add(AccelerometerNode, minimum_subscribers=1, trigger_timeout=0.01, **parameters)
+        harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(1)))
+        return harness.listen(interfaces.ACCELERATION)
+
+    return start
+
+
+def arm(harness, sample=SAMPLE, impact=1):
+    return harness.call(
+        Arm, interfaces.ARM_ACCELEROMETER, Arm.Request(sample=sample, impact=impact, attempt=1)
+    )
+
+
+def strike(harness, record):
+    harness.advertise(interfaces.RELEASE).publish(
+        HammerRelease(record=record, sample=SAMPLE, impact=1, attempt=1, swing_time=0.001)
+    )
+
+
+def test_streams_the_virtual_hit_of_its_seed_without_loss(harness, rig):
+    blocks = rig(seed=5, block_size=700)
+    truths = harness.listen(interfaces.VIRTUAL_IMPACT)
+    answer = arm(harness)
+    assert answer.success, answer.message
+    strike(harness, answer.record)
+
+    received = [
+        block_from_msg(message) for message in blocks.wait(lambda got: bool(got) and got[-1].last)
+    ]
+
+    expected = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=5)).strike(
+        HitLabel(SAMPLE, record=answer.record)
+    )
+    assert [block.first_sample for block in received] == list(range(0, 5000, 700))
+    for channel in ("hammer", "specimen"):
+        counts = np.concatenate([getattr(block, channel).counts for block in received])
+        np.testing.assert_array_equal(counts, getattr(expected, channel).counts)
+    (truth,) = truths.wait_for_count(1)
+    assert truth.contact_time == expected.model.contact_time
+    assert list(truth.faults) == []
+
+
+def test_a_missed_trigger_is_said_by_an_empty_last_block(harness, rig):
+    blocks = rig(scheduled_faults="1:missed_trigger")
+    strike(harness, arm(harness).record)
+    (block,) = blocks.wait_for_count(1)
+    assert (block.triggered, block.last, len(block.hammer.counts)) == (False, True, 0)
+
+
+def test_says_armed_and_idle_around_each_record(harness, rig):
+    blocks = rig()
+    states = harness.listen(interfaces.ACQUISITION_STATE)
+    record = arm(harness).record
+    states.wait(lambda got: got[-1:] and got[-1].state == AcquisitionState.ARMED)
+    strike(harness, record)
+    blocks.wait(lambda got: bool(got) and got[-1].last)
+    states.wait(lambda got: got[-1].message == "record complete")
+    assert states.messages[-1].state == AcquisitionState.IDLE
+
+
+def test_a_release_for_another_record_does_nothing(harness, rig):
+    blocks = rig()
+    record = arm(harness).record
+    strike(harness, record + 7)
+    strike(harness, record)
+    blocks.wait(lambda got: bool(got) and got[-1].last)
+    assert {block.record for block in blocks.messages} == {record}
+
+
+def test_refuses_an_unknown_sample_by_name(harness, rig):
+    rig()
+    answer = arm(harness, sample="tin")
+    assert not answer.success
+    assert "unknown sample 'tin'" in answer.message
+    assert "'steel small'" in answer.message
+
+
+def test_refuses_to_arm_twice_until_disarmed(harness, rig):
+    rig()
+    assert arm(harness).success
+    assert "already armed" in arm(harness).message
+    assert harness.call(Trigger, interfaces.DISARM_ACCELEROMETER).success
+    assert arm(harness).success
+
+
+def test_an_impossible_plant_leaves_the_node_unconfigured_and_says_why(harness):
+    diagnostics = interfaces.Topic("diagnostics", DiagnosticArray, interfaces.ACCELERATION.qos)
+    seen = harness.listen(diagnostics)
+    node = harness.add(AccelerometerNode, plant="jelly")
+    assert not node.is_active
+    status = seen.wait_for_count(1)[0].status[0]
+    assert status.level == DiagnosticStatus.ERROR
+    assert "'jelly'" in status.message
+    assert "published" in status.message

@@ -1,0 +1,165 @@
+"""A campaign strikes until every sample has its hits, and stops with a reason when it cannot."""
+
+import pytest
+from action_msgs.msg import GoalStatus
+from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.srv import ConfirmSample
+from rclpy.action import ActionClient
+from std_srvs.srv import Trigger
+
+from impact_rig.core.paper import CONTROL_SAMPLE
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.accelerometer import AccelerometerNode
+from impact_rig.nodes.campaign import CampaignNode
+from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.nodes.hammer import HammerNode
+
+
+@pytest.fixture
+def start(harness):
+    """Return a function that starts the rig's nodes and returns a client of the campaign."""
+
+    def run(namespace="", **accelerometer):
+        harness.add(HammerNode, namespace=namespace, swing_time=0.001, require_recorder=False)
+        harness.add(
+            AccelerometerNode,
+            namespace=namespace,
+            minimum_subscribers=1,
+            trigger_timeout=0.001,
+            **accelerometer,
+        )
+        harness.add(EstimatorNode, namespace=namespace)
+        harness.add(CampaignNode, namespace=namespace)
+        client = ActionClient(harness.peer, RunCampaign, f"{namespace}/{interfaces.RUN_CAMPAIGN}")
+        harness.wait_until(client.server_is_ready)
+        return client
+
+    return run
+
+
+def run(harness, client, *, follow=None, **goal):
+    handle = harness.wait(client.send_goal_async(RunCampaign.Goal(**goal), follow))
+    return harness.wait(handle.get_result_async())
+
+
+def test_every_sample_gets_its_hits_and_its_numbers(harness, start):
+    feedback = harness.make_collector()
+    answer = run(
+        harness,
+        start(),
+        samples=["steel small", CONTROL_SAMPLE],
+        impacts=3,
+        follow=lambda message: feedback.take(message.feedback),
+    )
+    assert answer.status == GoalStatus.STATUS_SUCCEEDED
+    assert answer.result.success
+    by_name = {item.sample: item for item in answer.result.samples}
+    assert {name: item.impacts_accepted for name, item in by_name.items()} == {
+        "steel small": 3,
+        CONTROL_SAMPLE: 3,
+    }
+    # Table 3, with three hits of 0.3 % scatter.
+    assert by_name["steel small"].stiffness == pytest.approx(29.18e6, rel=0.05)
+    assert answer.result.hammer.stiffness == pytest.approx(22.54e6, rel=0.02)
+    steps = [(item.sample, item.impact) for item in feedback.messages if item.impact]
+    assert steps == [(name, i) for name in ("steel small", CONTROL_SAMPLE) for i in (1, 2, 3)]
+
+
+def test_works_in_a_namespace(harness, start):
+    answer = run(harness, start(namespace="/rig7"), samples=[CONTROL_SAMPLE], impacts=1)
+    assert answer.result.success, answer.result.message
+
+
+def test_a_rejected_hit_is_repeated_and_reported(harness, start):
+    answer = run(
+        harness,
+        start(scheduled_faults="2:overload, 3:missed_trigger"),
+        samples=["brass large"],
+        impacts=3,
+    )
+    assert answer.result.success
+    assert answer.result.samples[0].impacts_accepted == 3
+    assert [(hit.impact, hit.attempt) for hit in answer.result.rejected] == [(2, 1), (3, 1)]
+    assert answer.result.rejected[0].reasons[0].startswith("overload")
+
+
+def test_gives_up_after_the_limit_and_keeps_what_there_is(harness, start):
+    answer = run(
+        harness,
+        start(fault_probability=1.0, faults="weak_hit"),
+        samples=["steel small"],
+        impacts=2,
+        attempts_per_impact=3,
+    )
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert "3 hits in a row were rejected" in answer.result.message
+    assert "weak" in answer.result.message
+    assert len(answer.result.rejected) == 3
+
+
+@pytest.mark.parametrize(
+    ("goal", "word"),
+    [
+        ({"samples": ["tin"], "impacts": 1}, "unknown sample 'tin'"),
+        ({"samples": ["steel small"], "impacts": 0}, "impacts is 0"),
+        ({"samples": ["steel small", "steel small"], "impacts": 1}, "asked for twice"),
+    ],
+)
+def test_an_impossible_goal_is_refused_by_name(harness, start, goal, word):
+    answer = run(harness, start(), **goal)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert word in answer.result.message
+
+
+def test_waits_for_the_sample_that_a_person_mounts(harness, start):
+    feedback = harness.make_collector()
+    client = start()
+    goal = RunCampaign.Goal(samples=["steel small"], impacts=1, confirm_samples=True)
+    handle = harness.wait(
+        client.send_goal_async(goal, lambda message: feedback.take(message.feedback))
+    )
+    feedback.wait(lambda got: got[-1:] and got[-1].phase == got[-1].WAITING_FOR_SAMPLE)
+
+    wrong = harness.call(
+        ConfirmSample, interfaces.CONFIRM_SAMPLE, ConfirmSample.Request(sample="brass large")
+    )
+    assert "waiting for 'steel small'" in wrong.message
+    right = harness.call(
+        ConfirmSample, interfaces.CONFIRM_SAMPLE, ConfirmSample.Request(sample="steel small")
+    )
+    assert right.success
+    assert harness.wait(handle.get_result_async()).result.success
+
+
+def test_cancelling_ends_it_with_the_hammer_disarmed(harness, start):
+    feedback = harness.make_collector()
+    client = start()
+    states = harness.listen(interfaces.HAMMER_STATE)
+    goal = RunCampaign.Goal(impacts=1000)
+    handle = harness.wait(
+        client.send_goal_async(goal, lambda message: feedback.take(message.feedback))
+    )
+    feedback.wait(lambda got: got[-1:] and got[-1].impact >= 2)
+
+    harness.wait(handle.cancel_goal_async())
+    answer = harness.wait(handle.get_result_async())
+
+    assert answer.status == GoalStatus.STATUS_CANCELED
+    assert "cancelled" in answer.result.message
+    assert answer.result.samples[0].impacts_accepted >= 2
+    states.wait(lambda got: not got[-1].armed)
+
+
+def test_disarming_the_hammer_stops_the_campaign_with_that_reason(harness, start):
+    feedback = harness.make_collector()
+    client = start()
+    handle = harness.wait(
+        client.send_goal_async(
+            RunCampaign.Goal(impacts=1000), lambda message: feedback.take(message.feedback)
+        )
+    )
+    feedback.wait(lambda got: got[-1:] and got[-1].impact >= 1)
+    harness.call(Trigger, interfaces.DISARM_HAMMER)
+    answer = harness.wait(handle.get_result_async())
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert "not armed" in answer.result.message

@@ -1,0 +1,105 @@
+"""The hammer goes only when the hit can be recorded, and says why otherwise."""
+
+import pytest
+from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState
+from impact_rig_msgs.srv import Release
+from std_srvs.srv import Trigger
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.hammer import HammerNode
+
+HIT = {"record": 4, "sample": "steel small", "impact": 2, "attempt": 1}
+
+
+@pytest.fixture
+def states(harness):
+    """Return publishers of what the hammer must hear from accelerometers and recorder."""
+    return harness.advertise(interfaces.ACQUISITION_STATE), harness.advertise(
+        interfaces.RECORDER_STATE
+    )
+
+
+def make_ready(harness, states, *, record=4, recording=True, arm=True):
+    acquisition, recorder = states
+    acquisition.publish(
+        AcquisitionState(state=AcquisitionState.ARMED, record=record, sample="steel small")
+    )
+    recorder.publish(RecorderState(recording=recording, message="disk full"))
+    if arm:
+        assert harness.call(Trigger, interfaces.ARM_HAMMER).success
+
+
+def release(harness, **changes):
+    return harness.call(Release, interfaces.RELEASE_HAMMER, Release.Request(**{**HIT, **changes}))
+
+
+def test_goes_when_armed_held_recorded_and_the_accelerometers_are_armed_for_this_hit(
+    harness, states
+):
+    harness.add(HammerNode, swing_time=0.01)
+    releases = harness.listen(interfaces.RELEASE)
+    hammer_states = harness.listen(interfaces.HAMMER_STATE)
+    make_ready(harness, states)
+
+    answer = release(harness)
+
+    assert answer.success, answer.message
+    (command,) = releases.wait_for_count(1)
+    assert (command.record, command.sample, command.impact, command.swing_time) == (
+        4, "steel small", 2, 0.01,
+    )  # fmt: skip
+    seen = hammer_states.wait(lambda messages: messages[-1].message == "back in the holder")
+    assert [item.state for item in seen][-2:] == [HammerState.SWINGING, HammerState.HELD]
+
+
+@pytest.mark.parametrize(
+    ("ready", "word"),
+    [
+        ({"arm": False}, "not armed: call hammer/arm"),
+        ({"record": 3}, "armed for record 3"),
+        ({"recording": False}, "disk full"),
+    ],
+)
+def test_refuses_with_the_reason(harness, states, ready, word):
+    harness.add(HammerNode, swing_time=0.01)
+    releases = harness.listen(interfaces.RELEASE)
+    make_ready(harness, states, **ready)
+
+    answer = release(harness)
+
+    assert not answer.success
+    assert word in answer.message
+    assert not releases.messages
+
+
+def test_refuses_while_the_accelerometers_are_silent(harness):
+    harness.add(HammerNode)
+    assert harness.call(Trigger, interfaces.ARM_HAMMER).success
+    assert "accelerometers are not armed" in release(harness).message
+
+
+def test_does_not_need_a_recorder_if_told_so(harness, states):
+    harness.add(HammerNode, swing_time=0.01, require_recorder=False)
+    make_ready(harness, states, recording=False)
+    assert release(harness).success
+
+
+def test_cannot_go_twice_in_one_swing(harness, states):
+    harness.add(HammerNode, swing_time=60.0)
+    make_ready(harness, states)
+    assert release(harness).success
+    assert "not in its holder" in release(harness).message
+
+
+def test_disarming_takes_the_enable_back(harness, states):
+    harness.add(HammerNode)
+    make_ready(harness, states)
+    assert harness.call(Trigger, interfaces.DISARM_HAMMER).success
+    assert "not armed" in release(harness).message
+
+
+def test_an_inactive_hammer_cannot_be_armed(harness):
+    harness.add(HammerNode, autostart=False)
+    answer = harness.call(Trigger, interfaces.ARM_HAMMER)
+    assert not answer.success
+    assert "not active" in answer.message
