@@ -108,6 +108,8 @@ def _decompress(packed: bytes, compression: str, size: int) -> bytes:
         import lz4.frame
 
         try:
+            if lz4.frame.get_frame_info(packed)["content_size"] == size:
+                return bytes(lz4.frame.decompress(packed))
             return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size))
         except (RuntimeError, EOFError):
             return b""
