@@ -1,0 +1,1 @@
+"""Model against measurement in Rerun: logging, blueprint, and where the view goes."""

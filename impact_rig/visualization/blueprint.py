@@ -1,0 +1,108 @@
+"""How the view is laid out, apart from what is logged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from impact_rig.visualization import entities
+from impact_rig.visualization.rerun_sdk import import_rerun
+
+if TYPE_CHECKING:
+    import rerun.blueprint as rrb
+
+TAB_LAST_HIT = "Last hit"
+TAB_SAMPLES = "Samples"
+TAB_PRINTED = "Samples, model as printed"
+TAB_RESULTS = "Results"
+TABS = (TAB_LAST_HIT, TAB_SAMPLES, TAB_PRINTED, TAB_RESULTS)
+
+LARGEST_GRID_WIDTH = 4
+"""Most plots side by side [-], our choice: a legend still fits into a quarter of a screen."""
+
+
+def make_blueprint(sample_names: Sequence[str], active_tab: str = TAB_LAST_HIT) -> rrb.Blueprint:
+    """Lay out the view for a sample set.
+
+    Parameters
+    ----------
+    sample_names : sequence of str
+        One plot per sample, in this order; empty: no samples are known yet.
+    active_tab : str
+        One of `TABS`.
+
+    Returns
+    -------
+    rerun.blueprint.Blueprint
+        Tabs: the last hit, the samples against both models, the results.
+
+    Raises
+    ------
+    RigError
+        If rerun-sdk is not installed.
+    """
+    rrb = import_rerun().blueprint
+    tabs = rrb.Tabs(
+        _make_last_hit(),
+        _make_grid(TAB_SAMPLES, entities.DRIVEN, sample_names),
+        _make_grid(TAB_PRINTED, entities.PRINTED, sample_names),
+        _make_results(),
+        active_tab=TABS.index(active_tab),
+    )
+    return rrb.Blueprint(
+        tabs,
+        # Plots need the time inside the hit; rerun would start with the wall clock.
+        rrb.TimePanel(timeline=entities.HIT_TIME, state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+    )
+
+
+def _make_last_hit() -> rrb.Container:
+    rrb = import_rerun().blueprint
+    return rrb.Horizontal(
+        rrb.TimeSeriesView(
+            origin="/" + "/".join(entities.HITS),
+            name="Measured acceleration [m/s²] over time in the record",
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+        ),
+        rrb.TextDocumentView(origin="/" + "/".join(entities.VERDICT), name="Verdict"),
+        column_shares=[2, 1],
+        name=TAB_LAST_HIT,
+    )
+
+
+def _make_grid(name: str, model: str, sample_names: Sequence[str]) -> rrb.Container:
+    rr = import_rerun()
+    rrb = rr.blueprint
+    columns = min(LARGEST_GRID_WIDTH, math.ceil(math.sqrt(len(sample_names))))
+    return rrb.Grid(
+        contents=[
+            rrb.TimeSeriesView(
+                origin=rr.new_entity_path([*entities.COMPARISONS, model, sample]),
+                name=sample,
+                plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+            )
+            for sample in sample_names
+        ],
+        grid_columns=max(columns, 1),
+        name=name,
+    )
+
+
+def _make_results() -> rrb.Container:
+    rrb = import_rerun().blueprint
+    return rrb.Vertical(
+        rrb.TextDocumentView(origin="/" + "/".join(entities.TABLE), name="Measured and expected"),
+        rrb.TextLogView(
+            origin="/" + "/".join(entities.LOG),
+            name="Verdicts",
+            columns=rrb.TextLogColumns(
+                timeline_columns=[rrb.encodings.TimelineColumn(entities.HIT, visible=False)],
+                text_log_columns=["LogLevel", "Body"],
+            ),
+        ),
+        row_shares=[1, 1],
+        name=TAB_RESULTS,
+    )
