@@ -38,7 +38,10 @@ PROVIDERS = {
     "rclpy": "ROS 2",
     "impact_rig_msgs": "the rig's ROS 2 interfaces",
     "rosbags": "rosbags",
-    "mcap": "mcap",
+    "zstandard": "zstandard",
+    "lz4": "lz4",
+    "honcho": "honcho",
+    "domain_coordinator": "ROS 2's domain_coordinator",
     "pint": "pint",
     "rerun": "rerun-sdk",
 }
