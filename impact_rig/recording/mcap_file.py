@@ -7,24 +7,64 @@ import os
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from impact_rig.core.errors import FileError
-from impact_rig.recording.mcap_format import (
-    MAGIC,
-    MESSAGE_HEAD,
-    RECORD_HEAD,
-    U64,
-    Channel,
-    Opcode,
-    RawMessage,
-)
-from impact_rig.recording.mcap_unpacking import (
-    ContentReader,
-    unpack_channel,
-    unpack_chunk,
-    unpack_schema,
-)
+
+if TYPE_CHECKING:
+    from mcap.records import McapRecord
+
+MAGIC = b"\x89MCAP0\r\n"
+"""First and last bytes of every file."""
+_DAMAGE = (ValueError, RuntimeError, OverflowError, MemoryError)
+"""What the container's and the compressors' libraries raise on bytes that make no sense, beside
+their own errors."""
+
+
+class Channel(NamedTuple):
+    """One topic of a file.
+
+    Attributes
+    ----------
+    id : int
+        Unique in the file.
+    topic : str
+        Full name.
+    type_name : str
+        For example `impact_rig_msgs/msg/Impact`.
+    schema : str
+        Definition of the type, as `ros2msg`.
+    metadata : dict
+        `offered_qos_profiles` and `topic_type_hash` for ROS 2.
+    """
+
+    id: int
+    topic: str
+    type_name: str
+    schema: str
+    metadata: dict[str, str]
+
+
+class RawMessage(NamedTuple):
+    """One message as it stands in the file.
+
+    Attributes
+    ----------
+    channel : Channel
+        Its topic.
+    sequence : int
+        Counted per channel.
+    log_time, publish_time : int
+        When it was received and sent, nanoseconds since the epoch.
+    data : bytes
+        Serialised.
+    """
+
+    channel: Channel
+    sequence: int
+    log_time: int
+    publish_time: int
+    data: bytes
 
 
 class McapFile:
@@ -38,15 +78,16 @@ class McapFile:
     Raises
     ------
     FileError
-        If there is no such file, or it is no MCAP file, or not of profile `ros2`.
+        If there is no such file, or it is none of MCAP with profile `ros2`.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         with self._open() as file:
             self._size = os.fstat(file.fileno()).st_size
-            self._is_complete, self._summary_start = self._find_ending(file)
             self._check_start(file)
+            file.seek(max(0, self._size - len(MAGIC)))
+            self._is_complete = file.read() == MAGIC
 
     @property
     def is_complete(self) -> bool:
@@ -54,7 +95,7 @@ class McapFile:
         return self._is_complete
 
     def read_messages(
-        self, wanted: Callable[[Channel], bool] = lambda channel: True, start: int = len(MAGIC)
+        self, wanted: Callable[[Channel], bool] = lambda channel: True
     ) -> Iterator[RawMessage]:
         """Yield messages in file order, one chunk in memory at a time.
 
@@ -62,8 +103,6 @@ class McapFile:
         ----------
         wanted : callable
             Tells whether a channel's messages are to be yielded.
-        start : int
-            Where a record begins [byte]; the first by default.
 
         Raises
         ------
@@ -71,34 +110,52 @@ class McapFile:
             If the file is damaged (other than cut off at its end), or a wanted channel is not
             in `cdr`.
         """
+        from mcap.records import Channel as ChannelRecord
+        from mcap.records import Message, Schema
+
+        schemas: dict[int, Schema] = {}
         channels: dict[int, Channel | None] = {}
-        schemas: dict[int, tuple[str, str, str]] = {}
-        for opcode, content in self._read_records(start):
-            try:
-                yield from self._read_content(opcode, content, channels, schemas, wanted)
-            except (struct.error, UnicodeDecodeError):
-                raise FileError(f"{self.path} is damaged: a record is too short") from None
-            except FileError as error:
-                raise FileError(f"{self.path}: {error}") from None
+        for record in self._read_records():
+            if isinstance(record, Message):
+                if record.channel_id not in channels:
+                    raise self._make_error("a message belongs to a channel that is not announced")
+                channel = channels[record.channel_id]
+                if channel is not None:
+                    yield RawMessage(
+                        channel,
+                        record.sequence,
+                        record.log_time,
+                        record.publish_time,
+                        record.data,
+                    )
+            elif isinstance(record, Schema):
+                schemas.setdefault(record.id, record)
+            elif isinstance(record, ChannelRecord) and record.id not in channels:
+                channel = self._make_channel(record, schemas.get(record.schema_id))
+                channels[record.id] = channel if wanted(channel) else None
+                if channels[record.id] is not None:
+                    self._check_encoding(record, schemas.get(record.schema_id))
 
     def read_channels(self) -> tuple[Channel, ...]:
         """Return all topics of the file: from its index, or else by reading all of it.
 
         Raises as `read_messages`.
         """
-        channels: dict[int, Channel] = {}
+        summary = self._read_summary()
+        if summary is not None:
+            return tuple(
+                self._make_channel(channel, summary.schemas.get(channel.schema_id))
+                for channel in summary.channels.values()
+            )
+        channels: list[Channel] = []
 
         def note(channel: Channel) -> bool:
-            channels[channel.id] = channel
+            channels.append(channel)
             return False
 
-        if self._summary_start:
-            for _ in self.read_messages(note, self._summary_start):
-                pass
-        if not channels:
-            for _ in self.read_messages(note):
-                pass
-        return tuple(channels.values())
+        for _ in self.read_messages(note):
+            pass
+        return tuple(channels)
 
     def _open(self) -> BinaryIO:
         try:
@@ -111,108 +168,83 @@ class McapFile:
             raise FileError(f"{self.path} cannot be read: {error.strerror}") from None
 
     def _check_start(self, file: BinaryIO) -> None:
+        from mcap.exceptions import McapError
+        from mcap.records import Header
+        from mcap.stream_reader import StreamReader
+
         if self._size == 0:
             raise FileError(f"{self.path} is empty: it should be an MCAP recording")
         if file.read(len(MAGIC)) != MAGIC:
             raise FileError(f"{self.path} is no MCAP recording: it does not begin like one")
-        content = self._read_record(file)
-        if content is None or content[0] != Opcode.HEADER:
-            raise FileError(f"{self.path} holds no more than the beginning of an MCAP recording")
-        try:
-            profile = ContentReader(content[1]).take_text()
-        except (struct.error, UnicodeDecodeError, FileError):
-            raise FileError(f"{self.path} is damaged: its header cannot be read") from None
-        if profile != "ros2":
-            raise FileError(
-                f"{self.path} is an MCAP file of profile {profile!r}: it should be 'ros2'"
-            )
-
-    def _find_ending(self, file: BinaryIO) -> tuple[bool, int]:
-        length = RECORD_HEAD.size + 20 + len(MAGIC)
-        file.seek(max(0, self._size - length))
-        ending = file.read()
         file.seek(0)
-        is_complete = len(ending) == length and ending.endswith(MAGIC)
-        if not is_complete or not ending.startswith(RECORD_HEAD.pack(Opcode.FOOTER, 20)):
-            return False, 0
-        start = int(U64.unpack_from(ending, RECORD_HEAD.size)[0])
-        return True, start if len(MAGIC) < start < self._size - length else 0
-
-    def _read_records(self, start: int) -> Iterator[tuple[int, bytes]]:
-        with self._open() as file:
-            file.seek(start)
-            while True:
-                record = self._read_record(file)
-                if record is None or record[0] in (Opcode.DATA_END, Opcode.FOOTER):
-                    return
-                yield record
-
-    def _read_record(self, file: BinaryIO) -> tuple[int, bytes] | None:
-        head = file.read(RECORD_HEAD.size)
-        if len(head) < RECORD_HEAD.size:
-            return None
-        opcode, length = RECORD_HEAD.unpack(head)
-        if length > self._size - file.tell():
-            if self._is_complete:
-                raise FileError(f"{self.path} is damaged: a record claims {length} bytes")
-            return None
-        return opcode, file.read(length)
-
-    def _read_content(
-        self,
-        opcode: int,
-        content: bytes,
-        channels: dict[int, Channel | None],
-        schemas: dict[int, tuple[str, str, str]],
-        wanted: Callable[[Channel], bool],
-    ) -> Iterator[RawMessage]:
-        if opcode == Opcode.CHUNK:
-            records = unpack_chunk(content)
-            position = 0
-            while position < len(records):
-                inner, length = RECORD_HEAD.unpack_from(records, position)
-                start = position + RECORD_HEAD.size
-                position = start + length
-                if position > len(records):
-                    raise FileError("a record does not end with its chunk: the file is damaged")
-                if inner == Opcode.MESSAGE:
-                    message = _read_message(records, start, position, channels)
-                    if message is not None:
-                        yield message
-                elif inner != Opcode.CHUNK:
-                    yield from self._read_content(
-                        inner, records[start:position], channels, schemas, wanted
-                    )
-        elif opcode == Opcode.MESSAGE:
-            message = _read_message(content, 0, len(content), channels)
-            if message is not None:
-                yield message
-        elif opcode == Opcode.SCHEMA:
-            number, *schema = unpack_schema(content)
-            schemas[number] = (schema[0], schema[1], schema[2])
-        elif opcode == Opcode.CHANNEL:
-            channel = unpack_channel(content, schemas)
-            if channel.id not in channels:
-                channels[channel.id] = self._check_channel(channel) if wanted(channel) else None
-
-    def _check_channel(self, channel: Channel) -> Channel:
-        if channel.encoding != "cdr" or channel.schema_encoding != "ros2msg":
+        try:
+            header = next(StreamReader(file, record_size_limit=self._size).records)
+        except (McapError, StopIteration):
             raise FileError(
-                f"topic {channel.topic!r} is in {channel.encoding!r} with a schema in"
-                f" {channel.schema_encoding!r}: 'cdr' and 'ros2msg' can be read"
+                f"{self.path} holds no more than the beginning of an MCAP recording"
+            ) from None
+        except (struct.error, UnicodeDecodeError, ValueError):
+            raise FileError(f"{self.path} is damaged: its header cannot be read") from None
+        if not isinstance(header, Header):
+            raise FileError(f"{self.path} is damaged: it has no header")
+        if header.profile != "ros2":
+            raise FileError(
+                f"{self.path} is an MCAP file of profile {header.profile!r}: it should be 'ros2'"
             )
-        return channel
 
+    def _read_summary(self) -> Any:
+        """Return the index at the end, if there is one that can be read and names topics."""
+        from mcap.exceptions import McapError
+        from mcap.reader import SeekingReader
 
-def _read_message(
-    records: bytes, start: int, stop: int, channels: dict[int, Channel | None]
-) -> RawMessage | None:
-    number, sequence, log_time, publish_time = MESSAGE_HEAD.unpack_from(records, start)
-    try:
-        channel = channels[number]
-    except KeyError:
-        raise FileError(f"a message belongs to channel {number}, which is not announced") from None
-    if channel is None:
-        return None
-    data = records[start + MESSAGE_HEAD.size : stop]
-    return RawMessage(channel, sequence, log_time, publish_time, data)
+        if not self._is_complete:
+            return None
+        try:
+            with self._open() as file:
+                reader = SeekingReader(file, validate_crcs=True, record_size_limit=self._size)
+                summary = reader.get_summary()
+        except (McapError, OSError, struct.error, ValueError, MemoryError):
+            return None
+        return summary if summary is not None and summary.channels else None
+
+    def _read_records(self) -> Iterator["McapRecord"]:
+        from mcap.exceptions import McapError
+        from mcap.records import Chunk, DataEnd, Footer
+        from mcap.stream_reader import StreamReader, breakup_chunk
+        from zstandard import ZstdError
+
+        with self._open() as file:
+            reader = StreamReader(file, emit_chunks=True, record_size_limit=self._size)
+            try:
+                for record in reader.records:
+                    if isinstance(record, (DataEnd, Footer)):
+                        return
+                    if isinstance(record, Chunk):
+                        yield from breakup_chunk(record, validate_crc=True)
+                    else:
+                        yield record
+            except (McapError, ZstdError, struct.error, *_DAMAGE) as error:
+                # What breaks at the very end of a file that was never closed was cut off there.
+                if self._is_complete or file.tell() < self._size:
+                    raise self._make_error(str(error) or type(error).__name__) from None
+
+    def _make_channel(self, record: Any, schema: Any) -> Channel:
+        if schema is None:
+            raise self._make_error(f"topic {record.topic!r} has no schema")
+        return Channel(
+            id=record.id,
+            topic=record.topic,
+            type_name=schema.name,
+            schema=schema.data.decode(errors="replace"),
+            metadata=dict(record.metadata),
+        )
+
+    def _check_encoding(self, record: Any, schema: Any) -> None:
+        if record.message_encoding != "cdr" or schema.encoding != "ros2msg":
+            raise FileError(
+                f"{self.path}: topic {record.topic!r} is in {record.message_encoding!r} with a"
+                f" schema in {schema.encoding!r}: 'cdr' and 'ros2msg' can be read"
+            )
+
+    def _make_error(self, reason: str) -> FileError:
+        return FileError(f"{self.path} is damaged: {reason}")

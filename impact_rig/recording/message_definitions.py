@@ -67,6 +67,24 @@ def find_message_definition(type_name: str) -> MessageDefinition:
     return MessageDefinition(f"{package}/msg/{name}", text, _find_type_hash(package, name))
 
 
+def is_same_definition(text: str, other: str) -> bool:
+    """Tell whether two schemas describe the same bytes: comments and blanks do not count."""
+    return _list_fields(text) == _list_fields(other)
+
+
+def _list_fields(text: str) -> dict[str, list[str]]:
+    """Return the lines of each definition in a schema, by its title; the first has none."""
+    fields: dict[str, list[str]] = {"": []}
+    title = ""
+    for line in text.splitlines():
+        if line.startswith("MSG:"):
+            title = "/".join(part for part in line[4:].strip().split("/") if part != "msg")
+            fields[title] = []
+        elif line.strip() != SEPARATOR and (content := line.partition("#")[0].split()):
+            fields[title].append(" ".join(content))
+    return fields
+
+
 def _assemble(package: str, name: str, seen: set[tuple[str, str]]) -> str:
     text = _find_share_file(package, name, ".msg").read_text(encoding="utf-8")
     parts = [text]

@@ -6,8 +6,8 @@ from typing import Any
 DEFAULT_DEPTH = 10
 """History depth where a recording does not tell it; the default of ROS 2."""
 
-_INFINITE = "    sec: 9223372036\n    nsec: 854775807\n"
-"""How ROS 2 writes a duration without limit."""
+INFINITE = 2**63 - 1
+"""How ROS 2 writes a duration without limit [ns]."""
 
 _HISTORIES = {1: "keep_last", 2: "keep_all"}
 _RELIABILITIES = {1: "reliable", 2: "best_effort"}
@@ -29,12 +29,15 @@ class OfferedQos:
         "keep_last", "keep_all" or "unknown": a publisher's history is not told to others.
     depth : int
         Of the history [messages]; 0: not known.
+    lifespan : int
+        How long a message is worth delivering [ns].
     """
 
     reliability: str = "reliable"
     durability: str = "volatile"
     history: str = "keep_last"
     depth: int = DEFAULT_DEPTH
+    lifespan: int = INFINITE
 
 
 def format_offered_qos(profiles: tuple[OfferedQos, ...]) -> str:
@@ -44,10 +47,10 @@ def format_offered_qos(profiles: tuple[OfferedQos, ...]) -> str:
         f"  depth: {profile.depth}\n"
         f"  reliability: {profile.reliability}\n"
         f"  durability: {profile.durability}\n"
-        f"  deadline:\n{_INFINITE}"
-        f"  lifespan:\n{_INFINITE}"
+        f"  deadline:\n{_format_duration(INFINITE)}"
+        f"  lifespan:\n{_format_duration(profile.lifespan)}"
         "  liveliness: automatic\n"
-        f"  liveliness_lease_duration:\n{_INFINITE}"
+        f"  liveliness_lease_duration:\n{_format_duration(INFINITE)}"
         "  avoid_ros_namespace_conventions: false"
         for profile in profiles
     )
@@ -92,6 +95,20 @@ def choose_qos(profiles: tuple[OfferedQos, ...]) -> OfferedQos:
     return OfferedQos(reliability, durability, "keep_last", depth)
 
 
+def _format_duration(nanoseconds: int) -> str:
+    seconds, rest = divmod(nanoseconds, 1_000_000_000)
+    return f"    sec: {seconds}\n    nsec: {rest}\n"
+
+
+def _parse_duration(item: Any) -> int:
+    if not isinstance(item, dict):
+        return INFINITE
+    seconds, rest = item.get("sec"), item.get("nsec")
+    if not isinstance(seconds, int) or not isinstance(rest, int):
+        return INFINITE
+    return min(seconds * 1_000_000_000 + rest, INFINITE)
+
+
 def _parse_profile(item: dict[str, Any]) -> OfferedQos:
     depth = item.get("depth", 0)
     return OfferedQos(
@@ -99,6 +116,7 @@ def _parse_profile(item: dict[str, Any]) -> OfferedQos:
         durability=_find_policy(item.get("durability"), _DURABILITIES, "volatile"),
         history=_find_policy(item.get("history"), _HISTORIES, "unknown"),
         depth=depth if isinstance(depth, int) and depth > 0 else 0,
+        lifespan=_parse_duration(item.get("lifespan")),
     )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from impact_rig.core.errors import FileError
-from impact_rig.recording.mcap_format import Channel
+from impact_rig.recording.mcap_file import Channel
 
 
 class SchemaDecoder:

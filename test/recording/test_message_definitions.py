@@ -6,7 +6,10 @@ from pathlib import Path
 import pytest
 
 from impact_rig.core.errors import FileError
-from impact_rig.recording.message_definitions import find_message_definition
+from impact_rig.recording.message_definitions import (
+    find_message_definition,
+    is_same_definition,
+)
 
 SEPARATOR = "=" * 80
 
@@ -99,3 +102,19 @@ def test_a_missing_dependency_is_named(install):
     install("demo_msgs", "Broken", "gone_msgs/Lost field\n")
     with pytest.raises(FileError, match="gone_msgs/msg/Lost"):
         find_message_definition("demo_msgs/msg/Broken")
+
+
+@pytest.mark.parametrize(
+    ("other", "same"),
+    [
+        ("# Said differently.\nInner  a # [m]\n\n=80=\nMSG: demo/msg/Inner\nbool b\n", True),
+        ("Inner a\n=80=\nMSG: demo/Inner\nint32 b\n", False),
+        ("Inner a\nbool c\n=80=\nMSG: demo/Inner\nbool b\n", False),
+        ("Inner renamed\n=80=\nMSG: demo/Inner\nbool b\n", False),
+        ("", False),
+    ],
+)
+def test_definitions_are_the_same_when_their_bytes_are(other, same):
+    text = "Inner a\n=80=\nMSG: demo/Inner\nbool b\n"
+    texts = [item.replace("=80=", SEPARATOR) for item in (text, other)]
+    assert is_same_definition(*texts) is same

@@ -11,7 +11,7 @@ from impact_rig.recording.qos_profiles import (
 )
 
 LATCHED = OfferedQos("reliable", "transient_local", "keep_last", 16)
-BEST_EFFORT = OfferedQos("best_effort", "volatile", "unknown", 0)
+BEST_EFFORT = OfferedQos("best_effort", "volatile", "unknown", 0, lifespan=10_000_000_250)
 
 
 def test_the_yaml_has_the_keys_and_values_of_rosbag2():
@@ -47,7 +47,7 @@ def test_what_cannot_be_understood_says_nothing(text):
 
 
 def test_strange_values_fall_back_to_the_defaults_of_ros():
-    text = "- {history: [], depth: x, reliability: {}, durability: 77}"
+    text = "- {history: [], depth: x, reliability: {}, durability: 77, lifespan: 3}"
     assert parse_offered_qos(text) == (OfferedQos("reliable", "volatile", "unknown", 0),)
 
 
