@@ -174,6 +174,21 @@ class McapWriter:
         self._sequences[channel] = (sequence + 1) & 0xFFFFFFFF
         self.messages += 1
 
+    def flush(self) -> None:
+        """Finish the chunk in progress, if it holds a message.
+
+        Raises
+        ------
+        FileError
+            If the chunk could not be written: chunks before it stay.
+        """
+        try:
+            # The library (pinned) offers no public way to end a chunk before it is full.
+            getattr(self._writer, "_Writer__finalize_chunk")()
+        except OSError as error:
+            self._has_failed = True
+            raise self._make_error(error) from None
+
     def close(self) -> None:
         """Finish the file and put it on disk; safe to call twice.
 

@@ -149,6 +149,19 @@ def test_the_counters_tell_what_was_written(make_recording):
     assert maker.writer.closed
 
 
+def test_what_was_flushed_is_read_while_the_file_is_still_open(make_recording):
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_block(1)
+    before = maker.writer.size
+    maker.writer.flush()
+    maker.writer.flush()
+    assert maker.writer.size > before
+    maker.add_block(2)
+    messages = list(McapFile(maker.path).read_messages())
+    assert [message.channel.topic for message in messages] == ["/setup", "/acceleration"]
+
+
 def test_a_disk_that_fills_up_is_left_in_time_for_a_sound_end(make_recording, monkeypatch):
     maker = make_recording(compression="none", chunk_size=3000)
 
