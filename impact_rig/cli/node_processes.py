@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterable
-from typing import IO, Any
+from typing import IO
 
 from honcho.manager import Manager
 from honcho.printer import Printer
@@ -16,6 +16,7 @@ from impact_rig.configuration.processes import NodeProcess
 
 STOPPED_BY_REQUEST = (0, 128 + signal.SIGINT, 128 + signal.SIGTERM)
 """Exit codes of a rig that was told to stop."""
+STANDARD_INPUT = 0
 
 
 def make_command(process: NodeProcess, namespace: str = "") -> str:
@@ -60,13 +61,14 @@ def run_nodes(
     for process in processes:
         manager.add_process(process.name, make_command(process, namespace), env=environment)
     if stop_with_input:
-        threading.Thread(target=_stop_at_end_of, args=(sys.stdin,), daemon=True).start()
+        threading.Thread(target=_stop_at_end_of_input, daemon=True).start()
     manager.loop()
     code = manager.returncode
     return 0 if code in STOPPED_BY_REQUEST else int(code or 1)
 
 
-def _stop_at_end_of(stream: Any) -> None:
-    while stream.buffer.read(1):
+def _stop_at_end_of_input() -> None:
+    # Not through sys.stdin, whose lock the nodes' processes would inherit while it is held.
+    while os.read(STANDARD_INPUT, 1):
         pass
     os.kill(os.getpid(), signal.SIGTERM)
