@@ -55,8 +55,7 @@ LIBRARIES = (
     Library("honcho", ("honcho",), "`up`"),
     Library("pint", ("pint",), "rig files"),
     Library("rosbags", ("rosbags",), "reading recordings"),
-    Library("zstandard", ("zstandard",), "compressed recordings"),
-    Library("lz4.frame", ("lz4",), "compressed recordings"),
+    Library("mcap", ("mcap",), "reading and writing recordings"),
     Library(
         "rerun",
         ("rerun-sdk",),
