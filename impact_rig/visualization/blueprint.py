@@ -42,67 +42,73 @@ def make_blueprint(sample_names: Sequence[str], active_tab: str = TAB_LAST_HIT) 
     RigError
         If rerun-sdk is not installed.
     """
-    rrb = import_rerun().blueprint
-    tabs = rrb.Tabs(
+    layout = import_rerun().blueprint
+    tabs = layout.Tabs(
         _make_last_hit(),
         _make_grid(TAB_SAMPLES, entities.DRIVEN, sample_names),
         _make_grid(TAB_PRINTED, entities.PRINTED, sample_names),
         _make_results(),
         active_tab=TABS.index(active_tab),
     )
-    return rrb.Blueprint(
+    blueprint: rrb.Blueprint = layout.Blueprint(
         tabs,
         # Plots need the time inside the hit; rerun would start with the wall clock.
-        rrb.TimePanel(timeline=entities.HIT_TIME, state="collapsed"),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
+        layout.TimePanel(timeline=entities.HIT_TIME, state="collapsed"),
+        layout.BlueprintPanel(state="collapsed"),
+        layout.SelectionPanel(state="collapsed"),
     )
+    return blueprint
 
 
 def _make_last_hit() -> rrb.Container:
-    rrb = import_rerun().blueprint
-    return rrb.Horizontal(
-        rrb.TimeSeriesView(
+    layout = import_rerun().blueprint
+    tab: rrb.Container = layout.Horizontal(
+        layout.TimeSeriesView(
             origin="/" + "/".join(entities.HITS),
             name="Measured acceleration [m/s²] over time in the record",
-            plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+            plot_legend=layout.PlotLegend(layout.Corner2D.RightTop),
         ),
-        rrb.TextDocumentView(origin="/" + "/".join(entities.VERDICT), name="Verdict"),
+        layout.TextDocumentView(origin="/" + "/".join(entities.VERDICT), name="Verdict"),
         column_shares=[2, 1],
         name=TAB_LAST_HIT,
     )
+    return tab
 
 
 def _make_grid(name: str, model: str, sample_names: Sequence[str]) -> rrb.Container:
-    rr = import_rerun()
-    rrb = rr.blueprint
+    sdk = import_rerun()
+    layout = sdk.blueprint
     columns = min(LARGEST_GRID_WIDTH, math.ceil(math.sqrt(len(sample_names))))
-    return rrb.Grid(
+    tab: rrb.Container = layout.Grid(
         contents=[
-            rrb.TimeSeriesView(
-                origin=rr.new_entity_path([*entities.COMPARISONS, model, sample]),
+            layout.TimeSeriesView(
+                origin=sdk.new_entity_path([*entities.COMPARISONS, model, sample]),
                 name=sample,
-                plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+                plot_legend=layout.PlotLegend(layout.Corner2D.RightTop),
             )
             for sample in sample_names
         ],
         grid_columns=max(columns, 1),
         name=name,
     )
+    return tab
 
 
 def _make_results() -> rrb.Container:
-    rrb = import_rerun().blueprint
-    return rrb.Vertical(
-        rrb.TextDocumentView(origin="/" + "/".join(entities.TABLE), name="Measured and expected"),
-        rrb.TextLogView(
+    layout = import_rerun().blueprint
+    tab: rrb.Container = layout.Vertical(
+        layout.TextDocumentView(
+            origin="/" + "/".join(entities.TABLE), name="Measured and expected"
+        ),
+        layout.TextLogView(
             origin="/" + "/".join(entities.LOG),
             name="Verdicts",
-            columns=rrb.TextLogColumns(
-                timeline_columns=[rrb.encodings.TimelineColumn(entities.HIT, visible=False)],
+            columns=layout.TextLogColumns(
+                timeline_columns=[layout.encodings.TimelineColumn(entities.HIT, visible=False)],
                 text_log_columns=["LogLevel", "Body"],
             ),
         ),
         row_shares=[1, 1],
         name=TAB_RESULTS,
     )
+    return tab

@@ -79,17 +79,17 @@ def open_destinations(
         )
     if connect:
         check_viewer_address(connect)
-    rr = import_rerun()
+    sdk = import_rerun()
     # What is logged is closed by us; Rerun's own wait at exit for a stuck viewer has no end.
-    rr.unregister_shutdown()
+    sdk.unregister_shutdown()
     opened: list[Destination] = []
     openers: list[Callable[[], Destination]] = []
     if output:
-        opened.append(_open_file(rr, Path(output), notify))
+        opened.append(_open_file(sdk, Path(output), notify))
     if connect:
-        openers.append(lambda: _open_connection(rr, connect, notify))
+        openers.append(lambda: _open_connection(sdk, connect, notify))
     if spawn:
-        openers.append(lambda: _open_viewer(rr, notify))
+        openers.append(lambda: _open_viewer(sdk, notify))
     failures: list[RigError] = []
     for opener in openers:
         try:
@@ -125,27 +125,27 @@ def check_viewer_address(address: str) -> tuple[str, int]:
     return parts.hostname or "", port
 
 
-def _make_stream(rr: Any, sink: Any) -> rr.RecordingStream:
-    stream = rr.RecordingStream(entities.APPLICATION, recording_id=uuid4())
+def _make_stream(sdk: Any, sink: Any) -> rr.RecordingStream:
+    stream: rr.RecordingStream = sdk.RecordingStream(entities.APPLICATION, recording_id=uuid4())
     stream.set_sinks(sink)
     return stream
 
 
-def _open_file(rr: Any, path: Path, notify: Notice) -> Destination:
+def _open_file(sdk: Any, path: Path, notify: Notice) -> Destination:
     if path.suffix != ".rrd":
         raise FileError(f"output is {str(path)!r}: it must end in .rrd")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # Tried first: Rerun would say why not in its own words, on another channel.
         path.open("ab").close()
-        stream = _make_stream(rr, rr.FileSink(str(path)))
+        stream = _make_stream(sdk, sdk.FileSink(str(path)))
     except (OSError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise FileError(f"{path} cannot be written: {reason}") from error
     return Destination(str(path), stream, FILE_REFRESH_PERIOD, notify)
 
 
-def _open_connection(rr: Any, address: str, notify: Notice) -> Destination:
+def _open_connection(sdk: Any, address: str, notify: Notice) -> Destination:
     host, port = check_viewer_address(address)
     try:
         socket.create_connection((host, port), timeout=CONNECT_TIMEOUT).close()
@@ -154,20 +154,20 @@ def _open_connection(rr: Any, address: str, notify: Notice) -> Destination:
             f"no viewer answers at {address}: start one there with"
             f" rerun --bind {LOOPBACK} --port {port}"
         ) from error
-    stream = _make_stream(rr, rr.GrpcSink(address))
+    stream = _make_stream(sdk, sdk.GrpcSink(address))
     return Destination(f"the viewer at {address}", stream, VIEWER_REFRESH_PERIOD, notify)
 
 
-def _open_viewer(rr: Any, notify: Notice) -> Destination:
+def _open_viewer(sdk: Any, notify: Notice) -> Destination:
     screens = ("DISPLAY", "WAYLAND_DISPLAY")
     if sys.platform == "linux" and not any(os.environ.get(name) for name in screens):
         raise DeviceError(
             "no screen for a viewer (neither DISPLAY nor WAYLAND_DISPLAY is set): write the view"
             " to a file by setting output, or connect to a viewer elsewhere"
         )
-    relay = rr.GrpcServerSink(LOOPBACK, _find_free_port(), server_memory_limit=RELAY_MEMORY)
+    relay = sdk.GrpcServerSink(LOOPBACK, _find_free_port(), server_memory_limit=RELAY_MEMORY)
     address = relay.uri
-    stream = _make_stream(rr, relay)
+    stream = _make_stream(sdk, relay)
     command = ["--connect", address, "--bind", LOOPBACK, "--port", "auto"]
     viewer = subprocess.Popen(
         [sys.executable, "-m", "rerun", *command],

@@ -237,11 +237,12 @@ class ViewLog:
 
     def _make_column(self, values: NDArray[Any]) -> rr.ComponentColumn:
         rows, columns = values.shape
-        return self._rr.ComponentColumn(
+        column: rr.ComponentColumn = self._rr.ComponentColumn(
             self._rr.Scalars.descriptor_scalars(),
             _SinglePrecision(values),
             offsets=np.arange(0, rows * columns + 1, columns, dtype=np.int32),
         )
+        return column
 
     def _supersede(self, family: tuple[str, ...], series: int, has_contact: bool = False) -> str:
         """Hide a family's present version and return the entity path of its next one."""
@@ -250,15 +251,18 @@ class ViewLog:
         self._versions[family] = version + 1
         if version > 0:
             last = rr.new_entity_path([*family, version])
-            hidden = {"names": [entities.EARLIER], "colors": [entities.EARLIER_COLOUR]}
-            lines = {key: value * series for key, value in hidden.items()}
-            self._stream.log(
-                last,
-                rr.SeriesLines.from_fields(visible_series=[False] * series, **lines),
-                static=True,
+            lines = rr.SeriesLines.from_fields(
+                visible_series=[False] * series,
+                names=[entities.EARLIER] * series,
+                colors=[entities.EARLIER_COLOUR] * series,
             )
+            self._stream.log(last, lines, static=True)
             if has_contact:
-                points = rr.SeriesPoints.from_fields(visible_series=[False], **hidden)
+                points = rr.SeriesPoints.from_fields(
+                    visible_series=[False],
+                    names=[entities.EARLIER],
+                    colors=[entities.EARLIER_COLOUR],
+                )
                 self._stream.log(f"{last}/contact", points, static=True)
         return str(rr.new_entity_path([*family, version + 1]))
 

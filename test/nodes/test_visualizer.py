@@ -1,0 +1,134 @@
+"""The visualizer shows what the rig says over real DDS."""
+
+import numpy as np
+import pytest
+from lifecycle_msgs.msg import State
+
+from impact_rig.core.paper import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.record import HitLabel
+from impact_rig.devices.virtual.faults import Fault, FaultPlan, ScheduledFault
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
+from impact_rig.nodes.visualizer import VisualizerNode
+
+pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+
+SETUP = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
+FAULTS = FaultPlan(scheduled=(ScheduledFault(Fault.WEAK_HIT, 2),))
+
+
+def strike(record, impact):
+    """Hit the control sample; the second impact is a weak one."""
+    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(faults=FAULTS))
+    return rig.strike(HitLabel(CONTROL_SAMPLE, record=record, impact=impact))
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Return a function that reads the view back with Rerun's own reader."""
+    import rerun
+
+    def run():
+        reader = rerun.chunk.RrdReader(str(tmp_path / "run" / "session.rrd"))
+        return reader, reader.stream().to_chunks()
+
+    return run
+
+
+def find_column(chunks, entity, column):
+    return [
+        value.as_py()
+        for chunk in chunks
+        if chunk.entity_path == entity
+        for batch in [chunk.to_record_batch()]
+        if column in batch.schema.names
+        for value in batch.column(column)
+    ]
+
+
+def test_hits_verdicts_comparison_and_table_end_up_in_the_file(harness, tmp_path, read):
+    harness.add(EstimatorNode)
+    output = tmp_path / "run" / "session.rrd"
+    node = harness.add(VisualizerNode, output=str(output))
+    estimates = harness.listen(interfaces.ESTIMATE)
+    impacts = harness.listen(interfaces.IMPACT)
+    harness.advertise(interfaces.SETUP).publish(SETUP)
+    publisher = harness.advertise(interfaces.ACCELERATION)
+    harness.wait_until(lambda: publisher.get_subscription_count() == 2)
+    hits = [strike(1, 1), strike(2, 2)]
+    for hit in hits:
+        for block in hit.split(1000, 10**18):
+            publisher.publish(block_to_msg(block))
+    impacts.wait_for_count(2)
+    estimates.wait_for_count(1)
+    harness.wait_until(lambda: node.diagnose()["hits"] == 2)
+    harness.wait_until(lambda: node.diagnose()["comparisons"] == 2)
+    # Setup, ten blocks, two verdicts, estimate, hammer, two comparisons.
+    harness.wait_until(lambda: node.messages_handled == 17)
+    node.close()
+
+    reader, chunks = read()
+    assert len(reader.blueprints()) == 1
+    for i, hit in enumerate(hits, start=1):
+        rows = np.array(find_column(chunks, f"/hits/{i}", "Scalars:scalars"))
+        assert rows.shape == (5000, 2)
+        for channel, column in ((hit.hammer, 0), (hit.specimen, 1)):
+            peak = np.max(np.abs(channel.counts * channel.scale))
+            assert np.max(np.abs(rows[:, column])) == pytest.approx(peak, rel=1e-6)
+    (table,) = find_column(chunks, "/results", "TextDocument:text")[-1]
+    assert "aluminium large" in table
+    assert "212.00" in table
+    assert "paper" in table
+    levels = find_column(chunks, "/log", "TextLog:level")
+    assert sorted(levels) == [["INFO"], ["WARN"]]
+    (rejected,) = [
+        text for (text,) in find_column(chunks, "/log", "TextLog:text") if "rejected" in text
+    ]
+    assert "weak" in rejected
+    for model in ("driven", "printed"):
+        rows = find_column(chunks, rf"/comparisons/{model}/aluminium\ large/1", "Scalars:scalars")
+        assert np.max(np.array(rows), axis=0) == pytest.approx(np.ones(4), abs=1e-6)
+
+
+def test_what_was_said_before_it_came_is_shown_too(harness, tmp_path, read):
+    harness.advertise(interfaces.SETUP).publish(SETUP)
+    node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
+    harness.wait_until(lambda: node.messages_handled == 1)
+    node.close()
+
+    reader, _ = read()
+    assert len(reader.blueprints()) == 1
+
+
+def test_it_works_in_a_namespace(harness, tmp_path, read):
+    node = harness.add(
+        VisualizerNode, namespace="lab/rig1", output=str(tmp_path / "run" / "session.rrd")
+    )
+    publisher = harness.peer.create_publisher(
+        interfaces.SETUP.type, "lab/rig1/setup", interfaces.SETUP.qos
+    )
+    publisher.publish(SETUP)
+    harness.wait_until(lambda: node.messages_handled == 1)
+    node.close()
+    reader, _ = read()
+    assert len(reader.blueprints()) == 1
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        ({}, "set output to the path of an .rrd file"),
+        ({"output": "view.txt"}, "must end in .rrd"),
+        ({"connect": "nowhere"}, "rerun+http://127.0.0.1:9876/proxy"),
+    ],
+)
+def test_a_view_that_goes_nowhere_fails_to_configure_and_says_what_to_set(
+    harness, parameters, expected
+):
+    node = harness.add(VisualizerNode, **parameters)
+
+    assert not node.is_active
+    assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
+    assert expected in node._fault
