@@ -67,6 +67,7 @@ def command(
     from impact_rig.cli.node_processes import run_nodes  # noqa: PLC0415
 
     rig = options.load_rig_file(rig_file)
+    overrides = options.parse_settings(settings)
     folder = options.make_run_folder(output)
     options.set_discovery(network=network)
     processes = list_rig_processes(
@@ -76,7 +77,7 @@ def command(
         record=record,
         visualize=visualizer,
         viewer_url=viewer,
-        overrides=options.parse_settings(settings),
+        overrides=overrides,
     )
     log = log_file.open("w", encoding="utf-8") if log_file else sys.stdout
     code = run_nodes(processes, log, namespace=namespace, stop_with_input=stop_with_input)

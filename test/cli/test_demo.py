@@ -1,0 +1,174 @@
+"""The demo: real processes from hammer release to the table, and the recording they leave."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+PATIENCE = 120.0
+"""How long a demo may take before the test fails [s]."""
+
+
+def start_rig_command(*arguments, folder, **options):
+    environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
+    return subprocess.Popen(
+        [sys.executable, "-m", "impact_rig.cli.main", *map(str, arguments)],
+        cwd=folder,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+def run_rig_command(*arguments, folder):
+    process = start_rig_command(*arguments, folder=folder)
+    output, errors = process.communicate(timeout=PATIENCE)
+    return process.returncode, output, errors
+
+
+def read_with_mcap_ros2(path: Path) -> dict[str, int]:
+    counts: dict[str, int] = {}
+    with path.open("rb") as stream:
+        for _, channel, _, message in make_reader(
+            stream, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
+            assert message is not None
+            counts[channel.topic] = counts.get(channel.topic, 0) + 1
+    return counts
+
+
+def read_with_rosbags(path: Path) -> dict[str, int]:
+    counts: dict[str, int] = {}
+    with AnyReader([path]) as reader:
+        for connection, _, data in reader.messages():
+            assert reader.deserialize(data, connection.msgtype) is not None
+            counts[connection.topic] = counts.get(connection.topic, 0) + 1
+    return counts
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    """Run one small demo with two faults, for the tests that look at what it left."""
+    folder = tmp_path_factory.mktemp("demo")
+    code, output, errors = run_rig_command(
+        "demo", "--samples", "steel small", "aluminium large", "--impacts", "3", "--seed", "7",
+        "--faults", "0.2", "--output", "run", folder=folder,
+    )  # fmt: skip
+    assert code == 0, errors
+    return folder / "run", output, errors
+
+
+def test_prints_the_tables_and_says_where_everything_is(demo):
+    folder, output, errors = demo
+    for word in ("Table 2", "Table 3", "Table 4", "steel small", "aluminium large", "hammer"):
+        assert word in output
+    assert "results.json" in errors
+    assert "session.mcap" in errors
+    assert {"session.mcap", "session.rrd", "results.json", "nodes.log"} <= {
+        path.name for path in folder.iterdir()
+    }
+
+
+def test_the_analysis_of_the_recording_gives_the_same_results_bit_for_bit(demo):
+    folder, _, _ = demo
+    code, output, errors = run_rig_command(
+        "analyze", folder / "session.mcap", "--json", folder=folder
+    )
+    assert code == 0, errors
+    live = json.loads((folder / "results.json").read_text("utf-8"))
+    assert json.loads(output) == live
+    assert [sample["impacts_accepted"] for sample in live["samples"]] == [3, 3]
+
+
+def test_the_same_seed_gives_identical_results(demo):
+    folder, _, _ = demo
+    code, _, errors = run_rig_command(
+        "demo", "--samples", "steel small", "aluminium large", "--impacts", "3", "--seed", "7",
+        "--faults", "0.2", "--output", "again", folder=folder,
+    )  # fmt: skip
+    assert code == 0, errors
+    assert (folder / "again" / "results.json").read_bytes() == (
+        folder / "results.json"
+    ).read_bytes()
+
+
+def test_every_rejection_names_the_fault_that_was_injected(demo):
+    folder, _, _ = demo
+    results = json.loads((folder / "results.json").read_text("utf-8"))
+    assert results["rejections"], "every sixth hit or so should be bad"
+    for rejection in results["rejections"]:
+        assert rejection["reasons"]
+        assert rejection["injected_faults"]
+
+
+@pytest.mark.parametrize("read", [read_with_rosbags, read_with_mcap_ros2])
+def test_other_peoples_readers_find_every_message_of_every_topic(demo, read):
+    folder, _, _ = demo
+    results = json.loads((folder / "results.json").read_text("utf-8"))
+    hits = 6 + len(results["rejections"])
+    counts = read(folder / "session.mcap")
+    assert counts["/setup"] >= 1
+    assert counts["/impact"] == counts["/release"] == counts["/virtual_impact"] == hits
+    # steel small comes first, and again with each control hit once k1 is known.
+    assert counts["/estimate"] == 3 + 3 + 3
+    assert counts["/acceleration"] >= 5 * 6
+    assert counts["/diagnostics"] >= 1
+
+
+def test_ctrl_c_in_the_middle_ends_everything_and_leaves_a_recording_that_reads(tmp_path):
+    process = start_rig_command(
+        "demo", "--impacts", "500", "--output", "run", folder=tmp_path, start_new_session=True
+    )
+    log = tmp_path / "run" / "nodes.log"
+    for line in process.stderr:
+        if "sample 1 of 12" in line:
+            break
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130
+    assert "session.mcap" in errors
+    recording = tmp_path / "run" / "session.mcap"
+    assert read_with_rosbags(recording) == read_with_mcap_ros2(recording)
+    for number in (
+        int(line.rpartition("pid=")[2].rstrip(")\n"))
+        for line in log.read_text("utf-8").splitlines()
+        if "started (pid=" in line
+    ):
+        with pytest.raises(ProcessLookupError):
+            os.kill(number, 0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("demo", "--samples", "tin"), "unknown sample 'tin'"),
+        (("demo", "--rig-file", "absent.toml"), "there is no rig file absent.toml"),
+        (("up", "--set", "hammer=3"), "write NODE.PARAMETER=VALUE"),
+        (("up", "--set", "crane.speed=3"), "no node 'crane'"),
+    ],
+)
+def test_bad_input_gets_one_sentence_and_leaves_nothing(tmp_path, arguments, word):
+    code, output, errors = run_rig_command(*arguments, folder=tmp_path)
+    assert code == 2
+    assert word in errors
+    assert errors.count("\n") == 1
+    assert "Traceback" not in output + errors
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_holds_a_run_is_never_written_again(demo):
+    folder, _, _ = demo
+    before = (folder / "session.mcap").read_bytes()
+    code, _, errors = run_rig_command("demo", "--output", folder, folder=folder)
+    assert code == 2
+    assert "already holds a run" in errors
+    assert (folder / "session.mcap").read_bytes() == before
