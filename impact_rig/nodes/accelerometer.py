@@ -18,10 +18,11 @@ from impact_rig.devices.virtual.faults import (
 from impact_rig.devices.virtual.plants import Plant
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces, messages
-from impact_rig.nodes.rig_node import RigNode, run_node
+from impact_rig.nodes.process import run_node
+from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recording.messages import setup_from_msg
 
-CONNECTION_TIMEOUT = 5.0
+CONNECTION_TIMEOUT = 10.0
 """How long arming may wait for estimator and recorder to connect [s], our choice."""
 
 
@@ -80,8 +81,10 @@ class AccelerometerNode(RigNode):
         self.declare("fault_probability", 0.0, "of each fault, drawn for each hit [-]",
                      low=0.0, high=1.0)  # fmt: skip
         self.declare("faults", "", f"those drawn, by commas; empty: all of {faults}")
-        self.declare("scheduled_faults", "",
-                     "IMPACT:FAULT or SAMPLE/IMPACT:FAULT by commas, at the first attempt")  # fmt: skip
+        self.declare(
+            "scheduled_faults", "",
+            "IMPACT:FAULT or SAMPLE/IMPACT:FAULT by commas, at the first attempt",
+        )  # fmt: skip
         for name, description, high in (
             ("sampling_rate", "[Hz]", 1e9),
             ("record_duration", "[s]", 3600.0),

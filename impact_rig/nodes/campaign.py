@@ -19,7 +19,8 @@ from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.paper import PAPER_SETUP
 from impact_rig.core.samples import RigSetup
 from impact_rig.nodes import interfaces, messages
-from impact_rig.nodes.rig_node import RigNode, run_node
+from impact_rig.nodes.process import run_node
+from impact_rig.nodes.rig_node import RigNode
 
 CONFIRMATION_TIMEOUT = 24 * 3600.0
 """How long a person may take to mount a sample [s]: a campaign may wait overnight."""

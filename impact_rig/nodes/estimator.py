@@ -11,7 +11,8 @@ from impact_rig.core.estimation import SampleEstimate
 from impact_rig.core.hit import JudgedHit
 from impact_rig.core.session import Session
 from impact_rig.nodes import interfaces, messages
-from impact_rig.nodes.rig_node import RigNode, run_node
+from impact_rig.nodes.process import run_node
+from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recording.messages import block_from_msg, setup_from_msg
 
 WAITING_BLOCKS = 1000

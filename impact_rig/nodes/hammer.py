@@ -7,7 +7,8 @@ from impact_rig_msgs.srv import Release
 from std_srvs.srv import Trigger
 
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.rig_node import RigNode, run_node
+from impact_rig.nodes.process import run_node
+from impact_rig.nodes.rig_node import RigNode
 
 READINESS_TIMEOUT = 1.0
 """How long a release may wait for the word of accelerometers and recorder [s], our choice: their

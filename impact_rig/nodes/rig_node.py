@@ -1,25 +1,13 @@
-"""What all nodes of the rig share: parameters, lifecycle, diagnostics and a clean end."""
+"""What all nodes of the rig share: parameters, lifecycle, waiting and diagnostics."""
 
-import os
-import signal
-import socket
-import sys
-import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.exceptions import (
-    InvalidParameterTypeException,
-    InvalidParameterValueException,
-)
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from impact_rig.core.errors import DeviceError, RigError
@@ -29,13 +17,9 @@ DIAGNOSTIC_PERIOD = 1.0
 """Time between two diagnostic messages [s]: the convention of diagnostic aggregators."""
 WAITING_PERIOD = 0.05
 """How often a condition without a callback is looked at [s], our choice."""
-SERVICE_TIMEOUT = 10.0
+SERVICE_TIMEOUT = 20.0
 """How long another node may take to appear or answer [s], our choice: six Python processes start
 in seconds on two cores."""
-DRAIN_QUIET = 0.1
-"""How long nothing may have come before the queues count as empty at the end [s]."""
-DRAIN_TIMEOUT = 2.0
-"""How long emptying the queues at the end may take [s], below what process managers grant."""
 
 
 class RigNode(LifecycleNode):
@@ -291,75 +275,3 @@ class RigNode(LifecycleNode):
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
-
-
-def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None) -> int:
-    """Run one node until it is told to stop; close it cleanly whatever happens.
-
-    Parameters
-    ----------
-    make_node : callable
-        Returns the node; called once ROS is up.
-    argv : sequence of str, optional
-        Command line, ROS arguments included; the process's own by default.
-
-    Returns
-    -------
-    int
-        Exit code: 0 after a stop that was asked for, 2 after an impossible parameter.
-    """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    # rclpy's own handler would tear the context down under the node: nothing that is still in
-    # the queues could be recorded, and no last word published.
-    rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
-    executor = SingleThreadedExecutor()
-    _stop_on_signals(executor)
-    node = None
-    try:
-        node = make_node()
-        executor.add_node(node)
-        node.autostart()
-        executor.spin()
-        _drain(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except (InvalidParameterTypeException, InvalidParameterValueException, RigError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    finally:
-        if node is not None:
-            node.close()
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
-
-
-def _stop_on_signals(executor: SingleThreadedExecutor) -> None:
-    """Let SIGINT and SIGTERM end `executor.spin`, even while it waits inside the middleware."""
-    reader, writer = socket.socketpair()
-    writer.setblocking(False)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: None)
-    signal.set_wakeup_fd(writer.fileno())
-
-    def wait() -> None:
-        reader.recv(1)
-        # The socket must outlive the function: the signal handler writes to it.
-        executor.shutdown(timeout_sec=0.0)
-        writer.fileno()
-
-    threading.Thread(target=wait, daemon=True).start()
-
-
-def _drain(node: RigNode) -> None:
-    """Work off what is still in the queues, as long as there is anything, for a bounded time."""
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    deadline = time.monotonic() + DRAIN_TIMEOUT
-    quiet_since = time.monotonic()
-    handled = node.messages_handled
-    while time.monotonic() < deadline and time.monotonic() - quiet_since < DRAIN_QUIET:
-        executor.spin_once(timeout_sec=DRAIN_QUIET)
-        if node.messages_handled != handled:
-            handled, quiet_since = node.messages_handled, time.monotonic()
-    executor.remove_node(node)

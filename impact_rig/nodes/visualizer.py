@@ -17,7 +17,8 @@ from impact_rig_msgs.msg import (
 
 from impact_rig.core.samples import SampleSet
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.rig_node import RigNode, run_node
+from impact_rig.nodes.process import run_node
+from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recording.messages import (
     block_from_msg,
     label_from_msg,
