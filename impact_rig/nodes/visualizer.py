@@ -68,6 +68,8 @@ class VisualizerNode(RigNode):
             spawn=self.get_value("spawn"),
             notify=self.get_logger().warning,
         )
+        self._samples = None
+        self._estimates.clear()
 
     def activate(self) -> None:
         """Listen; what was said last before is heard now."""
@@ -113,10 +115,11 @@ class VisualizerNode(RigNode):
 
     def _begin(self, message: RigSetup) -> None:
         setup = setup_from_msg(message)
-        if setup.samples != self._samples:
+        # A layout sent again would undo what the user has arranged.
+        if self._samples is None or setup.samples.names != self._samples.names:
             self._estimates.clear()
+            self._put(lambda log: log.log_setup(setup.name, setup.samples.names))
         self._samples = setup.samples
-        self._put(lambda log: log.log_setup(setup.name, setup.samples.names))
         self._put_table()
 
     def _take_block(self, message: AccelerationBlock) -> None:

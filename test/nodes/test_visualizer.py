@@ -103,6 +103,19 @@ def test_what_was_said_before_it_came_is_shown_too(harness, tmp_path, read):
     assert len(reader.blueprints()) == 1
 
 
+def test_a_setup_that_is_said_again_leaves_the_layout_alone(harness, tmp_path, read):
+    node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
+    publisher = harness.advertise(interfaces.SETUP)
+    harness.wait_until(lambda: publisher.get_subscription_count() == 1)
+    for count in (1, 2):
+        publisher.publish(SETUP)
+        harness.wait_until(lambda count=count: node.messages_handled == count)
+    node.close()
+
+    reader, _ = read()
+    assert len(reader.blueprints()) == 1
+
+
 def test_it_works_in_a_namespace(harness, tmp_path, read):
     node = harness.add(
         VisualizerNode, namespace="lab/rig1", output=str(tmp_path / "run" / "session.rrd")
