@@ -45,6 +45,9 @@ class _RawFile:
         """Return where the next bytes go."""
         return self.size
 
+    def flush(self) -> None:
+        """Do nothing: there is no buffer."""
+
 
 class McapWriter:
     """A recording in the making.
@@ -90,6 +93,7 @@ class McapWriter:
         self._unchecked = 0
         self._has_failed = False
         self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
         self._sequences: dict[int, int] = {}
         try:
             self._output = _RawFile(path)
@@ -116,6 +120,10 @@ class McapWriter:
     def closed(self) -> bool:
         """Whether the file is finished."""
         return self._output.file.closed
+
+    def count_messages(self, topic: str) -> int:
+        """Return how many messages of a topic were added."""
+        return self._sequences.get(self._channels.get(topic, 0), 0)
 
     def add_channel(
         self, topic: str, definition: MessageDefinition, qos: tuple[OfferedQos, ...]
@@ -144,7 +152,10 @@ class McapWriter:
             "offered_qos_profiles": format_offered_qos(qos),
             "topic_type_hash": definition.type_hash,
         }
-        return self._writer.register_channel(topic, "cdr", self._schemas[name], metadata)
+        self._channels[topic] = self._writer.register_channel(
+            topic, "cdr", self._schemas[name], metadata
+        )
+        return self._channels[topic]
 
     def add_message(self, channel: int, data: bytes, log_time: int, publish_time: int) -> None:
         """Add a message; it reaches the disk when its chunk is finished.
@@ -183,8 +194,7 @@ class McapWriter:
             If the chunk could not be written: chunks before it stay.
         """
         try:
-            # The library (pinned) offers no public way to end a chunk before it is full.
-            getattr(self._writer, "_Writer__finalize_chunk")()
+            self._writer.flush()
         except OSError as error:
             self._has_failed = True
             raise self._make_error(error) from None

@@ -1,5 +1,8 @@
 """Real nodes over real DDS, each test in a ROS domain of its own."""
 
+import os
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -127,6 +130,53 @@ class Harness:
         future.add_done_callback(lambda _: done.set())
         assert future.done() or done.wait(PATIENCE), "no answer came"
         return future.result()
+
+
+class NodeProcess:
+    """A node in a process of its own, with what it prints."""
+
+    def __init__(self, name: str, domain: int, parameters: dict[str, Any]) -> None:
+        arguments = ["--ros-args"]
+        for key, value in parameters.items():
+            arguments += ["-p", f"{key}:={value}"]
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", f"impact_rig.nodes.{name}", *arguments],
+            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self.output = ""
+
+    def send_signal(self, number: int) -> None:
+        self._process.send_signal(number)
+
+    def wait(self) -> int:
+        """Wait for the end; return the exit code."""
+        self.output += self._process.communicate(timeout=PATIENCE)[0]
+        return self._process.returncode
+
+    def kill(self) -> None:
+        if self._process.poll() is None:
+            self._process.kill()
+            self.wait()
+
+
+@pytest.fixture
+def start_process(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Callable[..., NodeProcess]]:
+    """Return a function that starts a node, by name and parameters, in a process of its own."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    processes = []
+
+    def start(name: str, **parameters: Any) -> NodeProcess:
+        processes.append(NodeProcess(name, ros_domain, parameters))
+        return processes[-1]
+
+    yield start
+    for process in processes:
+        process.kill()
 
 
 @pytest.fixture

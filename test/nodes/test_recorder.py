@@ -1,0 +1,270 @@
+"""The recorder writes every message of every topic, and always leaves a sound file."""
+
+import signal
+from array import array
+from pathlib import Path
+
+import mcap.reader
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from impact_rig_msgs.msg import (
+    AccelerationBlock,
+    AnalysisSettings,
+    RecorderState,
+    RigSetup,
+    Sample,
+)
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from mcap_ros2.decoder import DecoderFactory
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.highlevel import AnyReader
+from std_msgs.msg import String
+
+from impact_rig.core.errors import FileError
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.recorder import RecorderNode
+from impact_rig.recording.mcap_file import McapFile
+
+COUNT = 20
+
+
+def read_by_mcap_ros2(path: Path) -> dict[str, list]:
+    """Return decoded messages by topic."""
+    messages: dict[str, list] = {}
+    with path.open("rb") as file:
+        reader = mcap.reader.make_reader(file, decoder_factories=[DecoderFactory()])
+        for item in reader.iter_decoded_messages():
+            messages.setdefault(item.channel.topic, []).append(item.decoded_message)
+    return messages
+
+
+def read_by_rosbags(path: Path) -> dict[str, list]:
+    """Return decoded messages by topic."""
+    messages: dict[str, list] = {}
+    with AnyReader([path]) as reader:
+        for connection, _, data in reader.messages():
+            messages.setdefault(connection.topic, []).append(
+                reader.deserialize(data, connection.msgtype)
+            )
+    return messages
+
+
+def make_block(record: int, points: int = 5000) -> AccelerationBlock:
+    block = AccelerationBlock(record=record, sample="brass", sampling_rate=2.5e6, last=True)
+    block.hammer.counts = array("i", range(record, record + points))
+    block.specimen.counts = array("i", range(points))
+    return block
+
+
+def wait_for_state(states, condition) -> RecorderState:
+    """Return the recorder's latest state, once it is as it should be."""
+    return states.wait(lambda messages: bool(messages) and condition(messages[-1]))[-1]
+
+
+def start(harness, tmp_path, **parameters):
+    """Start a recorder; return it with its states, once it records."""
+    states = harness.listen(interfaces.RECORDER_STATE, parameters.get("namespace", ""))
+    output = str(tmp_path / "run" / "session.mcap")
+    node = harness.add(RecorderNode, **{"output": output, **parameters})
+    wait_for_state(states, lambda state: state.recording)
+    return node, states
+
+
+def stop(harness) -> None:
+    """Deactivate the recorder, as an operator would."""
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
+    assert harness.call(ChangeState, "recorder/change_state", request).success
+
+
+def publish(harness, publisher, *messages, acknowledged: bool = True) -> None:
+    """Publish once the recorder is connected; return when everything has reached it.
+
+    Between processes, an acknowledgement may take the 3 s of a heartbeat.
+    """
+    harness.wait_until(lambda: publisher.get_subscription_count() > 0)
+    for message in messages:
+        publisher.publish(message)
+    assert not acknowledged or publisher.wait_for_all_acked()
+
+
+def count_on_disk(path: Path, topic: str) -> int:
+    """Return how many messages of a topic can be read from an unfinished file."""
+    return sum(1 for _ in McapFile(path).read_messages(lambda channel: channel.topic == topic))
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
+def test_other_libraries_read_all_messages_of_all_topics(harness, tmp_path, compression):
+    start(harness, tmp_path, compression=compression, chunk_size=50_000)
+    blocks = [make_block(record) for record in range(COUNT)]
+    publish(harness, harness.advertise(interfaces.ACCELERATION), *blocks)
+    for topic in interfaces.RECORDED_TOPICS:
+        if topic not in (interfaces.ACCELERATION, interfaces.RECORDER_STATE):
+            publish(harness, harness.advertise(topic), topic.type())
+    stop(harness)
+
+    path = tmp_path / "run" / "session.mcap"
+    names = {f"/{topic.name}" for topic in interfaces.RECORDED_TOPICS}
+    for messages in (read_by_mcap_ros2(path), read_by_rosbags(path)):
+        assert names <= set(messages)
+        assert [item.record for item in messages["/acceleration"]] == list(range(COUNT))
+        assert list(messages["/acceleration"][7].hammer.counts) == list(range(7, 5007))
+        assert {len(messages[name]) for name in names - {"/acceleration"}} == {1}
+        assert messages["/recorder/state"][0].recording
+
+
+def test_latched_messages_from_before_the_start_are_recorded(harness, tmp_path):
+    harness.advertise(interfaces.SETUP).publish(RigSetup(name="early"))
+    node, _ = start(harness, tmp_path)
+    harness.wait_until(lambda: node.count_messages("/setup") == 1)
+    stop(harness)
+    (setup,) = read_by_rosbags(tmp_path / "run" / "session.mcap")["/setup"]
+    assert setup.name == "early"
+
+
+def test_further_topics_below_the_namespace_are_discovered(harness, tmp_path):
+    start(harness, tmp_path, namespace="/hall")
+    inside, outside, hidden = (
+        harness.peer.create_publisher(String, name, 10)
+        for name in ("/hall/notes", "/elsewhere/notes", "/hall/_hidden/notes")
+    )
+    best_effort = harness.peer.create_publisher(
+        String, "/hall/temperature", QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+    )
+    latched = harness.peer.create_publisher(
+        String, "/hall/name", QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    )
+    latched.publish(String(data="bench 3"))
+    publish(harness, inside, String(data="hello"))
+    publish(harness, latched)
+    harness.wait_until(lambda: best_effort.get_subscription_count() > 0)
+    harness.peer.get_logger().info("to be found in the recording")
+    assert outside.get_subscription_count() == hidden.get_subscription_count() == 0
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
+    assert harness.call(ChangeState, "/hall/recorder/change_state", request).success
+
+    path = tmp_path / "run" / "session.mcap"
+    messages = read_by_rosbags(path)
+    assert [item.data for item in messages["/hall/notes"]] == ["hello"]
+    assert [item.data for item in messages["/hall/name"]] == ["bench 3"]
+    assert messages["/hall/recorder/state"][0].recording
+    with path.open("rb") as file:
+        channels = mcap.reader.make_reader(file).get_summary().channels.values()
+    metadata = {channel.topic: channel.metadata for channel in channels}
+    assert {"/rosout", "/diagnostics", "/hall/temperature", "/hall/acceleration"} <= set(metadata)
+    assert not {"/elsewhere/notes", "/hall/_hidden/notes"} & set(metadata)
+    assert "best_effort" in metadata["/hall/temperature"]["offered_qos_profiles"]
+    assert "transient_local" in metadata["/hall/name"]["offered_qos_profiles"]
+    (info,) = harness.peer.get_publishers_info_by_topic("/hall/notes")
+    assert metadata["/hall/notes"]["topic_type_hash"] == str(info.topic_type_hash)
+
+
+def test_times_are_those_of_the_middleware(harness, tmp_path):
+    start(harness, tmp_path)
+    publisher = harness.advertise(interfaces.ACCELERATION)
+    before = harness.peer.get_clock().now().nanoseconds
+    publish(harness, publisher, make_block(1), make_block(2))
+    after = harness.peer.get_clock().now().nanoseconds
+    stop(harness)
+    with (tmp_path / "run" / "session.mcap").open("rb") as file:
+        messages = [
+            item for *_, item in mcap.reader.make_reader(file).iter_messages(["/acceleration"])
+        ]
+    for item in messages:
+        assert before <= item.publish_time <= item.log_time <= after
+    assert [item.sequence for item in messages] == [0, 1]
+
+
+def test_every_activation_needs_a_file_of_its_own(harness, tmp_path):
+    node, states = start(harness, tmp_path)
+    stop(harness)
+    wait_for_state(states, lambda state: state.message == "closed")
+    path = tmp_path / "run" / "session.mcap"
+    content = path.read_bytes()
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVATE))
+    assert not harness.call(ChangeState, "recorder/change_state", request).success
+    assert "exists already" in node.fault
+    assert path.read_bytes() == content
+
+
+def test_without_a_name_the_file_gets_the_time_of_the_run(harness, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    _, states = start(harness, tmp_path, output="")
+    path = Path(states.messages[-1].uri)
+    assert path.is_file()
+    assert path.parent.parent == tmp_path / "runs"
+    assert path.name == "session.mcap"
+
+
+@pytest.mark.parametrize(
+    ("parameters", "told"),
+    [
+        ({"compression": "gzip"}, "must be one of zstd, lz4, none"),
+        ({"output": "session.bag"}, "must be the path of an .mcap file"),
+        ({"output": "/proc/nowhere/session.mcap"}, "cannot be made"),
+        ({"output": "/dev/null/session.mcap"}, "cannot be made"),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused_in_one_sentence(harness, parameters, told):
+    node = harness.add(RecorderNode, **parameters)
+    assert not node.is_active
+    assert told in node.fault
+
+
+def test_a_failing_disk_is_told_to_everybody_and_keeps_what_was_written(
+    harness, tmp_path, monkeypatch
+):
+    node, states = start(harness, tmp_path, chunk_size=1000, compression="none")
+    diagnostics = harness.make_collector()
+    harness.peer.create_subscription(DiagnosticArray, "/diagnostics", diagnostics.take, 10)
+    publisher = harness.advertise(interfaces.ACCELERATION)
+    publish(harness, publisher, make_block(1))
+    harness.wait_until(lambda: node.count_messages("/acceleration") == 1)
+
+    def fail(self, length):
+        raise FileError("disk full")
+
+    monkeypatch.setattr("impact_rig.recording.mcap_writer.McapWriter._check_room", fail)
+    publish(harness, publisher, make_block(2))
+
+    state = wait_for_state(states, lambda state: not state.recording)
+    assert "disk full" in state.message
+    errors = diagnostics.wait(
+        lambda messages: any(item.status[0].level == DiagnosticStatus.ERROR for item in messages)
+    )
+    assert "disk full" in errors[-1].status[0].message
+    blocks = read_by_rosbags(tmp_path / "run" / "session.mcap")["/acceleration"]
+    assert [block.record for block in blocks] == [1]
+
+
+@pytest.fixture
+def recorder_process(harness, start_process, tmp_path):
+    """Return a recorder in a process of its own, with blocks on disk and its states."""
+    states = harness.listen(interfaces.RECORDER_STATE)
+    path = tmp_path / "session.mcap"
+    process = start_process("recorder", output=str(path), flush_period=0.01)
+    wait_for_state(states, lambda state: state.recording)
+    blocks = [make_block(record) for record in range(COUNT)]
+    publish(harness, harness.advertise(interfaces.ACCELERATION), *blocks, acknowledged=False)
+    harness.wait_until(lambda: count_on_disk(path, "/acceleration") == COUNT)
+    return process, path, states
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_a_sound_recording(recorder_process, number):
+    process, path, states = recorder_process
+    process.send_signal(number)
+    assert process.wait() == 0
+    wait_for_state(states, lambda state: state.message == "closed")
+    for read in (read_by_rosbags, read_by_mcap_ros2):
+        assert [item.record for item in read(path)["/acceleration"]] == list(range(COUNT))
+    assert McapFile(path).is_complete
+    assert "Traceback" not in process.output
+
+
+def test_a_killed_recorder_leaves_what_was_flushed(recorder_process):
+    process, path, _ = recorder_process
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert not McapFile(path).is_complete
+    assert count_on_disk(path, "/acceleration") == COUNT
