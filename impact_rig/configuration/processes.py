@@ -66,7 +66,7 @@ def list_rig_processes(
     hammer: dict[str, Any] = {} if record else {"require_recorder": False}
     accelerometer = dict(virtual or {})
     if not record:
-        accelerometer["minimum_subscribers"] = 1
+        accelerometer["required_subscribers"] = "estimator"
     processes = [
         NodeProcess("hammer", hammer),
         NodeProcess("accelerometer", accelerometer),

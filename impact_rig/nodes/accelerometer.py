@@ -52,9 +52,9 @@ class AccelerometerNode(RigNode):
     def _declare_stream(self) -> None:
         self.declare("block_size", 1000, "points per block [-]", low=1, high=10_000_000)
         self.declare(
-            "minimum_subscribers", 2,
-            "subscribers to `acceleration` that must be connected before a release [-]: the"
-            " estimator and the recorder", low=0, high=100,
+            "required_subscribers", "estimator, recorder",
+            "nodes of this namespace, by commas, that must be connected to `acceleration` before"
+            " a release",
         )  # fmt: skip
         self.declare(
             "trigger_timeout", 0.5, "how long after the expected contact a trigger may come [s]",
@@ -152,10 +152,8 @@ class AccelerometerNode(RigNode):
         self._rig = VirtualRig(setup_from_msg(message), self._rig_settings)
 
     async def _arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
-        needed = self.get_value("minimum_subscribers")
         await self.wait_until(
-            lambda: self._acceleration.get_subscription_count() >= needed and bool(self._rig),
-            CONNECTION_TIMEOUT,
+            lambda: bool(self._rig) and not self._find_missing_subscribers(), CONNECTION_TIMEOUT
         )
         label = HitLabel(
             sample=request.sample,
@@ -163,7 +161,7 @@ class AccelerometerNode(RigNode):
             impact=request.impact,
             attempt=request.attempt,
         )
-        response.message = self._find_obstacle(label, needed)
+        response.message = self._find_obstacle(label)
         response.success = not response.message
         if response.success:
             self._label, self._struck = label, False
@@ -176,24 +174,35 @@ class AccelerometerNode(RigNode):
             )
         return response
 
-    def _find_obstacle(self, label: HitLabel, needed: int) -> str:
+    def _find_obstacle(self, label: HitLabel) -> str:
         """Return why the accelerometers may not be armed; empty: they may."""
-        connected = self._acceleration.get_subscription_count()
         if not self.is_active:
             return "the accelerometer node is not active: activate it first"
         if self._label is not None:
             return f"already armed for record {self._label.record}: disarm first"
         if self._rig is None:
             return "no set-up has been received: start the campaign node first"
-        if connected < needed:
-            return (
-                f"{connected} of {needed} subscribers are connected to `acceleration`: start"
-                " estimator and recorder first, or lower the parameter minimum_subscribers"
-            )
+        if missing := self._find_missing_subscribers():
+            return f"{missing}: start it first, or change the parameter required_subscribers"
         try:
             self._rig.check_sample(label.sample)
         except RigError as error:
             return str(error)
+        return ""
+
+    def _find_missing_subscribers(self) -> str:
+        """Return which subscriber would miss the first blocks; empty: none.
+
+        Knowing of a subscriber is not enough: blocks are kept for no one who is not connected,
+        so as many must be connected as are known of.
+        """
+        known = self.get_subscriptions_info_by_topic(self._acceleration.topic_name)
+        names = {item.node_name for item in known if item.node_namespace == self.get_namespace()}
+        for name in _split(self.get_value("required_subscribers")):
+            if name not in names:
+                return f"the node {name!r} does not listen to `acceleration`"
+        if self._acceleration.get_subscription_count() < len(known):
+            return "a subscriber of `acceleration` is still connecting"
         return ""
 
     def _disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -3,6 +3,7 @@
 A process of its own that only listens: it may drop views, never data, and nothing waits for it.
 """
 
+import os
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,8 @@ from impact_rig.visualization.sink import Destination, Work
 from impact_rig.visualization.text import EstimateRow, EstimateTable, Quantity, Verdict
 from impact_rig.visualization.traces import TraceAssembler
 
+NICENESS = 10
+"""How far the process steps back [steps of nice], our choice."""
 TABLE = "table"
 """Key under which a table not yet shown is replaced by the next one."""
 
@@ -237,7 +240,8 @@ def make_table(
 
 
 def main() -> int:
-    """Run the node."""
+    """Run the node, behind all others: it may be late, the rig may not."""
+    os.nice(NICENESS)
     return run_node(VisualizerNode)
 
 

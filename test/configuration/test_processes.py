@@ -26,7 +26,7 @@ def test_without_recorder_nobody_waits_for_one():
     assert "recorder" not in nodes
     assert "visualizer" not in nodes
     assert nodes["hammer"] == {"require_recorder": False}
-    assert nodes["accelerometer"] == {"minimum_subscribers": 1}
+    assert nodes["accelerometer"] == {"required_subscribers": "estimator"}
 
 
 def test_overrides_go_before_everything_else():

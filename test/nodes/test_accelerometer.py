@@ -23,7 +23,7 @@ def rig(harness):
     """Return a function that starts the node, gives it the paper's set-up and listens."""
 
     def start(**parameters):
-        harness.add(AccelerometerNode, minimum_subscribers=1, trigger_timeout=0.01, **parameters)
+        harness.add(AccelerometerNode, required_subscribers="peer", trigger_timeout=0.01, **parameters)
         harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(1)))
         return harness.listen(interfaces.ACCELERATION)
 
@@ -98,6 +98,17 @@ def test_refuses_an_unknown_sample_by_name(harness, rig):
     assert not answer.success
     assert "unknown sample 'tin'" in answer.message
     assert "'steel small'" in answer.message
+
+
+def test_refuses_until_those_who_must_not_miss_a_block_are_connected(harness, rig, monkeypatch):
+    monkeypatch.setattr("impact_rig.nodes.accelerometer.CONNECTION_TIMEOUT", 0.1)
+    harness.add(AccelerometerNode)
+    harness.listen(interfaces.ACCELERATION)
+    harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(1)))
+    answer = arm(harness)
+    assert not answer.success
+    assert "'estimator' does not listen" in answer.message
+    assert "required_subscribers" in answer.message
 
 
 def test_refuses_to_arm_twice_until_disarmed(harness, rig):

@@ -24,7 +24,7 @@ def start(harness):
         harness.add(
             AccelerometerNode,
             namespace=namespace,
-            minimum_subscribers=1,
+            required_subscribers="estimator",
             trigger_timeout=0.001,
             **accelerometer,
         )
