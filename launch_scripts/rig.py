@@ -1,0 +1,137 @@
+#!/usr/bin/env python3
+"""Set this workspace up where it stands, and run a command in it. Needs nothing but Python.
+
+This file is kept readable for any Python 3, so that a Python that is too old can be told so.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+USAGE = """\
+usage: python3 launch_scripts/rig.py COMMAND
+
+  demo [OPTIONS]     run a whole campaign on the virtual rig; all of `impact-rig demo`'s options
+  test [OPTIONS]     lint, format, types and tests; the options go to pytest
+  exec -- CMD ...    run any command: nodes, `impact-rig`, `python3`
+  shell              open a shell in which all of the above are commands
+
+The first call sets up: a Python environment in .venv with ROS 2 Jazzy from wheels, and both
+packages, built into install/. It takes about two minutes and needs a C++ compiler; later calls
+start at once, and build again only what has changed. With a ROS 2 Jazzy installation sourced,
+that one is used instead of the wheels.
+
+  python3 launch_scripts/rig.py demo --samples "large aluminium" --impacts 3
+  python3 launch_scripts/rig.py test -k pulse
+  python3 launch_scripts/rig.py exec -- impact-rig --help
+  python3 launch_scripts/rig.py exec -- impact-rig analyze runs/*/session.mcap
+"""
+
+OLDEST = (3, 11)
+NEWEST = (3, 13)
+INTERRUPTED = 128 + signal.SIGINT
+NOT_FOUND = 127
+
+
+def check_python(version):
+    # type: (tuple[int, ...]) -> str
+    """Return why a Python of this version cannot be used, or an empty text."""
+    if OLDEST <= tuple(version[:2]) <= NEWEST:
+        return ""
+    return (
+        "error: rig.py runs on Python {}.{} to {}.{}, and this is Python {}.{}: "
+        "call it with another, for example `python3.12 launch_scripts/rig.py`.".format(
+            *(OLDEST + NEWEST + tuple(version[:2]))
+        )
+    )
+
+
+def run_checks(environment, root, options):
+    # type: (dict[str, str], str, list[str]) -> int
+    """Run lint, format, types and tests, all of them; return 0 if all passed."""
+    results = []
+    for command in (
+        ["ruff", "check", "."],
+        ["ruff", "format", "--check", "."],
+        ["mypy"],
+        ["pytest"] + options,
+    ):
+        print("$ " + " ".join(command), flush=True)
+        start = time.monotonic()
+        code = run_and_wait(command, environment, root)
+        results.append((" ".join(command[:2]), code, time.monotonic() - start))
+        if code == INTERRUPTED:
+            break
+    print()
+    for name, code, duration in results:
+        print("{:<14} {:<8} {:6.1f} s".format(name, "FAILED" if code else "passed", duration))
+    return max(code for _, code, _ in results)
+
+
+def run_and_wait(command, environment, folder):
+    # type: (list[str], dict[str, str], str) -> int
+    """Run a command to its end, even if Ctrl-C (which it receives too) ends it; return its code."""
+    process = subprocess.Popen(command, env=environment, cwd=folder)
+    try:
+        code = process.wait()
+    except KeyboardInterrupt:
+        process.wait()
+        return INTERRUPTED
+    return code if code >= 0 else 128 - code
+
+
+def become(command, environment):
+    # type: (list[str], dict[str, str]) -> int
+    """Replace this process by a command; return only if there is no such command."""
+    sys.stdout.flush()
+    try:
+        os.execvpe(command[0], command, environment)
+    except OSError as error:
+        print("error: {}: {}".format(command[0], error.strerror), file=sys.stderr)
+    return NOT_FOUND
+
+
+def main(arguments):
+    # type: (list[str]) -> int
+    """Run one command of `USAGE`; return its exit code."""
+    reason = check_python(sys.version_info[:2])
+    if reason:
+        print(reason, file=sys.stderr)
+        return 2
+    command, options = (arguments[0], arguments[1:]) if arguments else ("", [])
+    if command in ("help", "-h", "--help"):
+        print(USAGE, end="")
+        return 0
+    if command == "exec" and options[:1] == ["--"]:
+        del options[0]
+    if command not in ("demo", "test", "exec", "shell") or (command == "exec" and not options):
+        print(USAGE, end="", file=sys.stderr)
+        return 2
+
+    import workspace
+
+    try:
+        place = workspace.find_workspace()
+        if workspace.find_stale(place):
+            import workspace_setup
+
+            workspace_setup.set_up(place)
+        environment = workspace.make_environment(place, os.environ)
+    except workspace.SetupError as error:
+        print("error: {}".format(error), file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("\ninterrupted: the next call goes on with the set-up", file=sys.stderr)
+        return INTERRUPTED
+    if command == "test":
+        return run_checks(environment, str(place.root), options)
+    if command == "shell":
+        print("the rig's shell: `impact-rig --help` to start, `exit` to leave")
+        return become([os.environ.get("SHELL") or "/bin/sh"], environment)
+    return become(["impact-rig", "demo"] + options if command == "demo" else options, environment)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

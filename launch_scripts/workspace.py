@@ -1,0 +1,231 @@
+"""Where everything of this workspace is, what of it is out of date, and the environment it needs.
+
+What each step of the set-up made is vouched for by a stamp inside of it, which holds the
+fingerprint of what it was made from: delete what was made, and the stamp is gone too.
+"""
+
+import hashlib
+import os
+import platform
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+ROS_DISTRIBUTION = "jazzy"
+MESSAGES = "impact_rig_msgs"
+NODES = "impact_rig"
+BOOTSTRAP_DONE = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
+"""Tells the ROS wheels that the library path is right; else each Python starts itself twice."""
+
+
+class SetupError(Exception):
+    """The workspace cannot be set up; the text says why and what to do, in a sentence."""
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A copy of the rig's repository and the ROS 2 it uses.
+
+    Attributes
+    ----------
+    root : Path
+        The folder with `setup.py`.
+    is_ros_installed : bool
+        Whether a sourced ROS 2 Jazzy is used, and not wheels.
+    """
+
+    root: Path
+    is_ros_installed: bool
+
+    @property
+    def venv(self) -> Path:
+        """The Python environment."""
+        return self.root / ".venv"
+
+    @property
+    def python(self) -> Path:
+        """The interpreter of the Python environment."""
+        return self.venv / "bin" / "python3"
+
+    @property
+    def site_packages(self) -> Path:
+        """Where pip installs."""
+        return self.venv / _SITE_PACKAGES
+
+    @property
+    def pip_mark(self) -> Path:
+        """Stands while pip installs: what an interrupted pip leaves is not to be trusted."""
+        return self.venv / ".installing"
+
+    def get_prefix(self, package: str) -> Path:
+        """Return where colcon installs a package."""
+        return self.root / "install" / package
+
+    def get_requirements(self, *names: str) -> list[Path]:
+        """Return the requirement files of these names."""
+        return [self.root / "launch_scripts" / "requirements" / f"{name}.txt" for name in names]
+
+    @cached_property
+    def steps(self) -> dict[str, "Step"]:
+        """What must have been made, in this order."""
+        installed = self.is_ros_installed
+        launch_scripts = self.root / "launch_scripts"
+        python = Step(self.venv / ".stamp-python", _identify_python(self))
+        ros = Step(
+            self.venv / ".stamp-ros",
+            compute_fingerprint(
+                self.root,
+                self.get_requirements("colcon") if installed else self.get_requirements("ros", "colcon"),
+                python.fingerprint,
+            ),
+        )
+        return {
+            "python": python,
+            "ros": ros,
+            "libraries": Step(
+                self.venv / ".stamp-libraries",
+                compute_fingerprint(
+                    self.root,
+                    self.get_requirements(*get_library_groups(self)),
+                    python.fingerprint,
+                ),
+            ),
+            "messages": Step(
+                self.get_prefix(MESSAGES) / ".stamp",
+                compute_fingerprint(
+                    self.root, (self.root / "msg_config").rglob("*"), ros.fingerprint
+                ),
+            ),
+            "nodes": Step(
+                self.get_prefix(NODES) / ".stamp",
+                compute_fingerprint(
+                    self.root,
+                    [
+                        self.root / "setup.py",
+                        self.root / "package.xml",
+                        launch_scripts / "impact-rig",
+                        *launch_scripts.glob("*.launch.py"),
+                        *launch_scripts.glob("resource/*"),
+                    ],
+                    ros.fingerprint,
+                ),
+            ),
+        }
+
+
+@dataclass(frozen=True)
+class Step:
+    """Something that is made once, and again when what it is made from has changed.
+
+    Attributes
+    ----------
+    stamp : Path
+        File written when it has been made.
+    fingerprint : str
+        Of all that it is made from.
+    """
+
+    stamp: Path
+    fingerprint: str
+
+    def is_fresh(self) -> bool:
+        """Return whether it has been made from what is there now."""
+        try:
+            return self.stamp.read_text("ascii") == self.fingerprint
+        except OSError:
+            return False
+
+
+def find_workspace() -> Workspace:
+    """Return the workspace this file belongs to.
+
+    Raises
+    ------
+    SetupError
+        If this machine or the ROS 2 that is sourced cannot be used.
+    """
+    root = Path(__file__).resolve().parent.parent
+    distribution = os.environ.get("ROS_DISTRO", "")
+    if distribution not in {"", ROS_DISTRIBUTION}:
+        raise SetupError(
+            f"ROS 2 {distribution} is sourced in this terminal and the rig needs Jazzy: source "
+            "/opt/ros/jazzy/setup.bash, or use a terminal without ROS 2 (Jazzy then comes as "
+            "Python wheels)."
+        )
+    machine = f"{platform.system()} {platform.machine()}"
+    if not distribution and machine != "Linux x86_64":
+        raise SetupError(
+            f"ROS 2 Jazzy comes as Python wheels for Linux x86_64 only, and this is {machine}: "
+            "source an installation of ROS 2 Jazzy first."
+        )
+    return Workspace(root, is_ros_installed=bool(distribution))
+
+
+def find_stale(workspace: Workspace) -> list[str]:
+    """Return the names of the steps that must be run, in order."""
+    stale = [name for name, step in workspace.steps.items() if not step.is_fresh()]
+    if "python" in stale or workspace.pip_mark.exists():
+        in_venv = ["python", "ros", "libraries"]
+        stale = in_venv + [name for name in stale if name not in in_venv]
+    return stale
+
+
+def get_library_groups(workspace: Workspace) -> list[str]:
+    """Return the requirement files beside ROS 2's; an installed Jazzy has its own numpy."""
+    return ["rig", "test"] if workspace.is_ros_installed else ["scientific", "rig", "test"]
+
+
+def compute_fingerprint(root: Path, paths: Iterable[Path], *others: str) -> str:
+    """Return a hash of names and contents of files, and of other texts."""
+    digest = hashlib.sha256("\0".join(others).encode())
+    for path in sorted(path for path in paths if path.is_file()):
+        content = path.read_bytes()
+        digest.update(f"\0{path.relative_to(root)}\0{len(content)}\0".encode())
+        digest.update(content)
+    return digest.hexdigest()
+
+
+def make_environment(workspace: Workspace, base: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment in which nodes, command line and tests run.
+
+    Parameters
+    ----------
+    workspace : Workspace
+        Set up; with an installed ROS 2, whose environment `base` has.
+    base : mapping
+        Environment variables to start from.
+    """
+    messages, nodes = workspace.get_prefix(MESSAGES), workspace.get_prefix(NODES)
+    environment = dict(base)
+    environment["VIRTUAL_ENV"] = str(workspace.venv)
+    environment.pop("PYTHONHOME", None)
+
+    def prepend(variable: str, *paths: Path) -> None:
+        ours = [str(path) for path in paths]
+        others = [part for part in environment.get(variable, "").split(os.pathsep) if part]
+        environment[variable] = os.pathsep.join(dict.fromkeys(ours + others))
+
+    prepend("PATH", nodes / "bin", workspace.venv / "bin")
+    prepend("PYTHONPATH", workspace.root / "build" / NODES, messages / _SITE_PACKAGES)
+    if workspace.is_ros_installed:
+        prepend("AMENT_PREFIX_PATH", nodes, messages)
+        prepend("LD_LIBRARY_PATH", messages / "lib")
+    else:
+        bundled = sorted(workspace.site_packages.glob("ros_*.libs"))
+        environment["AMENT_PREFIX_PATH"] = environment["CMAKE_PREFIX_PATH"] = ""
+        prepend("AMENT_PREFIX_PATH", nodes, messages, workspace.venv)
+        prepend("CMAKE_PREFIX_PATH", messages, workspace.venv)
+        prepend("LD_LIBRARY_PATH", messages / "lib", workspace.venv / "lib", *bundled)
+        environment[BOOTSTRAP_DONE] = "1"
+    return environment
+
+
+_SITE_PACKAGES = Path("lib", f"python{sys.version_info[0]}.{sys.version_info[1]}", "site-packages")
+
+
+def _identify_python(workspace: Workspace) -> str:
+    """Return a hash of all that the Python environment depends on, beside the requirements."""
+    identity = (sys.base_prefix, sys.version, str(workspace.root), str(workspace.is_ros_installed))
+    return compute_fingerprint(workspace.root, [], *identity)

@@ -1,0 +1,289 @@
+"""Sets the workspace up: Python environment, ROS 2 wheels, libraries, and both packages."""
+
+import fcntl
+import importlib.util
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NoReturn
+
+from workspace import (
+    MESSAGES,
+    NODES,
+    SetupError,
+    Workspace,
+    find_stale,
+    get_library_groups,
+    make_environment,
+)
+
+TITLES = {
+    "python": "Python environment",
+    "ros": "ROS 2 Jazzy and build tools",
+    "libraries": "libraries of rig and tests",
+    "messages": f"messages ({MESSAGES})",
+    "nodes": f"nodes ({NODES})",
+}
+SHOWN_LINES = 20
+"""Last lines of the log that are shown when a step fails: our choice."""
+GRACE = 10.0
+"""Time an interrupted tool has to end by itself [s]: our choice."""
+
+WHEEL_BUILDER_PATH = re.compile(
+    r"/opt/python/cp\d+-cp\d+/"
+    r"(?:(?P<python>include/python[\d.]+)|lib/python[\d.]+/site-packages/(?P<numpy>numpy/_core/include))"
+)
+"""Paths of the machine that built the ROS wheels, left in their CMake files."""
+
+
+def set_up(workspace: Workspace) -> None:
+    """Run the steps that are out of date, one process at a time, and stamp each when done.
+
+    Raises
+    ------
+    SetupError
+        If a step fails or something it needs is missing.
+    KeyboardInterrupt
+        If Ctrl-C or a signal ended it; the next call goes on with the step that was running.
+    """
+    run_step = {
+        "python": _make_python_environment,
+        "ros": _install_ros,
+        "libraries": _install_libraries,
+        "messages": _build_messages,
+        "nodes": _build_nodes,
+    }
+    log = workspace.root / "log" / "setup.log"
+    with _hold_lock(workspace) as lock, _interruptible():
+        stale = find_stale(workspace)
+        if not stale:
+            return
+        _check_machine(workspace, stale)
+        log.parent.mkdir(exist_ok=True)
+        log.write_text("")
+        print(f"setting up {workspace.root}", file=sys.stderr)
+        for number, name in enumerate(stale, start=1):
+            step = workspace.steps[name]
+            step.stamp.unlink(missing_ok=True)
+            runner = _Runner(f"  {number}/{len(stale)} {TITLES[name]}", log, lock)
+            run_step[name](workspace, runner)
+            step.stamp.write_text(step.fingerprint, "ascii")
+            runner.finish()
+
+
+class _Runner:
+    """Runs the commands of one step: their output in the log, the time on the terminal."""
+
+    def __init__(self, title: str, log: Path, lock: int) -> None:
+        self._title = f"{title:<40}"
+        self._log = log
+        self._lock = lock
+        self._start = time.monotonic()
+        self._show()
+
+    def run(self, command: list[str | Path], environment: dict[str, str], folder: Path) -> None:
+        """Run a command; raise `SetupError` with the last lines of its output if it fails."""
+        with self._log.open("ab") as output:
+            output.write(f"$ {' '.join(map(str, command))}\n".encode())
+            output.flush()
+            process = subprocess.Popen(
+                command,
+                env=environment,
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                pass_fds=[self._lock],  # the lock is held as long as the command lives
+            )
+        try:
+            while process.poll() is None:
+                self._wait(process)
+        except KeyboardInterrupt:
+            _end_group(process)
+            raise
+        if process.returncode:
+            lines = self._log.read_text("utf-8", errors="replace").splitlines()[-SHOWN_LINES:]
+            print("\n" + "\n".join(f"    {line}" for line in lines), file=sys.stderr)
+            raise SetupError(
+                f"{self._title.strip()} failed (`{Path(command[0]).name}` ended with code "
+                f"{process.returncode}): the whole output is in {self._log}."
+            )
+
+    def finish(self) -> None:
+        """Show the time the step took."""
+        self._show(end="\n")
+
+    def _wait(self, process: subprocess.Popen[bytes]) -> None:
+        try:
+            process.wait(timeout=0.5)
+        except subprocess.TimeoutExpired:
+            if sys.stderr.isatty():
+                self._show()
+
+    def _show(self, end: str = "") -> None:
+        elapsed = time.monotonic() - self._start
+        if sys.stderr.isatty():
+            print(f"\r{self._title} {elapsed:6.1f} s", end=end, file=sys.stderr, flush=True)
+        elif end:
+            print(f"{self._title} {elapsed:6.1f} s", file=sys.stderr, flush=True)
+
+
+def _make_python_environment(workspace: Workspace, runner: _Runner) -> None:
+    command: list[str | Path] = [sys.executable, "-m", "venv", "--clear"]
+    if workspace.is_ros_installed:
+        command.append("--system-site-packages")
+    environment = dict(os.environ)
+    base_python = Path(sys.base_prefix, "bin", f"python{sys.version_info[0]}.{sys.version_info[1]}")
+    if base_python.exists():  # not the .venv's own, which is about to be emptied
+        command[0] = base_python
+    runner.run([*command, workspace.venv], environment, workspace.root)
+    if workspace.is_ros_installed:
+        try:
+            check: list[str | Path] = [workspace.python, "-c", "import rclpy, numpy, scipy"]
+            runner.run(check, environment, workspace.root)
+        except SetupError:
+            raise SetupError(
+                f"ROS 2 Jazzy is sourced, but {sys.executable} cannot import rclpy, numpy and "
+                "scipy of that installation: run rig.py with /usr/bin/python3 after `sudo apt "
+                "install ros-jazzy-ros-base python3-numpy python3-scipy`, or use a terminal "
+                "without ROS 2."
+            ) from None
+
+
+def _install_ros(workspace: Workspace, runner: _Runner) -> None:
+    if not workspace.is_ros_installed:
+        _pip_install(workspace, runner, ["ros", "colcon"])
+        _mend_wheels(workspace)
+    elif not shutil.which("colcon"):
+        _pip_install(workspace, runner, ["colcon"])
+
+
+def _install_libraries(workspace: Workspace, runner: _Runner) -> None:
+    _pip_install(workspace, runner, get_library_groups(workspace))
+
+
+def _pip_install(workspace: Workspace, runner: _Runner, groups: list[str]) -> None:
+    command: list[str | Path] = [workspace.python, "-m", "pip", "install", "--no-deps"]
+    command += ["--no-input", "--disable-pip-version-check", "--progress-bar", "off"]
+    for path in workspace.get_requirements(*groups):
+        command += ["--requirement", path]
+    workspace.pip_mark.touch()
+    runner.run(command, dict(os.environ), workspace.root)
+    workspace.pip_mark.unlink()
+
+
+def _mend_wheels(workspace: Workspace) -> None:
+    """Replace the paths of the machine that built the wheels by this machine's."""
+    python_headers = sysconfig.get_path("include")
+
+    def localize(match: re.Match[str]) -> str:
+        return str(workspace.site_packages / match["numpy"]) if match["numpy"] else python_headers
+
+    for path in (workspace.venv / "share").rglob("*.cmake"):
+        text = path.read_text("utf-8")
+        mended = WHEEL_BUILDER_PATH.sub(localize, text)
+        if mended != text:
+            path.write_text(mended, "utf-8")
+
+
+def _build_messages(workspace: Workspace, runner: _Runner) -> None:
+    # From scratch: an interface that was removed leaves no trace.
+    shutil.rmtree(workspace.root / "build" / MESSAGES, ignore_errors=True)
+    shutil.rmtree(workspace.get_prefix(MESSAGES), ignore_errors=True)
+    generator = [] if workspace.is_ros_installed else ["-GNinja"]
+    python = f"-DPython3_EXECUTABLE={workspace.python}"
+    _build(workspace, runner, MESSAGES, "--cmake-args", "-DBUILD_TESTING=OFF", python, *generator)
+
+
+def _build_nodes(workspace: Workspace, runner: _Runner) -> None:
+    shutil.rmtree(workspace.root / "build" / NODES, ignore_errors=True)
+    shutil.rmtree(workspace.get_prefix(NODES), ignore_errors=True)
+    _build(workspace, runner, NODES)
+
+
+def _build(workspace: Workspace, runner: _Runner, package: str, *options: str) -> None:
+    environment = make_environment(workspace, os.environ)
+    # Without it colcon limits the load, and ninja then compiles one file at a time.
+    environment.setdefault("MAKEFLAGS", f"-j{os.cpu_count() or 1}")
+    colcon = shutil.which("colcon", path=environment["PATH"])
+    command: list[str | Path] = [workspace.python, colcon or "colcon", "build"]
+    command += ["--base-paths", ".", "msg_config", "--packages-select", package]
+    command += ["--symlink-install", "--event-handlers", "console_cohesion+", *options]
+    runner.run(command, environment, workspace.root)
+
+
+def _check_machine(workspace: Workspace, stale: list[str]) -> None:
+    """Refuse before anything is downloaded if something is missing that pip cannot install."""
+    if "python" in stale and importlib.util.find_spec("ensurepip") is None:
+        raise SetupError(
+            f"{sys.executable} cannot make Python environments (no `ensurepip`): install it, on "
+            "Debian and Ubuntu with `sudo apt install python3-venv`."
+        )
+    if "messages" not in stale:
+        return
+    for language, variable, names in (
+        ("C++", "CXX", ("c++", "g++", "clang++")),
+        ("C", "CC", ("cc", "gcc", "clang")),
+    ):
+        if not os.environ.get(variable) and not any(map(shutil.which, names)):
+            raise SetupError(
+                f"the rig's ROS 2 messages are compiled here, and no {language} compiler is on "
+                "PATH: install one, on Debian and Ubuntu with `sudo apt install build-essential`, "
+                "on Fedora with `sudo dnf install gcc-c++`."
+            )
+    header = Path(sysconfig.get_path("include"), "Python.h")
+    if not header.exists():
+        raise SetupError(
+            f"the rig's ROS 2 messages are compiled here, and {header} is missing: install "
+            "Python's headers, on Debian and Ubuntu with `sudo apt install python3-dev`."
+        )
+
+
+@contextmanager
+def _hold_lock(workspace: Workspace) -> Iterator[int]:
+    """Keep a second set-up of the same workspace waiting; the lock is on a file that is there."""
+    lock = os.open(workspace.root / "setup.py", os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            print(f"waiting: {workspace.root} is being set up by another call", file=sys.stderr)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield lock
+    finally:
+        os.close(lock)
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Let a request to terminate, or a terminal that is closed, end the set-up like Ctrl-C."""
+
+    def interrupt(_signal: int, _frame: object) -> NoReturn:
+        raise KeyboardInterrupt
+
+    signals = (signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, interrupt) for number in signals]
+    try:
+        yield
+    finally:
+        for number, handler in zip(signals, before, strict=True):
+            signal.signal(number, handler)
+
+
+def _end_group(process: subprocess.Popen[bytes]) -> None:
+    """End a command and all that it started."""
+    os.killpg(process.pid, signal.SIGINT)
+    try:
+        process.wait(timeout=GRACE)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()

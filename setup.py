@@ -1,0 +1,49 @@
+"""Build of the ROS 2 package `impact_rig` (ament_python); colcon runs it."""
+
+import re
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "impact_rig"
+NODES = (
+    "hammer",
+    "accelerometer",
+    "estimator",
+    "recorder",
+    "campaign",
+    "visualizer",
+    "replayer",
+)
+EXECUTABLES = f"$base/lib/{NAME}"  # where `ros2 run` and `ros2 launch` look
+
+version = re.search(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_text("utf-8"))
+
+setup(
+    name=NAME,
+    version=version.group(1),
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed", "configuration/*.toml"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"launch_scripts/resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (
+            f"share/{NAME}/launch",
+            ["launch_scripts/rig.launch.py", "launch_scripts/replay.launch.py"],
+        ),
+        ("bin", ["launch_scripts/impact-rig"]),
+    ],
+    entry_points={
+        "console_scripts": [f"{node} = {NAME}.nodes.{node}:main" for node in NODES],
+    },
+    options={
+        "develop": {"script_dir": EXECUTABLES},
+        "install": {"install_scripts": EXECUTABLES},
+    },
+    python_requires=">=3.11",
+    zip_safe=False,
+    license="Apache-2.0",
+    description="Contact time, stiffness and damping of metal samples from hammer impacts.",
+    maintainer="Impact rig maintainers",
+    maintainer_email="maintainers@impact-rig.example",
+)
