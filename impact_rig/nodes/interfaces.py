@@ -21,6 +21,12 @@ from impact_rig_msgs.msg import (
 )
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+RESULT_DEPTH = 256
+"""How many results are kept for who comes late [messages], our choice: two of the paper's
+campaigns."""
+COMPARISON_DEPTH = 64
+"""The same for traces of 80 kB [messages]."""
+
 
 def _make_qos(depth: int, *, latched: bool) -> QoSProfile:
     return QoSProfile(
@@ -52,12 +58,12 @@ class Topic:
 
 SETUP = Topic("setup", RigSetup, _make_qos(1, latched=True))
 ACCELERATION = Topic("acceleration", AccelerationBlock, _make_qos(200, latched=False))
-RELEASE = Topic("release", HammerRelease, _make_qos(16, latched=True))
-VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _make_qos(16, latched=True))
-IMPACT = Topic("impact", Impact, _make_qos(16, latched=True))
-ESTIMATE = Topic("estimate", SampleEstimate, _make_qos(64, latched=True))
+RELEASE = Topic("release", HammerRelease, _make_qos(RESULT_DEPTH, latched=True))
+VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _make_qos(RESULT_DEPTH, latched=True))
+IMPACT = Topic("impact", Impact, _make_qos(RESULT_DEPTH, latched=True))
+ESTIMATE = Topic("estimate", SampleEstimate, _make_qos(RESULT_DEPTH, latched=True))
 HAMMER_ESTIMATE = Topic("hammer_estimate", HammerEstimate, _make_qos(1, latched=True))
-COMPARISON = Topic("comparison", ModelComparison, _make_qos(64, latched=True))
+COMPARISON = Topic("comparison", ModelComparison, _make_qos(COMPARISON_DEPTH, latched=True))
 HAMMER_STATE = Topic("hammer/state", HammerState, _make_qos(1, latched=True))
 ACQUISITION_STATE = Topic("accelerometer/state", AcquisitionState, _make_qos(1, latched=True))
 RECORDER_STATE = Topic("recorder/state", RecorderState, _make_qos(1, latched=True))
