@@ -1,8 +1,6 @@
 """`impact-rig analyze`: recordings and plain traces, without ROS."""
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +8,15 @@ import click
 from click.core import ParameterSource
 
 from impact_rig.cli.quantity import Cutoff, Quantity
+from impact_rig.cli.recording_analysis import AnalyzedCampaign, analyze_recording
+from impact_rig.cli.settings_changes import SettingsChanges
+from impact_rig.cli.trace_analysis import analyze_traces
+from impact_rig.cli.trace_options import TraceOptions
 from impact_rig.core.errors import ParameterError, RigError
-from impact_rig.core.settings import AnalysisSettings
+from impact_rig.reporting.results_file import format_json, results_to_json
+from impact_rig.reporting.tables import print_results
+from impact_rig.reporting.terminal import make_console
+from impact_rig.reporting.trace_results import print_trace_results, trace_results_to_json
 
 MCAP_SUFFIX = ".mcap"
 RECORDING_NAME = "session.mcap"
@@ -29,23 +34,6 @@ TRACE_ONLY = {
     "control": "--control",
 }
 """Options that mean nothing for a recording, which explains itself."""
-
-
-@dataclass(frozen=True)
-class _TraceOptions:
-    """The options of plain traces, as given."""
-
-    columns: str | None
-    rate: float | None
-    hammer_unit: str
-    sample_unit: str
-    sample: str | None
-    rig_file: Path | None
-    hammer_mass: float | None
-    sample_mass: float | None
-    accelerometer_mass: float | None
-    hammer_stiffness: float | None
-    control: bool
 
 
 @click.command(
@@ -122,6 +110,7 @@ class _TraceOptions:
 @click.pass_context
 def command(
     context: click.Context,
+    /,
     files: tuple[Path, ...],
     as_json: bool,
     cutoff: float | None,
@@ -141,20 +130,20 @@ def command(
             f"{recordings[0]} is a recording and {traces[0]} a plain trace: analyze them apart"
         )
 
-    def change_settings(settings: AnalysisSettings) -> AnalysisSettings:
-        given = {"cutoff_frequency": cutoff, "pulse_factor": pulse_factor}
-        return replace(
-            settings, **{name: value for name, value in given.items() if value is not None}
-        )
-
+    changes = SettingsChanges(cutoff, pulse_factor)
     if recordings:
         for name, option in TRACE_ONLY.items():
             if context.get_parameter_source(name) is not ParameterSource.DEFAULT:
                 raise ParameterError(f"{option} is for plain traces: a recording explains itself")
-        errors = _report_recordings(recordings, change_settings, as_json=as_json)
+        errors = _report_recordings(recordings, changes, as_json=as_json)
     else:
-        options = _TraceOptions(**trace_options)
-        errors = _report_traces(traces, options, change_settings, as_json=as_json)
+        task = TraceOptions(**trace_options).make_task(changes)
+        analyzed = analyze_traces(traces, task)
+        errors = list(analyzed.errors)
+        if as_json:
+            click.echo(format_json(trace_results_to_json(analyzed.results)), nl=False)
+        elif analyzed.results.hits:
+            print_trace_results(make_console(), analyzed.results)
     for error in errors[:-1]:
         click.echo(f"error: {error}", err=True)
     if errors:
@@ -169,16 +158,16 @@ def _find_recording(path: Path) -> Path:
     return path / RECORDING_NAME if path.is_dir() else path
 
 
-def _report_recordings(paths: Sequence[Path], change_settings: Any, *, as_json: bool) -> list[str]:
-    from impact_rig.cli.recording_analysis import analyze_recording  # noqa: PLC0415
-    from impact_rig.reporting.results_file import format_json, results_to_json  # noqa: PLC0415
-    from impact_rig.reporting.tables import print_results  # noqa: PLC0415
-    from impact_rig.reporting.terminal import make_console  # noqa: PLC0415
+def _report_recordings(
+    paths: Sequence[Path], changes: SettingsChanges, *, as_json: bool
+) -> list[str]:
 
-    console, errors, found = make_console(), [], []
+    console = make_console()
+    errors: list[str] = []
+    found: list[AnalyzedCampaign] = []
     for path in paths:
         try:
-            recording = analyze_recording(path, change_settings)
+            recording = analyze_recording(path, changes)
         except RigError as error:
             errors.append(str(error))
             continue
@@ -189,103 +178,12 @@ def _report_recordings(paths: Sequence[Path], change_settings: Any, *, as_json: 
             continue
         for number, campaign in enumerate(recording.campaigns, start=1):
             if len(recording.campaigns) > 1:
-                console.rule(f"{path}, campaign {number}")
+                console.print(f"{path}, campaign {number}\n", style="bold underline")
             elif len(paths) > 1:
-                console.rule(str(path))
+                console.print(f"{path}\n", style="bold underline")
             print_results(console, campaign.results, campaign.setup.samples)
     if as_json and found:
         contents = [results_to_json(campaign.results) for campaign in found]
         single = len(paths) == 1 and len(contents) == 1
         click.echo(format_json(contents[0] if single else contents), nl=False)
     return errors
-
-
-def _report_traces(
-    paths: Sequence[Path], options: _TraceOptions, change_settings: Any, *, as_json: bool
-) -> list[str]:
-    from impact_rig.cli.trace_analysis import analyze_traces  # noqa: PLC0415
-    from impact_rig.reporting.results_file import format_json  # noqa: PLC0415
-    from impact_rig.reporting.terminal import make_console  # noqa: PLC0415
-    from impact_rig.reporting.trace_results import (  # noqa: PLC0415
-        print_trace_results,
-        trace_results_to_json,
-    )
-
-    analyzed = analyze_traces(paths, _make_task(options, change_settings))
-    if as_json:
-        click.echo(format_json(trace_results_to_json(analyzed.results)), nl=False)
-    elif analyzed.results.hits:
-        print_trace_results(make_console(), analyzed.results)
-    return list(analyzed.errors)
-
-
-def _make_task(options: _TraceOptions, change_settings: Any) -> Any:
-    from impact_rig.cli.trace_analysis import TraceTask  # noqa: PLC0415
-    from impact_rig.recording.traces import TraceFormat, find_scale  # noqa: PLC0415
-
-    sample, setup = _make_setup(options)
-    settings = change_settings(setup.analysis if setup else AnalysisSettings())
-    mass = setup.hammer_mass if setup else options.hammer_mass
-    # Widths do not depend on the scale: a force without a mass is good for contact times.
-    has_scale = options.hammer_unit != "N" or mass is not None
-    return TraceTask(
-        sample=sample,
-        layout=TraceFormat(
-            columns=_split_columns(options.columns),
-            sampling_rate=options.rate,
-            hammer_scale=find_scale(options.hammer_unit, mass) if has_scale else 1.0,
-            specimen_scale=find_scale(options.sample_unit),
-        ),
-        settings=settings,
-        setup=replace(setup, analysis=settings) if setup else None,
-        hammer_stiffness=(
-            math.nan if options.hammer_stiffness is None else options.hammer_stiffness
-        ),
-        has_scale=has_scale,
-    )
-
-
-def _split_columns(text: str | None) -> tuple[str, ...] | None:
-    return None if text is None else tuple(role.strip() for role in text.split(","))
-
-
-def _make_setup(options: _TraceOptions) -> tuple[str, Any]:
-    """Return the sample's name and the masses, from the rig file or from the options."""
-    from impact_rig.core.checks import check_positive  # noqa: PLC0415
-    from impact_rig.core.paper import IMPACT_SPEED  # noqa: PLC0415
-    from impact_rig.core.samples import RigSetup, Sample, SampleSet  # noqa: PLC0415
-
-    if options.hammer_stiffness is not None:
-        check_positive("--hammer-stiffness", options.hammer_stiffness, "N/m")
-        if options.control:
-            raise ParameterError("--hammer-stiffness and --control both give k1: choose one")
-    masses = (options.hammer_mass, options.sample_mass, options.accelerometer_mass)
-    if options.rig_file is not None:
-        from impact_rig.configuration.rig_file import read_rig_file  # noqa: PLC0415
-
-        if any(mass is not None for mass in masses) or options.control:
-            raise ParameterError(
-                "--rig-file gives the masses and the control sample: leave out --hammer-mass,"
-                " --sample-mass, --accelerometer-mass and --control"
-            )
-        setup = read_rig_file(options.rig_file).setup
-        if options.sample is None:
-            raise ParameterError(
-                "--rig-file needs --sample: which of " + ", ".join(map(repr, setup.samples.names))
-            )
-        setup.samples.find(options.sample)
-        return options.sample, setup
-    name = options.sample or "sample"
-    if options.hammer_mass is not None:
-        check_positive("--hammer-mass", options.hammer_mass, "kg")
-    if options.hammer_mass is None or options.sample_mass is None:
-        if options.control:
-            raise ParameterError("--control needs both masses: --hammer-mass and --sample-mass")
-        return name, None
-    samples = SampleSet(
-        (Sample(name, options.sample_mass),),
-        control_sample=name if options.control else "",
-        accelerometer_mass=options.accelerometer_mass or 0.0,
-    )
-    # Only the printed model depends on the impact speed, and only with a control sample.
-    return name, RigSetup(samples, options.hammer_mass, IMPACT_SPEED)

@@ -11,11 +11,12 @@ SCARCE_DISK = 2e9
 """Free space below which a warning is due [bytes], our choice: some forty campaigns."""
 TOO_LITTLE_DISK = 1e8
 """Free space that one campaign may fill [bytes]."""
-SHARED_MEMORY = Path("/dev/shm")
+SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - this is what Linux and Fast DDS use
 SCARCE_SHARED_MEMORY = 32e6
 """Free shared memory below which a warning is due [bytes], our choice: seven nodes take about
 half of it."""
 MEGABYTE = 1e6
+GIGABYTE = 1e9
 
 
 def check_disk(folder: Path) -> Finding:
@@ -71,4 +72,6 @@ def check_shared_memory(folder: Path = SHARED_MEMORY) -> Finding:
 
 
 def _format_size(size: float) -> str:
-    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / MEGABYTE:.0f} MB"
+    if size >= GIGABYTE:
+        return f"{size / GIGABYTE:.1f} GB"
+    return f"{size / MEGABYTE:.0f} MB"

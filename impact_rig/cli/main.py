@@ -90,6 +90,11 @@ class RigGroup(click.Group):
                 f"this needs {PROVIDERS[missing]}: Python finds no module {missing!r};"
                 " `impact-rig doctor` says what is missing and how to get it"
             ) from None
+        except click.Abort as error:  # raised by a prompt in place of what ended it
+            click.echo(err=True)
+            if isinstance(error.__context__, EOFError):
+                raise _Failure("input ended while an answer was awaited") from None
+            ctx.exit(EXIT_INTERRUPTED)
         except KeyboardInterrupt:
             ctx.exit(EXIT_INTERRUPTED)
 

@@ -4,7 +4,12 @@ import click
 from rich.console import Console
 
 from impact_rig.core.paper import ACCELEROMETER_MASS
-from impact_rig.reporting.paper_arithmetic import PaperArithmetic, compute_paper
+from impact_rig.reporting.paper_arithmetic import (
+    CellArithmetic,
+    HammerArithmetic,
+    PaperArithmetic,
+    compute_paper,
+)
 from impact_rig.reporting.results_file import format_json, record_to_json
 from impact_rig.reporting.terminal import Column, format_number, make_console, print_table
 
@@ -88,7 +93,7 @@ def _print_stiffness(console: Console, paper: PaperArithmetic) -> None:
 
 
 def _print_damping(console: Console, paper: PaperArithmetic) -> None:
-    bodies = [*paper.samples, paper.hammer]
+    bodies: list[CellArithmetic | HammerArithmetic] = [*paper.samples, paper.hammer]
     columns = [
         Column("Sample", [*(sample.name for sample in paper.samples), "hammer"], is_text=True),
         Column("c [N s/m]", [f"{body.damping_coefficient_n_s_per_m:.0f}" for body in bodies]),

@@ -1,18 +1,15 @@
 """Recordings through the core: the same numbers as in the live run, bit by bit."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from impact_rig.cli.settings_changes import SettingsChanges
 from impact_rig.core.errors import FileError
 from impact_rig.core.record import Block
 from impact_rig.core.samples import RigSetup
 from impact_rig.core.session import Session
-from impact_rig.core.settings import AnalysisSettings
 from impact_rig.recording.mcap_reader import Recording, read_recording
 from impact_rig.reporting.results import Results, results_from_session
-
-ChangeSettings = Callable[[AnalysisSettings], AnalysisSettings]
 
 
 @dataclass(frozen=True)
@@ -50,15 +47,15 @@ class AnalyzedRecording:
     warnings: tuple[str, ...]
 
 
-def analyze_recording(path: Path, change_settings: ChangeSettings) -> AnalyzedRecording:
+def analyze_recording(path: Path, changes: SettingsChanges) -> AnalyzedRecording:
     """Judge every hit of a recording and estimate, as the estimator does live.
 
     Parameters
     ----------
     path : Path
         Of the `.mcap` file.
-    change_settings : callable
-        Returns the settings to use in place of the recorded ones.
+    changes : SettingsChanges
+        Settings to use in place of the recorded ones.
 
     Raises
     ------
@@ -74,7 +71,7 @@ def analyze_recording(path: Path, change_settings: ChangeSettings) -> AnalyzedRe
         if not isinstance(event, Block):
             # Each campaign begins with its set-up, and its estimates start afresh.
             campaigns += _finish(session, recording)
-            session = Session(replace(event, analysis=change_settings(event.analysis)))
+            session = Session(replace(event, analysis=changes.apply(event.analysis)))
         elif session is not None:
             session.feed(event)
     campaigns += _finish(session, recording)

@@ -99,7 +99,8 @@ def analyze_traces(paths: Sequence[Path], task: TraceTask) -> AnalyzedTraces:
         hits.append(flat)
         if hit.accepted:
             accepted.append(hit)
-    hammer, samples = HammerResults(), ()
+    hammer = HammerResults()
+    samples: tuple[SampleResults, ...] = ()
     if accepted:
         try:
             hammer, samples = _evaluate(accepted, len(hits) - len(accepted), task)
@@ -138,9 +139,7 @@ def _evaluate(
         hammer, control = BodyEstimate(task.hammer_stiffness), ""
     else:
         hammer, control = _find_hammer(mean, task, task.setup)
-        estimate = estimate_sample(
-            task.sample, mean, contact_times, rejected, hammer, task.setup
-        )
+        estimate = estimate_sample(task.sample, mean, contact_times, rejected, hammer, task.setup)
     flat = HammerResults(
         control_sample=control,
         stiffness_n_per_m=hammer.stiffness,

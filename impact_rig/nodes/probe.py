@@ -13,6 +13,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
+from rclpy.utilities import get_rmw_implementation_identifier
 from std_msgs.msg import String
 
 TOPIC = "impact_rig_probe"
@@ -27,7 +28,7 @@ def talk(node: Node, token: str) -> None:
 
 def listen(node: Node, token: str) -> None:
     """Wait until `token` is heard."""
-    heard: Future[str] = Future()
+    heard = Future()
 
     def take(message: String) -> None:
         if message.data == token:
@@ -46,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     rclpy.init(args=[])
     try:
         PROGRAMS[name](Node(f"impact_rig_probe_{name}"), token)
-        print(rclpy.get_rmw_implementation_identifier())
+        print(get_rmw_implementation_identifier())
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:

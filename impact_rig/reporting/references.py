@@ -78,8 +78,10 @@ def find_reference(samples: SampleSet, name: str) -> Reference:
 
 
 def find_hammer_reference(samples: SampleSet) -> Reference:
-    """Return what is expected of the hammer: the paper's values with the paper's control sample,
-    else k1 = k2 of the control sample."""
+    """Return what is expected of the hammer.
+
+    With the paper's control sample the paper's values, else k1 = k2 of the control sample.
+    """
     if not samples.control_sample:
         return Reference()
     control = samples.find(samples.control_sample)

@@ -65,7 +65,7 @@ def write_results(path: Path, results: Results) -> None:
         If the file cannot be written. Nothing half-written is left.
     """
     text = format_json(results_to_json(results))
-    temporary = ""
+    temporary: Path | None = None
     try:
         with tempfile.NamedTemporaryFile(
             "w",
@@ -75,18 +75,18 @@ def write_results(path: Path, results: Results) -> None:
             suffix=".part",
             delete=False,
         ) as file:
-            temporary = file.name
+            temporary = Path(file.name)
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
         # Temporary files are private; results are as readable as any other new file.
         mask = os.umask(0)
         os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)
-        os.replace(temporary, path)
+        temporary.chmod(0o666 & ~mask)
+        temporary.replace(path)
     except OSError as error:
         if temporary:
-            Path(temporary).unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
         reason = error.strerror or error
         raise FileError(
             f"results {path}: cannot be written ({reason}); give a folder that exists and that"

@@ -206,7 +206,7 @@ def _print_damping(console: Console, results: Results, samples: SampleSet) -> No
             reference,
         )
     )
-    bodies = [*results.samples, hammer]
+    bodies: list[SampleResults | HammerResults] = [*results.samples, hammer]
     columns = [
         *_make_columns(rows, _DAMPING),
         _make_extra("ζ", [format_number(body.damping_ratio, 3) for body in bodies]),
@@ -241,12 +241,12 @@ def print_comparison(console: Console, samples: Sequence[SampleResults]) -> None
         column("shift\nsample", "shift_sample_s", 1, MICRO),
         column("shift\nhammer", "shift_hammer_s", 1, MICRO),
     ]
-    notes = (
+    note = (
         "MSE: over the record, with the force of equation (4) alone driving the sample. contact:"
         " RMS error of the same over the contact. printed: MSE of equations (1) and (2) as"
-        " printed. shift [µs]: applied to the model of MSE, later is positive.",
+        " printed. shift [µs]: applied to the model of MSE, later is positive."
     )
-    print_table(console, "Fig. 6. Model against measurement [%]", columns, notes)
+    print_table(console, "Fig. 6. Model against measurement [%]", columns, [note])
 
 
 def print_rejections(console: Console, results: Results) -> None:

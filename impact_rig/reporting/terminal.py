@@ -95,7 +95,7 @@ def _find_column_width(column: Column) -> int:
 
 
 def _make_table(columns: Sequence[Column], width: int) -> Table:
-    # Where even narrow words leave no room for whole numbers, numbers wrap rather than lose digits.
+    # Where even narrow words leave no room for numbers, these wrap rather than lose digits.
     narrowest = [
         Column("w" * min(NARROWEST_TEXT, _find_column_width(column)), ())
         if column.is_text

@@ -1,0 +1,105 @@
+"""A recorded campaign of the virtual rig, made without running nodes, and a way to call commands."""
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from impact_rig.cli.main import cli
+from impact_rig.core.paper import PAPER_SETUP
+from impact_rig.core.record import HitLabel
+from impact_rig.core.samples import RigSetup
+from impact_rig.core.session import Session
+from impact_rig.devices.virtual.faults import FaultPlan
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.recording.mcap_writer import McapWriter
+from impact_rig.recording.message_definitions import find_message_definition
+from impact_rig.recording.qos_profiles import OfferedQos
+from impact_rig.reporting.results import Results, results_from_session
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def run() -> Run:
+    """Return a function that calls `impact-rig` with arguments."""
+    return lambda *words: CliRunner().invoke(cli, [str(word) for word in words])
+
+
+@dataclass(frozen=True)
+class RecordedCampaign:
+    """A recording and what the session of the live run found."""
+
+    path: Path
+    results: Results
+
+
+class _Recorder:
+    """Writes ROS messages as the recorder node does."""
+
+    def __init__(self, path: Path) -> None:
+        self.writer = McapWriter(path)
+        self._time = 1_700_000_000_000_000_000
+
+    @functools.cache  # noqa: B019 - lives as long as the test
+    def _add_channel(self, topic: str, type_name: str) -> int:
+        definition = find_message_definition(f"impact_rig_msgs/msg/{type_name}")
+        return self.writer.add_channel(topic, definition, (OfferedQos(),))
+
+    def add(self, topic: str, message: object) -> None:
+        from rclpy.serialization import serialize_message
+
+        channel = self._add_channel(topic, type(message).__name__)
+        self._time += 1_000_000
+        self.writer.add_message(channel, serialize_message(message), self._time, self._time)
+
+
+def record_campaigns(
+    path: Path,
+    settings: VirtualRigSettings,
+    samples: Sequence[str],
+    impacts: int,
+    *,
+    setup: RigSetup = PAPER_SETUP,
+    campaigns: int = 1,
+) -> RecordedCampaign:
+    """Strike and record; return the results of the last campaign."""
+    from impact_rig.nodes import messages
+
+    recorder, rig, record = _Recorder(path), VirtualRig(setup, settings), 0
+    stamp = messages.stamp_to_msg(1_700_000_000_000_000_000)
+    recorder.add("/setup", messages.setup_to_msg(setup, stamp))  # the campaign node comes up
+    for _ in range(campaigns):
+        recorder.add("/setup", messages.setup_to_msg(setup, stamp))
+        session, faults = Session(setup), {}
+        for name in samples:
+            accepted = attempt = 0
+            while accepted < impacts:
+                record, attempt = record + 1, attempt + 1
+                hit = rig.strike(HitLabel(name, record, accepted + 1, attempt))
+                faults[record] = tuple(fault.value for fault in hit.faults)
+                recorder.add("/virtual_impact", messages.virtual_hit_to_msg(hit, stamp))
+                for block in hit.split(1000, 0):
+                    recorder.add("/acceleration", messages.block_to_msg(block))
+                    for judged in session.feed(block):
+                        if judged.accepted:
+                            accepted, attempt = accepted + 1, 0
+    recorder.writer.close()
+    return RecordedCampaign(path, results_from_session(session.estimate_all(), faults))
+
+
+@pytest.fixture(scope="session")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> RecordedCampaign:
+    """Return the paper's campaign, recorded, with faults."""
+    folder = tmp_path_factory.mktemp("run")
+    settings = VirtualRigSettings(seed=7, faults=FaultPlan(0.1))
+    return record_campaigns(folder / "session.mcap", settings, PAPER_SETUP.samples.names, 3)
+
+
+@pytest.fixture
+def record() -> Callable[..., RecordedCampaign]:
+    """Return the function that strikes and records."""
+    return record_campaigns

@@ -1,0 +1,131 @@
+"""`impact-rig analyze` on recordings."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+
+from impact_rig.core.paper import PUBLISHED_SAMPLES
+from impact_rig.devices.virtual.rig import VirtualRigSettings
+from impact_rig.reporting.results_file import format_json, results_to_json
+
+Run = Callable[..., Result]
+
+SAMPLES = ("steel small", "aluminium large")
+
+
+def test_the_json_is_that_of_the_live_run_character_by_character(run: Run, campaign: Any) -> None:
+    outcome = run("analyze", campaign.path, "--json")
+    assert outcome.exit_code == 0
+    assert outcome.stdout == format_json(results_to_json(campaign.results))
+
+
+def test_the_json_has_what_was_promised(run: Run, campaign: Any) -> None:
+    content = json.loads(run("analyze", campaign.path, "--json").stdout)
+    assert set(content) == {"format", "hammer", "samples", "rejections"}
+    assert content["hammer"]["stiffness_n_per_m"] == pytest.approx(22.54e6, rel=0.015)
+    assert content["hammer"]["damping_coefficient_n_s_per_m"] == pytest.approx(1909, rel=0.05)
+    for sample, cell in zip(content["samples"], PUBLISHED_SAMPLES, strict=True):
+        assert sample["name"] == cell.name
+        assert sample["impacts_accepted"] == 3
+        # Three hits of 0.3 % scatter: the mean stays within four standard errors.
+        assert sample["contact_time_s"] == pytest.approx(cell.contact_time, rel=0.007)
+        assert sample["mse_hammer_percent"] < 0.25
+        assert sample["mse_sample_percent"] < 5.0
+    assert all(item["injected_faults"] for item in content["rejections"])
+
+
+def test_the_tables_show_paper_beside_measured(run: Run, campaign: Any) -> None:
+    outcome = run("analyze", campaign.path)
+    assert outcome.exit_code == 0
+    for title in ("Table 2", "Table 3", "Table 4", "Fig. 6", "Rejected hits"):
+        assert title in outcome.stdout
+    assert "288.10" in outcome.stdout
+    assert max(map(len, outcome.stdout.splitlines())) <= 80
+
+
+def test_the_folder_of_a_run_is_as_good_as_its_recording(run: Run, campaign: Any) -> None:
+    in_folder = run("analyze", campaign.path.parent, "--json")
+    assert in_folder.stdout == run("analyze", campaign.path, "--json").stdout
+
+
+def test_without_ros_it_works_all_the_same(campaign: Any) -> None:
+    # -S -E would hide everything else too: forbid just rclpy, as if it were not installed.
+    code = (
+        "import sys; sys.modules['rclpy'] = None; sys.modules['impact_rig_msgs'] = None;"
+        "from impact_rig.cli.main import main; main()"
+    )
+    words = [sys.executable, "-c", code, "analyze", str(campaign.path), "--json"]
+    environment = {key: value for key, value in os.environ.items() if key != "AMENT_PREFIX_PATH"}
+    done = subprocess.run(words, capture_output=True, text=True, env=environment, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == format_json(results_to_json(campaign.results))
+
+
+def test_two_campaigns_in_one_recording_are_kept_apart(
+    run: Run, record: Callable[..., Any], tmp_path: Path
+) -> None:
+    recorded = record(tmp_path / "two.mcap", VirtualRigSettings(seed=3), SAMPLES, 2, campaigns=2)
+    first, second = json.loads(run("analyze", recorded.path, "--json").stdout)
+    assert second == results_to_json(recorded.results)
+    assert [sample["impacts_accepted"] for sample in first["samples"]] == [2, 2]
+    assert "campaign 2" in " ".join(run("analyze", recorded.path).stdout.split())
+
+
+def test_settings_of_the_command_line_replace_the_recorded_ones(run: Run, campaign: Any) -> None:
+    content = json.loads(run("analyze", campaign.path, "--json", "--pulse-factor", 1.5).stdout)
+    for sample, recorded in zip(content["samples"], campaign.results.samples, strict=True):
+        assert sample["contact_time_s"] == pytest.approx(0.75 * recorded.contact_time_s)
+
+
+def test_a_bad_recording_does_not_spoil_the_good_one(
+    run: Run, campaign: Any, tmp_path: Path
+) -> None:
+    bad = tmp_path / "bad.mcap"
+    bad.write_text("this is no MCAP")
+    outcome = run("analyze", bad, campaign.path, "--json")
+    assert outcome.exit_code == 2
+    assert outcome.stderr.count("error:") == 1
+    assert str(bad) in outcome.stderr
+    assert len(json.loads(outcome.stdout)) == 1
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        pytest.param(b"this is no MCAP at all, whatever its name says", "MCAP", id="other kind"),
+        pytest.param(b"", "empty", id="empty"),
+        pytest.param(None, "there is no file", id="missing"),
+    ],
+)
+def test_what_is_no_recording_is_named_in_one_sentence(
+    run: Run, tmp_path: Path, content: bytes | None, words: str
+) -> None:
+    path = tmp_path / "session.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    outcome = run("analyze", path)
+    assert outcome.exit_code == 2
+    assert outcome.stdout == ""
+    assert outcome.stderr.startswith("error: ")
+    assert len(outcome.stderr.splitlines()) == 1
+    assert str(path) in outcome.stderr
+    assert words.lower() in outcome.stderr.lower()
+
+
+def test_options_of_plain_traces_are_refused_for_recordings(run: Run, campaign: Any) -> None:
+    outcome = run("analyze", campaign.path, "--hammer-mass", "100g")
+    assert outcome.exit_code == 2
+    assert "--hammer-mass is for plain traces" in outcome.stderr
+
+
+def test_recordings_and_traces_are_not_mixed(run: Run, campaign: Any) -> None:
+    outcome = run("analyze", campaign.path, "hit.npy")
+    assert outcome.exit_code == 2
+    assert "analyze them apart" in outcome.stderr

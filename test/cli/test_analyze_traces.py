@@ -1,0 +1,251 @@
+"""`impact-rig analyze` on plain traces of other laboratories."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+Run = Callable[..., Result]
+
+RATE = 1e6
+CONTACT_TIME = 200e-6
+REAL_HITS = Path(__file__).parents[1] / "data" / "pyfrf_hammer"
+
+
+def make_pulse(contact_time: float = CONTACT_TIME, peak: float = 500.0) -> np.ndarray:
+    """Return rows of time, hammer (a versed-sine) and sample (a decaying oscillation)."""
+    time = np.arange(2000) / RATE
+    since = time - 300e-6
+    inside = (since > 0) & (since < contact_time)
+    hammer = np.where(inside, peak * np.sin(np.pi * since / contact_time) ** 2, 0.0)
+    decay = np.exp(-4e3 * since) * np.sin(2 * np.pi * 5e3 * since)
+    return np.stack([time, hammer, np.where(since > 0, 0.5 * peak * decay, 0.0)])
+
+
+@pytest.fixture
+def save(tmp_path: Path) -> Callable[..., Path]:
+    """Return a function that saves rows as a trace file."""
+
+    def write(name: str, rows: np.ndarray) -> Path:
+        path = tmp_path / name
+        if path.suffix == ".npy":
+            np.save(path, rows)
+        else:
+            np.savetxt(path, rows.T, delimiter=",", fmt="%.12g")
+        return path
+
+    return write
+
+
+def read_json(outcome: Result) -> Any:
+    assert outcome.exit_code == 0, outcome.stderr
+    return json.loads(outcome.stdout)
+
+
+def test_real_hits_are_accepted_with_the_widths_that_their_readme_states(run: Run) -> None:
+    files = sorted(REAL_HITS.glob("*.npy"))
+    content = read_json(run("analyze", "--cutoff", "off", "--json", *files))
+    assert [hit["accepted"] for hit in content["hits"]] == [True] * len(files)
+    for hit in content["hits"]:
+        assert 169e-6 <= hit["half_amplitude_width_s"] <= 184.5e-6
+    assert content["samples"][0]["impacts_accepted"] == len(files)
+
+
+@pytest.mark.parametrize("name", ["hit.npy", "hit.csv", "hit.txt"])
+def test_the_contact_time_of_a_versed_sine_is_twice_its_width(
+    run: Run, save: Callable[..., Path], name: str
+) -> None:
+    content = read_json(run("analyze", "--cutoff", "off", "--json", save(name, make_pulse())))
+    (hit,) = content["hits"]
+    # Linear interpolation between points 1 us apart, at the steepest part of the pulse.
+    assert hit["contact_time_s"] == pytest.approx(CONTACT_TIME, rel=1e-4)
+    assert hit["half_amplitude_width_s"] == pytest.approx(CONTACT_TIME / 2, rel=1e-4)
+    assert hit["width_ratio"] == pytest.approx(1.590, abs=0.002)
+    assert hit["hammer_peak_m_per_s2"] == pytest.approx(500.0, rel=1e-3)
+
+
+def test_without_masses_stiffness_is_named_as_not_determined(
+    run: Run, save: Callable[..., Path]
+) -> None:
+    path = save("hit.npy", make_pulse())
+    (sample,) = read_json(run("analyze", "--json", path))["samples"]
+    assert sample["stiffness_n_per_m"] is None
+    assert sample["damping_coefficient_n_s_per_m"] is None
+    table = run("analyze", path)
+    assert "Not determined" in table.stdout
+    assert "no mass given" in table.stdout
+
+
+def test_alike_bodies_give_both_stiffnesses(run: Run, save: Callable[..., Path]) -> None:
+    words = ("--cutoff", "off", "--hammer-mass", "100g", "--sample-mass", "97 g")
+    words += ("--accelerometer-mass", "3 g", "--control", "--json")
+    content = read_json(run("analyze", *words, save("hit.npy", make_pulse())))
+    # m_eq of twice 100 g is 50 g: k = 2 m_eq (pi / tau_p)^2.
+    stiffness = 2 * 0.05 * (np.pi / CONTACT_TIME) ** 2
+    assert content["hammer"]["stiffness_n_per_m"] == pytest.approx(stiffness, rel=1e-3)
+    assert content["samples"][0]["stiffness_n_per_m"] == pytest.approx(stiffness, rel=1e-3)
+
+
+def test_a_known_hammer_gives_the_stiffness_of_any_sample(
+    run: Run, save: Callable[..., Path]
+) -> None:
+    words = ("--cutoff", "off", "--hammer-mass", "0.1", "--sample-mass", "0.1", "--json")
+    words += ("--hammer-stiffness", "20 MN/m")
+    content = read_json(run("analyze", *words, save("hit.npy", make_pulse())))
+    equivalent = 0.05 * (np.pi / CONTACT_TIME) ** 2
+    expected = 1 / (1 / equivalent - 1 / 20e6)
+    assert content["samples"][0]["stiffness_n_per_m"] == pytest.approx(expected, rel=1e-3)
+    # The sample's oscillation of 5 kHz loses exp(-4000 / 5000) from peak to peak; its first
+    # rise is steeper than a sine's, which moves both peaks alike.
+    assert content["samples"][0]["log_decrement"] == pytest.approx(0.8, abs=0.02)
+
+
+def test_a_rig_file_gives_masses_and_settings(
+    run: Run, save: Callable[..., Path], tmp_path: Path
+) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        """
+        [hammer]
+        mass = "100 g"
+        impact_speed = "8 cm/s"
+        [analysis]
+        cutoff_frequency = "80 kHz"
+        pulse_factor = 1.5
+        [samples]
+        control = "twin"
+        [[sample]]
+        name = "twin"
+        mass = "100 g"
+        [[sample]]
+        name = "other"
+        mass = "50 g"
+        """
+    )
+    path = save("hit.npy", make_pulse())
+    twin = read_json(run("analyze", "--rig-file", rig, "--sample", "twin", "--json", path))
+    assert twin["hammer"]["control_sample"] == "twin"
+    assert twin["samples"][0]["contact_time_s"] == pytest.approx(0.75 * CONTACT_TIME, rel=0.01)
+    assert twin["samples"][0]["printed_mse_sample_percent"] is not None
+    other = run("analyze", "--rig-file", rig, "--sample", "other", path)
+    assert "is not the control sample" in " ".join(other.stdout.split())
+    unknown = run("analyze", "--rig-file", rig, "--sample", "tin", path)
+    assert unknown.exit_code == 2
+    assert "unknown sample 'tin'" in unknown.stderr
+
+
+def test_units_turn_into_accelerations(run: Run, save: Callable[..., Path]) -> None:
+    path = save("hit.npy", make_pulse())
+    plain = ("analyze", "--cutoff", "off", "--json", path)
+    for words, factor in (
+        (("--hammer-unit", "g"), 9.80665),
+        (("--hammer-unit", "N", "--hammer-mass", "200 g"), 5.0),
+    ):
+        (hit,) = read_json(run(*plain, *words))["hits"]
+        assert hit["hammer_peak_m_per_s2"] == pytest.approx(500.0 * factor, rel=1e-3)
+    (hit,) = read_json(run(*plain, "--hammer-unit", "N"))["hits"]
+    assert hit["hammer_peak_m_per_s2"] is None
+    assert hit["contact_time_s"] == pytest.approx(CONTACT_TIME, rel=1e-4)
+
+
+def test_columns_are_what_they_are_said_to_be(run: Run, save: Callable[..., Path]) -> None:
+    time, hammer, sample = make_pulse()
+    path = save("hit.csv", np.stack([sample, np.full_like(time, 7.0), hammer]))
+    words = ("--columns", "specimen,skip,hammer", "--rate", "1 MHz", "--cutoff", "off", "--json")
+    (hit,) = read_json(run("analyze", *words, path))["hits"]
+    assert hit["contact_time_s"] == pytest.approx(CONTACT_TIME, rel=1e-4)
+
+
+def test_the_mean_is_of_the_accepted_hits_alone(run: Run, save: Callable[..., Path]) -> None:
+    good = [save(f"hit_{i}.npy", make_pulse(CONTACT_TIME + i * 1e-6)) for i in range(3)]
+    clipped = make_pulse()
+    clipped[1] = np.minimum(clipped[1], 300.0)
+    bad = save("clipped.npy", clipped)
+    content = read_json(run("analyze", "--cutoff", "off", "--json", *good, bad))
+    assert [hit["accepted"] for hit in content["hits"]] == [True, True, True, False]
+    assert content["hits"][-1]["reasons"][0].startswith("overload: ")
+    (sample,) = content["samples"]
+    assert (sample["impacts_accepted"], sample["impacts_rejected"]) == (3, 1)
+    assert sample["contact_time_s"] == pytest.approx(CONTACT_TIME + 1e-6, rel=1e-4)
+    assert sample["contact_time_spread_s"] == pytest.approx(1e-6, rel=0.02)
+
+
+def test_a_file_that_cannot_be_used_does_not_spoil_the_others(
+    run: Run, save: Callable[..., Path], tmp_path: Path
+) -> None:
+    outcome = run("analyze", "--json", tmp_path / "absent.npy", save("good.npy", make_pulse()))
+    assert outcome.exit_code == 2
+    assert len(outcome.stderr.splitlines()) == 1
+    assert "absent.npy" in outcome.stderr
+    assert [hit["accepted"] for hit in json.loads(outcome.stdout)["hits"]] == [True]
+
+
+def _with_nan() -> np.ndarray:
+    rows = make_pulse()
+    rows[1, 700] = np.nan
+    return rows
+
+
+def _with_noise_only() -> np.ndarray:
+    rows = make_pulse()[:2]
+    rows[1] = np.random.default_rng(1).normal(size=rows.shape[1])
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("rows", "words", "sentence"),
+    [
+        pytest.param(_with_nan(), (), "point 700", id="NaN"),
+        pytest.param(make_pulse(peak=0.0), (), "no pulse", id="flat"),
+        pytest.param(_with_noise_only(), (), "no pulse", id="noise"),
+        pytest.param(make_pulse(), ("--cutoff", "600 kHz"), "too low", id="slow sampling"),
+        pytest.param(make_pulse(), ("--cutoff", "5 kg"), "is no Hz", id="wrong unit"),
+        pytest.param(make_pulse(), ("--pulse-factor", "9"), "between 1 and 4", id="factor"),
+        pytest.param(make_pulse()[:1], (), "give its sampling rate", id="no time"),
+        pytest.param(make_pulse(), ("--columns", "time,force"), "'force' is unknown", id="role"),
+        pytest.param(
+            make_pulse(),
+            ("--hammer-mass", "-1", "--sample-mass", "0.1"),
+            "-1.0 kg: it must be",
+            id="negative mass",
+        ),
+        pytest.param(
+            make_pulse(),
+            ("--hammer-mass", "0.1", "--sample-mass", "0"),
+            "0.0 kg: it must be",
+            id="zero mass",
+        ),
+        pytest.param(make_pulse(), ("--control",), "needs both masses", id="control"),
+        pytest.param(make_pulse(), ("--rig-file", "none.toml"), "none.toml", id="no rig file"),
+    ],
+)
+def test_bad_input_gets_one_sentence(
+    run: Run, save: Callable[..., Path], rows: np.ndarray, words: tuple[str, ...], sentence: str
+) -> None:
+    outcome = run("analyze", *words, save("hit.npy", rows))
+    assert outcome.exit_code == 2
+    assert outcome.stdout == ""
+    assert outcome.stderr.startswith("error: ")
+    assert len(outcome.stderr.splitlines()) == 1
+    assert sentence in outcome.stderr
+
+
+def test_a_dead_channel_is_a_bad_hit_and_no_hit_is_an_error(
+    run: Run, save: Callable[..., Path]
+) -> None:
+    rows = make_pulse()
+    rows[1] = 0.0
+    outcome = run("analyze", save("hit.npy", rows))
+    assert outcome.exit_code == 2
+    assert "dead_channel" in outcome.stdout
+    assert outcome.stderr == "error: no hit was accepted: the contact time is not determined\n"
+
+
+def test_a_contact_too_short_for_the_hammer_is_named(run: Run, save: Callable[..., Path]) -> None:
+    words = ("--hammer-mass", "0.1", "--sample-mass", "0.1", "--hammer-stiffness", "1 MN/m")
+    outcome = run("analyze", *words, save("hit.npy", make_pulse()))
+    assert "(6b) has no positive solution" in " ".join(outcome.stdout.split())

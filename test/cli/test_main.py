@@ -1,0 +1,138 @@
+"""The command `impact-rig` itself: its help, its speed, and how it ends."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+import impact_rig
+from impact_rig.cli import main
+from impact_rig.core.errors import ParameterError
+
+Run = Callable[..., Result]
+MODULE = (sys.executable, "-m", "impact_rig.cli.main")
+
+
+def test_the_help_names_every_command_and_shows_examples(run: Run) -> None:
+    outcome = run("--help")
+    assert outcome.exit_code == 0
+    for name in ("demo", "up", "campaign", "analyze", "paper", "doctor"):
+        assert f"  {name} " in outcome.stdout
+    assert "Examples:" in outcome.stdout
+    assert max(map(len, outcome.stdout.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("name", main.COMMANDS)
+def test_every_command_has_help_with_examples(run: Run, name: str) -> None:
+    outcome = run(name, "--help")
+    assert outcome.exit_code == 0
+    assert "Examples:" in outcome.stdout
+
+
+def test_the_help_loads_nothing_heavy() -> None:
+    code = (
+        "import sys; from impact_rig.cli import main\n"
+        "try: main.cli(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print(sorted({'numpy', 'scipy', 'rich', 'rclpy', 'pint', 'rerun'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_the_help_is_there_at_once() -> None:
+    def measure() -> float:
+        started = time.perf_counter()
+        subprocess.run([*MODULE, "--help"], capture_output=True, check=True)
+        return time.perf_counter() - started
+
+    # The best of several: other tests may be keeping the processor busy.
+    assert min(measure() for _ in range(5)) < 0.3
+
+
+def test_the_version_is_that_of_the_package(run: Run) -> None:
+    outcome = run("--version")
+    assert outcome.exit_code == 0
+    assert impact_rig.__version__ in outcome.stdout
+
+
+def test_an_unknown_command_is_refused(run: Run) -> None:
+    outcome = run("anneal")
+    assert outcome.exit_code == 2
+    assert "No such command 'anneal'" in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("raised", "code", "words"),
+    [
+        (ParameterError("mass is -1 kg: it must be above zero"), 2, "error: mass is -1 kg"),
+        (ModuleNotFoundError("No module", name="rclpy.node"), 2, "error: this needs ROS 2"),
+        (KeyboardInterrupt(), 130, ""),
+    ],
+)
+def test_what_a_command_raises_ends_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, raised: BaseException, code: int, words: str
+) -> None:
+    @click.command()
+    def broken() -> None:
+        raise raised
+
+    monkeypatch.setattr(main.RigGroup, "get_command", lambda *_: broken)
+    outcome = CliRunner().invoke(main.cli, ["demo"])
+    assert outcome.exit_code == code
+    assert outcome.stdout == ""
+    assert len(outcome.stderr.splitlines()) == (1 if words else 0)
+    assert outcome.stderr.startswith(words)
+
+
+def test_a_bug_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    @click.command()
+    def broken() -> None:
+        raise ModuleNotFoundError("No module named 'impact_rig.cor'", name="impact_rig.cor")
+
+    monkeypatch.setattr(main.RigGroup, "get_command", lambda *_: broken)
+    outcome = CliRunner().invoke(main.cli, ["demo"])
+    assert isinstance(outcome.exception, ModuleNotFoundError)
+
+
+def test_ctrl_c_ends_without_a_traceback() -> None:
+    code = (
+        "import click, time; from impact_rig.cli import main\n"
+        "@click.command()\n"
+        "def wait():\n"
+        "    print('waiting', flush=True); time.sleep(60)\n"
+        "main.RigGroup.get_command = lambda *_: wait\n"
+        "main.cli(['demo'])"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "waiting\n"
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=30)
+    assert (process.returncode, output, errors) == (130, "", "")
+
+
+def test_a_prompt_that_nobody_can_answer_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    @click.command()
+    def ask() -> None:
+        click.prompt("Mount the sample", err=True)
+
+    monkeypatch.setattr(main.RigGroup, "get_command", lambda *_: ask)
+    outcome = CliRunner().invoke(main.cli, ["demo"], input="")
+    assert outcome.exit_code == 2
+    assert outcome.stderr.splitlines()[-1] == "error: input ended while an answer was awaited"
+
+
+def test_a_terminal_without_greek_letters_gets_no_traceback() -> None:
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+    done = subprocess.run([*MODULE, "paper"], capture_output=True, env=environment, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"Table 3" in done.stdout

@@ -1,0 +1,48 @@
+"""A campaign of the virtual rig in the core alone, as results."""
+
+from collections.abc import Callable, Iterable
+
+import pytest
+
+from impact_rig.core.paper import PAPER_SETUP
+from impact_rig.core.record import HitLabel
+from impact_rig.core.samples import RigSetup
+from impact_rig.core.session import Session
+from impact_rig.devices.virtual.faults import FaultPlan
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.reporting.results import Results, results_from_session
+
+Strike = Callable[..., Results]
+
+
+def strike_samples(
+    names: Iterable[str] = PAPER_SETUP.samples.names,
+    *,
+    setup: RigSetup = PAPER_SETUP,
+    impacts: int = 2,
+    fault_probability: float = 0.0,
+    seed: int = 1,
+) -> Results:
+    """Strike every sample a number of times, good hits or bad."""
+    settings = VirtualRigSettings(seed=seed, faults=FaultPlan(fault_probability))
+    rig, session, faults, record = VirtualRig(setup, settings), Session(setup), {}, 0
+    for name in names:
+        for impact in range(1, impacts + 1):
+            record += 1
+            hit = rig.strike(HitLabel(name, record, impact))
+            faults[record] = tuple(fault.value for fault in hit.faults)
+            for block in hit.split(5000, 0):
+                session.feed(block)
+    return results_from_session(session.estimate_all(), faults)
+
+
+@pytest.fixture
+def strike() -> Strike:
+    """Return the function that strikes samples."""
+    return strike_samples
+
+
+@pytest.fixture(scope="session")
+def results() -> Results:
+    """Return the paper's campaign with two hits each."""
+    return strike_samples()

@@ -1,0 +1,166 @@
+"""results.json: exact, whole, and strict when read."""
+
+import json
+import math
+import os
+import stat
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from impact_rig.core.errors import FileError
+from impact_rig.reporting import results_file
+from impact_rig.reporting.results import HammerResults, RejectedHit, Results, SampleResults
+from impact_rig.reporting.results_file import (
+    format_json,
+    read_results,
+    results_to_json,
+    write_results,
+)
+
+SAMPLE = SampleResults("tin", 3, 1, contact_time_s=2e-4, notes=("k2: unknown",))
+REJECTED = RejectedHit("tin", 2, 1, 5, ("weak: too weak",), ("weak_hit",))
+RESULTS = Results(HammerResults("tin", 1e7), (SAMPLE,), (REJECTED,))
+
+
+def test_what_is_written_is_read_again(tmp_path: Path, results: Results) -> None:
+    path = tmp_path / "results.json"
+    write_results(path, results)
+    assert repr(read_results(path)) == repr(results)
+
+
+@given(value=st.floats(allow_nan=False, allow_infinity=False))
+def test_every_number_comes_back_bit_by_bit(value: float) -> None:
+    results = replace(RESULTS, samples=(replace(SAMPLE, stiffness_n_per_m=value),))
+    content = json.loads(format_json(results_to_json(results)))
+    back = content["samples"][0]["stiffness_n_per_m"]
+    assert (back, math.copysign(1, back)) == (value, math.copysign(1, value))
+
+
+def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    write_results(path, RESULTS)
+    content = json.loads(path.read_text())
+    assert content["format"] == {"name": "impact-rig results", "version": 1}
+    assert {"stiffness_n_per_m", "damping_coefficient_n_s_per_m"} <= set(content["hammer"])
+    assert {
+        "name", "impacts_accepted", "impacts_rejected", "contact_time_s", "stiffness_n_per_m",
+        "damping_coefficient_n_s_per_m", "damping_ratio", "log_decrement", "mse_hammer_percent",
+        "mse_sample_percent",
+    } <= set(content["samples"][0])  # fmt: skip
+    assert content["rejections"] == [
+        {
+            "sample": "tin",
+            "impact": 2,
+            "attempt": 1,
+            "record": 5,
+            "reasons": ["weak: too weak"],
+            "injected_faults": ["weak_hit"],
+        }
+    ]
+    assert set(content) == {"format", "hammer", "samples", "rejections"}
+
+
+def test_what_is_not_determined_is_null(tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    write_results(path, RESULTS)
+    assert "NaN" not in path.read_text()
+    assert json.loads(path.read_text())["samples"][0]["stiffness_n_per_m"] is None
+    assert math.isnan(read_results(path).samples[0].stiffness_n_per_m)
+
+
+def test_a_new_file_takes_the_place_of_the_old_one_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    path.write_text("old")
+    write_results(path, RESULTS)
+    assert read_results(path).samples[0].name == "tin"
+    assert os.listdir(tmp_path) == ["results.json"]
+
+
+def test_results_are_as_readable_as_any_new_file(tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    other.write_text("")
+    write_results(tmp_path / "results.json", RESULTS)
+    mode = (tmp_path / "results.json").stat().st_mode
+    assert stat.S_IMODE(mode) == stat.S_IMODE(other.stat().st_mode)
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "results.json"
+    path.write_text("old")
+
+    def fail(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(results_file.os, "fsync", fail)
+    with pytest.raises(FileError, match=r"results.json: cannot be written \(No space left"):
+        write_results(path, RESULTS)
+    assert os.listdir(tmp_path) == ["results.json"]
+    assert path.read_text() == "old"
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="absent"):
+        write_results(tmp_path / "absent" / "results.json", RESULTS)
+
+
+def _drop(content: dict[str, Any]) -> None:
+    del content["samples"][0]["contact_time_s"]
+
+
+def _mistype(content: dict[str, Any]) -> None:
+    content["samples"][0]["impacts_accepted"] = "three"
+
+
+def _age(content: dict[str, Any]) -> None:
+    content["format"]["version"] = 2
+
+
+def _rename(content: dict[str, Any]) -> None:
+    content["format"]["name"] = "a cake recipe"
+
+
+def _flatten(content: dict[str, Any]) -> None:
+    content["rejections"] = "none"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (_drop, r"the field samples\[0\].contact_time_s is missing"),
+        (_mistype, r"samples\[0\].impacts_accepted is 'three': it must be a whole number"),
+        (_age, "version 2; this program reads version 1"),
+        (_rename, "is not a results file"),
+        (_flatten, "rejections must be a list"),
+    ],
+)
+def test_what_is_no_results_file_is_named(
+    tmp_path: Path, spoil: Callable[[dict[str, Any]], None], words: str
+) -> None:
+    path = tmp_path / "results.json"
+    content = results_to_json(RESULTS)
+    spoil(content)
+    path.write_text(json.dumps(content))
+    with pytest.raises(FileError, match=words) as error:
+        read_results(path)
+    assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1, 2]", "\0\1\2"])
+def test_other_text_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "results.json"
+    path.write_text(text)
+    with pytest.raises(FileError, match=r"results\.json: is not"):
+        read_results(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="cannot be read"):
+        read_results(tmp_path / "results.json")

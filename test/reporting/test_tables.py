@@ -1,0 +1,155 @@
+"""The tables in a terminal."""
+
+import io
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+
+from impact_rig.core.paper import PAPER_SETUP, PUBLISHED_SAMPLES
+from impact_rig.core.samples import Sample, SampleSet
+from impact_rig.reporting.results import HammerResults, RejectedHit, Results, SampleResults
+from impact_rig.reporting.tables import print_results
+
+SAMPLES = PAPER_SETUP.samples
+
+
+def render(
+    results: Results, samples: SampleSet = SAMPLES, width: int = 80, **options: object
+) -> str:
+    console = Console(
+        file=io.StringIO(), width=width, markup=False, highlight=False, emoji=False, **options
+    )
+    print_results(console, results, samples)
+    text: str = console.file.getvalue()
+    return text
+
+
+def find_row(text: str, name: str, table: str) -> list[str]:
+    lines = text[text.index(table) :].splitlines()
+    return next(line for line in lines if line.startswith(name)).removeprefix(name).split()
+
+
+def make_sample(name: str, **values: object) -> SampleResults:
+    return SampleResults(name, 10, 2, **values)
+
+
+def test_eighty_columns_are_enough_and_every_name_keeps_its_line(results: Results) -> None:
+    text = render(results)
+    assert max(map(len, text.splitlines())) <= 80
+    for cell in PUBLISHED_SAMPLES:
+        rows = [line for line in text.splitlines() if line.startswith(cell.name)]
+        assert len(rows) == 4  # Tables 2, 3, 4 and Fig. 6
+
+
+@pytest.mark.parametrize("width", [30, 40, 60, 79, 80, 120, 200])
+def test_nothing_is_wider_than_the_terminal_and_no_digit_is_lost(
+    results: Results, width: int
+) -> None:
+    text = render(results, width=width)
+    assert max(map(len, text.splitlines())) <= width
+    assert "…" not in text
+    assert "22.54" in text
+
+
+def test_paper_and_measured_stand_side_by_side_with_their_difference() -> None:
+    sample = make_sample(
+        "steel medium",
+        contact_time_s=204.2e-6,
+        stiffness_n_per_m=45.0e6,
+        damping_coefficient_n_s_per_m=1200.0,
+    )
+    text = render(Results(HammerResults("aluminium large", 22.0e6, 1900.0), (sample,), ()))
+    # By hand: 204.2 / 203.2, 45.0 / 45.29, 1200 / 1170, 22.0 / 22.54.
+    assert find_row(text, "steel medium", "Table 2")[:3] == ["203.20", "204.20", "+0.49"]
+    assert find_row(text, "steel medium", "Table 3")[:3] == ["45.29", "45.00", "-0.64"]
+    assert find_row(text, "steel medium", "Table 4")[:3] == ["1170.0", "1200.0", "+2.56"]
+    assert find_row(text, "hammer", "Table 3")[:3] == ["22.54", "22.00", "-2.40"]
+    assert "Largest differences: τp 0.49 %, k2 0.64 %, c2 2.56 %." in text
+    assert "Paper" in text
+
+
+def test_the_misprint_is_marked_wherever_its_row_is_shown(results: Results) -> None:
+    text = render(results)
+    for table in ("Table 2.", "Table 3.", "Table 4."):
+        assert find_row(text, "brass medium", table)[0] == "*"
+    assert find_row(text, "brass medium", "Table 2.")[1] == "228.00"
+    assert "prints 288.10 µs for brass medium" in " ".join(text.split())
+
+
+def test_the_misprint_is_not_spoken_of_where_it_is_not_shown(
+    strike: Callable[..., Results],
+) -> None:
+    assert "288.10" not in render(strike(["aluminium large", "steel small"]))
+
+
+def test_a_sample_of_ones_own_called_like_the_paper_s_is_not_marked() -> None:
+    samples = SampleSet((Sample("brass medium", 0.2, reference_contact_time=2e-4),), "")
+    text = render(
+        Results(HammerResults(), (make_sample("brass medium", contact_time_s=2e-4),), ()), samples
+    )
+    assert "288.10" not in text
+    assert "Paper" not in text
+    assert "Reference" in text
+
+
+def test_samples_without_reference_get_no_difference() -> None:
+    samples = SampleSet((Sample("tin", 0.1, reference_contact_time=2e-4), Sample("zinc", 0.1)), "")
+    tin, zinc = (make_sample(name, contact_time_s=2.1e-4) for name in ("tin", "zinc"))
+    both = render(Results(HammerResults(), (tin, zinc), ()), samples)
+    assert find_row(both, "tin", "Table 2")[:3] == ["200.00", "210.00", "+5.00"]
+    assert find_row(both, "zinc", "Table 2")[:2] == ["210.00", "-"]
+    alone = render(Results(HammerResults(), (zinc,), ()), samples)
+    assert "Diff." not in alone
+    assert "Largest differences" not in alone
+
+
+def test_a_rejected_hit_is_listed_with_its_reasons_and_what_was_injected(
+    results: Results,
+) -> None:
+    rejected = RejectedHit(
+        "steel small",
+        3,
+        2,
+        17,
+        ("overload: 250 points in a row of the hammer at the rail", "weak: too weak"),
+        ("overload", "weak_hit"),
+    )
+    text = render(replace(results, rejections=(rejected,)))
+    row = find_row(text, "steel small", "Rejected hits: 1")
+    assert row[:3] == ["3", "2", "overload:"]
+    listed = text[text.index("Rejected hits") :]
+    for words in ("250 points", "weak: too weak", "weak_hit"):
+        assert words in listed
+    real = render(replace(results, rejections=(replace(rejected, injected_faults=()),)))
+    assert "Injected" not in real
+
+
+def test_what_is_not_determined_is_named_once_with_the_samples_it_holds_for() -> None:
+    notes = ("k2: not determined without k1",)
+    samples = tuple(make_sample(name, notes=notes) for name in ("steel small", "steel large"))
+    other = make_sample("brass small", contact_time_s=1e-4)
+    text = render(Results(HammerResults(), (*samples, other), ()))
+    assert "- steel small, steel large: k2: not determined without k1" in text
+    everyone = render(Results(HammerResults(), samples, ()))
+    assert "- all samples: k2: not determined without k1" in everyone
+
+
+def test_names_and_notes_are_shown_as_they_are() -> None:
+    samples = SampleSet((Sample("[red]alloy :bomb:", 0.1),), "")
+    sample = make_sample("[red]alloy :bomb:", notes=("k2: [bold]no",))
+    text = render(Results(HammerResults(), (sample,), ()), samples)
+    assert "[red]alloy :bomb:" in text
+    assert "[bold]no" in text
+
+
+@pytest.mark.parametrize(("terminal", "no_color"), [(False, ""), (True, "1")])
+def test_piped_or_asked_for_it_there_is_no_colour(
+    monkeypatch: pytest.MonkeyPatch, results: Results, terminal: bool, no_color: str
+) -> None:
+    monkeypatch.setenv("NO_COLOR", no_color)
+    text = render(results, force_terminal=terminal)
+    assert "\x1b[3" not in text
+    if not terminal:
+        assert "\x1b" not in text
