@@ -1,4 +1,4 @@
-"""A recorded campaign of the virtual rig, made without running nodes, and a way to call commands."""
+"""Campaigns of the virtual rig, recorded without running nodes, and a way to call commands."""
 
 import functools
 from collections.abc import Callable, Sequence

@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import stat
 from collections.abc import Callable
 from dataclasses import replace
@@ -79,7 +78,7 @@ def test_a_new_file_takes_the_place_of_the_old_one_at_once(tmp_path: Path) -> No
     path.write_text("old")
     write_results(path, RESULTS)
     assert read_results(path).samples[0].name == "tin"
-    assert os.listdir(tmp_path) == ["results.json"]
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_results_are_as_readable_as_any_new_file(tmp_path: Path) -> None:
@@ -102,7 +101,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(
     monkeypatch.setattr(results_file.os, "fsync", fail)
     with pytest.raises(FileError, match=r"results.json: cannot be written \(No space left"):
         write_results(path, RESULTS)
-    assert os.listdir(tmp_path) == ["results.json"]
+    assert list(tmp_path.iterdir()) == [path]
     assert path.read_text() == "old"
 
 
