@@ -1,15 +1,14 @@
 """The recorder: writes every topic of the rig to MCAP, as received."""
 
-import importlib
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from impact_rig_msgs.msg import RecorderState
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
@@ -19,9 +18,10 @@ from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, name_type
 from impact_rig.recording.mcap_writer import COMPRESSIONS, DEFAULT_CHUNK_SIZE, McapWriter
 from impact_rig.recording.message_definitions import find_message_definition
-from impact_rig.recording.qos_profiles import INFINITE, OfferedQos
+from impact_rig.recording.qos_profiles import OfferedQos
 
 DISCOVERY_PERIOD = 0.2
 """How often further topics are looked for [s], our choice: the ROS graph sends no event here."""
@@ -75,7 +75,7 @@ class RecorderNode(RigNode):
         self._writer = self._open()
         try:
             for topic in interfaces.RECORDED_TOPICS:
-                self._record(topic.name, topic.type, topic.qos, (_describe_qos(topic.qos),))
+                self._record(topic.name, topic.type, topic.qos, (describe_qos(topic.qos),))
         except FileError:
             self._stop()
             self._writer.path.unlink(missing_ok=True)
@@ -143,7 +143,7 @@ class RecorderNode(RigNode):
     def _record(
         self, name: str, kind: Any, qos: QoSProfile, offers: tuple[OfferedQos, ...]
     ) -> None:
-        definition = find_message_definition(f"{kind.__module__.split('.')[0]}/{kind.__name__}")
+        definition = find_message_definition(name_type(kind))
         topic = self.resolve_topic_name(name)
         channel = self._writer.add_channel(topic, definition, offers)
         self._inputs[topic] = self.create_subscription(
@@ -182,9 +182,9 @@ class RecorderNode(RigNode):
         try:
             if len(types) > 1:
                 raise FileError(f"it has several types: {', '.join(types)}")
-            kind = _import_type(types[0])
-            offers = tuple(_describe_qos(item.qos_profile) for item in publishers)
-            self._record(topic, kind, _adapt_qos(publishers), offers)
+            kind = import_type(types[0])
+            offers = tuple(describe_qos(item.qos_profile) for item in publishers)
+            self._record(topic, kind, adapt_qos(publishers, DISCOVERED_DEPTH), offers)
         except RigError as error:
             self._skipped[topic] = str(error)
             self.get_logger().warning(f"{topic} is not recorded: {error}")
@@ -238,38 +238,6 @@ class RecorderNode(RigNode):
         self._state_publisher.publish(state)
         if not state.recording:
             self._state_publisher.wait_for_all_acked(Duration(seconds=FAREWELL_TIMEOUT))
-
-
-def _import_type(type_name: str) -> Any:
-    package, _, name = type_name.partition("/msg/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError):
-        raise FileError(f"message type {type_name} is not installed") from None
-
-
-def _describe_qos(profile: QoSProfile) -> OfferedQos:
-    """Return a profile as it is kept in the file."""
-    return OfferedQos(
-        reliability=profile.reliability.name.lower(),
-        durability=profile.durability.name.lower(),
-        history=profile.history.name.lower(),
-        depth=profile.depth,
-        lifespan=profile.lifespan.nanoseconds or INFINITE,
-    )
-
-
-def _adapt_qos(publishers: Iterable[TopicEndpointInfo]) -> QoSProfile:
-    """Return the strictest profile that receives from all publishers, as rosbag2 does."""
-    offers = [item.qos_profile for item in publishers]
-    is_reliable = all(item.reliability == ReliabilityPolicy.RELIABLE for item in offers)
-    is_latched = all(item.durability == DurabilityPolicy.TRANSIENT_LOCAL for item in offers)
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=DISCOVERED_DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
-    )
 
 
 def main() -> int:

@@ -1,0 +1,308 @@
+"""The replayer gives a recording back, byte by byte, once somebody listens."""
+
+import signal
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+from impact_rig_msgs.msg import AccelerationBlock
+from impact_rig_msgs.srv import GetResults
+from lifecycle_msgs.msg import State
+from rclpy.qos import DurabilityPolicy
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+from impact_rig.core.paper import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.record import Block, HitLabel
+from impact_rig.core.session import Session
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.nodes.messages import block_to_msg, estimate_to_msg, setup_to_msg, stamp_to_msg
+from impact_rig.nodes.replayer import ReplayerNode
+from impact_rig.nodes.topics import describe_qos, name_type
+from impact_rig.recording.mcap_file import McapFile
+from impact_rig.recording.mcap_reader import read_recording
+from impact_rig.recording.mcap_writer import McapWriter
+from impact_rig.recording.message_definitions import MessageDefinition, find_message_definition
+
+START = 1_700_000_000_000_000_000
+NOTES = interfaces.Topic("notes", String, interfaces.IMPACT.qos)
+
+
+def is_topic(name, channel):
+    return channel.topic == name
+
+
+def write_recording(path: Path, events, *, namespace="", close=True) -> Path:
+    """Write (time [s], topic, message) as a recorder in the namespace would."""
+    writer = McapWriter(path)
+    channels = {}
+    for offset, topic, message in events:
+        if topic.name not in channels:
+            channels[topic.name] = writer.add_channel(
+                f"{namespace}/{topic.name}",
+                find_message_definition(name_type(topic.type)),
+                (describe_qos(topic.qos),),
+            )
+        stamp = START + round(offset * 1e9)
+        writer.add_message(channels[topic.name], serialize_message(message), stamp, stamp)
+    writer.close()
+    if not close:
+        path.write_bytes(path.read_bytes()[:-20])
+    return path
+
+
+def make_events(count, blocks=1, pause=0.0):
+    """Return a set-up and small blocks, `pause` seconds apart."""
+    setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(START))
+    return [
+        (0.0, interfaces.SETUP, setup),
+        *(
+            (
+                (index + 1) * pause,
+                interfaces.ACCELERATION,
+                AccelerationBlock(record=index // blocks + 1, first_sample=index, sample="brass"),
+            )
+            for index in range(count)
+        ),
+    ]
+
+
+def make_hits(counts):
+    """Return a set-up and the blocks of whole hits of the virtual rig."""
+    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
+    events = [(0.0, interfaces.SETUP, setup_to_msg(PAPER_SETUP, stamp_to_msg(START)))]
+    record = 0
+    for sample, count in counts.items():
+        for impact in range(1, count + 1):
+            record += 1
+            hit = rig.strike(HitLabel(sample, record=record, impact=impact))
+            for block in hit.split(1000, START):
+                events.append((record * 0.3, interfaces.ACCELERATION, block_to_msg(block)))
+    return events
+
+
+def collect_raw(harness, topic, name):
+    """Collect a topic's messages as they were serialised."""
+    collector = harness.make_collector()
+    harness.peer.create_subscription(topic.type, name, collector.take, topic.qos, raw=True)
+    return collector
+
+
+def wait_for_end(harness, node):
+    harness.wait_until(lambda: node.diagnose()["progress"].startswith("done"))
+    harness.wait_until(lambda: not node.is_active)
+
+
+def test_the_bytes_come_back_unchanged_in_order(harness, tmp_path):
+    events = make_events(150)
+    path = write_recording(tmp_path / "session.mcap", events)
+    blocks = collect_raw(harness, interfaces.ACCELERATION, "acceleration")
+    setups = collect_raw(harness, interfaces.SETUP, "setup")
+    node = harness.add(ReplayerNode, file=str(path), rate=0.0)
+    wait_for_end(harness, node)
+    originals = {
+        topic: [item.data for item in McapFile(path).read_messages(partial(is_topic, topic))]
+        for topic in ("/setup", "/acceleration")
+    }
+    assert blocks.wait_for_count(150) == originals["/acceleration"]
+    assert setups.wait_for_count(1) == originals["/setup"]
+
+
+def test_a_fresh_estimator_gives_the_numbers_of_the_analysis_bit_for_bit(harness, tmp_path):
+    hits = make_hits({CONTROL_SAMPLE: 3, "steel small": 3})
+    path = write_recording(tmp_path / "session.mcap", hits, namespace="/lab")
+    harness.add(EstimatorNode)
+    impacts = harness.listen(interfaces.IMPACT)
+    harness.add(ReplayerNode, file=str(path), rate=0.0)
+    impacts.wait_for_count(6)
+    answer = harness.call(GetResults, interfaces.GET_RESULTS)
+
+    recording = read_recording(path)
+    session = Session(recording.setup)
+    for event in recording.events():
+        if isinstance(event, Block):
+            session.feed(event)
+    expected = {item.name: item for item in session.estimate_all().samples}
+    assert [item.sample for item in answer.samples] == [CONTROL_SAMPLE, "steel small"]
+    for item in answer.samples:
+        twin = estimate_to_msg(expected[item.sample], item.header.stamp)
+        assert serialize_message(item) == serialize_message(twin)
+
+
+def test_nothing_is_lost_by_an_estimator_that_is_slower_than_the_file(harness, tmp_path):
+    hits = make_hits({CONTROL_SAMPLE: 100})
+    path = write_recording(tmp_path / "session.mcap", hits)
+    estimator = harness.add(EstimatorNode)
+    impacts = harness.listen(interfaces.IMPACT)
+    harness.add(ReplayerNode, file=str(path), rate=0.0)
+    impacts.wait_for_count(100)
+    assert estimator.diagnose()["blocks"] == len(hits) - 1 > 400
+    assert [item.record for item in impacts.messages] == list(range(1, 101))
+
+
+def test_the_original_timing_and_multiples_of_it_are_kept(harness, tmp_path):
+    path = write_recording(tmp_path / "session.mcap", make_events(10, pause=0.04))
+    arrivals = []
+    collector = harness.listen(interfaces.ACCELERATION)
+    harness.peer.create_subscription(
+        AccelerationBlock, "acceleration", lambda _: arrivals.append(time.monotonic()),
+        interfaces.ACCELERATION.qos,
+    )  # fmt: skip
+    harness.add(ReplayerNode, file=str(path), rate=2.0, minimum_subscribers=2)
+    collector.wait_for_count(10)
+    harness.wait_until(lambda: len(arrivals) == 10)
+    # Never early; a busy machine may be late.
+    assert arrivals[-1] - arrivals[0] > 9 * 0.04 / 2 - 0.01
+
+
+def test_it_waits_for_its_subscribers(harness, tmp_path):
+    path = write_recording(tmp_path / "session.mcap", make_events(5))
+    first = harness.listen(interfaces.ACCELERATION)
+    node = harness.add(ReplayerNode, file=str(path), rate=0.0, minimum_subscribers=2)
+    harness.wait_until(lambda: node.diagnose()["progress"] == "waiting for subscribers")
+    assert not first.messages
+    second = harness.listen(interfaces.ACCELERATION)
+    first.wait_for_count(5)
+    second.wait_for_count(5)
+
+
+def test_it_replays_in_its_own_namespace_with_the_recorded_quality(harness, tmp_path):
+    events = make_events(3)
+    path = write_recording(tmp_path / "session.mcap", events, namespace="/there")
+    blocks = harness.listen(interfaces.ACCELERATION, "/here")
+    harness.add(ReplayerNode, namespace="/here", file=str(path), rate=0.0)
+    blocks.wait_for_count(3)
+    late = harness.listen(interfaces.SETUP, "/here")
+    late.wait_for_count(1)
+    (info,) = harness.peer.get_publishers_info_by_topic("/here/setup")
+    assert info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert not harness.peer.get_publishers_info_by_topic("/there/setup")
+
+
+@pytest.mark.parametrize(("topics", "count"), [("inputs", 0), ("all", 2)])
+def test_only_inputs_are_replayed_unless_all_is_asked_for(harness, tmp_path, topics, count):
+    events = make_events(3)
+    events[2:2] = [(0.0, NOTES, String(data="first"))]
+    events.append((0.0, NOTES, String(data="last")))
+    path = write_recording(tmp_path / "session.mcap", events)
+    blocks, notes = harness.listen(interfaces.ACCELERATION), harness.listen(NOTES)
+    node = harness.add(ReplayerNode, file=str(path), rate=0.0, topics=topics)
+    wait_for_end(harness, node)
+    blocks.wait_for_count(3)
+    notes.wait_for_count(count)
+    assert len(notes.messages) == count
+
+
+def test_it_can_be_activated_again(harness, tmp_path):
+    path = write_recording(tmp_path / "session.mcap", make_events(5))
+    blocks = harness.listen(interfaces.ACCELERATION)
+    node = harness.add(ReplayerNode, file=str(path), rate=0.0)
+    wait_for_end(harness, node)
+    node.trigger_activate()
+    assert [item.first_sample for item in blocks.wait_for_count(10)] == [0, 1, 2, 3, 4] * 2
+
+
+def test_a_recording_without_its_end_is_replayed_as_far_as_it_goes(harness, tmp_path):
+    path = write_recording(tmp_path / "session.mcap", make_events(5), close=False)
+    blocks = harness.listen(interfaces.ACCELERATION)
+    node = harness.add(ReplayerNode, file=str(path), rate=0.0)
+    wait_for_end(harness, node)
+    assert node.fault == ""
+    blocks.wait_for_count(5)
+
+
+@pytest.mark.parametrize(
+    ("content", "parameters", "told"),
+    [
+        (None, {}, "there is no file"),
+        (b"", {}, "is empty"),
+        (b"time,hammer", {}, "is no MCAP recording"),
+        (None, {"file": ""}, "it must be the path of a recording"),
+        (None, {"topics": "some"}, "must be inputs or all"),
+    ],
+)
+def test_what_cannot_be_replayed_is_refused_in_one_sentence(
+    harness, tmp_path, content, parameters, told
+):
+    path = tmp_path / "session.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    node = harness.add(ReplayerNode, **{"file": str(path), **parameters})
+    assert told in node.fault
+    assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
+
+
+def test_a_recording_of_another_version_is_refused(harness, tmp_path):
+    path = tmp_path / "old.mcap"
+    definition = find_message_definition("impact_rig_msgs/msg/AccelerationBlock")
+    text = definition.text.replace("uint32 attempt", "uint8 attempt")
+    with McapWriter(path) as writer:
+        channel = writer.add_channel(
+            "/acceleration", MessageDefinition(definition.type_name, text), ()
+        )
+        writer.add_message(channel, serialize_message(AccelerationBlock()), 1, 1)
+    node = harness.add(ReplayerNode, file=str(path))
+    assert "another version of impact_rig_msgs/msg/AccelerationBlock" in node.fault
+
+
+def test_a_recording_without_blocks_is_refused(harness, tmp_path):
+    path = write_recording(tmp_path / "notes.mcap", [(0.0, NOTES, String(data="a"))])
+    node = harness.add(ReplayerNode, file=str(path))
+    assert "holds nothing to replay" in node.fault
+
+
+def test_the_process_ends_with_its_recording_if_told_so(harness, start_process, tmp_path):
+    path = write_recording(tmp_path / "session.mcap", make_events(60))
+    blocks = harness.listen(interfaces.ACCELERATION)
+    process = start_process("replayer", file=str(path), rate=0.0, exit_when_done=True)
+    assert process.wait() == 0
+    assert len(blocks.wait_for_count(60)) == 60
+    assert "61 messages" in process.output
+    assert "Traceback" not in process.output
+
+
+@pytest.mark.parametrize("content", [None, b"no recording"])
+def test_the_process_that_cannot_replay_ends_with_an_error(start_process, tmp_path, content):
+    path = tmp_path / "session.mcap"
+    if content:
+        path.write_bytes(content)
+    process = start_process("replayer", file=str(path), exit_when_done=True)
+    assert process.wait() == 2
+    assert "session.mcap" in process.output.splitlines()[-1]
+    assert "Traceback" not in process.output
+
+
+def test_damage_within_ends_the_replay_with_an_error(harness, start_process, tmp_path):
+    path = tmp_path / "session.mcap"
+    writer = McapWriter(path, chunk_size=2000, compression="none")
+    definition = find_message_definition("impact_rig_msgs/msg/AccelerationBlock")
+    channel = writer.add_channel("/acceleration", definition, ())
+    for index in range(50):
+        block = AccelerationBlock(record=1, first_sample=index, sample="brass")
+        writer.add_message(channel, serialize_message(block), index, index)
+    writer.close()
+    data = bytearray(path.read_bytes())
+    place = [i for i in range(len(data)) if data.startswith(b"brass", i)][30]
+    data[place] ^= 0xFF
+    path.write_bytes(data)
+    blocks = harness.listen(interfaces.ACCELERATION)
+    process = start_process("replayer", file=str(path), rate=0.0, exit_when_done=True)
+    assert process.wait() == 2
+    assert "is damaged" in process.output
+    assert "Traceback" not in process.output
+    assert 0 < len(blocks.wait_for_count(1)) < 50
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_in_the_middle(harness, start_process, tmp_path, number):
+    path = write_recording(tmp_path / "session.mcap", make_events(100, pause=10.0))
+    setups = harness.listen(interfaces.SETUP)
+    harness.listen(interfaces.ACCELERATION)
+    process = start_process("replayer", file=str(path))
+    setups.wait_for_count(1)
+    process.send_signal(number)
+    assert process.wait() == 0
+    assert "Traceback" not in process.output
