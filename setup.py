@@ -17,11 +17,11 @@ NODES = (
 )
 EXECUTABLES = f"$base/lib/{NAME}"  # where `ros2 run` and `ros2 launch` look
 
-version = re.search(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_text("utf-8"))
+version = re.findall(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_text("utf-8"))[0]
 
 setup(
     name=NAME,
-    version=version.group(1),
+    version=version,
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["py.typed", "configuration/*.toml"]},
     data_files=[

@@ -35,8 +35,7 @@ INTERRUPTED = 128 + signal.SIGINT
 NOT_FOUND = 127
 
 
-def check_python(version):
-    # type: (tuple[int, ...]) -> str
+def check_python(version: "tuple[int, ...]") -> str:
     """Return why a Python of this version cannot be used, or an empty text."""
     if OLDEST <= tuple(version[:2]) <= NEWEST:
         return ""
@@ -48,15 +47,14 @@ def check_python(version):
     )
 
 
-def run_checks(environment, root, options):
-    # type: (dict[str, str], str, list[str]) -> int
+def run_checks(environment: "dict[str, str]", root: str, options: "list[str]") -> int:
     """Run lint, format, types and tests, all of them; return 0 if all passed."""
     results = []
     for command in (
         ["ruff", "check", "."],
         ["ruff", "format", "--check", "."],
         ["mypy"],
-        ["pytest"] + options,
+        ["pytest", *options],
     ):
         print("$ " + " ".join(command), flush=True)
         start = time.monotonic()
@@ -70,9 +68,8 @@ def run_checks(environment, root, options):
     return max(code for _, code, _ in results)
 
 
-def run_and_wait(command, environment, folder):
-    # type: (list[str], dict[str, str], str) -> int
-    """Run a command to its end, even if Ctrl-C (which it receives too) ends it; return its code."""
+def run_and_wait(command: "list[str]", environment: "dict[str, str]", folder: str) -> int:
+    """Run a command to its end, even after Ctrl-C, which it receives too; return its code."""
     process = subprocess.Popen(command, env=environment, cwd=folder)
     try:
         code = process.wait()
@@ -82,34 +79,36 @@ def run_and_wait(command, environment, folder):
     return code if code >= 0 else 128 - code
 
 
-def become(command, environment):
-    # type: (list[str], dict[str, str]) -> int
+def become(command: "list[str]", environment: "dict[str, str]") -> int:
     """Replace this process by a command; return only if there is no such command."""
     sys.stdout.flush()
     try:
         os.execvpe(command[0], command, environment)
     except OSError as error:
-        print("error: {}: {}".format(command[0], error.strerror), file=sys.stderr)
+        print(f"error: {command[0]}: {error.strerror}", file=sys.stderr)
     return NOT_FOUND
 
 
-def main(arguments):
-    # type: (list[str]) -> int
+def main(arguments: "list[str]") -> int:
     """Run one command of `USAGE`; return its exit code."""
     reason = check_python(sys.version_info[:2])
     if reason:
         print(reason, file=sys.stderr)
         return 2
     command, options = (arguments[0], arguments[1:]) if arguments else ("", [])
+    if command == "exec" and options[:1] == ["--"]:
+        del options[0]
     if command in ("help", "-h", "--help"):
         print(USAGE, end="")
         return 0
-    if command == "exec" and options[:1] == ["--"]:
-        del options[0]
     if command not in ("demo", "test", "exec", "shell") or (command == "exec" and not options):
         print(USAGE, end="", file=sys.stderr)
         return 2
+    return run(command, options)
 
+
+def run(command: str, options: "list[str]") -> int:
+    """Set up what is not, and run one command of `USAGE`; return its exit code."""
     import workspace
 
     try:
@@ -120,7 +119,7 @@ def main(arguments):
             workspace_setup.set_up(place)
         environment = workspace.make_environment(place, os.environ)
     except workspace.SetupError as error:
-        print("error: {}".format(error), file=sys.stderr)
+        print(f"error: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("\ninterrupted: the next call goes on with the set-up", file=sys.stderr)
@@ -130,7 +129,7 @@ def main(arguments):
     if command == "shell":
         print("the rig's shell: `impact-rig --help` to start, `exit` to leave")
         return become([os.environ.get("SHELL") or "/bin/sh"], environment)
-    return become(["impact-rig", "demo"] + options if command == "demo" else options, environment)
+    return become(["impact-rig", "demo", *options] if command == "demo" else options, environment)
 
 
 if __name__ == "__main__":

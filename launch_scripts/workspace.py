@@ -70,14 +70,14 @@ class Workspace:
     @cached_property
     def steps(self) -> dict[str, "Step"]:
         """What must have been made, in this order."""
-        installed = self.is_ros_installed
+        build_groups = ["colcon"] if self.is_ros_installed else ["ros", "colcon"]
         launch_scripts = self.root / "launch_scripts"
         python = Step(self.venv / ".stamp-python", _identify_python(self))
         ros = Step(
             self.venv / ".stamp-ros",
             compute_fingerprint(
                 self.root,
-                self.get_requirements("colcon") if installed else self.get_requirements("ros", "colcon"),
+                self.get_requirements(*build_groups),
                 python.fingerprint,
             ),
         )

@@ -39,7 +39,7 @@ GRACE = 10.0
 
 WHEEL_BUILDER_PATH = re.compile(
     r"/opt/python/cp\d+-cp\d+/"
-    r"(?:(?P<python>include/python[\d.]+)|lib/python[\d.]+/site-packages/(?P<numpy>numpy/_core/include))"
+    r"(?:include/python[\d.]+|lib/python[\d.]+/site-packages/(?P<numpy>numpy/_core/include))"
 )
 """Paths of the machine that built the ROS wheels, left in their CMake files."""
 
@@ -66,7 +66,7 @@ def set_up(workspace: Workspace) -> None:
         stale = find_stale(workspace)
         if not stale:
             return
-        _check_machine(workspace, stale)
+        _check_machine(stale)
         log.parent.mkdir(exist_ok=True)
         log.write_text("")
         print(f"setting up {workspace.root}", file=sys.stderr)
@@ -142,7 +142,9 @@ def _make_python_environment(workspace: Workspace, runner: _Runner) -> None:
     if workspace.is_ros_installed:
         command.append("--system-site-packages")
     environment = dict(os.environ)
-    base_python = Path(sys.base_prefix, "bin", f"python{sys.version_info[0]}.{sys.version_info[1]}")
+    base_python = Path(
+        sys.base_prefix, "bin", f"python{sys.version_info[0]}.{sys.version_info[1]}"
+    )
     if base_python.exists():  # not the .venv's own, which is about to be emptied
         command[0] = base_python
     runner.run([*command, workspace.venv], environment, workspace.root)
@@ -221,7 +223,7 @@ def _build(workspace: Workspace, runner: _Runner, package: str, *options: str) -
     runner.run(command, environment, workspace.root)
 
 
-def _check_machine(workspace: Workspace, stale: list[str]) -> None:
+def _check_machine(stale: list[str]) -> None:
     """Refuse before anything is downloaded if something is missing that pip cannot install."""
     if "python" in stale and importlib.util.find_spec("ensurepip") is None:
         raise SetupError(
