@@ -96,6 +96,8 @@ _DAMPING = _Quantity(
 def print_results(console: Console, results: Results, samples: SampleSet) -> None:
     """Print everything that a campaign found.
 
+    The list of rejected hits, which may be long, comes first: the results stay in sight.
+
     Parameters
     ----------
     console : Console
@@ -110,11 +112,11 @@ def print_results(console: Console, results: Results, samples: SampleSet) -> Non
     ParameterError
         If the results name a sample that is not in the set.
     """
+    print_rejections(console, results)
     _print_contact_times(console, results.samples, samples)
     _print_stiffness(console, results, samples)
     _print_damping(console, results, samples)
     print_comparison(console, results.samples)
-    print_rejections(console, results)
     print_notes(console, results.samples)
     _print_summary(console, results, samples)
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 
 from impact_rig.cli.main import cli
 from impact_rig.core.paper import PAPER_SETUP
@@ -20,13 +19,30 @@ from impact_rig.recording.message_definitions import find_message_definition
 from impact_rig.recording.qos_profiles import OfferedQos
 from impact_rig.reporting.results import Results, results_from_session
 
-Run = Callable[..., Result]
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a command ended and what it printed."""
+
+    exit_code: int
+    stdout: str
+    stderr: str
 
 
 @pytest.fixture
-def run() -> Run:
-    """Return a function that calls `impact-rig` with arguments."""
-    return lambda *words: CliRunner().invoke(cli, [str(word) for word in words])
+def run(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., Outcome]:
+    """Return a function that calls `impact-rig` with arguments, on a terminal of 80 columns."""
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def call(*words: object) -> Outcome:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as end:
+            cli([str(word) for word in words], prog_name="impact-rig")
+        return Outcome(int(end.value.code or 0), *capsys.readouterr())
+
+    return call
 
 
 @dataclass(frozen=True)

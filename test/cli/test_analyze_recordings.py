@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import Result
 
 from impact_rig.core.paper import PUBLISHED_SAMPLES
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.reporting.results_file import format_json, results_to_json
 
-Run = Callable[..., Result]
+Run = Callable[..., Any]
 
 SAMPLES = ("steel small", "aluminium large")
 

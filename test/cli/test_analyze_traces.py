@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import Result
 
-Run = Callable[..., Result]
+Run = Callable[..., Any]
 
 RATE = 1e6
 CONTACT_TIME = 200e-6
@@ -41,7 +40,7 @@ def save(tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
-def read_json(outcome: Result) -> Any:
+def read_json(outcome: Any) -> Any:
     assert outcome.exit_code == 0, outcome.stderr
     return json.loads(outcome.stdout)
 

@@ -1,21 +1,22 @@
 """The command `impact-rig` itself: its help, its speed, and how it ends."""
 
+import io
 import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from typing import Any
 
 import click
 import pytest
-from click.testing import CliRunner, Result
 
 import impact_rig
 from impact_rig.cli import main
 from impact_rig.core.errors import ParameterError
 
-Run = Callable[..., Result]
+Run = Callable[..., Any]
 MODULE = (sys.executable, "-m", "impact_rig.cli.main")
 
 
@@ -77,14 +78,14 @@ def test_an_unknown_command_is_refused(run: Run) -> None:
     ],
 )
 def test_what_a_command_raises_ends_in_one_line(
-    monkeypatch: pytest.MonkeyPatch, raised: BaseException, code: int, words: str
+    run: Run, monkeypatch: pytest.MonkeyPatch, raised: BaseException, code: int, words: str
 ) -> None:
     @click.command()
     def broken() -> None:
         raise raised
 
     monkeypatch.setattr(main.RigGroup, "get_command", lambda *_: broken)
-    outcome = CliRunner().invoke(main.cli, ["demo"])
+    outcome = run("demo")
     assert outcome.exit_code == code
     assert outcome.stdout == ""
     assert len(outcome.stderr.splitlines()) == (1 if words else 0)
@@ -97,8 +98,8 @@ def test_a_bug_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
         raise ModuleNotFoundError("No module named 'impact_rig.cor'", name="impact_rig.cor")
 
     monkeypatch.setattr(main.RigGroup, "get_command", lambda *_: broken)
-    outcome = CliRunner().invoke(main.cli, ["demo"])
-    assert isinstance(outcome.exception, ModuleNotFoundError)
+    with pytest.raises(ModuleNotFoundError):
+        main.cli(["demo"])
 
 
 def test_ctrl_c_ends_without_a_traceback() -> None:
@@ -120,13 +121,17 @@ def test_ctrl_c_ends_without_a_traceback() -> None:
     assert (process.returncode, output, errors) == (130, "", "")
 
 
-def test_a_prompt_that_nobody_can_answer_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_prompt_that_nobody_can_answer_is_an_error(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(""))
+
     @click.command()
     def ask() -> None:
         click.prompt("Mount the sample", err=True)
 
     monkeypatch.setattr(main.RigGroup, "get_command", lambda *_: ask)
-    outcome = CliRunner().invoke(main.cli, ["demo"], input="")
+    outcome = run("demo")
     assert outcome.exit_code == 2
     assert outcome.stderr.splitlines()[-1] == "error: input ended while an answer was awaited"
 

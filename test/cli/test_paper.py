@@ -2,10 +2,9 @@
 
 import json
 from collections.abc import Callable
+from typing import Any
 
-from click.testing import Result
-
-Run = Callable[..., Result]
+Run = Callable[..., Any]
 
 
 def test_the_last_line_counts_the_cells_that_agree(run: Run) -> None:
