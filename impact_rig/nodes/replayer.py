@@ -1,6 +1,5 @@
 """The replayer: publishes a recording again, byte by byte, in its own namespace."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -73,28 +72,32 @@ class ReplayerNode(RigNode):
         selection = self.get_value("topics")
         if selection not in SELECTIONS:
             raise ParameterError(f"topics is {selection!r}: it must be {' or '.join(SELECTIONS)}")
-        self._file = McapFile(Path(self.get_value("file")).expanduser())
-        if not self._file.is_complete:
-            self.get_logger().warning(f"{self._file.path} was never closed: its end is missing")
-        namespace = self._choose_namespace(self._file)
+        file = McapFile(Path(self.get_value("file")).expanduser())
+        if not file.is_complete:
+            self.get_logger().warning(f"{file.path} was never closed: its end is missing")
+        namespace = self._choose_namespace(file)
         try:
-            for channel in self._file.read_channels():
-                self._announce(channel, namespace, selection == "all")
+            for channel in file.read_channels():
+                self._announce(file, channel, namespace, is_everything=selection == "all")
         except FileError:
             self.cleanup()
             raise
         if not self._outputs:
             names = ", ".join(topic.name for topic in INPUTS.values())
-            raise FileError(f"{self._file.path} holds nothing to replay: no topic of {names}")
+            raise FileError(f"{file.path} holds nothing to replay: no topic of {names}")
+        self._file = file
         self._progress = "ready"
 
     def activate(self) -> None:
         """Start as soon as the subscribers are there."""
+        file = self._file
+        if file is None:
+            raise FileError("no recording is open: configure the node first")
         verdicts = self.resolve_topic_name(interfaces.IMPACT.name)
         is_judged = self.get_value("topics") == "inputs"
         window = Window(lambda: is_judged and self.count_publishers(verdicts) > 0)
         self._playback = Playback(
-            self._read(),
+            file.read_messages(lambda channel: channel.id in self._outputs),
             self._outputs,
             float(self.get_value("rate")),
             window,
@@ -154,7 +157,9 @@ class ReplayerNode(RigNode):
             )
         return "/" + (found[0] if found else "").strip("/")
 
-    def _announce(self, channel: Channel, namespace: str, is_everything: bool) -> None:
+    def _announce(
+        self, file: McapFile, channel: Channel, namespace: str, *, is_everything: bool
+    ) -> None:
         """Create the publisher of a recorded topic, if it is to be replayed."""
         name = make_relative(channel.topic, namespace)
         known = INPUTS.get(channel.type_name) if not name.startswith("/") else None
@@ -170,7 +175,7 @@ class ReplayerNode(RigNode):
                 )
         except FileError as error:
             if known is not None:
-                raise FileError(f"{self._file.path}: {error}") from None
+                raise FileError(f"{file.path}: {error}") from None
             self.get_logger().warning(f"{channel.topic} is not replayed: {error}")
             return
         offer = choose_qos(parse_offered_qos(channel.metadata.get("offered_qos_profiles", "")))
@@ -194,11 +199,8 @@ class ReplayerNode(RigNode):
         if max(gate.get_subscription_count() for gate in gates) < needed:
             return
         self._progress = "replaying"
-        self.get_logger().info(f"replaying {self._file.path}")
+        self.get_logger().info("replaying")
         self._playback.start()
-
-    def _read(self) -> Iterator[RawMessage]:
-        return self._file.read_messages(lambda channel: channel.id in self._outputs)
 
     def _find_record(self, message: RawMessage) -> int | None:
         if message.channel.type_name != BLOCK_TYPE:
@@ -210,7 +212,7 @@ class ReplayerNode(RigNode):
         playback = self._playback
         if playback is None:
             return
-        self.get_logger().info(f"{playback.published} messages of {self._file.path} replayed")
+        self.get_logger().info(f"{playback.published} messages replayed")
         self._progress = f"done: {playback.published} messages"
         if self.get_value("exit_when_done"):
             if playback.problem:

@@ -7,12 +7,16 @@ import os
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
+
+from mcap.exceptions import McapError
+from mcap.reader import SeekingReader
+from mcap.records import Channel as ChannelRecord
+from mcap.records import Chunk, DataEnd, Footer, Header, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
+from zstandard import ZstdError
 
 from impact_rig.core.errors import FileError
-
-if TYPE_CHECKING:
-    from mcap.records import McapRecord
 
 MAGIC = b"\x89MCAP0\r\n"
 """First and last bytes of every file."""
@@ -95,7 +99,7 @@ class McapFile:
         return self._is_complete
 
     def read_messages(
-        self, wanted: Callable[[Channel], bool] = lambda channel: True
+        self, wanted: Callable[[Channel], bool] = lambda _: True
     ) -> Iterator[RawMessage]:
         """Yield messages in file order, one chunk in memory at a time.
 
@@ -110,9 +114,6 @@ class McapFile:
             If the file is damaged (other than cut off at its end), or a wanted channel is not
             in `cdr`.
         """
-        from mcap.records import Channel as ChannelRecord
-        from mcap.records import Message, Schema
-
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel | None] = {}
         for record in self._read_records():
@@ -159,7 +160,7 @@ class McapFile:
 
     def _open(self) -> BinaryIO:
         try:
-            return open(self.path, "rb")
+            return self.path.open("rb")
         except FileNotFoundError:
             raise FileError(f"there is no file {self.path}") from None
         except IsADirectoryError:
@@ -168,10 +169,6 @@ class McapFile:
             raise FileError(f"{self.path} cannot be read: {error.strerror}") from None
 
     def _check_start(self, file: BinaryIO) -> None:
-        from mcap.exceptions import McapError
-        from mcap.records import Header
-        from mcap.stream_reader import StreamReader
-
         if self._size == 0:
             raise FileError(f"{self.path} is empty: it should be an MCAP recording")
         if file.read(len(MAGIC)) != MAGIC:
@@ -194,9 +191,6 @@ class McapFile:
 
     def _read_summary(self) -> Any:
         """Return the index at the end, if there is one that can be read and names topics."""
-        from mcap.exceptions import McapError
-        from mcap.reader import SeekingReader
-
         if not self._is_complete:
             return None
         try:
@@ -207,12 +201,7 @@ class McapFile:
             return None
         return summary if summary is not None and summary.channels else None
 
-    def _read_records(self) -> Iterator["McapRecord"]:
-        from mcap.exceptions import McapError
-        from mcap.records import Chunk, DataEnd, Footer
-        from mcap.stream_reader import StreamReader, breakup_chunk
-        from zstandard import ZstdError
-
+    def _read_records(self) -> Iterator[McapRecord]:
         with self._open() as file:
             reader = StreamReader(file, emit_chunks=True, record_size_limit=self._size)
             try:

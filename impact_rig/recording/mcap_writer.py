@@ -4,14 +4,13 @@ import errno
 import os
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
+
+from mcap.writer import CompressionType, Writer
 
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.recording.message_definitions import MessageDefinition
 from impact_rig.recording.qos_profiles import OfferedQos, format_offered_qos
-
-if TYPE_CHECKING:
-    from mcap.writer import CompressionType
 
 COMPRESSIONS = ("zstd", "lz4", "none")
 """How chunks may be compressed."""
@@ -26,7 +25,7 @@ class _RawFile:
     """A new file, unbuffered, so that a finished chunk is on its way to the disk at once."""
 
     def __init__(self, path: Path) -> None:
-        self.file = open(path, "xb", buffering=0)  # noqa: SIM115
+        self.file = path.open("xb", buffering=0)
         self.size = 0
 
     def write(self, data: bytes) -> int:
@@ -82,8 +81,6 @@ class McapWriter:
         chunk_size: int = DEFAULT_CHUNK_SIZE,
         library: str = "impact_rig",
     ) -> None:
-        from mcap.writer import Writer
-
         kind = _find_compression(compression)
         if chunk_size < 1:
             raise ParameterError(f"chunk size is {chunk_size} byte: it must be positive")
@@ -248,9 +245,7 @@ class McapWriter:
         )
 
 
-def _find_compression(name: str) -> "CompressionType":
-    from mcap.writer import CompressionType
-
+def _find_compression(name: str) -> CompressionType:
     if name not in COMPRESSIONS:
         raise ParameterError(
             f"compression is {name!r}: it must be one of {', '.join(COMPRESSIONS)}"

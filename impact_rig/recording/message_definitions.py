@@ -15,8 +15,8 @@ SEPARATOR = "=" * 80
 """Line between two definitions of a `ros2msg` schema; readers look for exactly this."""
 
 PRIMITIVES = frozenset(
-    "bool byte char float32 float64 int8 uint8 int16 uint16 int32 uint32 int64 uint64"
-    " string wstring".split()
+    {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
+    | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
 )
 """Field types that need no definition of their own."""
 

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
+import yaml
+
 DEFAULT_DEPTH = 10
 """History depth where a recording does not tell it; the default of ROS 2."""
 
@@ -70,8 +72,6 @@ def parse_offered_qos(text: str) -> tuple[OfferedQos, ...]:
         Empty where the text says nothing that can be understood: it only tells how to publish
         again, and is no reason to refuse a recording.
     """
-    import yaml
-
     try:
         items = yaml.safe_load(text)
     except yaml.YAMLError:

@@ -3,6 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
+from rosbags.serde import SerdeError
+from rosbags.typesys import TypesysError, get_types_from_msg
+from rosbags.typesys.store import Typestore
+
 from impact_rig.core.errors import FileError
 from impact_rig.recording.mcap_file import Channel
 
@@ -32,8 +36,6 @@ class SchemaDecoder:
         FileError
             If the schema cannot be understood or the message does not fit it.
         """
-        from rosbags.serde import SerdeError
-
         key = (channel.type_name, channel.schema)
         decoder = self._decoders.get(key)
         if decoder is None:
@@ -47,9 +49,6 @@ class SchemaDecoder:
 
 
 def _make_decoder(channel: Channel) -> Callable[[bytes], Any]:
-    from rosbags.typesys import TypesysError, get_types_from_msg
-    from rosbags.typesys.store import Typestore
-
     store = Typestore()
     try:
         store.register(get_types_from_msg(channel.schema, channel.type_name))

@@ -9,10 +9,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from impact_rig_msgs.msg import (
     AccelerationBlock,
-    AnalysisSettings,
     RecorderState,
     RigSetup,
-    Sample,
 )
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
@@ -66,9 +64,23 @@ def start(harness, tmp_path, **parameters):
     """Start a recorder; return it with its states, once it records."""
     states = harness.listen(interfaces.RECORDER_STATE, parameters.get("namespace", ""))
     output = str(tmp_path / "run" / "session.mcap")
-    node = harness.add(RecorderNode, **{"output": output, **parameters})
+    node = harness.add(RecorderNode, **{"output": output, "required_topics": "", **parameters})
     wait_for_state(states, lambda state: state.recording)
     return node, states
+
+
+def test_it_calls_itself_recording_once_the_required_topics_are_connected(harness, tmp_path):
+    states = harness.listen(interfaces.RECORDER_STATE)
+    harness.add(
+        RecorderNode,
+        output=str(tmp_path / "session.mcap"),
+        required_topics="acceleration, impact",
+    )
+    state = wait_for_state(states, lambda state: "acceleration, impact" in state.message)
+    assert not state.recording
+    harness.advertise(interfaces.ACCELERATION)
+    harness.advertise(interfaces.IMPACT)
+    wait_for_state(states, lambda state: state.recording)
 
 
 def stop(harness) -> None:
@@ -242,7 +254,7 @@ def recorder_process(harness, start_process, tmp_path):
     """Return a recorder in a process of its own, with blocks on disk and its states."""
     states = harness.listen(interfaces.RECORDER_STATE)
     path = tmp_path / "session.mcap"
-    process = start_process("recorder", output=str(path), flush_period=0.01)
+    process = start_process("recorder", output=str(path), flush_period=0.01, required_topics="''")
     wait_for_state(states, lambda state: state.recording)
     blocks = [make_block(record) for record in range(COUNT)]
     publish(harness, harness.advertise(interfaces.ACCELERATION), *blocks, acknowledged=False)

@@ -79,8 +79,10 @@ def make_hits(counts):
         for impact in range(1, count + 1):
             record += 1
             hit = rig.strike(HitLabel(sample, record=record, impact=impact))
-            for block in hit.split(1000, START):
-                events.append((record * 0.3, interfaces.ACCELERATION, block_to_msg(block)))
+            events += [
+                (record * 0.3, interfaces.ACCELERATION, block_to_msg(block))
+                for block in hit.split(1000, START)
+            ]
     return events
 
 

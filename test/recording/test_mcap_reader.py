@@ -230,12 +230,13 @@ def test_damage_anywhere_gives_one_clear_error_or_none(make_recording, compressi
     for position in generator.integers(0, len(good), 100):
         path.write_bytes(good)
         damage(path, position)
+        problem = ""
+        events = []
         try:
             events = list(read_recording(path).events())
         except FileError as error:
-            assert "session.mcap" in str(error)
-        else:
-            assert len(events) <= 5
+            problem = str(error)
+        assert "session.mcap" in problem or (not problem and len(events) <= 5)
 
 
 @pytest.mark.parametrize(
@@ -317,5 +318,5 @@ def test_a_block_that_contradicts_itself_is_named(make_recording):
     maker = make_recording()
     maker.add_setup()
     maker.add_block(1, sampling_rate=-1.0)
-    with pytest.raises(FileError, match="/acceleration: sampling rate is -1.0 Hz"):
+    with pytest.raises(FileError, match=r"/acceleration: sampling rate is -1\.0 Hz"):
         list(read_recording(maker.close()).events())

@@ -162,6 +162,14 @@ def test_what_was_flushed_is_read_while_the_file_is_still_open(make_recording):
     assert [message.channel.topic for message in messages] == ["/setup", "/acceleration"]
 
 
+MANY = 1000
+
+
+def add_many_blocks(maker) -> None:
+    for record in range(MANY):
+        maker.add_block(record)
+
+
 def test_a_disk_that_fills_up_is_left_in_time_for_a_sound_end(make_recording, monkeypatch):
     maker = make_recording(compression="none", chunk_size=3000)
 
@@ -170,14 +178,12 @@ def test_a_disk_that_fills_up_is_left_in_time_for_a_sound_end(make_recording, mo
         return SimpleNamespace(f_bavail=ROOM_FOR_ENDING + 25_000 - used, f_frsize=1)
 
     monkeypatch.setattr(os, "fstatvfs", tell_free_space)
-    record = 0
     with pytest.raises(FileError, match=r"session\.mcap cannot be written: No space left"):
-        for record in range(1, 1000):
-            maker.add_block(record)
+        add_many_blocks(maker)
     maker.close()
     with maker.path.open("rb") as file:
         messages = list(mcap.reader.make_reader(file, validate_crcs=True).iter_messages())
-    assert 10 < len(messages) < record
+    assert 10 < len(messages) < MANY
     assert maker.writer.messages == len(messages)
 
 

@@ -1,6 +1,7 @@
 """Schemas carry every type they depend on, as other tools expect it."""
 
 import os
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ SEPARATOR = "=" * 80
 def list_parts(text: str) -> list[str]:
     """Return the names of the types appended to a schema."""
     lines = text.splitlines()
-    return [after for line, after in zip(lines, lines[1:], strict=False) if line == SEPARATOR]
+    return [after for line, after in pairwise(lines) if line == SEPARATOR]
 
 
 def test_a_type_without_dependencies_is_its_own_text():
