@@ -78,7 +78,8 @@ def low_pass(traces: FloatArray, cutoff_frequency: float, sampling_rate: float) 
             f"a trace of {count} points is too short for the low-pass: it needs {MINIMUM_POINTS}"
         )
     sections = _design_sections(float(cutoff_frequency), float(sampling_rate))
-    # A few time constants, since the default pads by a few points whatever the cutoff.
+    # Mirrored, since odd padding would pin both ends to single, unfiltered points; and by a few
+    # time constants, since the default is a few points whatever the cutoff.
     padding = min(count - 1, int(3 * sampling_rate / cutoff_frequency))
-    filtered: FloatArray = sosfiltfilt(sections, traces, axis=-1, padtype="odd", padlen=padding)
+    filtered: FloatArray = sosfiltfilt(sections, traces, axis=-1, padtype="even", padlen=padding)
     return filtered

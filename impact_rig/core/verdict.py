@@ -141,9 +141,10 @@ def check_pulse(
     level = settings.double_hit_level * abs(pulse.peak)
     versed_sine_duration = VERSED_SINE.pulse_factor * pulse.half_amplitude_width
     tail_start = pulse.peak_index + int(SECOND_PULSE_DELAY * versed_sine_duration)
-    later, _ = find_peaks(upright[tail_start:], height=level, prominence=level)
+    peaks, _ = find_peaks(upright, height=level, prominence=level)
+    later = peaks[peaks >= tail_start]
     if later.size:
-        second = tail_start + int(later[np.argmax(upright[tail_start + later])])
+        second = int(later[np.argmax(upright[later])])
         delay = (second - pulse.peak_index) / record.sampling_rate
         found.append(
             Rejection(
