@@ -268,3 +268,19 @@ def test_what_is_replaced_before_it_is_shown_is_not_shown_and_the_last_one_alway
 
     assert done == ["first", "third", "other"]
     destination.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="screens are known by other means")
+def test_a_viewer_of_our_own_that_ends_is_told_with_how_to_open_another(monkeypatch):
+    # A screen that is not there: the viewer starts and gives up.
+    monkeypatch.setenv("DISPLAY", ":31415")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    notices = Notices()
+    (destination,) = open_destinations(spawn=True, notify=notices)
+    destination.put(lambda log: log.log_hit(NOISE))
+    (text,) = notices.wait()
+    destination.close()
+
+    assert "the viewer has ended" in text
+    assert "--connect rerun+http://127.0.0.1:" in text
+    assert not destination.is_lost
