@@ -97,7 +97,7 @@ def report_outcome(outcome: CampaignOutcome, folder: Path, *, as_json: bool) -> 
         folder.mkdir(parents=True, exist_ok=True)
         write_results(path, outcome.results)
         if as_json:
-            click.echo(format_json(results_to_json(outcome.results)))
+            click.echo(format_json(results_to_json(outcome.results)), nl=False)
         elif outcome.setup is not None:
             print_results(make_console(), outcome.results, outcome.setup.samples)
         for what, where in (("results", path), ("recording", outcome.recording)):

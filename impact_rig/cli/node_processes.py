@@ -17,6 +17,21 @@ from impact_rig.configuration.processes import NodeProcess
 STOPPED_BY_REQUEST = (0, 128 + signal.SIGINT, 128 + signal.SIGTERM)
 """Exit codes of a rig that was told to stop."""
 STANDARD_INPUT = 0
+RETRY_PERIOD = 0.1
+"""How soon a stop is tried again that came while the processes were still starting [s]."""
+
+
+class _Manager(Manager):  # type: ignore[misc]
+    """Honcho's manager, which may also be stopped while it still starts its processes."""
+
+    def terminate(self) -> None:
+        # A process that has not reported its number yet cannot be signalled.
+        if self._all_started():
+            super().terminate()
+        else:
+            retry = threading.Timer(RETRY_PERIOD, os.kill, (os.getpid(), signal.SIGTERM))
+            retry.daemon = True
+            retry.start()
 
 
 def make_command(process: NodeProcess, namespace: str = "") -> str:
@@ -56,7 +71,7 @@ def run_nodes(
     int
         0 after a stop that was asked for; else the exit code of the node that ended first.
     """
-    manager = Manager(Printer(output, colour=output.isatty()))
+    manager = _Manager(Printer(output, colour=output.isatty()))
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     for process in processes:
         manager.add_process(process.name, make_command(process, namespace), env=environment)
