@@ -244,7 +244,9 @@ class ViewLog:
         )
         return column
 
-    def _supersede(self, family: tuple[str, ...], series: int, has_contact: bool = False) -> str:
+    def _supersede(
+        self, family: tuple[str, ...], series: int, *, has_contact: bool = False
+    ) -> str:
         """Hide a family's present version and return the entity path of its next one."""
         rr = self._rr
         version = self._versions.get(family, 0)
@@ -275,6 +277,6 @@ class _SinglePrecision:
 
     def as_arrow_array(self) -> Any:
         """Return all values, row by row."""
-        import pyarrow
+        import pyarrow as pa  # noqa: PLC0415 - comes with Rerun
 
-        return pyarrow.array(self._values.reshape(-1))
+        return pa.array(self._values.reshape(-1))

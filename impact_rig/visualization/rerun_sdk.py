@@ -20,8 +20,8 @@ def import_rerun() -> ModuleType:
     """
     wanted = ".".join(map(str, MINIMUM_VERSION))
     try:
-        import rerun
-        import rerun.blueprint
+        import rerun  # noqa: PLC0415
+        import rerun.blueprint  # noqa: PLC0415
     except ImportError as error:
         raise RigError(
             "the view needs the Python package rerun-sdk, which is not installed:"

@@ -8,6 +8,8 @@ from impact_rig.core.record import HitLabel
 NAN = math.nan
 ABSENT = "-"
 """Stands for a value that is not determined."""
+LEAST_PERCENT = 0.0005
+"""What three decimals would show as zero [%]."""
 SPECIAL = "\\`*_[]<>|#~"
 """Letters that mean something to Markdown."""
 
@@ -115,7 +117,7 @@ def format_number(value: float, pattern: str) -> str:
 
 def format_percent(value: float) -> str:
     """Return a percentage of any size with three decimals."""
-    return "< 0.001" if 0.0 <= value < 0.0005 else format_number(value, ".3f")
+    return "< 0.001" if 0.0 <= value < LEAST_PERCENT else format_number(value, ".3f")
 
 
 def write_verdict(verdict: Verdict) -> str:
