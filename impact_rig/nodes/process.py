@@ -12,6 +12,7 @@ import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.rig_node import RigNode
@@ -42,13 +43,14 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
     # the queues could be recorded, and no last word published.
     rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor()
-    _stop_on_signals(executor)
+    stop: Future = Future()
+    _complete_on_signals(stop)
     node = None
     try:
         node = make_node()
         executor.add_node(node)
         node.autostart()
-        executor.spin()
+        executor.spin_until_future_complete(stop)
         _drain(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -63,8 +65,11 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
     return 0
 
 
-def _stop_on_signals(executor: SingleThreadedExecutor) -> None:
-    """Let SIGINT and SIGTERM end `executor.spin`, even while it waits inside the middleware."""
+def _complete_on_signals(stop: Future) -> None:
+    """Let SIGINT and SIGTERM complete `stop`, even while the process waits in the middleware.
+
+    An executor must not be shut down from here: rclpy takes it to pieces while it still spins.
+    """
     reader, writer = socket.socketpair()
     writer.setblocking(False)
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -73,8 +78,8 @@ def _stop_on_signals(executor: SingleThreadedExecutor) -> None:
 
     def wait() -> None:
         reader.recv(1)
+        stop.set_result(None)
         # The socket must outlive the function: the signal handler writes to it.
-        executor.shutdown(timeout_sec=0.0)
         writer.fileno()
 
     threading.Thread(target=wait, daemon=True).start()

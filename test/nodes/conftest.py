@@ -1,5 +1,6 @@
 """Real nodes over real DDS, each test in a ROS domain of its own."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -7,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 import pytest
 import rclpy
@@ -15,6 +16,7 @@ from domain_coordinator import domain_id
 from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import RigNode
@@ -65,16 +67,15 @@ class Harness:
         self._nodes: list[RigNode] = []
         self.peer = Node("peer", context=self._context)
         self._executor.add_node(self.peer)
+        self._stop = Future()
         self._thread = threading.Thread(target=self._spin)
         self._thread.start()
 
     def _spin(self) -> None:
-        try:
-            self._executor.spin()
-        except (ShutdownException, ExternalShutdownException):
-            pass
+        with contextlib.suppress(ShutdownException, ExternalShutdownException):
+            self._executor.spin_until_future_complete(self._stop)
 
-    def __enter__(self) -> "Harness":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(
@@ -83,8 +84,10 @@ class Harness:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._executor.shutdown(timeout_sec=1.0)
+        # Not shut down while it spins: rclpy would take it to pieces under its thread.
+        self._stop.set_result(None)
         self._thread.join(PATIENCE)
+        self._executor.shutdown(timeout_sec=1.0)
         for node in self._nodes:
             node.close()
             node.destroy_node()

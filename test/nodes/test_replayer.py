@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from impact_rig_msgs.msg import AccelerationBlock
 from impact_rig_msgs.srv import GetResults
-from lifecycle_msgs.msg import State
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState
 from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
@@ -203,7 +204,8 @@ def test_it_can_be_activated_again(harness, tmp_path):
     blocks = harness.listen(interfaces.ACCELERATION)
     node = harness.add(ReplayerNode, file=str(path), rate=0.0)
     wait_for_end(harness, node)
-    node.trigger_activate()
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVATE))
+    assert harness.call(ChangeState, "replayer/change_state", request).success
     assert [item.first_sample for item in blocks.wait_for_count(10)] == [0, 1, 2, 3, 4] * 2
 
 
