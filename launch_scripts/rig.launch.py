@@ -1,1 +1,173 @@
-"""placeholder"""
+"""Start the nodes of a rig, each its own process: ``ros2 launch impact_rig rig.launch.py``.
+
+``ros2 launch impact_rig rig.launch.py --show-args`` lists the arguments. The processes are those
+of ``impact-rig up``; names are relative, so that the rig can be remapped and put in a namespace.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from launch import LaunchContext, LaunchDescription
+from launch.action import Action
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    GroupAction,
+    OpaqueFunction,
+    SetEnvironmentVariable,
+    Shutdown,
+)
+from launch.substitutions import EnvironmentVariable, LaunchConfiguration
+from launch_ros.actions import Node, PushRosNamespace
+
+from impact_rig.cli.options import (
+    FAULTS,
+    PLANTS,
+    load_rig_file,
+    make_run_folder,
+    merge_virtual,
+)
+from impact_rig.configuration.processes import NodeProcess, list_rig_processes
+from impact_rig.core.errors import ParameterError
+
+SWITCH = ["true", "false"]
+ARGUMENTS = (
+    DeclareLaunchArgument(
+        "rig_file",
+        default_value="",
+        description="TOML file with masses, samples and settings; empty: the paper's rig",
+    ),
+    DeclareLaunchArgument(
+        "impacts",
+        default_value="",
+        description="run a campaign at once, with so many accepted hits per sample, and end after"
+        " it; empty: wait for `impact-rig campaign` or the action campaign/run",
+    ),
+    DeclareLaunchArgument(
+        "plant",
+        default_value="",
+        choices=["", *PLANTS],
+        description="physics of the virtual rig; empty: as the rig file says, or published",
+    ),
+    DeclareLaunchArgument(
+        "seed",
+        default_value="",
+        description="seed of the virtual rig, a whole number: the same seed gives the same hits",
+    ),
+    DeclareLaunchArgument(
+        "faults",
+        default_value="",
+        description=f"probability of each fault of the virtual rig, for each hit: {FAULTS}",
+    ),
+    DeclareLaunchArgument(
+        "output",
+        default_value="",
+        description="folder for recording and view; empty: runs/<time> under this folder",
+    ),
+    DeclareLaunchArgument(
+        "record", default_value="true", choices=SWITCH, description="record everything to MCAP"
+    ),
+    DeclareLaunchArgument(
+        "visualizer",
+        default_value="true",
+        choices=SWITCH,
+        description="show model and measurement in Rerun",
+    ),
+    DeclareLaunchArgument(
+        "viewer",
+        default_value="",
+        description="address of a Rerun viewer that runs, rerun+http://HOST:9876/proxy; empty: a"
+        " file in the folder of the run",
+    ),
+    DeclareLaunchArgument("namespace", default_value="", description="ROS namespace of the rig"),
+    DeclareLaunchArgument(
+        "params_file",
+        default_value="",
+        description="YAML file with ROS parameters of the nodes; the other arguments go before it",
+    ),
+    DeclareLaunchArgument(
+        "network",
+        default_value="false",
+        choices=SWITCH,
+        description="find nodes on other hosts too, unless ROS_AUTOMATIC_DISCOVERY_RANGE is set",
+    ),
+)
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return the arguments, and the rig they make."""
+    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=make_rig)])
+
+
+def make_rig(context: LaunchContext) -> list[Action]:
+    """Return the rig's nodes, and the campaign if one is to be run at once."""
+
+    def read(name: str) -> str:
+        return LaunchConfiguration(name).perform(context)
+
+    rig_file = Path(read("rig_file")).resolve() if read("rig_file") else None
+    virtual = merge_virtual(
+        load_rig_file(rig_file),
+        plant=read("plant") or None,
+        seed=read_number("seed", read("seed"), int),
+        faults=read_number("faults", read("faults"), float),
+    )
+    folder = make_run_folder(Path(read("output")) if read("output") else None)
+    processes = list_rig_processes(
+        folder.resolve(),
+        rig_file=str(rig_file or ""),
+        virtual=virtual,
+        record=read("record") == "true",
+        visualize=read("visualizer") == "true",
+        viewer_url=read("viewer"),
+    )
+    actions = [make_node(process, read("params_file")) for process in processes]
+    if read("namespace"):
+        actions = [GroupAction([PushRosNamespace(read("namespace")), *actions])]
+    impacts = read_number("impacts", read("impacts"), int)
+    if impacts is not None:
+        actions.append(make_campaign(impacts, read("namespace")))
+    discovery = "SUBNET" if read("network") == "true" else "LOCALHOST"
+    return [make_discovery(discovery), *actions]
+
+
+def make_node(process: NodeProcess, params_file: str) -> Action:
+    """Return one node of the rig; the rig ends when it does."""
+    parameters: list[Any] = [params_file] if params_file else []
+    if process.parameters:
+        parameters.append(dict(process.parameters))
+    return Node(
+        package="impact_rig",
+        executable=process.name,
+        name=process.name,
+        parameters=parameters,
+        output="both",
+        emulate_tty=True,
+        on_exit=Shutdown(reason=f"{process.name} ended"),
+    )
+
+
+def make_campaign(impacts: int, namespace: str) -> Action:
+    """Return the command that runs a campaign; the rig ends with it."""
+    command = ["impact-rig", "campaign", "--impacts", str(impacts)]
+    if namespace:
+        command += ["--namespace", namespace]
+    return ExecuteProcess(
+        cmd=command, output="screen", on_exit=Shutdown(reason="the campaign ended")
+    )
+
+
+def make_discovery(default: str) -> Action:
+    """Return the action that says how far the nodes look, unless the environment does."""
+    variable = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+    return SetEnvironmentVariable(variable, EnvironmentVariable(variable, default_value=default))
+
+
+def read_number(name: str, text: str, kind: Callable[[str], float | int]) -> Any:
+    """Return an argument as a number; None if it is empty."""
+    try:
+        return kind(text) if text else None
+    except ValueError:
+        wanted = "a whole number" if kind is int else "a number"
+        raise ParameterError(f"{name}:={text}: it must be {wanted}") from None
