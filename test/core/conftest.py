@@ -4,13 +4,9 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
-from hypothesis import settings
 from numpy.typing import NDArray
 
 from impact_rig.core.record import Block, ChannelBlock, HitLabel, Record, Trace
-
-settings.register_profile("rig", deadline=None, derandomize=True, database=None, max_examples=60)
-settings.load_profile("rig")
 
 RATE = 1e6
 FULL_SCALE = 2000.0
