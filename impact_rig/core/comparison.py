@@ -72,6 +72,9 @@ class ModelComparison:
 def normalise_trace(trace: FloatArray) -> FloatArray:
     """Divide a trace, shape (n,), by its value of largest magnitude, sign included.
 
+    So the comparison is blind to polarity, as it must be for equation (1), whose force on body 2
+    is printed with a minus.
+
     Raises
     ------
     SignalError
