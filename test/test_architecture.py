@@ -1,0 +1,181 @@
+"""The shape of the repository: who may import whom, what may lie where, what must be explained."""
+
+import ast
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "impact_rig"
+MODULES = sorted(PACKAGE.rglob("*.py"))
+INTERFACES = sorted(
+    path for kind in ("msg", "srv", "action") for path in ROOT.glob(f"msg_config/{kind}/*")
+)
+
+SIDE_BY_SIDE = {"configuration", "devices", "recording", "reporting", "visualization"}
+MAY_IMPORT = {
+    "core": {"core"},
+    **{name: {"core", name} for name in SIDE_BY_SIDE},
+    "nodes": {"core", "nodes", *SIDE_BY_SIDE},
+    "cli": {"core", "nodes", "cli", *SIDE_BY_SIDE},
+}
+"""Imports run one way; those side by side know nothing of each other."""
+
+PURE = {
+    "abc", "collections", "dataclasses", "enum", "functools", "itertools", "math", "numbers",
+    "numpy", "operator", "scipy", "sys", "types", "typing",
+}  # fmt: skip
+"""What the core may import: nothing here reads a file, a clock or the network."""
+
+ROS = {"rclpy", "rcl_interfaces", "std_srvs"}
+WRAPPED_BY = {
+    "click": {"cli"},
+    "honcho": {"cli"},
+    "lz4": {"recording"},
+    "mcap": {"recording"},
+    "pint": {"configuration"},
+    "pyarrow": {"visualization"},
+    "rerun": {"visualization"},
+    "rich": {"reporting", "cli"},
+    "rosbags": {"recording"},
+    "yaml": {"recording"},
+    "zstandard": {"recording"},
+}
+"""Which package wraps a library."""
+IMPORTED_WHEN_USED = {"pint", "pyarrow", "rerun"}
+
+ALLOWED_AT_THE_TOP = {
+    ".ci", ".github", ".gitignore", "CHANGELOG.md", "LICENSE", "README.md", "impact_rig",
+    "launch_scripts", "msg_config", "package.xml", "pyproject.toml", "setup.py", "test",
+}  # fmt: skip
+
+FIELD = re.compile(
+    r"^(?P<type>[\w/]+)(?:\[[\d<=]*\])?\s+(?P<name>\w+)\s*(?P<default>[^#=\s]+)?\s*"
+)
+SELF_EXPLAINING = {"std_msgs/Header header", "bool success"}
+NUMBER = re.compile(r"^(?:u?int\d+|float\d+)$")
+
+
+def name_module(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def find_package(path: Path) -> str | None:
+    """Return the part of impact_rig a module belongs to; None for impact_rig itself."""
+    parts = path.relative_to(PACKAGE).parts
+    return parts[0] if len(parts) > 1 else None
+
+
+def walk(node: ast.AST, *, at_import_time: bool) -> Iterator[ast.AST]:
+    """Yield the nodes below, without what runs only when called, or never."""
+    for child in ast.iter_child_nodes(node):
+        is_deferred = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        is_typing = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
+        if at_import_time and (is_deferred or is_typing):
+            continue
+        yield child
+        yield from walk(child, at_import_time=at_import_time)
+
+
+def list_imports(path: Path, *, at_import_time: bool = False) -> set[str]:
+    """Return the dotted names a module imports."""
+    names: set[str] = set()
+    for node in walk(ast.parse(path.read_text("utf-8")), at_import_time=at_import_time):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name_module(path)}: write the whole name of the package"
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return names
+
+
+def list_libraries(path: Path, *, at_import_time: bool = False) -> set[str]:
+    """Return the top-level names a module imports."""
+    return {name.split(".")[0] for name in list_imports(path, at_import_time=at_import_time)}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_module)
+def test_imports_run_one_way(path):
+    package = find_package(path)
+    parts = {name.split(".")[1] for name in list_imports(path) if name.startswith("impact_rig.")}
+    assert parts & set(MAY_IMPORT) <= MAY_IMPORT.get(package, set())
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "core").rglob("*.py")), ids=name_module)
+def test_the_core_is_arithmetic_only(path):
+    assert list_libraries(path) <= PURE | {"impact_rig"}
+    called = {
+        node.func.id
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    }
+    assert not called & {"open", "print", "input", "eval", "exec", "__import__"}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_module)
+def test_only_nodes_speak_ros(path):
+    spoken = {name for name in list_libraries(path) if name in ROS or name.endswith("_msgs")}
+    assert not spoken or find_package(path) == "nodes"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_module)
+def test_a_library_is_imported_only_by_the_package_that_wraps_it(path):
+    strangers = {
+        name
+        for name in list_libraries(path)
+        if name in WRAPPED_BY and find_package(path) not in WRAPPED_BY[name]
+    }
+    assert not strangers
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_module)
+def test_what_takes_long_to_import_is_imported_when_it_is_used(path):
+    assert not list_libraries(path, at_import_time=True) & IMPORTED_WHEN_USED
+
+
+def test_the_help_of_the_command_line_waits_for_no_heavy_library():
+    code = "import sys, impact_rig.cli.main; print(*sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert not {"rclpy", "rerun", "mcap", "rosbags", "pint", "honcho"} & set(loaded)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_module)
+def test_every_module_says_what_it_is_for(path):
+    assert ast.get_docstring(ast.parse(path.read_text("utf-8")))
+
+
+def test_nothing_unexpected_lies_at_the_top():
+    git = shutil.which("git")
+    if git is None or not (ROOT / ".git").exists():
+        pytest.skip("not a git repository: what belongs to it is not known")
+    listing = subprocess.run(
+        [git, "-c", f"safe.directory={ROOT}", "ls-files"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.splitlines()
+    assert {Path(name).parts[0] for name in listing} <= ALLOWED_AT_THE_TOP
+
+
+@pytest.mark.parametrize("path", INTERFACES, ids=name_module)
+def test_every_field_of_an_interface_has_its_meaning_and_each_number_its_unit(path):
+    unexplained = []
+    for line in path.read_text("utf-8").splitlines():
+        declaration, _, comment = (part.strip() for part in line.partition("#"))
+        field = FIELD.match(declaration)
+        if field is None or "=" in declaration or declaration in SELF_EXPLAINING:
+            continue
+        if path.suffix != ".msg" and field["type"][0].isupper():
+            continue  # a message of our own, explained in its file
+        is_number = NUMBER.match(field["type"])
+        if not re.search(r"\[[^\]]+\]|constants" if is_number else r"\w", comment):
+            unexplained.append(field["name"])
+    assert not unexplained
