@@ -84,7 +84,7 @@ def make_replay(context: LaunchContext) -> list[Action]:
         "rate": read_rate(read("rate")),
         # Without its own estimator, it replays the results of the recording.
         "topics": "inputs" if "estimator" in listeners else "all",
-        "minimum_subscribers": max(1, len(listeners)),
+        "required_subscribers": ", ".join(listeners),
         "exit_when_done": read("exit_when_done") == "true",
     }
     actions: list[Action] = [

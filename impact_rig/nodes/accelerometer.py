@@ -19,7 +19,7 @@ from impact_rig.devices.virtual.plants import Plant
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.rig_node import RigNode, split_names
 from impact_rig.recording.messages import setup_from_msg
 
 CONNECTION_TIMEOUT = 10.0
@@ -112,9 +112,9 @@ class AccelerometerNode(RigNode):
             )
         plan = FaultPlan(
             probability=self.get_value("fault_probability"),
-            faults=faults_from_names(_split(self.get_value("faults"))),
+            faults=faults_from_names(split_names(self.get_value("faults"))),
             scheduled=tuple(
-                map(scheduled_fault_from_text, _split(self.get_value("scheduled_faults")))
+                map(scheduled_fault_from_text, split_names(self.get_value("scheduled_faults")))
             ),
         )
         self._rig_settings = VirtualRigSettings(
@@ -191,19 +191,9 @@ class AccelerometerNode(RigNode):
         return ""
 
     def _find_missing_subscribers(self) -> str:
-        """Return which subscriber would miss the first blocks; empty: none.
-
-        Knowing of a subscriber is not enough: blocks are kept for no one who is not connected,
-        so as many must be connected as are known of.
-        """
-        known = self.get_subscriptions_info_by_topic(self._acceleration.topic_name)
-        names = {item.node_name for item in known if item.node_namespace == self.get_namespace()}
-        for name in _split(self.get_value("required_subscribers")):
-            if name not in names:
-                return f"the node {name!r} does not listen to `acceleration`"
-        if self._acceleration.get_subscription_count() < len(known):
-            return "a subscriber of `acceleration` is still connecting"
-        return ""
+        return self.find_missing_subscribers(
+            self._acceleration, self.get_value("required_subscribers")
+        )
 
     def _disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._finish("disarmed by the operator")
@@ -236,10 +226,6 @@ class AccelerometerNode(RigNode):
     def _finish(self, message: str) -> None:
         self._label = None
         self._publish_state(state=AcquisitionState.IDLE, record=self._record, message=message)
-
-
-def _split(text: str) -> list[str]:
-    return [part.strip() for part in text.split(",") if part.strip()]
 
 
 def main() -> int:

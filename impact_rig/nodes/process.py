@@ -12,7 +12,6 @@ import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.rig_node import RigNode
@@ -43,14 +42,14 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
     # the queues could be recorded, and no last word published.
     rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor()
-    stop: Future = Future()
-    _complete_on_signals(stop)
     node = None
     try:
         node = make_node()
         executor.add_node(node)
+        _stop_on_signals(executor, node.stop_requested)
         node.autostart()
-        executor.spin_until_future_complete(stop)
+        while not node.stop_requested.is_set():
+            executor.spin_once()
         _drain(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -65,8 +64,8 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
     return 0
 
 
-def _complete_on_signals(stop: Future) -> None:
-    """Let SIGINT and SIGTERM complete `stop`, even while the process waits in the middleware.
+def _stop_on_signals(executor: SingleThreadedExecutor, stop: threading.Event) -> None:
+    """Let SIGINT and SIGTERM set `stop`, even while the executor waits in the middleware.
 
     An executor must not be shut down from here: rclpy takes it to pieces while it still spins.
     """
@@ -78,7 +77,9 @@ def _complete_on_signals(stop: Future) -> None:
 
     def wait() -> None:
         reader.recv(1)
-        stop.set_result(None)
+        stop.set()
+        # A task wakes the executor, and lets it return.
+        executor.create_task(lambda: None)
         # The socket must outlive the function: the signal handler writes to it.
         writer.fileno()
 

@@ -18,7 +18,7 @@ from impact_rig.configuration.processes import RECORDING_NAME, make_run_folder_n
 from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.rig_node import RigNode, split_names
 from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, name_type
 from impact_rig.recording.mcap_writer import COMPRESSIONS, DEFAULT_CHUNK_SIZE, McapWriter
 from impact_rig.recording.message_definitions import find_message_definition
@@ -147,9 +147,9 @@ class RecorderNode(RigNode):
         """Return the required topics that nobody publishes to this node yet."""
         if not self._is_recording:
             return []
-        required = [name.strip() for name in self.get_value("required_topics").split(",")]
         inputs = {
-            name: self._inputs.get(self.resolve_topic_name(name)) for name in required if name
+            name: self._inputs.get(self.resolve_topic_name(name))
+            for name in split_names(self.get_value("required_topics"))
         }
         return [
             name for name, item in inputs.items() if not item or not item.get_publisher_count()

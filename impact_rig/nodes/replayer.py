@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig_msgs.msg import Impact
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from impact_rig.core.errors import FileError, ParameterError
@@ -29,6 +28,8 @@ INPUTS = {
     )
 }
 """What an estimator works from, by type: all else in a recording are results and states."""
+CONNECTION_PERIOD = 0.05
+"""How often it is looked whether the subscribers are connected [s], our choice."""
 SELECTIONS = ("inputs", "all")
 """Which topics may be asked for."""
 
@@ -50,9 +51,8 @@ class ReplayerNode(RigNode):
             " everything that was recorded",
         )  # fmt: skip
         self.declare(
-            "minimum_subscribers", 1,
-            "subscribers to the blocks that must be connected before the start [-]",
-            low=0, high=100,
+            "required_subscribers", "estimator",
+            "nodes of this namespace, by commas, that must be connected before the start",
         )  # fmt: skip
         self.declare("recorded_namespace", "", "of the rig in the recording; empty: found there")
         self.declare("exit_when_done", False, "end the process at the end of the recording")
@@ -60,6 +60,7 @@ class ReplayerNode(RigNode):
         self._outputs: dict[int, Any] = {}
         self._gates: list[Any] = []
         self._playback: Playback | None = None
+        self._watch: Any = None
         self._end = self.create_guard_condition(self._finish)
         self._decoder = SchemaDecoder()
         self._verdicts: Any = None
@@ -112,10 +113,11 @@ class ReplayerNode(RigNode):
             QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE),
         )
         self._progress = "waiting for subscribers"
-        self._start_if_ready()
+        self._watch = self.create_timer(CONNECTION_PERIOD, self._start_if_ready)
 
     def deactivate(self) -> None:
         """Stop publishing."""
+        self._stop_watching()
         if self._playback is not None:
             self._playback.stop()
             self._playback = None
@@ -184,7 +186,6 @@ class ReplayerNode(RigNode):
             kind,
             known.name if known else name,
             qos,
-            event_callbacks=PublisherEventCallbacks(matched=lambda _: self._start_if_ready()),
         )
         self._outputs[channel.id] = publisher
         if channel.type_name == BLOCK_TYPE:
@@ -194,13 +195,19 @@ class ReplayerNode(RigNode):
         """Begin once the blocks have their subscribers."""
         if self._playback is None or self._progress != "waiting for subscribers":
             return
-        needed = self.get_value("minimum_subscribers")
+        required = self.get_value("required_subscribers")
         gates = self._gates or list(self._outputs.values())
-        if max(gate.get_subscription_count() for gate in gates) < needed:
+        if any(self.find_missing_subscribers(gate, required) for gate in gates):
             return
+        self._stop_watching()
         self._progress = "replaying"
         self.get_logger().info("replaying")
         self._playback.start()
+
+    def _stop_watching(self) -> None:
+        if self._watch is not None:
+            self.destroy_timer(self._watch)
+            self._watch = None
 
     def _find_record(self, message: RawMessage) -> int | None:
         if message.channel.type_name != BLOCK_TYPE:
@@ -217,7 +224,7 @@ class ReplayerNode(RigNode):
         if self.get_value("exit_when_done"):
             if playback.problem:
                 raise FileError(playback.problem)
-            self.executor.shutdown(timeout_sec=0.0)
+            self.stop_requested.set()
             return
         self.trigger_deactivate()
         if playback.problem:

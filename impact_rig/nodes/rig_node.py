@@ -1,5 +1,6 @@
 """What all nodes of the rig share: parameters, lifecycle, waiting and diagnostics."""
 
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -45,6 +46,7 @@ class RigNode(LifecycleNode):
         self.waiting_group = ReentrantCallbackGroup()
         self._waiters: list[Callable[[], None]] = []
         self.messages_handled = 0
+        self.stop_requested = threading.Event()
         self._fault = ""
         self._is_configured = False
         self._is_active = False
@@ -123,6 +125,30 @@ class RigNode(LifecycleNode):
             self.wake_waiters()
 
         return self.create_subscription(topic.type, topic.name, guarded, topic.qos, **options)
+
+    def find_missing_subscribers(self, publisher: Any, required: str) -> str:
+        """Return which subscriber would miss what is published next; empty: none.
+
+        Knowing of a subscriber is not enough: what is not latched is kept for no one who is not
+        connected, so as many must be connected as are known of.
+
+        Parameters
+        ----------
+        publisher : Publisher
+            Of this node.
+        required : str
+            Names of nodes, by commas: of this namespace, or full ones.
+        """
+        topic = publisher.topic_name
+        known = self.get_subscriptions_info_by_topic(topic)
+        prefix = self.get_namespace().rstrip("/")
+        names = {f"{item.node_namespace.rstrip('/')}/{item.node_name}" for item in known}
+        for name in split_names(required):
+            if (name if name.startswith("/") else f"{prefix}/{name}") not in names:
+                return f"the node {name!r} does not listen to {topic}"
+        if publisher.get_subscription_count() < len(known):
+            return f"a subscriber of {topic} is still connecting"
+        return ""
 
     def advertise_state(self, topic: Topic, **options: Any) -> Callable[..., None]:
         """Create a publisher of a state topic; return a function that publishes its fields."""
@@ -260,6 +286,12 @@ class RigNode(LifecycleNode):
         except RigError as error:
             self.report_fault(str(error))
             return TransitionCallbackReturn.FAILURE
+        except ModuleNotFoundError as error:
+            self.report_fault(
+                f"this needs the Python package {error.name!r}, which is not installed:"
+                " `impact-rig doctor` says how to get it"
+            )
+            return TransitionCallbackReturn.FAILURE
         self._fault = ""
         self._is_configured = configured
         self._is_active = active
@@ -275,3 +307,8 @@ class RigNode(LifecycleNode):
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
+
+
+def split_names(text: str) -> list[str]:
+    """Return the names in a text that lists them by commas."""
+    return [part.strip() for part in text.split(",") if part.strip()]

@@ -23,7 +23,9 @@ def rig(harness):
     """Return a function that starts the node, gives it the paper's set-up and listens."""
 
     def start(**parameters):
-        harness.add(AccelerometerNode, required_subscribers="peer", trigger_timeout=0.01, **parameters)
+        harness.add(
+            AccelerometerNode, required_subscribers="peer", trigger_timeout=0.01, **parameters
+        )
         harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(1)))
         return harness.listen(interfaces.ACCELERATION)
 

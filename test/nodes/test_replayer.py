@@ -28,6 +28,8 @@ from impact_rig.recording.mcap_reader import read_recording
 from impact_rig.recording.mcap_writer import McapWriter
 from impact_rig.recording.message_definitions import MessageDefinition, find_message_definition
 
+PEER = "/peer"
+"""The node that listens in these tests, wherever the replayer is."""
 START = 1_700_000_000_000_000_000
 NOTES = interfaces.Topic("notes", String, interfaces.IMPACT.qos)
 
@@ -104,7 +106,7 @@ def test_the_bytes_come_back_unchanged_in_order(harness, tmp_path):
     path = write_recording(tmp_path / "session.mcap", events)
     blocks = collect_raw(harness, interfaces.ACCELERATION, "acceleration")
     setups = collect_raw(harness, interfaces.SETUP, "setup")
-    node = harness.add(ReplayerNode, file=str(path), rate=0.0)
+    node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path), rate=0.0)
     wait_for_end(harness, node)
     originals = {
         topic: [item.data for item in McapFile(path).read_messages(partial(is_topic, topic))]
@@ -154,29 +156,30 @@ def test_the_original_timing_and_multiples_of_it_are_kept(harness, tmp_path):
         AccelerationBlock, "acceleration", lambda _: arrivals.append(time.monotonic()),
         interfaces.ACCELERATION.qos,
     )  # fmt: skip
-    harness.add(ReplayerNode, file=str(path), rate=2.0, minimum_subscribers=2)
+    harness.add(ReplayerNode, required_subscribers=PEER, file=str(path), rate=2.0)
     collector.wait_for_count(10)
     harness.wait_until(lambda: len(arrivals) == 10)
     # Never early; a busy machine may be late.
     assert arrivals[-1] - arrivals[0] > 9 * 0.04 / 2 - 0.01
 
 
-def test_it_waits_for_its_subscribers(harness, tmp_path):
-    path = write_recording(tmp_path / "session.mcap", make_events(5))
-    first = harness.listen(interfaces.ACCELERATION)
-    node = harness.add(ReplayerNode, file=str(path), rate=0.0, minimum_subscribers=2)
+def test_it_waits_for_those_who_must_not_miss_the_beginning(harness, tmp_path):
+    path = write_recording(tmp_path / "session.mcap", make_hits({CONTROL_SAMPLE: 1}))
+    blocks, impacts = harness.listen(interfaces.ACCELERATION), harness.listen(interfaces.IMPACT)
+    node = harness.add(ReplayerNode, file=str(path), rate=0.0)
     harness.wait_until(lambda: node.diagnose()["progress"] == "waiting for subscribers")
-    assert not first.messages
-    second = harness.listen(interfaces.ACCELERATION)
-    first.wait_for_count(5)
-    second.wait_for_count(5)
+    assert not blocks.messages
+    harness.add(EstimatorNode)
+    impacts.wait_for_count(1)
 
 
 def test_it_replays_in_its_own_namespace_with_the_recorded_quality(harness, tmp_path):
     events = make_events(3)
     path = write_recording(tmp_path / "session.mcap", events, namespace="/there")
     blocks = harness.listen(interfaces.ACCELERATION, "/here")
-    harness.add(ReplayerNode, namespace="/here", file=str(path), rate=0.0)
+    harness.add(
+        ReplayerNode, required_subscribers=PEER, namespace="/here", file=str(path), rate=0.0
+    )
     blocks.wait_for_count(3)
     late = harness.listen(interfaces.SETUP, "/here")
     late.wait_for_count(1)
@@ -192,7 +195,9 @@ def test_only_inputs_are_replayed_unless_all_is_asked_for(harness, tmp_path, top
     events.append((0.0, NOTES, String(data="last")))
     path = write_recording(tmp_path / "session.mcap", events)
     blocks, notes = harness.listen(interfaces.ACCELERATION), harness.listen(NOTES)
-    node = harness.add(ReplayerNode, file=str(path), rate=0.0, topics=topics)
+    node = harness.add(
+        ReplayerNode, required_subscribers=PEER, file=str(path), rate=0.0, topics=topics
+    )
     wait_for_end(harness, node)
     blocks.wait_for_count(3)
     notes.wait_for_count(count)
@@ -202,7 +207,7 @@ def test_only_inputs_are_replayed_unless_all_is_asked_for(harness, tmp_path, top
 def test_it_can_be_activated_again(harness, tmp_path):
     path = write_recording(tmp_path / "session.mcap", make_events(5))
     blocks = harness.listen(interfaces.ACCELERATION)
-    node = harness.add(ReplayerNode, file=str(path), rate=0.0)
+    node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path), rate=0.0)
     wait_for_end(harness, node)
     request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVATE))
     assert harness.call(ChangeState, "replayer/change_state", request).success
@@ -212,7 +217,7 @@ def test_it_can_be_activated_again(harness, tmp_path):
 def test_a_recording_without_its_end_is_replayed_as_far_as_it_goes(harness, tmp_path):
     path = write_recording(tmp_path / "session.mcap", make_events(5), close=False)
     blocks = harness.listen(interfaces.ACCELERATION)
-    node = harness.add(ReplayerNode, file=str(path), rate=0.0)
+    node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path), rate=0.0)
     wait_for_end(harness, node)
     assert node.fault == ""
     blocks.wait_for_count(5)
@@ -248,20 +253,22 @@ def test_a_recording_of_another_version_is_refused(harness, tmp_path):
             "/acceleration", MessageDefinition(definition.type_name, text), ()
         )
         writer.add_message(channel, serialize_message(AccelerationBlock()), 1, 1)
-    node = harness.add(ReplayerNode, file=str(path))
+    node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path))
     assert "another version of impact_rig_msgs/msg/AccelerationBlock" in node.fault
 
 
 def test_a_recording_without_blocks_is_refused(harness, tmp_path):
     path = write_recording(tmp_path / "notes.mcap", [(0.0, NOTES, String(data="a"))])
-    node = harness.add(ReplayerNode, file=str(path))
+    node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path))
     assert "holds nothing to replay" in node.fault
 
 
 def test_the_process_ends_with_its_recording_if_told_so(harness, start_process, tmp_path):
     path = write_recording(tmp_path / "session.mcap", make_events(60))
     blocks = harness.listen(interfaces.ACCELERATION)
-    process = start_process("replayer", file=str(path), rate=0.0, exit_when_done=True)
+    process = start_process(
+        "replayer", required_subscribers=PEER, file=str(path), rate=0.0, exit_when_done=True
+    )
     assert process.wait() == 0
     assert len(blocks.wait_for_count(60)) == 60
     assert "61 messages" in process.output
@@ -273,7 +280,9 @@ def test_the_process_that_cannot_replay_ends_with_an_error(start_process, tmp_pa
     path = tmp_path / "session.mcap"
     if content:
         path.write_bytes(content)
-    process = start_process("replayer", file=str(path), exit_when_done=True)
+    process = start_process(
+        "replayer", required_subscribers=PEER, file=str(path), exit_when_done=True
+    )
     assert process.wait() == 2
     assert "session.mcap" in process.output.splitlines()[-1]
     assert "Traceback" not in process.output
@@ -293,7 +302,9 @@ def test_damage_within_ends_the_replay_with_an_error(harness, start_process, tmp
     data[place] ^= 0xFF
     path.write_bytes(data)
     blocks = harness.listen(interfaces.ACCELERATION)
-    process = start_process("replayer", file=str(path), rate=0.0, exit_when_done=True)
+    process = start_process(
+        "replayer", required_subscribers=PEER, file=str(path), rate=0.0, exit_when_done=True
+    )
     assert process.wait() == 2
     assert "is damaged" in process.output
     assert "Traceback" not in process.output
@@ -305,7 +316,7 @@ def test_a_signal_ends_it_in_the_middle(harness, start_process, tmp_path, number
     path = write_recording(tmp_path / "session.mcap", make_events(100, pause=10.0))
     setups = harness.listen(interfaces.SETUP)
     harness.listen(interfaces.ACCELERATION)
-    process = start_process("replayer", file=str(path))
+    process = start_process("replayer", required_subscribers=PEER, file=str(path))
     setups.wait_for_count(1)
     process.send_signal(number)
     assert process.wait() == 0
