@@ -178,7 +178,7 @@ def compare_with_model(
     SignalError
         If the sample was not measured, or a trace is flat.
     """
-    if mean.traces.shape[0] < 2:
+    if mean.traces.shape[0] <= 1:
         raise SignalError("the sample's trace was not measured: there is nothing to compare")
     rate = mean.sampling_rate
     count = mean.traces.shape[1]

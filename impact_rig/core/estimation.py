@@ -206,7 +206,9 @@ def estimate_sample(
         impacts_accepted=mean.count,
         impacts_rejected=impacts_rejected,
         contact=contact,
-        contact_time_spread=float(np.std(contact_times, ddof=1)) if mean.count > 1 else NAN,
+        contact_time_spread=float(np.std(contact_times, ddof=1))
+        if len(contact_times) > 1
+        else NAN,
         body=BodyEstimate(
             body.stiffness,
             body.log_decrement,
