@@ -11,10 +11,12 @@ POINTS = np.arange(1000)
 
 
 def make_traces(middle: float) -> np.ndarray:
-    return np.stack([
-        np.exp(-(((POINTS - middle) / 50.0) ** 2)),
-        np.sin((POINTS - middle) / 30.0),
-    ])
+    return np.stack(
+        [
+            np.exp(-(((POINTS - middle) / 50.0) ** 2)),
+            np.sin((POINTS - middle) / 30.0),
+        ]
+    )
 
 
 @given(middle=st.floats(300, 700))

@@ -17,10 +17,12 @@ def make_hit(middle: float, count: int = 1000, height: float = 100.0, noise: flo
     """Return a hit of two bells: the hammer's around `middle`, the sample's 40 points later."""
     points = np.arange(count)
     random = np.random.default_rng(round(1000 * middle))
-    traces = np.stack([
-        height * np.exp(-(((points - middle) / 50.0) ** 2)),
-        -0.4 * height * np.exp(-(((points - middle - 40) / 60.0) ** 2)),
-    ])
+    traces = np.stack(
+        [
+            height * np.exp(-(((points - middle) / 50.0) ** 2)),
+            -0.4 * height * np.exp(-(((points - middle - 40) / 60.0) ** 2)),
+        ]
+    )
     traces += noise * random.standard_normal(traces.shape)
     return FilteredHit(traces, RATE, measure_pulse(traces[0]), np.array([noise, noise]))
 

@@ -121,5 +121,5 @@ def test_impossible_numbers_are_refused() -> None:
         estimate_damping_ratio(0.0)
     with pytest.raises(ParameterError, match="mass is -1 kg"):
         estimate_damping_coefficient(0.1, 1e6, -1)
-    with pytest.raises(ParameterError, match="damping ratio is -0.1"):
+    with pytest.raises(ParameterError, match=r"damping ratio is -0\.1"):
         estimate_damping_coefficient(-0.1, 1e6, 1)

@@ -38,9 +38,7 @@ def describe(record: Record) -> tuple[object, ...]:
     )
 
 
-def test_one_impact_is_cut_out_with_its_pre_trigger(
-    make_counts: Make, make_blocks: Make
-) -> None:
+def test_one_impact_is_cut_out_with_its_pre_trigger(make_counts: Make, make_blocks: Make) -> None:
     hammer = make_counts([(1000, 900.0)], 5000, noise=0.0, offset=0.0)
     specimen = make_counts([(1010, 400.0)], 5000, noise=0.0, offset=0.0)
     (record,) = detect(make_blocks(hammer, specimen, [500]))

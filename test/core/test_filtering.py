@@ -96,7 +96,7 @@ def test_a_sampling_rate_that_is_too_low_is_named_with_what_would_do() -> None:
 
 
 def test_a_trace_that_is_too_short_is_named() -> None:
-    with pytest.raises(SignalError, match="a trace of 15 points is too short .* it needs 16"):
+    with pytest.raises(SignalError, match=r"a trace of 15 points is too short .* it needs 16"):
         low_pass(np.zeros(15), CUTOFF, RATE)
     assert low_pass(np.zeros(16), CUTOFF, RATE).size == 16
 

@@ -1,15 +1,18 @@
 """From raw record to verdict: what is measured of a hit, and what never reaches measuring."""
 
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from impact_rig.core.detection import find_pulse_start
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hit import judge_hit
+from impact_rig.core.record import Trace
 from impact_rig.core.settings import AnalysisSettings
 from impact_rig.core.verdict import Reason
 
@@ -159,5 +162,25 @@ def test_a_gap_does_not_hide_the_other_reasons(make_record: Make) -> None:
 def test_a_sampling_rate_too_low_for_the_filter_is_no_verdict_but_an_error(
     make_record: Make,
 ) -> None:
-    with pytest.raises(ParameterError, match="sampling rate of 51.2 kHz is too low for the 50 kH"):
+    with pytest.raises(ParameterError, match=r"rate of 51\.2 kHz is too low for the 50 kHz low"):
         judge_hit(make_record(*make_traces(), rate=51.2e3), SETTINGS)
+
+
+class TestRealHits:
+    """Hits on a free structure that another laboratory measured; see test/data."""
+
+    # Widths at half amplitude of the whole recordings, read off between the two points on
+    # either side by hand [s].
+    WIDTHS: ClassVar = {"measurements_1": 184.5e-6, "measurements_2": 169.4e-6}
+
+    @pytest.mark.parametrize("name", WIDTHS)
+    def test_are_accepted_with_the_width_that_is_known(self, make_record: Make, name: str) -> None:
+        path = Path(__file__).parents[1] / "data" / "pyfrf_hammer" / f"{name}_start.npy"
+        _, force, acceleration = np.load(path)
+        settings = AnalysisSettings(cutoff_frequency=0.0)
+        start = find_pulse_start(Trace(force), settings)
+        record = make_record(force, acceleration, pulse_index=start, full_scale=0.0, rate=25.6e3)
+        hit = judge_hit(record, settings)
+        assert hit.accepted
+        assert hit.half_amplitude_width == pytest.approx(self.WIDTHS[name], abs=0.5e-6)
+        assert 68 < hit.hammer_peak < 89

@@ -37,7 +37,8 @@ def compute_table_3(accelerometer_mass: float = 3e-3) -> dict[str, tuple[float, 
 
 def test_table_3_follows_from_tables_1_and_2() -> None:
     errors = {
-        name: abs(computed / printed - 1) for name, (computed, printed) in compute_table_3().items()
+        name: abs(computed / printed - 1)
+        for name, (computed, printed) in compute_table_3().items()
     }
     assert sum(error < 1e-3 for error in errors.values()) == 10
     assert sum(error < 5e-3 for error in errors.values()) == 11

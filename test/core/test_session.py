@@ -1,0 +1,173 @@
+"""A session: blocks in, verdicts and estimates out, in whatever order samples come."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.hit import JudgedHit
+from impact_rig.core.record import HitLabel
+from impact_rig.core.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.session import Session
+from impact_rig.core.verdict import Reason
+
+SETUP = RigSetup(
+    SampleSet((Sample("alike", 0.097), Sample("heavy", 0.297), Sample("third", 0.2)), "alike"),
+    hammer_mass=0.1,
+    impact_speed=0.08,
+)
+Make = Callable[..., Any]
+Strike = Callable[..., tuple[JudgedHit, ...]]
+
+
+@pytest.fixture(scope="session")
+def strike(make_counts: Make, make_blocks: Make) -> Strike:
+    """Feed a session one hit of 200 us at 1 MHz; the sample answers with a decaying wave."""
+
+    def make(
+        session: Session,
+        sample: str,
+        record: int,
+        *,
+        height: float = 900.0,
+        size: int = 400,
+        place: int = 500,
+    ) -> tuple[JudgedHit, ...]:
+        hammer = make_counts([(place, height)], 2500, seed=record)
+        answer = [(place, 800.0), (place + 300, 150.0), (place + 600, 28.0)]
+        specimen = make_counts(answer, 2500, seed=1000 + record)
+        blocks = make_blocks(hammer, specimen, [size], label=HitLabel(sample, record))
+        return tuple(hit for block in blocks for hit in session.feed(block))
+
+    return make
+
+
+def test_a_good_hit_is_judged_and_counted(strike: Strike) -> None:
+    session = Session(SETUP)
+    (hit,) = strike(session, "alike", 1)
+    assert hit.accepted
+    assert hit.label == HitLabel("alike", 1)
+    # One hit of a versed-sine on a grid of 1 us, noise of 1 in 900.
+    assert hit.contact_time == pytest.approx(200e-6, rel=0.01)
+    estimate = session.estimate_sample("alike")
+    assert (estimate.impacts_accepted, estimate.impacts_rejected) == (1, 0)
+
+
+def test_a_rejected_hit_changes_no_estimate(strike: Strike) -> None:
+    session = Session(SETUP)
+    strike(session, "alike", 1)
+    before = session.estimate_sample("alike")
+    (hit,) = strike(session, "alike", 2, height=150.0)
+    assert {item.reason for item in hit.rejections} == {Reason.WEAK}
+    after = session.estimate_sample("alike")
+    assert after.impacts_rejected == 1
+    assert after.body == before.body
+    assert after.contact == before.contact
+
+
+def test_a_sample_measured_before_the_control_sample_gets_its_k2_afterwards(
+    strike: Strike,
+) -> None:
+    session = Session(SETUP)
+    strike(session, "heavy", 1)
+    early = session.estimate_sample("heavy")
+    assert np.isnan(early.body.stiffness)
+    assert early.body.notes == (
+        "k1: the control sample 'alike' has no accepted hit yet",
+        "k2: not determined without k1",
+    )
+    assert early.contact is not None
+    assert np.isfinite(early.body.damping_ratio)
+    strike(session, "alike", 2)
+    late = session.estimate_sample("heavy")
+    assert np.isfinite(late.body.stiffness)
+    assert late.contact == early.contact
+
+
+def test_without_a_control_sample_there_is_no_stiffness_and_a_reason(strike: Strike) -> None:
+    session = Session(replace(SETUP, samples=replace(SETUP.samples, control_sample="")))
+    strike(session, "heavy", 1)
+    assert session.estimate_hammer().notes == ("k1: the sample set has no control sample",)
+    assert np.isnan(session.estimate_sample("heavy").body.stiffness)
+
+
+def test_a_sample_without_an_accepted_hit_says_so(strike: Strike) -> None:
+    session = Session(SETUP)
+    for record in (1, 2):
+        strike(session, "heavy", record, height=150.0)
+    (estimate,) = session.estimate_all().samples
+    assert estimate.contact is None
+    assert (estimate.impacts_accepted, estimate.impacts_rejected) == (0, 2)
+    assert estimate.body.notes == ("heavy: not determined, none of 2 hits was accepted",)
+
+
+def test_results_come_in_the_order_of_the_set_and_rejections_in_that_of_arrival(
+    strike: Strike,
+) -> None:
+    session = Session(SETUP)
+    for record, (sample, height) in enumerate(
+        [("third", 900.0), ("heavy", 150.0), ("alike", 900.0), ("third", 140.0)], start=1
+    ):
+        strike(session, sample, record, height=height)
+    results = session.estimate_all()
+    assert [item.name for item in results.samples] == ["alike", "heavy", "third"]
+    assert session.names == ("alike", "heavy", "third")
+    assert [hit.label.record for hit in results.rejected] == [2, 4]
+    assert results.hammer == session.estimate_hammer()
+
+
+def get_numbers(session: Session) -> dict[str, tuple[object, ...]]:
+    """Every number of every sample, to the last bit."""
+    results = session.estimate_all()
+    return {
+        item.name: (
+            item.contact,
+            item.contact_time_spread,
+            item.body,
+            item.hammer_peak,
+            [
+                (c.hammer.mse_percent, c.specimen.mse_percent, c.hammer.shift, c.specimen.shift)
+                for c in item.comparisons
+            ],
+            results.hammer,
+        )
+        for item in results.samples
+    }
+
+
+@given(order=st.permutations(["alike", "heavy", "third"]), size=st.integers(50, 2500))
+def test_neither_the_order_of_samples_nor_the_size_of_blocks_changes_a_bit(
+    strike: Strike, order: list[str], size: int
+) -> None:
+    def run(names: list[str], block: int) -> Session:
+        session = Session(SETUP)
+        for name in names:
+            for hit in range(2):
+                # A hit is known by sample and number, not by when it was struck.
+                record = 10 * SETUP.samples.names.index(name) + hit + 1
+                strike(session, name, record, size=block, place=500 + hit)
+        return session
+
+    assert get_numbers(run(order, size)) == get_numbers(run(["alike", "heavy", "third"], 2500))
+
+
+def test_an_unknown_sample_is_refused_and_nothing_is_counted(strike: Strike) -> None:
+    session = Session(SETUP)
+    with pytest.raises(ParameterError, match="unknown sample 'brass': the set has 'alike', 'h"):
+        strike(session, "brass", 1)
+    assert session.names == ()
+
+
+def test_a_sampling_rate_too_low_for_the_filter_is_named(
+    make_counts: Make, make_blocks: Make
+) -> None:
+    session = Session(SETUP)
+    hammer = make_counts([(500, 900.0)], 2500)
+    blocks = make_blocks(hammer, hammer, [2500], label=HitLabel("alike"), rate=51.2e3)
+    with pytest.raises(ParameterError, match="too low for the 50 kHz low-pass"):
+        session.feed(blocks[0])
