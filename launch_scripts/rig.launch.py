@@ -21,16 +21,14 @@ from launch.actions import (
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
-from impact_rig.cli.options import (
-    FAULTS,
-    PLANTS,
-    load_rig_file,
-    make_run_folder,
-    merge_virtual,
-)
 from impact_rig.configuration.processes import NodeProcess, list_rig_processes
+from impact_rig.configuration.run import load_rig_file, make_run_folder, merge_virtual
 from impact_rig.core.errors import ParameterError
+from impact_rig.devices.virtual.faults import Fault
+from impact_rig.devices.virtual.plants import Plant
 
+PLANTS = [plant.value for plant in Plant]
+FAULTS = ", ".join(fault.value for fault in Fault)
 SWITCH = ["true", "false"]
 ARGUMENTS = (
     DeclareLaunchArgument(

@@ -56,9 +56,9 @@ def command(
     The rig's campaign node does the work; this command starts it, follows it, and asks for the
     next sample to be mounted.
     """
-    from impact_rig.cli.campaign_view import CampaignView, report_outcome, run_campaign  # noqa: PLC0415, I001
-    from impact_rig.nodes.campaign_client import CampaignClient, CampaignRequest  # noqa: PLC0415
-    from impact_rig.reporting.terminal import make_console  # noqa: PLC0415
+    from impact_rig.cli.campaign_view import CampaignView, report_outcome, run_campaign
+    from impact_rig.nodes.campaign_client import CampaignClient, CampaignRequest
+    from impact_rig.reporting.terminal import make_console
 
     options.set_discovery(network=network)
     with CampaignClient(namespace) as client, CampaignView(make_console(stderr=True)) as view:

@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 import click
 from rich.console import Console
@@ -41,7 +41,7 @@ class CampaignView:
         self._task = self._progress.add_task("starting the rig", total=None, left="")
         self._sample = ""
 
-    def __enter__(self) -> "CampaignView":
+    def __enter__(self) -> Self:
         """Begin to draw."""
         self._progress.start()
         return self

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from impact_rig.cli import options
+from impact_rig.configuration import run
 from impact_rig.configuration.processes import RECORDING_NAME
 
 START_TIMEOUT = 90.0
@@ -51,13 +52,13 @@ def command(
     stiffness and damping of every sample are printed beside the published values, and
     everything is recorded.
     """
-    from impact_rig.cli.campaign_view import CampaignView, report_outcome, run_campaign  # noqa: PLC0415, I001
-    from impact_rig.cli.running_rig import run_rig, use_private_domain  # noqa: PLC0415
-    from impact_rig.reporting.terminal import make_console  # noqa: PLC0415
+    from impact_rig.cli.campaign_view import CampaignView, report_outcome, run_campaign
+    from impact_rig.cli.running_rig import run_rig, use_private_domain
+    from impact_rig.reporting.terminal import make_console
 
-    rig = options.load_rig_file(rig_file)
-    options.check_samples(rig, samples)
-    folder = options.make_run_folder(output)
+    rig = run.load_rig_file(rig_file)
+    run.check_samples(rig, samples)
+    folder = run.make_run_folder(output)
     options.set_discovery(network=False)
     arguments = [word for setting in SETTINGS for word in ("--set", setting)]
     for name, value in (
@@ -67,7 +68,7 @@ def command(
             arguments += [name, str(value)]
     try:
         with use_private_domain(), run_rig(folder, arguments) as running:
-            from impact_rig.nodes.campaign_client import CampaignClient, CampaignRequest  # noqa: PLC0415, I001
+            from impact_rig.nodes.campaign_client import CampaignClient, CampaignRequest
 
             with CampaignClient() as client, CampaignView(make_console(stderr=True)) as view:
                 client.wait_for_rig(START_TIMEOUT, SUBSCRIBERS, running.check)

@@ -21,7 +21,7 @@ RETRY_PERIOD = 0.1
 """How soon a stop is tried again that came while the processes were still starting [s]."""
 
 
-class _Manager(Manager):  # type: ignore[misc]
+class _Manager(Manager):
     """Honcho's manager, which may also be stopped while it still starts its processes."""
 
     def terminate(self) -> None:

@@ -85,7 +85,7 @@ def use_private_domain() -> Iterator[None]:
     if "ROS_DOMAIN_ID" in os.environ:
         yield
         return
-    from domain_coordinator import domain_id  # noqa: PLC0415
+    from domain_coordinator import domain_id
 
     with domain_id() as number:
         os.environ["ROS_DOMAIN_ID"] = str(number)

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from impact_rig.cli import options
+from impact_rig.configuration import run
 from impact_rig.configuration.processes import LOG_NAME, RECORDING_NAME, list_rig_processes
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.core.errors import RigError
@@ -64,16 +65,16 @@ def command(
     if template:
         click.echo(read_template(), nl=False)
         return
-    from impact_rig.cli.node_processes import run_nodes  # noqa: PLC0415
+    from impact_rig.cli.node_processes import run_nodes
 
-    rig = options.load_rig_file(rig_file)
-    overrides = options.parse_settings(settings)
-    folder = options.make_run_folder(output)
+    rig = run.load_rig_file(rig_file)
+    overrides = run.parse_settings(settings)
+    folder = run.make_run_folder(output)
     options.set_discovery(network=network)
     processes = list_rig_processes(
         folder.resolve(),
         rig_file=str(rig_file.resolve()) if rig_file else "",
-        virtual=options.merge_virtual(rig, plant=plant, seed=seed, faults=faults),
+        virtual=run.merge_virtual(rig, plant=plant, seed=seed, faults=faults),
         record=record,
         visualize=visualizer,
         viewer_url=viewer,

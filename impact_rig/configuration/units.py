@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 @lru_cache(maxsize=1)
 def _load_registry() -> UnitRegistry:
     # Reading pint's unit definitions takes a noticeable part of a second: only when needed.
-    from pint import UnitRegistry  # noqa: PLC0415
+    from pint import UnitRegistry
 
     return UnitRegistry()
 
@@ -43,14 +43,14 @@ def parse_quantity(what: str, value: Any, unit: str, example: str) -> float:
     ParameterError
         If the text is no quantity, or has a unit of another dimension.
     """
-    from pint import DimensionalityError, PintError  # noqa: PLC0415
+    from pint import DimensionalityError, PintError
 
     if not isinstance(value, str):
         raise ParameterError(
             f'{what} is {value!r}, which has no unit: write it as a text like "{example}"'
         )
     try:
-        quantity = _load_registry().Quantity(value)
+        quantity: Any = _load_registry().Quantity(value)
         return float(quantity.to(unit).magnitude)
     except DimensionalityError:
         raise ParameterError(

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import rclpy
 from action_msgs.msg import GoalStatus
@@ -99,7 +99,7 @@ class CampaignClient:
         self._confirm = self._node.create_client(ConfirmSample, interfaces.CONFIRM_SAMPLE)
         self._action = ActionClient(self._node, RunCampaign, interfaces.RUN_CAMPAIGN)
 
-    def __enter__(self) -> "CampaignClient":
+    def __enter__(self) -> Self:
         """Return the client."""
         return self
 

@@ -265,9 +265,10 @@ class RigNode(LifecycleNode):
 
     def autostart(self) -> None:
         """Configure and activate, if the parameter of that name says so."""
-        if self.get_value("autostart"):
-            if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
-                self.trigger_activate()
+        if not self.get_value("autostart"):
+            return
+        if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+            self.trigger_activate()
 
     def close(self) -> None:
         """Leave the states active and configured, whatever led here; safe to call twice."""

@@ -277,6 +277,6 @@ class _SinglePrecision:
 
     def as_arrow_array(self) -> Any:
         """Return all values, row by row."""
-        import pyarrow as pa  # noqa: PLC0415 - comes with Rerun
+        import pyarrow as pa
 
         return pa.array(self._values.reshape(-1))

@@ -20,8 +20,8 @@ def import_rerun() -> ModuleType:
     """
     wanted = ".".join(map(str, MINIMUM_VERSION))
     try:
-        import rerun  # noqa: PLC0415
-        import rerun.blueprint  # noqa: PLC0415
+        import rerun
+        import rerun.blueprint
     except ImportError as error:
         raise RigError(
             "the view needs the Python package rerun-sdk, which is not installed:"

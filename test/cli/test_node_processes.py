@@ -50,9 +50,7 @@ def test_a_stop_while_the_processes_start_ends_them_all(tmp_path, awaited):
     assert "Traceback" not in "".join(lines)
     assert process.returncode == 0
     started = [
-        int(line.rpartition("pid=")[2].rstrip(")\n"))
-        for line in lines
-        if "started (pid=" in line
+        int(line.rpartition("pid=")[2].rstrip(")\n")) for line in lines if "started (pid=" in line
     ]
     assert len(started) == 5
     for number in started:

@@ -77,9 +77,7 @@ def test_nodes_started_by_hand_in_a_namespace_make_the_same_rig(start, environme
         ("recorder", ["-p", "output:=hand.mcap"]),
         ("campaign", []),
     ):
-        start(
-            "--ros-args", "-r", "__ns:=/rig7", *parameters, module=f"impact_rig.nodes.{node}"
-        )
+        start("--ros-args", "-r", "__ns:=/rig7", *parameters, module=f"impact_rig.nodes.{node}")
     done = run_campaign(
         environment, tmp_path, "--namespace", "rig7", "--samples", "aluminium large",
         "--impacts", "2", "--output", "by_hand", "--json",

@@ -67,7 +67,7 @@ def test_units_are_converted_and_defaults_filled_in():
         ('mass = "0.1 kg"', "", r"\[hammer\] lacks mass"),
         ("[hammer]", "[hamer]", r"unknown key 'hamer': did you mean 'hammer'"),
         ("[hammer]", "[hammer", r"this is no TOML"),
-        ("[hammer]", '[samples]\ncontrol = "tin"\n[hammer]', r"control sample 'tin' is missing.*'oak'"),
+        ("[hammer]", '[samples]\ncontrol = "tin"\n[hammer]', r"control sample 'tin' is missing"),
         ("[hammer]", "[analysis]\npulse_factor = true\n[hammer]", r"must be a plain number"),
         ("[hammer]", "[analysis]\npulse_factor = 9\n[hammer]", r"pulse_factor is 9.*between"),
         ("[hammer]", '[analysis]\ncutoff_frequency = "50 us"\n[hammer]', r"which is no Hz"),
@@ -88,7 +88,7 @@ def test_two_samples_of_one_name_are_refused():
 
 
 def test_the_file_is_named_in_every_error(tmp_path):
-    with pytest.raises(FileError, match="there is no rig file .*absent.toml"):
+    with pytest.raises(FileError, match=r"there is no rig file .*absent\.toml"):
         read_rig_file(tmp_path / "absent.toml")
     path = tmp_path / "bad.toml"
     path.write_text(SMALLEST.replace("80 g", "80 m"), "utf-8")

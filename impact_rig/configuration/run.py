@@ -1,0 +1,91 @@
+"""What a run is made of: the rig file and what is given beside it, and the folder it goes to."""
+
+import json
+import os
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from impact_rig.configuration.processes import (
+    RECORDING_NAME,
+    RESULTS_NAME,
+    VIEW_NAME,
+    list_rig_processes,
+    make_run_folder_name,
+)
+from impact_rig.configuration.rig_file import RigFile, read_rig_file
+from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.paper import PAPER_SETUP
+
+
+def load_rig_file(path: Path | None) -> RigFile:
+    """Read the rig file; without one, the paper's rig."""
+    return RigFile(setup=PAPER_SETUP) if path is None else read_rig_file(path)
+
+
+def merge_virtual(
+    rig_file: RigFile, *, plant: str | None, seed: int | None, faults: float | None
+) -> dict[str, Any]:
+    """Return the virtual rig's parameters: the file's, overruled by the command line's."""
+    given = {"plant": plant, "seed": seed, "fault_probability": faults}
+    return {
+        **rig_file.virtual,
+        **{name: value for name, value in given.items() if value is not None},
+    }
+
+
+def parse_settings(settings: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Read ``NODE.PARAMETER=VALUE`` texts into parameters by node.
+
+    Raises
+    ------
+    ParameterError
+        If a text has another form, or the rig has no such node.
+    """
+    nodes = [process.name for process in list_rig_processes("")]
+    parsed: dict[str, dict[str, Any]] = {}
+    for text in settings:
+        place, equals, value = text.partition("=")
+        node, dot, parameter = place.partition(".")
+        if not (equals and dot and parameter):
+            raise ParameterError(
+                f"--set {text!r}: write NODE.PARAMETER=VALUE, for example hammer.swing_time=0.3"
+            )
+        if node not in nodes:
+            raise ParameterError(f"--set {text!r}: the rig has no node {node!r}, it has {nodes}")
+        try:
+            parsed.setdefault(node, {})[parameter] = json.loads(value)
+        except json.JSONDecodeError:
+            parsed.setdefault(node, {})[parameter] = value
+    return parsed
+
+
+def check_samples(rig_file: RigFile, names: tuple[str, ...]) -> None:
+    """Require known samples; raises `ParameterError`."""
+    for name in names:
+        rig_file.setup.samples.find(name)
+        if names.count(name) > 1:
+            raise ParameterError(f"sample {name!r} is asked for twice: once is enough")
+
+
+def make_run_folder(output: Path | None) -> Path:
+    """Make the folder of a run, and refuse one that already holds a run.
+
+    Raises
+    ------
+    FileError
+        If the folder holds a run, or cannot be made or written.
+    """
+    folder = output or Path(make_run_folder_name(datetime.now().astimezone()))
+    for name in (RECORDING_NAME, VIEW_NAME, RESULTS_NAME):
+        if (folder / name).exists():
+            raise FileError(
+                f"the folder {folder} already holds a run ({name}): choose another --output"
+            )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"the folder {folder} cannot be made: {error.strerror}") from None
+    if not os.access(folder, os.W_OK):
+        raise FileError(f"the folder {folder} cannot be written: choose another --output")
+    return folder

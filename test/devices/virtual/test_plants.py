@@ -1,0 +1,140 @@
+"""The virtual bodies: the published plant carries the tables, the others obey equation (1)."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import find_peaks
+
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.model import Body, ModelVariant, simulate_impact
+from impact_rig.core.paper import PAPER_SETUP, PUBLISHED_SAMPLES
+from impact_rig.core.pulses import HALF_SINE, HERTZ, VERSED_SINE, PulseShape
+from impact_rig.core.samples import Sample, SampleSet
+from impact_rig.devices.virtual.plants import (
+    HitPhysics,
+    Plant,
+    find_nominal_model,
+    simulate_plant,
+)
+
+RATE = 2.5e6
+COUNT = 5000
+START = -0.2e-3
+names = st.sampled_from(PAPER_SETUP.samples.names)
+
+
+def find_damping(body: Body) -> tuple[float, float]:
+    """Return decay rate and damped angular frequency [1/s] from the roots of m s^2 + c s + k."""
+    root = np.roots([body.mass, body.damping_coefficient, body.stiffness])[0]
+    return -root.real, abs(root.imag)
+
+
+@pytest.mark.parametrize("cell", PUBLISHED_SAMPLES, ids=lambda cell: cell.name)
+def test_the_nominal_hit_has_the_papers_numbers(cell) -> None:
+    model = find_nominal_model(PAPER_SETUP, cell.name, 1909.0)
+    assert model.contact_time == cell.contact_time
+    assert model.hammer.mass == 0.1
+    # 22.54 MN/m is printed with four digits; 212.0 us gives 22.535.
+    assert model.hammer.stiffness == pytest.approx(22.54e6, rel=5e-4)
+    assert model.specimen.mass == pytest.approx(cell.mass + 3e-3)
+    assert model.specimen.stiffness == cell.stiffness
+    assert model.specimen.damping_coefficient == cell.damping_coefficient
+    # The impulse of the pulse turns the hammer round as an elastic impact does.
+    impulse = model.peak_force * model.contact_time / 2
+    m1, m2 = model.hammer.mass, model.specimen.mass
+    assert impulse == pytest.approx(2 * m1 * m2 / (m1 + m2) * 0.0819)
+
+
+@given(name=names, shape=st.sampled_from([VERSED_SINE, HALF_SINE, HERTZ]))
+def test_the_published_hammer_is_the_pulse_and_a_tail(name: str, shape: PulseShape) -> None:
+    model = find_nominal_model(PAPER_SETUP, name, 1909.0)
+    physics = HitPhysics(model, shape=shape)
+    hammer, _ = simulate_plant(Plant.PUBLISHED, physics, 4 * RATE, 4 * COUNT, START)
+    time = START + np.arange(4 * COUNT) / (4 * RATE)
+    peak = model.peak_force / model.hammer.mass
+    during = (time >= 0) & (time < model.contact_time)
+    assert not hammer[time < 0].any()
+    assert hammer.max() == pytest.approx(peak, rel=1e-4)
+    inside = peak * shape.value(time[during] / model.contact_time)
+    np.testing.assert_allclose(hammer[during], inside, rtol=0, atol=1e-9 * peak)
+    decay, frequency = find_damping(model.hammer)
+    tail = hammer[time >= model.contact_time]
+    first = find_peaks(tail)[0][0]
+    # Read on a grid of 0.1 us; the tail's period is some 500 us.
+    assert tail[first] == pytest.approx(peak * math.exp(-decay * 2 * math.pi / frequency), 1e-4)
+
+
+@given(name=names, asymmetry=st.floats(-0.3, 0.3))
+def test_the_published_sample_rises_with_the_pulse_and_decays_freely(
+    name: str, asymmetry: float
+) -> None:
+    model = find_nominal_model(PAPER_SETUP, name, 1909.0)
+    physics = HitPhysics(model, asymmetry=asymmetry)
+    _, specimen = simulate_plant(Plant.PUBLISHED, physics, RATE, COUNT, START)
+    time = START + np.arange(COUNT) / RATE
+    top = model.contact_time * (1 + asymmetry) / 2
+    peak = model.peak_force / model.specimen.mass
+    assert not specimen[time < 0].any()
+    # Half a point off the top of a pulse of 400 points.
+    assert specimen.max() == pytest.approx(peak, rel=1e-3)
+    assert time[np.argmax(specimen)] == pytest.approx(top, abs=1.1 / RATE)
+    late = time >= top
+    a, w = find_damping(model.specimen)
+    s = time[late] - top
+    decay = peak * np.exp(-a * s) * (np.cos(w * s) + a / w * np.sin(w * s))
+    np.testing.assert_allclose(specimen[late], decay, rtol=0, atol=1e-9 * peak)
+    second = find_peaks(specimen[late])[0]
+    second = second[second > 50][0]
+    assert specimen[late][second] == pytest.approx(peak * math.exp(-a * 2 * math.pi / w), rel=1e-3)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.7])
+def test_a_body_that_does_not_swing_just_comes_back(ratio: float) -> None:
+    model = find_nominal_model(PAPER_SETUP, "steel small", 1909.0)
+
+    def damp(body: Body) -> Body:
+        return replace(body, damping_coefficient=2 * ratio * math.sqrt(body.mass * body.stiffness))
+
+    heavy = replace(model, hammer=damp(model.hammer), specimen=damp(model.specimen))
+    hammer, specimen = simulate_plant(Plant.PUBLISHED, HitPhysics(heavy), RATE, COUNT, START)
+    assert np.all(hammer >= 0)
+    assert np.all(specimen >= 0)
+    assert specimen[-1] < 0.02 * specimen.max()
+    # The equation of motion, with central differences of a trace that bends over 50 points.
+    after = specimen[1000:]
+    rate, bend = np.gradient(after, 1 / RATE), np.gradient(np.gradient(after, 1 / RATE), 1 / RATE)
+    m, c, k = heavy.specimen.mass, heavy.specimen.damping_coefficient, heavy.specimen.stiffness
+    residual = m * bend + c * rate + k * after
+    assert np.abs(residual[2:-2]).max() < 1e-3 * k * after.max()
+
+
+@pytest.mark.parametrize(
+    ("plant", "variant"),
+    [(Plant.DYNAMICS, ModelVariant.DRIVEN), (Plant.DYNAMICS_PRINTED, ModelVariant.PRINTED)],
+)
+def test_dynamics_is_the_model_itself(plant: Plant, variant: ModelVariant) -> None:
+    model = find_nominal_model(PAPER_SETUP, "steel medium", 1909.0)
+    ours = simulate_plant(plant, HitPhysics(model), RATE, COUNT, START)
+    theirs = simulate_impact(model, RATE, COUNT, start=START, variant=variant)
+    np.testing.assert_array_equal(ours, theirs)
+
+
+def test_what_the_virtual_rig_cannot_strike_is_named() -> None:
+    known = Sample("known", 0.1, "", 200e-6, 20e6, 500.0)
+    bare = Sample("bare", 0.1)
+    setup = replace(PAPER_SETUP, samples=SampleSet((known, bare), "known"))
+    assert find_nominal_model(setup, "known", 0.0).contact_time == 200e-6
+    with pytest.raises(ParameterError, match="sample 'bare' has no reference contact time"):
+        find_nominal_model(setup, "bare", 0.0)
+    with pytest.raises(
+        ParameterError, match="unknown sample 'other': the set has 'known', 'bare'"
+    ):
+        find_nominal_model(setup, "other", 0.0)
+    for control, message in (("bare", "'bare' has no reference contact"), ("", "needs a control")):
+        changed = replace(setup, samples=replace(setup.samples, control_sample=control))
+        with pytest.raises(ParameterError, match=message):
+            find_nominal_model(changed, "known", 0.0)

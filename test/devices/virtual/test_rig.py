@@ -1,0 +1,327 @@
+"""The virtual rig as a whole: repeatable, faulty on request, and true to the paper's tables."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.hit import JudgedHit
+from impact_rig.core.model import ModelVariant
+from impact_rig.core.paper import PAPER_SETUP, PUBLISHED_SAMPLES
+from impact_rig.core.record import HitLabel
+from impact_rig.core.session import Session, SessionResults
+from impact_rig.core.verdict import Reason
+from impact_rig.devices.virtual.faults import Fault, FaultPlan, ScheduledFault
+from impact_rig.devices.virtual.plants import Plant
+from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
+
+BLOCK_SIZE = 1000
+NAMES = PAPER_SETUP.samples.names
+labels = st.builds(
+    HitLabel,
+    sample=st.sampled_from(NAMES),
+    record=st.integers(1, 999),
+    impact=st.integers(1, 99),
+    attempt=st.integers(1, 9),
+)
+
+
+def strike(label: HitLabel, **changes: object) -> VirtualHit:
+    return VirtualRig(PAPER_SETUP, VirtualRigSettings(**changes)).strike(label)
+
+
+def judge(hit: VirtualHit) -> JudgedHit:
+    """Stream a hit into a session of its own; exactly one record must come out."""
+    session = Session(PAPER_SETUP)
+    blocks = hit.split(BLOCK_SIZE, stamp=1_000_000)
+    (judged,) = (item for block in blocks for item in session.feed(block))
+    return judged
+
+
+def run_campaign(
+    rig: VirtualRig, impacts: int = 10, names: Iterable[str] = NAMES
+) -> tuple[SessionResults, list[tuple[VirtualHit, JudgedHit]]]:
+    """Strike every sample until it has its impacts; return results, and every hit with verdict."""
+    session = Session(PAPER_SETUP)
+    hits: list[tuple[VirtualHit, JudgedHit]] = []
+    for name in names:
+        for impact in range(1, impacts + 1):
+            for attempt in range(1, 100):
+                hit = rig.strike(HitLabel(name, len(hits) + 1, impact, attempt))
+                blocks = hit.split(BLOCK_SIZE, stamp=0)
+                (judged,) = (item for block in blocks for item in session.feed(block))
+                hits.append((hit, judged))
+                if judged.accepted:
+                    break
+    return session.estimate_all(), hits
+
+
+def check_tables(results: SessionResults) -> None:
+    """Hold Tables 2 to 4 and Fig. 6 against what was measured, within what is asked for."""
+    assert [item.name for item in results.samples] == list(NAMES)
+    for found, cell in zip(results.samples, PUBLISHED_SAMPLES, strict=True):
+        assert found.contact is not None
+        assert found.contact.contact_time == pytest.approx(cell.contact_time, rel=5e-3)
+        assert found.body.stiffness == pytest.approx(cell.stiffness, rel=15e-3)
+        assert found.body.damping_coefficient == pytest.approx(cell.damping_coefficient, rel=5e-2)
+        comparison = found.find_comparison(ModelVariant.DRIVEN)
+        assert comparison is not None
+        assert comparison.hammer.mse_percent < 0.25
+        assert comparison.specimen.mse_percent < 5.0
+        # Read as a versed-sine, for it is one.
+        assert found.contact.width_ratio == pytest.approx(1.59, abs=0.01)
+    assert results.hammer.stiffness == pytest.approx(22.54e6, rel=15e-3)
+    assert results.hammer.damping_coefficient == pytest.approx(1909.0, rel=5e-2)
+
+
+@pytest.fixture(scope="module")
+def paper_campaign() -> tuple[SessionResults, list[tuple[VirtualHit, JudgedHit]]]:
+    return run_campaign(VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1)))
+
+
+def get_numbers(results: SessionResults) -> list[tuple[object, ...]]:
+    """Every number of a campaign, to the last bit."""
+    return [
+        (
+            item.name,
+            item.contact,
+            item.contact_time_spread,
+            item.body,
+            [
+                (c.hammer.mse_percent, c.specimen.mse_percent, c.hammer.shift, c.specimen.shift)
+                for c in item.comparisons
+            ],
+        )
+        for item in results.samples
+    ] + [("hammer", results.hammer)]
+
+
+class TestCampaign:
+    """Twelve samples, ten impacts each."""
+
+    def test_gives_the_papers_tables_back(self, paper_campaign) -> None:
+        results, hits = paper_campaign
+        check_tables(results)
+        assert len(hits) == 120
+        assert all(item.impacts_accepted == 10 for item in results.samples)
+
+    def test_gives_the_same_bits_again(self, paper_campaign) -> None:
+        again, _ = run_campaign(VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1)))
+        assert get_numbers(again) == get_numbers(paper_campaign[0])
+
+    def test_does_not_care_about_the_order_of_samples(self, paper_campaign) -> None:
+        rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1))
+        backwards, _ = run_campaign(rig, names=NAMES[::-1])
+        assert get_numbers(backwards) == get_numbers(paper_campaign[0])
+
+    def test_of_another_seed_differs_but_holds_too(self, paper_campaign) -> None:
+        other, _ = run_campaign(VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=7)))
+        check_tables(other)
+        assert get_numbers(other) != get_numbers(paper_campaign[0])
+
+    def test_with_every_fault_at_ten_percent_still_holds(self) -> None:
+        plan = FaultPlan(probability=0.1)
+        results, hits = run_campaign(
+            VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1, faults=plan))
+        )
+        check_tables(results)
+        assert all(item.impacts_accepted == 10 for item in results.samples)
+        # A hit is rejected if, and only if, something was made to go wrong.
+        assert all(judged.accepted == (not hit.faults) for hit, judged in hits)
+        rejected = [judged for _, judged in hits if not judged.accepted]
+        assert list(results.rejected) == rejected
+        assert len(rejected) > 30  # of some 230 attempts nearly half are faulty
+
+    def test_on_the_driven_model_finds_its_truth(self) -> None:
+        rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1, plant=Plant.DYNAMICS))
+        results, _ = run_campaign(rig, impacts=5)
+        for found, cell in zip(results.samples, PUBLISHED_SAMPLES, strict=True):
+            assert found.contact is not None
+            assert found.contact.contact_time == pytest.approx(cell.contact_time, rel=5e-3)
+            # U1 lies inside the forced contact: the paper's damping is biased by up to 15 %.
+            assert found.body.damping_coefficient == pytest.approx(
+                cell.damping_coefficient, rel=0.2
+            )
+            comparison = found.find_comparison(ModelVariant.DRIVEN)
+            assert comparison is not None
+            # The model is the truth here: what is left is the damping's bias and noise.
+            assert comparison.specimen.mse_percent < 0.1
+
+
+class TestHit:
+    """One hit."""
+
+    @given(label=labels, seed=st.integers(0, 2**32))
+    def test_depends_on_seed_and_label_alone(self, label: HitLabel, seed: int) -> None:
+        one = strike(label, seed=seed)
+        rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=seed))
+        rig.strike(HitLabel(NAMES[0]))
+        other = rig.strike(replace(label, record=label.record + 1))
+        assert one.model == other.model
+        np.testing.assert_array_equal(one.hammer.counts, other.hammer.counts)
+        np.testing.assert_array_equal(one.specimen.counts, other.specimen.counts)
+
+    @pytest.mark.parametrize("field", ["impact", "attempt"])
+    def test_is_another_one_each_time(self, field: str) -> None:
+        label = HitLabel("steel small")
+        other = replace(label, **{field: 2})
+        assert strike(label).model != strike(other).model
+        assert np.any(strike(label).hammer.counts != strike(other).hammer.counts)
+
+    def test_is_another_one_with_each_seed(self) -> None:
+        label = HitLabel("steel small")
+        assert strike(label, seed=1).model != strike(label, seed=2).model
+
+    def test_scatters_as_it_is_told(self) -> None:
+        hits = [strike(HitLabel("steel small", impact=i)).model for i in range(1, 401)]
+        times = np.array([model.contact_time for model in hits]) / 170.0e-6
+        forces = np.array([model.peak_force for model in hits])
+        # 400 hits tell a mean within 3 sigma / 20, and a deviation within 3 / sqrt(800).
+        assert times.mean() == pytest.approx(1.0, abs=3 * 3e-3 / 20)
+        assert times.std() == pytest.approx(3e-3, rel=3 / math.sqrt(800))
+        assert forces.std() / forces.mean() == pytest.approx(2e-2, rel=3 / math.sqrt(800))
+
+    def test_is_measured_as_it_was_made(self) -> None:
+        for name in NAMES:
+            hit = strike(HitLabel(name))
+            # Two steps of noise: 0.1 % in a single hit's width.
+            assert judge(hit).contact_time == pytest.approx(hit.model.contact_time, rel=4e-3)
+
+    @given(label=labels)
+    def test_stays_the_same_when_faults_are_drawn_beside_it(self, label: HitLabel) -> None:
+        plain = strike(label)
+        plan = FaultPlan(1.0, (Fault.LOST_BLOCK, Fault.MISSED_TRIGGER))
+        faulty = strike(label, faults=plan)
+        np.testing.assert_array_equal(faulty.hammer.counts, plain.hammer.counts)
+        assert faulty.model == plain.model
+
+    def test_uses_the_digitizers_range(self) -> None:
+        for name in NAMES:
+            hit = strike(HitLabel(name))
+            for channel in (hit.hammer, hit.specimen):
+                used = np.abs(channel.counts).max() * abs(channel.scale) / channel.full_scale
+                assert 0.05 < used < 0.95
+
+
+class TestStream:
+    """A hit as blocks."""
+
+    @given(size=st.integers(1, 6000))
+    @settings(max_examples=30)
+    def test_joins_to_the_record(self, size: int) -> None:
+        hit = strike(HitLabel("steel small"))
+        blocks = hit.split(size, stamp=1_000)
+        assert [block.last for block in blocks] == [False] * (len(blocks) - 1) + [True]
+        assert [block.first_sample for block in blocks] == list(range(0, 5000, size))
+        assert [block.stamp - 1_000 for block in blocks] == [
+            block.first_sample * 400 for block in blocks
+        ]
+        for name in ("hammer", "specimen"):
+            joined = np.concatenate([getattr(block, name).counts for block in blocks])
+            np.testing.assert_array_equal(joined, getattr(hit, name).counts)
+
+    def test_of_a_missed_trigger_is_one_empty_block(self) -> None:
+        hit = strike(HitLabel("steel small"), faults=FaultPlan(1.0, (Fault.MISSED_TRIGGER,)))
+        (block,) = hit.split(BLOCK_SIZE, stamp=5)
+        assert not block.triggered
+        assert block.last
+        assert block.hammer.counts.size == block.specimen.counts.size == 0
+
+    @pytest.mark.parametrize("size", [100, 1000, 2500, 4999])
+    def test_lacks_a_lost_block(self, size: int) -> None:
+        label = HitLabel("steel small")
+        whole = strike(label).split(size, stamp=0)
+        lossy = strike(label, faults=FaultPlan(1.0, (Fault.LOST_BLOCK,))).split(size, stamp=0)
+        assert len(lossy) == len(whole) - 1
+        assert lossy[-1].last
+
+    def test_needs_blocks_of_one_point_at_least(self) -> None:
+        with pytest.raises(ParameterError, match="block size is 0 points: it must be 1 or more"):
+            strike(HitLabel("steel small")).split(0, stamp=0)
+
+
+REASONS = {
+    Fault.DOUBLE_HIT: Reason.DOUBLE_HIT,
+    Fault.OVERLOAD: Reason.OVERLOAD,
+    Fault.WEAK_HIT: Reason.WEAK,
+    Fault.MISSED_TRIGGER: Reason.NO_TRIGGER,
+    Fault.DEAD_CHANNEL: Reason.DEAD_CHANNEL,
+    Fault.LOST_BLOCK: Reason.GAP,
+}
+
+
+class TestFaults:
+    """Whatever goes wrong is named."""
+
+    @given(label=labels, seed=st.integers(0, 1000))
+    def test_a_hit_without_one_is_accepted(self, label: HitLabel, seed: int) -> None:
+        assert judge(strike(label, seed=seed)).rejections == ()
+
+    @pytest.mark.parametrize("fault", Fault)
+    @given(label=labels, seed=st.integers(0, 1000))
+    def test_each_is_named_by_its_reason_and_no_other(
+        self, fault: Fault, label: HitLabel, seed: int
+    ) -> None:
+        judged = judge(strike(label, seed=seed, faults=FaultPlan(1.0, (fault,))))
+        assert {item.reason for item in judged.rejections} == {REASONS[fault]}
+
+    @given(
+        label=labels,
+        seed=st.integers(0, 1000),
+        faults=st.sets(st.sampled_from(Fault), min_size=2),
+    )
+    def test_several_at_once_are_never_accepted_nor_taken_for_another(
+        self, label: HitLabel, seed: int, faults: set[Fault]
+    ) -> None:
+        hit = strike(label, seed=seed, faults=FaultPlan(1.0, tuple(faults)))
+        found = {item.reason for item in judge(hit).rejections}
+        assert found
+        assert found <= {REASONS[fault] for fault in faults}
+
+    def test_an_ordered_one_comes_at_its_hit(self) -> None:
+        plan = FaultPlan(scheduled=(ScheduledFault(Fault.OVERLOAD, 2, "steel small"),))
+        rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(faults=plan))
+        _, hits = run_campaign(rig, impacts=3, names=["steel small", "brass small"])
+        assert [(hit.label.sample, hit.label.impact) for hit, _ in hits if hit.faults] == [
+            ("steel small", 2)
+        ]
+        assert len(hits) == 7
+
+    def test_drift_of_a_tenth_of_full_scale_does_not_change_the_contact_time(self) -> None:
+        quiet = VirtualRigSettings()
+        drifting = replace(quiet, digitizer=replace(quiet.digitizer, drift=0.01))
+        label = HitLabel("steel small")
+        plain, drifted = (
+            judge(VirtualRig(PAPER_SETUP, item).strike(label)) for item in (quiet, drifting)
+        )
+        assert drifted.accepted
+        # 1 % of full scale over the record is 0.1 % over the pulse, of half its height.
+        assert drifted.contact_time == pytest.approx(plain.contact_time, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"seed": -1}, "seed is -1: it must be 0 or more"),
+        ({"contact_time_scatter": 0.5}, "contact time scatter is 0.5"),
+        ({"amplitude_scatter": -0.1}, "amplitude scatter is -0.1"),
+        ({"asymmetry": 0.8}, "asymmetry is 0.8: it must lie between -0.5 and 0.5"),
+        ({"hammer_damping": -1.0}, "hammer damping coefficient is -1.0 N s/m"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(changes: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError) as error:
+        VirtualRigSettings(**changes)
+    assert message in str(error.value)
+
+
+def test_an_unknown_sample_cannot_be_struck() -> None:
+    with pytest.raises(
+        ParameterError, match="unknown sample 'gold': the set has 'aluminium small'"
+    ):
+        strike(HitLabel("gold"))
