@@ -59,6 +59,7 @@ class ImpactDetector:
         self._previous: Block | None = None
         self._stretch: Stretch | None = None
         self._expected = 0
+        self._resume = 0
         self._baseline: float | None = None
         self._pulse: int | None = None
         self._found = False
@@ -77,7 +78,7 @@ class ImpactDetector:
         self._expected = block.first_sample + block.hammer.counts.size
         if block.hammer.counts.size:
             if self._stretch is None:
-                self._stretch = Stretch(block)
+                self._stretch = Stretch(block, search_from=self._resume)
             self._stretch.append(block)
         records += self._cut(end=block.last)
         if block.last:
@@ -132,7 +133,8 @@ class ImpactDetector:
             records.append(record)
             if stretch.stop >= last:
                 self._baseline = float(np.median(stretch.read(first, last)[0]))
-            stretch.searched = min(last, stretch.stop)
+            # Where a gap cut the hit off, the rest of its window still belongs to it.
+            stretch.searched = self._resume = last
             self._found = True
             self._pulse = None
         return records

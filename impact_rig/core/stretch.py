@@ -14,6 +14,8 @@ class Stretch:
     ----------
     block : Block
         The first one, not yet appended: rate, calibration and time of the stretch are its.
+    search_from : int
+        What lies before this point belongs to a hit already.
 
     Attributes
     ----------
@@ -25,9 +27,10 @@ class Stretch:
         Where the search for the next pulse goes on.
     """
 
-    def __init__(self, block: Block) -> None:
+    def __init__(self, block: Block, search_from: int) -> None:
         self.block = block
-        self.start = self.stop = self.searched = block.first_sample
+        self.start = self.stop = block.first_sample
+        self.searched = max(search_from, self.start)
         self._chunks: deque[tuple[int, CountArray, CountArray]] = deque()
 
     def append(self, block: Block) -> None:

@@ -27,8 +27,8 @@ DEAD_NOISE = 6.0
 """The same in standard deviations of the channel's own pre-trigger noise [-], our choice: one
 record of 100 000 has such a point by chance."""
 QUIET_PART = 0.05
-"""Part of a record without a hammer pulse in which its noise is looked for [-], our choice: half
-the default pre-trigger."""
+"""Part of a record in which its noise is looked for [-], our choice: half the default pre-trigger,
+since a weak pulse has long begun when it reaches the detection level."""
 SECOND_PULSE_DELAY = 1.2
 """Least delay of a second pulse behind the first, peak to peak, in contact times of a
 versed-sine [-], our choice: what follows sooner is ringing of the same contact."""
@@ -91,9 +91,9 @@ def check_stream(record: Record) -> tuple[Rejection, ...]:
 def check_channels(record: Record, settings: AnalysisSettings) -> tuple[Rejection, ...]:
     """Find dead and overloaded channels of a finite record."""
     channels = _name_channels(record)
-    quiet = record.pulse_index
-    if quiet is None:
-        quiet = int(QUIET_PART * record.hammer.acceleration.size)
+    quiet = int(QUIET_PART * record.hammer.acceleration.size)
+    if record.pulse_index is not None:
+        quiet = min(quiet, record.pulse_index)
     dead = [name for name, trace in channels if _is_dead(trace, max(quiet, 1))]
     found = []
     if dead and len(dead) < len(channels):
