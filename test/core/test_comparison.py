@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from impact_rig.core.averaging import MeanHit
@@ -148,6 +148,7 @@ class TestCompareWithModel:
         assert (result.contact_time, result.sampling_rate) == (MODEL.contact_time, RATE)
 
     @given(delay=st.integers(-200, 200))
+    @settings(max_examples=30)
     def test_reports_a_delay_of_the_sample_as_shift(self, delay: int) -> None:
         mean = self.make_mean(MODEL, ModelVariant.DRIVEN, origin=1000)
         hammer, specimen = mean.traces
@@ -159,6 +160,7 @@ class TestCompareWithModel:
         assert abs(result.hammer.shift) < 1e-3 / RATE
 
     @given(ratio=st.floats(0.5, 2.0))
+    @settings(max_examples=30)
     def test_does_not_see_the_size_of_the_force(self, ratio: float) -> None:
         mean = self.make_mean(MODEL, ModelVariant.DRIVEN)
         other = replace(MODEL, peak_force=ratio * MODEL.peak_force)
@@ -166,6 +168,7 @@ class TestCompareWithModel:
         assert result.specimen.mse_percent < 1e-9
 
     @given(ratio=st.floats(0.3, 3.0))
+    @settings(max_examples=30)
     def test_sees_a_wrong_stiffness(self, ratio: float) -> None:
         assume(abs(np.log(ratio)) > 0.2)
         mean = self.make_mean(MODEL, ModelVariant.DRIVEN)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from impact_rig.core.detection import QUIET_RECORDS, ImpactDetector, find_pulse_start
@@ -173,6 +173,7 @@ IMPACT = 6000
 
 
 @given(start=st.integers(1, 1200), count=st.integers(1, 80))
+@settings(max_examples=60)
 def test_a_gap_in_the_window_is_named_and_one_outside_changes_no_bit(
     make_counts: Make, make_blocks: Make, start: int, count: int
 ) -> None:
@@ -217,6 +218,17 @@ def test_a_hit_that_a_gap_cuts_off_is_handed_out_at_once(
     assert record.flaws == ("1000 points missing at point 2000",)
     assert record.hammer.acceleration.size < LENGTH
     assert [item for block in blocks[7:] for item in detector.feed(block)] == []
+
+
+def test_what_follows_the_gap_within_the_window_is_no_hit_of_its_own(
+    make_counts: Make, make_blocks: Make
+) -> None:
+    hammer = make_counts([(1000, 900.0), (2200, 700.0), (6000, 900.0)], 9000)
+    blocks = make_blocks(hammer, hammer, [500])
+    first, second = detect([*blocks[:3], *blocks[4:]])
+    assert first.flaws == ("500 points missing at point 1500",)
+    assert second.flaws == ()
+    assert (second.stamp - 1_000) // 1_000 == pytest.approx(6000 - BEFORE, abs=25)
 
 
 def test_a_lost_beginning_is_a_gap(make_counts: Make, make_blocks: Make) -> None:

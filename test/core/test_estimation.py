@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import StateSpace, impulse
 
@@ -51,6 +51,7 @@ def make_mean(tau: float, natural: float, ratio: float, *, channels: int = 2) ->
 
 
 @given(stiffness=st.floats(10e6, 60e6), ratio=st.floats(0.15, 0.5), mass=st.floats(0.02, 0.4))
+@settings(max_examples=40)
 def test_a_known_sample_is_found_again(stiffness: float, ratio: float, mass: float) -> None:
     setup = replace(SETUP, samples=SampleSet((Sample("x", mass),), "", 3e-3))
     moving = mass + 3e-3

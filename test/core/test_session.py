@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError
@@ -141,6 +141,7 @@ def get_numbers(session: Session) -> dict[str, tuple[object, ...]]:
 
 
 @given(order=st.permutations(["alike", "heavy", "third"]), size=st.integers(50, 2500))
+@settings(max_examples=15)
 def test_neither_the_order_of_samples_nor_the_size_of_blocks_changes_a_bit(
     strike: Strike, order: list[str], size: int
 ) -> None:

@@ -157,6 +157,7 @@ class TestHit:
     """One hit."""
 
     @given(label=labels, seed=st.integers(0, 2**32))
+    @settings(max_examples=50)
     def test_depends_on_seed_and_label_alone(self, label: HitLabel, seed: int) -> None:
         one = strike(label, seed=seed)
         rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=seed))
@@ -193,6 +194,7 @@ class TestHit:
             assert judge(hit).contact_time == pytest.approx(hit.model.contact_time, rel=4e-3)
 
     @given(label=labels)
+    @settings(max_examples=50)
     def test_stays_the_same_when_faults_are_drawn_beside_it(self, label: HitLabel) -> None:
         plain = strike(label)
         plan = FaultPlan(1.0, (Fault.LOST_BLOCK, Fault.MISSED_TRIGGER))
@@ -259,11 +261,13 @@ class TestFaults:
     """Whatever goes wrong is named."""
 
     @given(label=labels, seed=st.integers(0, 1000))
+    @settings(max_examples=50)
     def test_a_hit_without_one_is_accepted(self, label: HitLabel, seed: int) -> None:
         assert judge(strike(label, seed=seed)).rejections == ()
 
     @pytest.mark.parametrize("fault", Fault)
     @given(label=labels, seed=st.integers(0, 1000))
+    @settings(max_examples=50)
     def test_each_is_named_by_its_reason_and_no_other(
         self, fault: Fault, label: HitLabel, seed: int
     ) -> None:
@@ -281,7 +285,11 @@ class TestFaults:
         hit = strike(label, seed=seed, faults=FaultPlan(1.0, tuple(faults)))
         found = {item.reason for item in judge(hit).rejections}
         assert found
-        assert found <= {REASONS[fault] for fault in faults}
+        expected = {REASONS[fault] for fault in faults}
+        if {Fault.DEAD_CHANNEL, Fault.LOST_BLOCK} <= faults:
+            # What would show that the hammer's channel is dead is lost.
+            expected.add(Reason.NO_PULSE)
+        assert found <= expected
 
     def test_an_ordered_one_comes_at_its_hit(self) -> None:
         plan = FaultPlan(scheduled=(ScheduledFault(Fault.OVERLOAD, 2, "steel small"),))
