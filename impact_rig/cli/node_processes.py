@@ -34,6 +34,31 @@ class _Manager(Manager):
             retry.start()
 
 
+class _DirectOutput:
+    """Text straight to a file descriptor.
+
+    Honcho prints from its signal handler too, and a buffered stream breaks when it is entered
+    again in the middle of a line.
+    """
+
+    def __init__(self, stream: IO[str]) -> None:
+        stream.flush()
+        self._descriptor = stream.fileno()
+        self._is_terminal = stream.isatty()
+
+    def write(self, text: str) -> int:
+        rest = text.encode(errors="replace")
+        while rest:
+            rest = rest[os.write(self._descriptor, rest) :]
+        return len(text)
+
+    def flush(self) -> None:
+        pass
+
+    def isatty(self) -> bool:
+        return self._is_terminal
+
+
 def make_command(process: NodeProcess, namespace: str = "") -> str:
     """Return the shell command that starts one node."""
     words = [sys.executable, "-m", f"impact_rig.nodes.{process.name}", "--ros-args"]
@@ -71,13 +96,18 @@ def run_nodes(
     int
         0 after a stop that was asked for; else the exit code of the node that ended first.
     """
-    manager = _Manager(Printer(output, colour=output.isatty()))
+    manager = _Manager(Printer(_DirectOutput(output), colour=output.isatty()))
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     for process in processes:
         manager.add_process(process.name, make_command(process, namespace), env=environment)
     if stop_with_input:
         threading.Thread(target=_stop_at_end_of_input, daemon=True).start()
-    manager.loop()
+    try:
+        manager.loop()
+    except BaseException:
+        # Whatever stopped the manager must not leave a hammer armed behind.
+        manager.kill()
+        raise
     code = manager.returncode
     return 0 if code in STOPPED_BY_REQUEST else int(code or 1)
 
