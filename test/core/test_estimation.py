@@ -165,6 +165,25 @@ def test_the_printed_form_needs_the_hammers_damping() -> None:
     assert found.find_comparison(ModelVariant.PRINTED) is None
 
 
+def test_the_impact_speed_is_felt_by_the_printed_form_alone() -> None:
+    mean = make_mean(200e-6, 1.5e4, 0.3)
+    slow, fast = (
+        estimate_sample("heavy", mean, (200e-6,), 0, HAMMER, replace(SETUP, impact_speed=speed))
+        for speed in (0.08, 0.8)
+    )
+    found = {
+        variant: [
+            compared.specimen.contact_error_percent
+            for compared in (slow.find_comparison(variant), fast.find_comparison(variant))
+            if compared is not None
+        ]
+        for variant in ModelVariant
+    }
+    assert found[ModelVariant.DRIVEN][0] == found[ModelVariant.DRIVEN][1]
+    first, second = found[ModelVariant.PRINTED]
+    assert abs(first - second) > 1.0
+
+
 def test_the_control_sample_of_the_paper_gives_its_k1() -> None:
     mean = make_mean(212e-6, 1.5e4, 0.3)
     # 22.54 MN/m is rounded to 0.02 %, and 212.0 us makes it 22.536.

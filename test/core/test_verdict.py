@@ -196,6 +196,17 @@ class TestPulse:
         )
         assert judge_pulse(make_record(trace)) == ()
 
+    @given(height=st.floats(0.1, 0.9), delay=st.integers(150, 230))
+    def test_ringing_of_the_same_contact_does_not(
+        self, make_record: Make, height: float, delay: int
+    ) -> None:
+        # Sooner than 1.2 contact times of 200 points behind the first peak.
+        trace = make_trace(900.0, noise=0.0) + make_trace(
+            900.0 * height, start=200 + delay, noise=0.0
+        )
+        pulse = measure_pulse(make_trace(900.0, noise=0.0))
+        assert check_pulse(make_record(trace), trace, pulse, SETTINGS) == ()
+
     def test_an_undershoot_does_not(self, make_record: Make) -> None:
         trace = make_trace(900.0, noise=0.0) - make_trace(300.0, start=400, noise=0.0)
         assert judge_pulse(make_record(trace)) == ()
