@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.record import Block, ChannelBlock, HitLabel, Record, Trace
+from impact_rig.core.settings import AnalysisSettings
 
 RATE = 1e6
 FULL_SCALE = 2000.0
@@ -100,6 +102,36 @@ def make_record() -> MakeRecord:
             pulse_index=pulse_index,
             flaws=flaws,
             triggered=triggered,
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def detect() -> Callable[[Iterable[Block]], list[Record]]:
+    """Feed the blocks of a stream to a detector; every record that comes out."""
+
+    def run(blocks: Iterable[Block]) -> list[Record]:
+        detector = ImpactDetector(AnalysisSettings())
+        return [record for block in blocks for record in detector.feed(block)]
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def describe() -> Callable[[Record], tuple[object, ...]]:
+    """Everything a record holds, to the last bit."""
+
+    def make(record: Record) -> tuple[object, ...]:
+        assert record.specimen is not None
+        return (
+            record.label,
+            record.stamp,
+            record.pulse_index,
+            record.triggered,
+            record.flaws,
+            record.hammer.acceleration.tobytes(),
+            record.specimen.acceleration.tobytes(),
         )
 
     return make

@@ -1,16 +1,16 @@
 """Impacts in a stream of blocks: found once, cut out whole, gaps named and never bridged."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.detection import QUIET_RECORDS, ImpactDetector, find_pulse_start
-from impact_rig.core.record import Block, ChannelBlock, HitLabel, Record, Trace
+from impact_rig.core.record import Block, ChannelBlock, HitLabel, Trace
 from impact_rig.core.settings import AnalysisSettings
 
 # At the 1 MHz of these streams: 200 points of pre-trigger, 2000 of record.
@@ -19,26 +19,9 @@ BEFORE, LENGTH = 200, 2000
 Make = Callable[..., Any]
 
 
-def detect(blocks: Iterable[Block]) -> list[Record]:
-    detector = ImpactDetector(SETTINGS)
-    return [record for block in blocks for record in detector.feed(block)]
-
-
-def describe(record: Record) -> tuple[object, ...]:
-    """Everything a record holds, to the last bit."""
-    assert record.specimen is not None
-    return (
-        record.label,
-        record.stamp,
-        record.pulse_index,
-        record.triggered,
-        record.flaws,
-        record.hammer.acceleration.tobytes(),
-        record.specimen.acceleration.tobytes(),
-    )
-
-
-def test_one_impact_is_cut_out_with_its_pre_trigger(make_counts: Make, make_blocks: Make) -> None:
+def test_one_impact_is_cut_out_with_its_pre_trigger(
+    make_counts: Make, make_blocks: Make, detect: Make
+) -> None:
     hammer = make_counts([(1000, 900.0)], 5000, noise=0.0, offset=0.0)
     specimen = make_counts([(1010, 400.0)], 5000, noise=0.0, offset=0.0)
     (record,) = detect(make_blocks(hammer, specimen, [500]))
@@ -67,6 +50,8 @@ def test_splitting_the_stream_into_other_blocks_changes_no_bit(
     starts: list[int],
     heights: list[float],
     full_scale: float,
+    detect: Make,
+    describe: Make,
 ) -> None:
     places = 400 + np.cumsum(starts)
     count = int(places[-1]) + 2500
@@ -80,7 +65,7 @@ def test_splitting_the_stream_into_other_blocks_changes_no_bit(
 
 
 def test_every_impact_of_a_continuous_stream_is_found_once(
-    make_counts: Make, make_blocks: Make
+    make_counts: Make, make_blocks: Make, detect: Make
 ) -> None:
     # Across, on and inside the borders of blocks of 1000 points.
     places = [950, 3999, 6500, 9000, 14_100]
@@ -96,14 +81,16 @@ def test_every_impact_of_a_continuous_stream_is_found_once(
 
 
 def test_a_second_pulse_inside_the_window_is_no_hit_of_its_own(
-    make_counts: Make, make_blocks: Make
+    make_counts: Make, make_blocks: Make, detect: Make
 ) -> None:
     hammer = make_counts([(1000, 900.0), (1600, 500.0)], 5000)
     assert len(detect(make_blocks(hammer, hammer, [1000]))) == 1
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_polarity_does_not_matter(make_counts: Make, make_blocks: Make, sign: float) -> None:
+def test_polarity_does_not_matter(
+    make_counts: Make, make_blocks: Make, sign: float, detect: Make
+) -> None:
     hammer = make_counts([(1000, sign * 900.0)], 4000, noise=0.0)
     (record,) = detect(make_blocks(hammer, hammer, [700]))
     assert record.pulse_index == BEFORE
@@ -126,7 +113,7 @@ def test_an_impact_of_unknown_full_scale_waits_for_the_end(
 
 @pytest.mark.parametrize("full_scale", [2000.0, 0.0])
 def test_an_arming_without_a_pulse_gives_one_record_without_one(
-    make_counts: Make, make_blocks: Make, full_scale: float
+    make_counts: Make, make_blocks: Make, full_scale: float, detect: Make
 ) -> None:
     hammer = make_counts([], 5000)
     (record,) = detect(make_blocks(hammer, hammer, [900], full_scale=full_scale))
@@ -135,7 +122,7 @@ def test_an_arming_without_a_pulse_gives_one_record_without_one(
 
 
 def test_of_a_long_arming_without_a_pulse_only_the_end_is_kept(
-    make_counts: Make, make_blocks: Make
+    make_counts: Make, make_blocks: Make, detect: Make
 ) -> None:
     hammer = make_counts([], 50_000)
     (record,) = detect(make_blocks(hammer, hammer, [1000]))
@@ -146,14 +133,16 @@ def test_of_a_long_arming_without_a_pulse_only_the_end_is_kept(
     assert record.stamp == 1_000 + (50_000 - kept) * 1_000
 
 
-def test_slow_drift_between_hits_starts_none(make_counts: Make, make_blocks: Make) -> None:
+def test_slow_drift_between_hits_starts_none(
+    make_counts: Make, make_blocks: Make, detect: Make
+) -> None:
     places = range(1000, 200_000, 5000)
     hammer = make_counts([(place, 800.0) for place in places], 200_000)
     drifting = (hammer + np.linspace(0, 200, 200_000)).astype(np.int32)  # 10 % of full scale
     assert len(detect(make_blocks(drifting, drifting, [1000]))) == len(places)
 
 
-def test_a_missed_trigger_gives_an_empty_record() -> None:
+def test_a_missed_trigger_gives_an_empty_record(detect: Make) -> None:
     channel = ChannelBlock(np.empty(0, np.int32), 1.0, 0.0, 2000.0)
     label = HitLabel("steel", record=4)
     block = Block(label, 0, 1e6, channel, channel, triggered=False, last=True, stamp=77)
@@ -163,146 +152,9 @@ def test_a_missed_trigger_gives_an_empty_record() -> None:
     assert record.hammer.acceleration.size == 0
 
 
-def remove(blocks: list[Block], first: int, last: int) -> list[Block]:
-    """Take away the blocks between two points of the stream; the last block ends it still."""
-    kept = [b for b in blocks if not first <= b.first_sample < last]
-    return [*kept[:-1], replace(kept[-1], last=True)]
-
-
-IMPACT = 6000
-
-
-@given(start=st.integers(1, 1200), count=st.integers(1, 80))
-@settings(max_examples=60)
-def test_a_gap_in_the_window_is_named_and_one_outside_changes_no_bit(
-    make_counts: Make, make_blocks: Make, start: int, count: int
+def test_an_empty_block_changes_nothing(
+    make_counts: Make, make_blocks: Make, detect: Make, describe: Make
 ) -> None:
-    hammer = make_counts([(IMPACT, 900.0)], 12_000)
-    blocks = make_blocks(hammer, hammer, [10])
-    (intact,) = detect(blocks)
-    low, high = 10 * start, min(10 * (start + count), 11_990)
-    first = (intact.stamp - 1_000) // 1_000
-    records = detect(remove(blocks, low, high)) if high > low else [intact]
-    if high > low and low < first + LENGTH and high > first:
-        assert records
-        assert all(record.flaws for record in records)
-        assert f"{high - low} points missing at point {low}" in records[0].flaws
-    else:
-        assert [describe(record) for record in records] == [describe(intact)]
-
-
-@pytest.mark.parametrize("place", ["before", "behind"])
-def test_a_gap_that_touches_the_window_from_outside_does_no_harm(
-    make_counts: Make, make_blocks: Make, place: str
-) -> None:
-    hammer = make_counts([(IMPACT, 900.0)], 12_000)
-    (intact,) = detect(make_blocks(hammer, hammer, [12_000]))
-    first = (intact.stamp - 1_000) // 1_000
-    edge = first if place == "before" else first + LENGTH
-    low, high = (edge - 50, edge) if place == "before" else (edge, edge + 50)
-    blocks = make_blocks(hammer, hammer, [low, 50, 12_000])
-    assert (blocks[1].first_sample, blocks[2].first_sample) == (low, high)
-    (record,) = detect([blocks[0], blocks[2]])
-    assert describe(record) == describe(intact)
-
-
-def test_a_hit_that_a_gap_cuts_off_is_handed_out_at_once(
-    make_counts: Make, make_blocks: Make
-) -> None:
-    hammer = make_counts([(1000, 900.0)], 8000)
-    blocks = make_blocks(hammer, hammer, [500])
-    detector = ImpactDetector(SETTINGS)
-    for block in blocks[:4]:
-        assert detector.feed(block) == ()
-    (record,) = detector.feed(blocks[6])
-    assert record.flaws == ("1000 points missing at point 2000",)
-    assert record.hammer.acceleration.size < LENGTH
-    assert [item for block in blocks[7:] for item in detector.feed(block)] == []
-
-
-def test_what_follows_the_gap_within_the_window_is_no_hit_of_its_own(
-    make_counts: Make, make_blocks: Make
-) -> None:
-    hammer = make_counts([(1000, 900.0), (2200, 700.0), (6000, 900.0)], 9000)
-    blocks = make_blocks(hammer, hammer, [500])
-    first, second = detect([*blocks[:3], *blocks[4:]])
-    assert first.flaws == ("500 points missing at point 1500",)
-    assert second.flaws == ()
-    assert (second.stamp - 1_000) // 1_000 == pytest.approx(6000 - BEFORE, abs=25)
-
-
-def test_a_lost_beginning_is_a_gap(make_counts: Make, make_blocks: Make) -> None:
-    hammer = make_counts([(1000, 900.0)], 5000)
-    blocks = make_blocks(hammer, hammer, [900])
-    (record,) = detect(blocks[1:])
-    assert record.flaws == ("900 points missing at point 0",)
-
-
-def test_a_pulse_lost_in_a_gap_leaves_a_record_that_names_the_gap(
-    make_counts: Make, make_blocks: Make
-) -> None:
-    hammer = make_counts([(1000, 900.0)], 5000)
-    blocks = make_blocks(hammer, hammer, [500])
-    (record,) = detect([blocks[0], blocks[1], *blocks[4:]])
-    assert record.pulse_index is None
-    assert record.flaws == ("1000 points missing at point 1000",)
-
-
-def test_repeated_points_are_named(make_counts: Make, make_blocks: Make) -> None:
-    hammer = make_counts([(1000, 900.0)], 5000)
-    blocks = make_blocks(hammer, hammer, [500])
-    first, *others = detect([*blocks[:4], *blocks[3:]])
-    assert first.flaws == ("500 points repeated at point 1500",)
-    assert all(record.flaws for record in others)
-
-
-def test_a_change_of_calibration_is_never_bridged(make_counts: Make, make_blocks: Make) -> None:
-    hammer = make_counts([(1000, 900.0)], 5000)
-    blocks = make_blocks(hammer, hammer, [1500])
-    changed = [replace(b, hammer=replace(b.hammer, scale=0.5)) for b in blocks[1:]]
-    record, *_ = detect([blocks[0], *changed])
-    assert record.flaws == ("sampling rate or calibration changed at point 1500",)
-    assert record.hammer.acceleration.size < LENGTH
-
-
-def test_a_hit_whose_arming_breaks_off_does_not_vanish(
-    make_counts: Make, make_blocks: Make
-) -> None:
-    hammer = make_counts([(1000, 900.0)], 5000)
-    broken = make_blocks(hammer, hammer, [500], label=HitLabel("steel", record=1))[:4]
-    whole = make_blocks(hammer, hammer, [500], label=HitLabel("steel", record=2))
-    first, second = detect([*broken, *whole])
-    assert (first.label.record, second.label.record) == (1, 2)
-    assert first.flaws == ("the stream breaks off at point 2000",)
-    assert second.flaws == ()
-
-
-def test_an_arming_that_breaks_off_before_its_hit_is_named(
-    make_counts: Make, make_blocks: Make
-) -> None:
-    hammer = make_counts([(1000, 900.0)], 5000)
-    broken = make_blocks(hammer, hammer, [500], label=HitLabel("steel", record=1))[:1]
-    channel = ChannelBlock(np.empty(0, np.int32), 1.0, 0.0, 2000.0)
-    missed = Block(
-        HitLabel("steel", record=2), 0, 1e6, channel, channel, triggered=False, last=True
-    )
-    first, second = detect([*broken, missed])
-    assert first.pulse_index is None
-    assert first.flaws == ("the stream breaks off at point 500",)
-    assert (second.triggered, second.label.record) == (False, 2)
-
-
-def test_a_break_behind_a_hit_that_was_complete_is_no_flaw(
-    make_counts: Make, make_blocks: Make
-) -> None:
-    hammer = make_counts([(1000, 900.0)], 9000)
-    broken = make_blocks(hammer, hammer, [500], label=HitLabel("steel", record=1))[:-1]
-    whole = make_blocks(hammer, hammer, [500], label=HitLabel("steel", record=2))
-    records = detect([*broken, *whole])
-    assert [(item.label.record, item.flaws) for item in records] == [(1, ()), (2, ())]
-
-
-def test_an_empty_block_changes_nothing(make_counts: Make, make_blocks: Make) -> None:
     hammer = make_counts([(1000, 900.0)], 5000)
     blocks = make_blocks(hammer, hammer, [500])
     block, none = blocks[2], np.empty(0, np.int32)
