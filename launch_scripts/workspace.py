@@ -16,6 +16,8 @@ from pathlib import Path
 ROS_DISTRIBUTION = "jazzy"
 MESSAGES = "impact_rig_msgs"
 NODES = "impact_rig"
+LIBRARY_GROUPS = ("scientific", "rig", "test")
+"""Requirement files beside those of ROS 2."""
 BOOTSTRAP_DONE = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 """Tells the ROS wheels that the library path is right; else each Python starts itself twice."""
 
@@ -88,7 +90,7 @@ class Workspace:
                 self.venv / ".stamp-libraries",
                 compute_fingerprint(
                     self.root,
-                    self.get_requirements(*get_library_groups(self)),
+                    self.get_requirements(*LIBRARY_GROUPS),
                     python.fingerprint,
                 ),
             ),
@@ -154,13 +156,21 @@ def find_workspace() -> Workspace:
             "/opt/ros/jazzy/setup.bash, or use a terminal without ROS 2 (Jazzy then comes as "
             "Python wheels)."
         )
-    machine = f"{platform.system()} {platform.machine()}"
-    if not distribution and machine != "Linux x86_64":
-        raise SetupError(
-            f"ROS 2 Jazzy comes as Python wheels for Linux x86_64 only, and this is {machine}: "
-            "source an installation of ROS 2 Jazzy first."
-        )
+    problem = find_wheel_problem()
+    if not distribution and problem:
+        raise SetupError(problem)
     return Workspace(root, is_ros_installed=bool(distribution))
+
+
+def find_wheel_problem() -> str:
+    """Return why ROS 2 cannot come as wheels to this machine, or an empty text."""
+    machine = f"{platform.system()} {platform.machine()}"
+    if machine == "Linux x86_64":
+        return ""
+    return (
+        f"ROS 2 Jazzy comes as Python wheels for Linux x86_64 only, and this is {machine}: "
+        "source an installation of ROS 2 Jazzy first."
+    )
 
 
 def find_stale(workspace: Workspace) -> list[str]:
@@ -170,11 +180,6 @@ def find_stale(workspace: Workspace) -> list[str]:
         in_venv = ["python", "ros", "libraries"]
         stale = in_venv + [name for name in stale if name not in in_venv]
     return stale
-
-
-def get_library_groups(workspace: Workspace) -> list[str]:
-    """Return the requirement files beside ROS 2's; an installed Jazzy has its own numpy."""
-    return ["rig", "test"] if workspace.is_ros_installed else ["scientific", "rig", "test"]
 
 
 def compute_fingerprint(root: Path, paths: Iterable[Path], *others: str) -> str:

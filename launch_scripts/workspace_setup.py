@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import NoReturn
 
 from workspace import (
+    LIBRARY_GROUPS,
     MESSAGES,
     NODES,
     SetupError,
     Workspace,
     find_stale,
-    get_library_groups,
     make_environment,
 )
 
@@ -66,14 +66,14 @@ def set_up(workspace: Workspace) -> None:
         stale = find_stale(workspace)
         if not stale:
             return
-        _check_machine(stale)
+        _check_machine(workspace, stale)
         log.parent.mkdir(exist_ok=True)
         log.write_text("")
         print(f"setting up {workspace.root}", file=sys.stderr)
         for number, name in enumerate(stale, start=1):
             step = workspace.steps[name]
             step.stamp.unlink(missing_ok=True)
-            runner = _Runner(f"  {number}/{len(stale)} {TITLES[name]}", log, lock)
+            runner = _Runner(TITLES[name], f"{number}/{len(stale)}", log, lock)
             run_step[name](workspace, runner)
             step.stamp.write_text(step.fingerprint, "ascii")
             runner.finish()
@@ -82,8 +82,9 @@ def set_up(workspace: Workspace) -> None:
 class _Runner:
     """Runs the commands of one step: their output in the log, the time on the terminal."""
 
-    def __init__(self, title: str, log: Path, lock: int) -> None:
-        self._title = f"{title:<40}"
+    def __init__(self, title: str, position: str, log: Path, lock: int) -> None:
+        self._title = title
+        self._label = f"  {position} {title:<34}"
         self._log = log
         self._lock = lock
         self._start = time.monotonic()
@@ -114,7 +115,7 @@ class _Runner:
             lines = self._log.read_text("utf-8", errors="replace").splitlines()[-SHOWN_LINES:]
             print("\n" + "\n".join(f"    {line}" for line in lines), file=sys.stderr)
             raise SetupError(
-                f"{self._title.strip()} failed (`{Path(command[0]).name}` ended with code "
+                f"{self._title}: failed (`{Path(command[0]).name}` ended with code "
                 f"{process.returncode}): the whole output is in {self._log}."
             )
 
@@ -132,9 +133,9 @@ class _Runner:
     def _show(self, end: str = "") -> None:
         elapsed = time.monotonic() - self._start
         if sys.stderr.isatty():
-            print(f"\r{self._title} {elapsed:6.1f} s", end=end, file=sys.stderr, flush=True)
+            print(f"\r{self._label} {elapsed:6.1f} s", end=end, file=sys.stderr, flush=True)
         elif end:
-            print(f"{self._title} {elapsed:6.1f} s", file=sys.stderr, flush=True)
+            print(f"{self._label} {elapsed:6.1f} s", file=sys.stderr, flush=True)
 
 
 def _make_python_environment(workspace: Workspace, runner: _Runner) -> None:
@@ -148,17 +149,6 @@ def _make_python_environment(workspace: Workspace, runner: _Runner) -> None:
     if base_python.exists():  # not the .venv's own, which is about to be emptied
         command[0] = base_python
     runner.run([*command, workspace.venv], environment, workspace.root)
-    if workspace.is_ros_installed:
-        try:
-            check: list[str | Path] = [workspace.python, "-c", "import rclpy, numpy, scipy"]
-            runner.run(check, environment, workspace.root)
-        except SetupError:
-            raise SetupError(
-                f"ROS 2 Jazzy is sourced, but {sys.executable} cannot import rclpy, numpy and "
-                "scipy of that installation: run rig.py with /usr/bin/python3 after `sudo apt "
-                "install ros-jazzy-ros-base python3-numpy python3-scipy`, or use a terminal "
-                "without ROS 2."
-            ) from None
 
 
 def _install_ros(workspace: Workspace, runner: _Runner) -> None:
@@ -170,7 +160,7 @@ def _install_ros(workspace: Workspace, runner: _Runner) -> None:
 
 
 def _install_libraries(workspace: Workspace, runner: _Runner) -> None:
-    _pip_install(workspace, runner, get_library_groups(workspace))
+    _pip_install(workspace, runner, list(LIBRARY_GROUPS))
 
 
 def _pip_install(workspace: Workspace, runner: _Runner, groups: list[str]) -> None:
@@ -201,8 +191,9 @@ def _build_messages(workspace: Workspace, runner: _Runner) -> None:
     # From scratch: an interface that was removed leaves no trace.
     shutil.rmtree(workspace.root / "build" / MESSAGES, ignore_errors=True)
     shutil.rmtree(workspace.get_prefix(MESSAGES), ignore_errors=True)
-    generator = [] if workspace.is_ros_installed else ["-GNinja"]
     python = f"-DPython3_EXECUTABLE={workspace.python}"
+    has_ninja = shutil.which("ninja", path=make_environment(workspace, os.environ)["PATH"])
+    generator = ["-GNinja"] if has_ninja else []
     _build(workspace, runner, MESSAGES, "--cmake-args", "-DBUILD_TESTING=OFF", python, *generator)
 
 
@@ -223,15 +214,30 @@ def _build(workspace: Workspace, runner: _Runner, package: str, *options: str) -
     runner.run(command, environment, workspace.root)
 
 
-def _check_machine(stale: list[str]) -> None:
+def _check_machine(workspace: Workspace, stale: list[str]) -> None:
     """Refuse before anything is downloaded if something is missing that pip cannot install."""
     if "python" in stale and importlib.util.find_spec("ensurepip") is None:
         raise SetupError(
             f"{sys.executable} cannot make Python environments (no `ensurepip`): install it, on "
             "Debian and Ubuntu with `sudo apt install python3-venv`."
         )
-    if "messages" not in stale:
-        return
+    if "python" in stale and workspace.is_ros_installed:
+        _check_rclpy()
+    if "messages" in stale:
+        _check_compilers()
+
+
+def _check_rclpy() -> None:
+    check = [sys.executable, "-c", "import rclpy"]
+    if subprocess.run(check, capture_output=True, check=False).returncode:
+        raise SetupError(
+            f"ROS 2 Jazzy is sourced, but {sys.executable} cannot import its rclpy: run rig.py "
+            "with the Python of that installation, /usr/bin/python3 on Ubuntu, or use a terminal "
+            "without ROS 2 (Jazzy then comes as Python wheels)."
+        )
+
+
+def _check_compilers() -> None:
     for language, variable, names in (
         ("C++", "CXX", ("c++", "g++", "clang++")),
         ("C", "CC", ("cc", "gcc", "clang")),
@@ -272,12 +278,14 @@ def _interruptible() -> Iterator[None]:
     def interrupt(_signal: int, _frame: object) -> NoReturn:
         raise KeyboardInterrupt
 
-    signals = (signal.SIGTERM, signal.SIGHUP)
-    before = [signal.signal(number, interrupt) for number in signals]
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    for number, handler in before.items():
+        if handler != signal.SIG_IGN:  # what nohup asked for
+            signal.signal(number, interrupt)
     try:
         yield
     finally:
-        for number, handler in zip(signals, before, strict=True):
+        for number, handler in before.items():
             signal.signal(number, handler)
 
 

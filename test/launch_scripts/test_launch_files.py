@@ -1,0 +1,88 @@
+"""The launch files: arguments that explain themselves, and the processes of the command line."""
+
+import ast
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).resolve().parent.parent.parent / "launch_scripts"
+LAUNCH_FILES = sorted(FOLDER.glob("*.launch.py"))
+
+
+def list_arguments(path: Path) -> dict[str, set[str]]:
+    """Return the declared launch arguments with the keywords each is declared with."""
+    calls = (node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if is_argument(node))
+    return {call.args[0].value: {word.arg for word in call.keywords} for call in calls}
+
+
+def is_argument(node: ast.AST) -> bool:
+    return (
+        isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == "DeclareLaunchArgument"
+    )
+
+
+def list_read_arguments(path: Path) -> set[str]:
+    """Return the launch arguments whose values are used."""
+    return {
+        node.args[0].value
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == "read"
+    }
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
+def test_every_argument_is_described_and_used(path):
+    arguments = list_arguments(path)
+    assert all("description" in keywords for keywords in arguments.values())
+    assert list_read_arguments(path) == set(arguments)
+
+
+def test_only_the_recording_to_replay_must_be_given():
+    needed = {
+        (path.name, name)
+        for path in LAUNCH_FILES
+        for name, keywords in list_arguments(path).items()
+        if "default_value" not in keywords
+    }
+    assert needed == {("replay.launch.py", "file")}
+
+
+def test_the_rig_takes_what_a_person_at_it_may_want_to_choose():
+    assert set(list_arguments(FOLDER / "rig.launch.py")) >= {
+        "rig_file", "impacts", "plant", "seed", "faults", "output", "visualizer", "namespace",
+        "params_file",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
+def test_with_ros_installed_the_description_is_made(path):
+    pytest.importorskip("launch_ros", reason="launch is part of a ROS 2 installation")
+    spec = importlib.util.spec_from_file_location(path.stem.replace(".", "_"), path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    declared = {item.name for item in module.generate_launch_description().get_launch_arguments()}
+    assert declared == set(list_arguments(path))
+
+
+def test_with_ros_installed_the_rig_is_that_of_the_command_line(tmp_path):
+    pytest.importorskip("launch_ros", reason="launch is part of a ROS 2 installation")
+    from launch import LaunchContext
+
+    from impact_rig.configuration.processes import list_rig_processes
+
+    path = FOLDER / "rig.launch.py"
+    spec = importlib.util.spec_from_file_location("rig_launch", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    context = LaunchContext()
+    for argument in module.ARGUMENTS:
+        argument.visit(context)
+    context.launch_configurations["output"] = str(tmp_path)
+    actions = module.make_rig(context)
+    executables = [item.node_executable for item in actions if hasattr(item, "node_executable")]
+    assert executables == [process.name for process in list_rig_processes(tmp_path)]

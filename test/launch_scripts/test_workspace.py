@@ -1,0 +1,105 @@
+"""What has changed is noticed, and nothing else is built again."""
+
+import os
+import shutil
+
+import pytest
+from workspace import SetupError, Workspace, find_stale, find_workspace, make_environment
+
+ALL = ["python", "ros", "libraries", "messages", "nodes"]
+IN_VENV = ["python", "ros", "libraries"]
+
+
+def append(path):
+    path.write_bytes(path.read_bytes() + b"\n# changed\n")
+
+
+def look_again(workspace):
+    return find_stale(Workspace(workspace.root, workspace.is_ros_installed))
+
+
+def test_in_a_fresh_clone_everything_is_to_be_made(copy):
+    assert find_stale(copy) == ALL
+
+
+def test_what_is_made_is_not_made_again(fresh):
+    assert look_again(fresh) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "stale"),
+    [
+        ("launch_scripts/requirements/test.txt", ["libraries"]),
+        ("launch_scripts/requirements/rig.txt", ["libraries"]),
+        ("launch_scripts/requirements/ros.txt", ["ros", "messages", "nodes"]),
+        ("msg_config/msg/Impact.msg", ["messages"]),
+        ("msg_config/CMakeLists.txt", ["messages"]),
+        ("setup.py", ["nodes"]),
+        ("package.xml", ["nodes"]),
+        ("launch_scripts/rig.launch.py", ["nodes"]),
+    ],
+)
+def test_a_changed_file_makes_stale_what_is_made_from_it(fresh, name, stale):
+    append(fresh.root / name)
+    assert look_again(fresh) == stale
+
+
+def test_an_interface_may_come_go_and_change_its_name(fresh):
+    message = fresh.root / "msg_config" / "msg" / "Impact.msg"
+    message.rename(message.with_name("Blow.msg"))
+    assert look_again(fresh) == ["messages"]
+    message.with_name("Blow.msg").rename(message)
+    assert look_again(fresh) == []
+    shutil.copy(message, message.with_name("Blow.msg"))
+    assert look_again(fresh) == ["messages"]
+
+
+@pytest.mark.parametrize(
+    ("folder", "stale"),
+    [(".venv", IN_VENV), ("install", ["messages", "nodes"]), ("install/impact_rig", ["nodes"])],
+)
+def test_what_was_deleted_is_made_again(fresh, folder, stale):
+    shutil.rmtree(fresh.root / folder)
+    assert look_again(fresh) == stale
+
+
+def test_what_an_interrupted_pip_left_is_thrown_away(fresh):
+    fresh.pip_mark.touch()
+    assert look_again(fresh) == IN_VENV
+
+
+def test_a_workspace_that_was_moved_or_gets_another_ros_is_set_up_again(fresh, tmp_path_factory):
+    moved = tmp_path_factory.mktemp("elsewhere") / "rig"
+    shutil.copytree(fresh.root, moved)
+    assert find_stale(Workspace(moved, is_ros_installed=False)) == ALL
+    assert find_stale(Workspace(fresh.root, is_ros_installed=True)) == ALL
+
+
+def test_the_environment_may_be_entered_twice(copy):
+    once = make_environment(copy, {"PATH": "/usr/bin", "LD_LIBRARY_PATH": "/usr/lib"})
+    assert make_environment(copy, once) == once
+    assert once["PATH"].split(os.pathsep) == [
+        str(copy.root / "install/impact_rig/bin"),
+        str(copy.root / ".venv/bin"),
+        "/usr/bin",
+    ]
+    assert str(copy.root / "install/impact_rig_msgs/lib") in once["LD_LIBRARY_PATH"]
+
+
+def test_an_installed_ros_keeps_its_paths(copy):
+    installed = {"AMENT_PREFIX_PATH": "/opt/ros/jazzy", "PYTHONPATH": "/opt/ros/jazzy/lib/python"}
+    ours = make_environment(Workspace(copy.root, is_ros_installed=True), installed)
+    assert ours["AMENT_PREFIX_PATH"].endswith(f"{os.pathsep}/opt/ros/jazzy")
+    assert ours["PYTHONPATH"].endswith(f"{os.pathsep}/opt/ros/jazzy/lib/python")
+    assert str(copy.venv / "lib") not in ours["LD_LIBRARY_PATH"].split(os.pathsep)
+
+
+def test_another_ros_distribution_is_refused_by_its_name(monkeypatch):
+    monkeypatch.setenv("ROS_DISTRO", "humble")
+    with pytest.raises(SetupError, match=r"ROS 2 humble is sourced .* the rig needs Jazzy"):
+        find_workspace()
+
+
+def test_a_sourced_jazzy_is_used(monkeypatch):
+    monkeypatch.setenv("ROS_DISTRO", "jazzy")
+    assert find_workspace().is_ros_installed
