@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import Impact, RecorderState
+from impact_rig_msgs.msg import Impact
 from impact_rig_msgs.srv import Arm, ConfirmSample, GetResults, Release
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
@@ -70,10 +70,9 @@ class CampaignNode(RigNode):
         self._progress: _Progress | None = None
         self._verdicts: dict[int, Impact] = {}
         self._confirmed = ""
-        self._recorder = RecorderState()
+        self._recording = ""
         self._setup = self.advertise(interfaces.SETUP)
         self.listen(interfaces.IMPACT, self._keep_verdict)
-        self.listen(interfaces.RECORDER_STATE, self._keep_recorder)
         self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._confirm)
         self._arm = self.create_client(Arm, interfaces.ARM_ACCELEROMETER)
         self._disarm = self.create_client(Trigger, interfaces.DISARM_ACCELEROMETER)
@@ -116,9 +115,6 @@ class CampaignNode(RigNode):
 
     def _keep_verdict(self, message: Impact) -> None:
         self._verdicts[message.record] = message
-
-    def _keep_recorder(self, message: RecorderState) -> None:
-        self._recorder = message
 
     def _confirm(
         self, request: ConfirmSample.Request, response: ConfirmSample.Response
@@ -247,6 +243,7 @@ class CampaignNode(RigNode):
         released = await self.call(self._release, Release.Request(record=record, **hit))
         if not released.success:
             raise DeviceError(f"the hammer was not released: {released.message}")
+        self._recording = released.recording
         timeout = float(self.get_value("verdict_timeout"))
         await self.wait_until(
             lambda: record in self._verdicts or progress.handle.is_cancel_requested, timeout
@@ -266,7 +263,7 @@ class CampaignNode(RigNode):
             result.hammer = results.hammer
             result.samples = results.samples
             result.rejected = results.rejected
-        result.recording = self._recorder.uri if self._recorder.recording else ""
+        result.recording = self._recording
 
     async def _try_call(self, client: Any, request: Any) -> Any:
         try:

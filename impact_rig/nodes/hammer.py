@@ -83,6 +83,7 @@ class HammerNode(RigNode):
             await self.wait_until(lambda: not self._find_obstacle(request), READINESS_TIMEOUT)
             obstacle = self._find_own_obstacle() or self._find_obstacle(request)
         response.success, response.message = not obstacle, obstacle
+        response.recording = self._recorder.uri if self._recorder.recording else ""
         if obstacle:
             self.get_logger().warning(f"release refused: {obstacle}")
             return response

@@ -24,7 +24,7 @@ def make_ready(harness, states, *, record=4, recording=True, arm=True):
     acquisition.publish(
         AcquisitionState(state=AcquisitionState.ARMED, record=record, sample="steel small")
     )
-    recorder.publish(RecorderState(recording=recording, message="disk full"))
+    recorder.publish(RecorderState(recording=recording, uri="a.mcap", message="disk full"))
     if arm:
         assert harness.call(Trigger, interfaces.ARM_HAMMER).success
 
@@ -44,6 +44,7 @@ def test_goes_when_armed_held_recorded_and_the_accelerometers_are_armed_for_this
     answer = release(harness)
 
     assert answer.success, answer.message
+    assert answer.recording == "a.mcap"
     (command,) = releases.wait_for_count(1)
     assert (command.record, command.sample, command.impact, command.swing_time) == (
         4, "steel small", 2, 0.01,
