@@ -1,5 +1,6 @@
 """The accelerometers: armed for one hit at a time, they stream it as blocks."""
 
+import functools
 from typing import Any
 
 from impact_rig_msgs.msg import AcquisitionState, HammerRelease, RigSetup
@@ -39,7 +40,9 @@ class AccelerometerNode(RigNode):
         self._struck = False
         self._record = 0
         self._blocks_sent = 0
-        self._publish_state = self.advertise_state(interfaces.ACQUISITION_STATE)
+        self._publish_state = functools.partial(
+            self.advertise_state(interfaces.ACQUISITION_STATE), source=interfaces.VIRTUAL_SOURCE
+        )
         self._acceleration = self.advertise(interfaces.ACCELERATION)
         self._virtual_impact = self.advertise(interfaces.VIRTUAL_IMPACT)
         self.listen(interfaces.SETUP, self._take_setup)

@@ -8,7 +8,7 @@ from typing import Any, Self
 import rclpy
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import RigSetup, VirtualImpact
+from impact_rig_msgs.msg import AcquisitionState, RigSetup, VirtualImpact
 from impact_rig_msgs.srv import ConfirmSample
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
@@ -93,9 +93,11 @@ class CampaignClient:
         self._executor.add_node(self._node)
         self._faults: dict[int, tuple[str, ...]] = {}
         self._setup: CoreRigSetup | None = None
+        self._acquisition: AcquisitionState | None = None
         self._goal: Any = None
         self._subscribe(interfaces.VIRTUAL_IMPACT, self._keep_truth)
         self._subscribe(interfaces.SETUP, self._keep_setup)
+        self._subscribe(interfaces.ACQUISITION_STATE, self._keep_acquisition)
         self._confirm = self._node.create_client(ConfirmSample, interfaces.CONFIRM_SAMPLE)
         self._action = ActionClient(self._node, RunCampaign, interfaces.RUN_CAMPAIGN)
 
@@ -113,7 +115,7 @@ class CampaignClient:
     def wait_for_rig(
         self, timeout: float, subscribers: int = 0, check: Callable[[], None] = lambda: None
     ) -> None:
-        """Wait until the campaign node answers.
+        """Wait until campaign node and accelerometers answer.
 
         Parameters
         ----------
@@ -134,6 +136,7 @@ class CampaignClient:
             check()
             return (
                 self._action.server_is_ready()
+                and self._acquisition is not None
                 and self._node.count_subscribers(interfaces.ACCELERATION.name) >= subscribers
             )
 
@@ -147,7 +150,8 @@ class CampaignClient:
     @property
     def is_virtual(self) -> bool:
         """Whether the rig's hits are simulated."""
-        return self._node.count_publishers(interfaces.VIRTUAL_IMPACT.name) > 0
+        state = self._acquisition
+        return state is not None and state.source == interfaces.VIRTUAL_SOURCE
 
     def run(
         self,
@@ -243,6 +247,9 @@ class CampaignClient:
 
     def _keep_truth(self, message: VirtualImpact) -> None:
         self._faults[message.record] = tuple(message.faults)
+
+    def _keep_acquisition(self, message: AcquisitionState) -> None:
+        self._acquisition = message
 
     def _keep_setup(self, message: RigSetup) -> None:
         self._setup = setup_from_msg(message)

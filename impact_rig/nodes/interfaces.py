@@ -91,3 +91,6 @@ RELEASE_HAMMER = "hammer/release"
 CONFIRM_SAMPLE = "campaign/confirm_sample"
 GET_RESULTS = "estimator/get_results"
 RUN_CAMPAIGN = "campaign/run"
+
+VIRTUAL_SOURCE = "virtual rig"
+"""`AcquisitionState.source` of accelerometers whose hits are simulated."""

@@ -38,7 +38,7 @@ def _channel_from_msg(message: Any) -> ChannelBlock:
 
 
 def block_from_msg(message: Any) -> Block:
-    """Return an `AccelerationBlock` as a `Block`, counts shared, not copied.
+    """Return an `AccelerationBlock` as a `Block`.
 
     Raises
     ------

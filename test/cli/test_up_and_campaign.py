@@ -49,6 +49,7 @@ def run_campaign(environment, folder, *arguments):
         [sys.executable, "-m", "impact_rig.cli.main", "campaign", *arguments],
         cwd=folder,
         env=environment,
+        stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
         timeout=PATIENCE,
@@ -101,6 +102,7 @@ def test_the_template_of_a_rig_file_is_one(start, environment, tmp_path):
     template = subprocess.run(
         [sys.executable, "-m", "impact_rig.cli.main", "up", "--template"],
         env=environment,
+        stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
         timeout=PATIENCE,

@@ -83,6 +83,7 @@ def test_says_armed_and_idle_around_each_record(harness, rig):
     blocks.wait(lambda got: bool(got) and got[-1].last)
     states.wait(lambda got: got[-1].message == "record complete")
     assert states.messages[-1].state == AcquisitionState.IDLE
+    assert {item.source for item in states.messages} == {"virtual rig"}
 
 
 def test_a_release_for_another_record_does_nothing(harness, rig):
