@@ -72,7 +72,7 @@ def estimate_log_decrement(trace: FloatArray, noise: float) -> LogDecrement:
     candidates, _ = find_peaks(tail, height=needed, prominence=needed)
     if candidates.size == 0:
         raise NotDeterminedError(
-            "log decrement: no second peak stands out of the noise"
+            "no log decrement, since no second peak stands out of the noise"
             f" ({needed / abs(pulse.peak) * 100:.2g} % of the first)"
         )
     second = tail_start + int(candidates[np.argmax(tail[candidates])])

@@ -24,6 +24,8 @@ from impact_rig.core.stiffness import (
 )
 
 NAN = math.nan
+DAMPING_NAMES = ("c1", "c2")
+"""Of hammer and sample, for what is said about them."""
 
 
 @dataclass(frozen=True)
@@ -145,11 +147,11 @@ def estimate_body(mean: MeanHit, channel: int, mass: float, stiffness: float) ->
         [N/m]; NaN: not determined, and then c is neither.
     """
     if channel >= mean.traces.shape[0]:
-        return BodyEstimate(stiffness, notes=("damping: the sample's trace was not measured",))
+        return BodyEstimate(stiffness, notes=("c2: the sample's trace was not measured",))
     try:
         peaks = estimate_log_decrement(mean.traces[channel], float(mean.noise[channel]))
     except RigError as error:
-        return BodyEstimate(stiffness, notes=(str(error),))
+        return BodyEstimate(stiffness, notes=(f"{DAMPING_NAMES[channel]}: {error}",))
     ratio = estimate_damping_ratio(peaks.log_decrement)
     coefficient = (
         NAN if math.isnan(stiffness) else estimate_damping_coefficient(ratio, stiffness, mass)
