@@ -6,7 +6,7 @@ import click
 
 from impact_rig.cli import options
 from impact_rig.configuration import run
-from impact_rig.configuration.processes import RECORDING_NAME
+from impact_rig.configuration.processes import LOG_NAME, RECORDING_NAME, VIEW_NAME
 
 START_TIMEOUT = 90.0
 """How long the processes may take to start [s]: seconds on two cores, more on a busy host."""
@@ -18,6 +18,9 @@ ATTEMPTS = 50
 hits are bad."""
 SUBSCRIBERS = 3
 """Estimator, recorder and visualizer listen before the first hit, so that the view has all."""
+VIEW_TIMEOUT = 10.0
+"""How long the visualizer is waited for [s]: it may be missing its library, and the campaign goes
+on without it."""
 
 
 @click.command(
@@ -71,10 +74,13 @@ def command(
             from impact_rig.nodes.campaign_client import CampaignClient, CampaignRequest
 
             with CampaignClient() as client, CampaignView(make_console(stderr=True)) as view:
-                client.wait_for_rig(START_TIMEOUT, SUBSCRIBERS, running.check)
+                client.wait_for_rig(START_TIMEOUT, running.check)
+                client.wait_for_listeners(SUBSCRIBERS, VIEW_TIMEOUT)
                 request = CampaignRequest(samples, impacts, ATTEMPTS)
                 outcome = run_campaign(client, request, view)
     except KeyboardInterrupt:
         click.echo(f"stopped; the recording so far: {folder / RECORDING_NAME}", err=True)
         raise
     report_outcome(outcome, folder, as_json=as_json)
+    if not (folder / VIEW_NAME).exists():
+        click.echo(f"no view was written: see {folder / LOG_NAME}", err=True)

@@ -112,17 +112,13 @@ class CampaignClient:
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def wait_for_rig(
-        self, timeout: float, subscribers: int = 0, check: Callable[[], None] = lambda: None
-    ) -> None:
+    def wait_for_rig(self, timeout: float, check: Callable[[], None] = lambda: None) -> None:
         """Wait until campaign node and accelerometers answer.
 
         Parameters
         ----------
         timeout : float
             [s]
-        subscribers : int
-            Wait also until so many nodes listen to the accelerometers.
         check : callable
             Called while waiting; may raise, when waiting has become pointless.
 
@@ -134,11 +130,7 @@ class CampaignClient:
 
         def is_ready() -> bool:
             check()
-            return (
-                self._action.server_is_ready()
-                and self._acquisition is not None
-                and self._node.count_subscribers(interfaces.ACCELERATION.name) >= subscribers
-            )
+            return self._action.server_is_ready() and self._acquisition is not None
 
         if not self._spin_until(is_ready, timeout):
             raise DeviceError(
@@ -146,6 +138,12 @@ class CampaignClient:
                 f" {timeout:g} s: start one with `impact-rig up`, and check ROS_DOMAIN_ID and"
                 " the namespace on both sides"
             )
+
+    def wait_for_listeners(self, count: int, timeout: float) -> bool:
+        """Wait until `count` nodes listen to the accelerometers; return whether they do."""
+        return self._spin_until(
+            lambda: self._node.count_subscribers(interfaces.ACCELERATION.name) >= count, timeout
+        )
 
     @property
     def is_virtual(self) -> bool:

@@ -13,6 +13,9 @@ from impact_rig.nodes.rig_node import RigNode
 READINESS_TIMEOUT = 1.0
 """How long a release may wait for the word of accelerometers and recorder [s], our choice: their
 states travel by other topics than the request."""
+DISCOVERY_TIMEOUT = 10.0
+"""The same while one of them has not been heard of at all [s], our choice: nodes that have just
+started take a while to find each other."""
 
 
 class HammerNode(RigNode):
@@ -28,8 +31,8 @@ class HammerNode(RigNode):
         self.declare("require_recorder", True, "refuse to release while nothing is recorded")
         self._state = HammerState.HELD
         self._armed = False
-        self._acquisition = AcquisitionState()
-        self._recorder = RecorderState()
+        self._acquisition: AcquisitionState | None = None
+        self._recorder: RecorderState | None = None
         self._publish_state = self.advertise_state(interfaces.HAMMER_STATE)
         self._release = self.advertise(interfaces.RELEASE)
         self.listen(interfaces.ACQUISITION_STATE, self._keep_acquisition)
@@ -80,10 +83,12 @@ class HammerNode(RigNode):
     ) -> Release.Response:
         obstacle = self._find_own_obstacle()
         if not obstacle:
+            await self.wait_until(self._has_heard_all, DISCOVERY_TIMEOUT)
             await self.wait_until(lambda: not self._find_obstacle(request), READINESS_TIMEOUT)
             obstacle = self._find_own_obstacle() or self._find_obstacle(request)
         response.success, response.message = not obstacle, obstacle
-        response.recording = self._recorder.uri if self._recorder.recording else ""
+        if self._recorder is not None and self._recorder.recording:
+            response.recording = self._recorder.uri
         if obstacle:
             self.get_logger().warning(f"release refused: {obstacle}")
             return response
@@ -104,6 +109,10 @@ class HammerNode(RigNode):
     def _catch(self) -> None:
         self._change(HammerState.HELD, armed=self._armed, message="back in the holder")
 
+    def _has_heard_all(self) -> bool:
+        needs_recorder = self.get_value("require_recorder")
+        return self._acquisition is not None and (self._recorder is not None or not needs_recorder)
+
     def _find_own_obstacle(self) -> str:
         """Return why the hammer itself may not go now; empty: it may."""
         if not self.is_active:
@@ -116,8 +125,8 @@ class HammerNode(RigNode):
 
     def _find_obstacle(self, request: Release.Request) -> str:
         """Return why the rest of the rig could not record the hit; empty: it could."""
-        acquisition = self._acquisition
-        if acquisition.state != AcquisitionState.ARMED:
+        acquisition, recorder = self._acquisition, self._recorder
+        if acquisition is None or acquisition.state != AcquisitionState.ARMED:
             return "the accelerometers are not armed: call accelerometer/arm first"
         if (acquisition.record, acquisition.sample) != (request.record, request.sample):
             return (
@@ -125,8 +134,8 @@ class HammerNode(RigNode):
                 f" {acquisition.sample!r}, not for record {request.record} on"
                 f" {request.sample!r}"
             )
-        if self.get_value("require_recorder") and not self._recorder.recording:
-            why = self._recorder.message or "no recorder has reported"
+        if self.get_value("require_recorder") and not (recorder and recorder.recording):
+            why = recorder.message if recorder else "no recorder has reported"
             return f"nothing is being recorded ({why}): start the recorder first"
         return ""
 

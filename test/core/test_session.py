@@ -118,7 +118,8 @@ def test_results_come_in_the_order_of_the_set_and_rejections_in_that_of_arrival(
     assert [item.name for item in results.samples] == ["alike", "heavy", "third"]
     assert session.names == ("alike", "heavy", "third")
     assert [hit.label.record for hit in results.rejected] == [2, 4]
-    assert results.hammer == session.estimate_hammer()
+    # By their text: what is not determined is NaN, which equals nothing.
+    assert repr(results.hammer) == repr(session.estimate_hammer())
 
 
 def get_numbers(session: Session) -> dict[str, tuple[object, ...]]:
@@ -154,7 +155,10 @@ def test_neither_the_order_of_samples_nor_the_size_of_blocks_changes_a_bit(
                 strike(session, name, record, size=block, place=500 + hit)
         return session
 
-    assert get_numbers(run(order, size)) == get_numbers(run(["alike", "heavy", "third"], 2500))
+    # By their text, every bit of it: what is not determined is NaN, which equals nothing.
+    assert repr(get_numbers(run(order, size))) == repr(
+        get_numbers(run(["alike", "heavy", "third"], 2500))
+    )
 
 
 def test_an_unknown_sample_is_refused_and_nothing_is_counted(strike: Strike) -> None:

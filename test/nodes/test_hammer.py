@@ -73,7 +73,8 @@ def test_refuses_with_the_reason(harness, states, ready, word):
     assert not releases.messages
 
 
-def test_refuses_while_the_accelerometers_are_silent(harness):
+def test_refuses_while_the_accelerometers_are_silent(harness, monkeypatch):
+    monkeypatch.setattr("impact_rig.nodes.hammer.DISCOVERY_TIMEOUT", 0.1)
     harness.add(HammerNode)
     assert harness.call(Trigger, interfaces.ARM_HAMMER).success
     assert "accelerometers are not armed" in release(harness).message
@@ -83,6 +84,20 @@ def test_does_not_need_a_recorder_if_told_so(harness, states):
     harness.add(HammerNode, swing_time=0.01, require_recorder=False)
     make_ready(harness, states, recording=False)
     assert release(harness).success
+
+
+def test_waits_for_accelerometers_and_recorder_that_it_has_not_heard_of_yet(harness):
+    harness.add(HammerNode, swing_time=0.01)
+    assert harness.call(Trigger, interfaces.ARM_HAMMER).success
+    client = harness.peer.create_client(Release, interfaces.RELEASE_HAMMER)
+    harness.wait_until(client.service_is_ready)
+    answer = client.call_async(Release.Request(**HIT))
+    late = (
+        harness.advertise(interfaces.ACQUISITION_STATE),
+        harness.advertise(interfaces.RECORDER_STATE),
+    )
+    make_ready(harness, late, arm=False)
+    assert harness.wait(answer).success
 
 
 def test_cannot_go_twice_in_one_swing(harness, states):
