@@ -25,6 +25,8 @@ LOOK_PERIOD = 0.1
 """How often something that sends no event is looked at [s]."""
 CANCEL_TIMEOUT = 5.0
 """How long a cancelled campaign may take to end [s]."""
+RESEND_PERIOD = 3.0
+"""How soon an unanswered goal is sent again [s], our choice."""
 TRUTH_TIMEOUT = 2.0
 """How long the virtual rig's word on rejected hits may take after the campaign [s]."""
 
@@ -187,7 +189,7 @@ class CampaignClient:
             attempts_per_impact=request.attempts_per_impact,
             confirm_samples=request.confirm_samples,
         )
-        self._goal = self._wait(self._action.send_goal_async(goal, take_feedback))
+        self._goal = self._send_goal(goal, take_feedback)
         result_future = self._goal.get_result_async()
         while not self._spin_until(lambda: result_future.done() or bool(waiting), 1.0):
             self._check_rig()
@@ -221,6 +223,18 @@ class CampaignClient:
             setup=self._setup,
             recording=result.recording,
         )
+
+    def _send_goal(self, goal: RunCampaign.Goal, take_feedback: Callable[[Any], None]) -> Any:
+        """Send the goal until it is answered.
+
+        A server that has not met this client's reader yet drops both answer and goal.
+        """
+        pending: list[Future] = []
+        while not any(future.done() for future in pending):
+            self._check_rig()
+            pending.append(self._action.send_goal_async(goal, take_feedback))
+            self._spin_until(lambda: any(future.done() for future in pending), RESEND_PERIOD)
+        return next(future.result() for future in pending if future.done())
 
     def _check_rig(self) -> None:
         if not self._action.server_is_ready():

@@ -31,6 +31,7 @@ class HammerNode(RigNode):
         self.declare("require_recorder", True, "refuse to release while nothing is recorded")
         self._state = HammerState.HELD
         self._armed = False
+        self._released: Release.Request | None = None
         self._acquisition: AcquisitionState | None = None
         self._recorder: RecorderState | None = None
         self._publish_state = self.advertise_state(interfaces.HAMMER_STATE)
@@ -58,6 +59,9 @@ class HammerNode(RigNode):
 
     def _keep_acquisition(self, message: AcquisitionState) -> None:
         self._acquisition = message
+        if message.state == AcquisitionState.ARMED:
+            # A new arming: what looks like an earlier request is another one.
+            self._released = None
 
     def _keep_recorder(self, message: RecorderState) -> None:
         self._recorder = message
@@ -81,17 +85,22 @@ class HammerNode(RigNode):
     async def _let_go(
         self, request: Release.Request, response: Release.Response
     ) -> Release.Response:
-        obstacle = self._find_own_obstacle()
-        if not obstacle:
+        obstacle = self._find_own_obstacle(request)
+        if not obstacle and self._released != request:
             await self.wait_until(self._has_heard_all, DISCOVERY_TIMEOUT)
             await self.wait_until(lambda: not self._find_obstacle(request), READINESS_TIMEOUT)
-            obstacle = self._find_own_obstacle() or self._find_obstacle(request)
+            obstacle = self._find_own_obstacle(request)
+            if not obstacle and self._released != request:
+                obstacle = self._find_obstacle(request)
         response.success, response.message = not obstacle, obstacle
         if self._recorder is not None and self._recorder.recording:
             response.recording = self._recorder.uri
         if obstacle:
             self.get_logger().warning(f"release refused: {obstacle}")
             return response
+        if self._released == request:
+            return response
+        self._released = request
         swing_time = float(self.get_value("swing_time"))
         release = HammerRelease(
             record=request.record,
@@ -113,10 +122,12 @@ class HammerNode(RigNode):
         needs_recorder = self.get_value("require_recorder")
         return self._acquisition is not None and (self._recorder is not None or not needs_recorder)
 
-    def _find_own_obstacle(self) -> str:
-        """Return why the hammer itself may not go now; empty: it may."""
+    def _find_own_obstacle(self, request: Release.Request) -> str:
+        """Return why the hammer itself may not go now; empty: it may, or did for this request."""
         if not self.is_active:
             return "the hammer node is not active: activate it first"
+        if self._released == request:
+            return ""
         if not self._armed:
             return "the hammer is not armed: call hammer/arm first"
         if self._state != HammerState.HELD:

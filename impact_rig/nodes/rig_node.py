@@ -21,6 +21,9 @@ WAITING_PERIOD = 0.05
 SERVICE_TIMEOUT = 20.0
 """How long another node may take to appear or answer [s], our choice: six Python processes start
 in seconds on two cores."""
+RESEND_PERIOD = 3.0
+"""How soon an unanswered request is sent again [s], our choice: longer than any answer takes but
+that of a hammer which has not met the rest of the rig yet."""
 
 
 class RigNode(LifecycleNode):
@@ -214,6 +217,9 @@ class RigNode(LifecycleNode):
     async def call(self, client: Any, request: Any, timeout: float = SERVICE_TIMEOUT) -> Any:
         """Call a service of another node of the rig and return its answer.
 
+        A server that has not met the client's reader yet drops its answer, so an unanswered
+        request is sent again: the rig's services take a repeated request as the same one.
+
         Raises
         ------
         DeviceError
@@ -223,12 +229,22 @@ class RigNode(LifecycleNode):
             raise DeviceError(
                 f"nobody offers the service {client.srv_name}: start the node that does"
             )
-        future = client.call_async(request)
-        future.add_done_callback(lambda _: self.wake_waiters())
-        if not await self.wait_until(future.done, timeout):
-            client.remove_pending_request(future)
-            raise DeviceError(f"{client.srv_name} did not answer within {timeout:g} s")
-        return future.result()
+        pending: list[Future] = []
+        deadline = time.monotonic() + timeout
+        try:
+            while (left := deadline - time.monotonic()) > 0.0:
+                pending.append(client.call_async(request))
+                pending[-1].add_done_callback(lambda _: self.wake_waiters())
+                await self.wait_until(
+                    lambda: any(item.done() for item in pending), min(RESEND_PERIOD, left)
+                )
+                for item in pending:
+                    if item.done():
+                        return item.result()
+        finally:
+            for item in pending:
+                client.remove_pending_request(item)
+        raise DeviceError(f"{client.srv_name} did not answer within {timeout:g} s")
 
     def wake_waiters(self) -> None:
         """Let everything that waits in `wait_until` look at its condition."""

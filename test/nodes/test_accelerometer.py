@@ -117,9 +117,14 @@ def test_refuses_until_those_who_must_not_miss_a_block_are_connected(harness, ri
 def test_refuses_to_arm_twice_until_disarmed(harness, rig):
     rig()
     assert arm(harness).success
-    assert "already armed" in arm(harness).message
+    assert "already armed" in arm(harness, impact=2).message
     assert harness.call(Trigger, interfaces.DISARM_ACCELEROMETER).success
     assert arm(harness).success
+
+
+def test_the_same_request_again_is_the_same_arming(harness, rig):
+    rig()
+    assert arm(harness).record == arm(harness).record == 1
 
 
 def test_an_impossible_plant_leaves_the_node_unconfigured_and_says_why(harness):
