@@ -23,7 +23,7 @@ packages, built into install/. It takes about two minutes and needs a C++ compil
 start at once, and build again only what has changed. With a ROS 2 Jazzy installation sourced,
 that one is used instead of the wheels.
 
-  python3 launch_scripts/rig.py demo --samples "large aluminium" --impacts 3
+  python3 launch_scripts/rig.py demo --samples "aluminium large" --impacts 3
   python3 launch_scripts/rig.py test -k pulse
   python3 launch_scripts/rig.py exec -- impact-rig --help
   python3 launch_scripts/rig.py exec -- impact-rig analyze runs/*/session.mcap
