@@ -62,18 +62,20 @@ class EstimatorNode(RigNode):
         if not hit.accepted:
             return
         stamp = self.get_clock().now().to_msg()
-        control = session.setup.samples.control_sample
-        if hit.label.sample != control:
-            self._publish_estimate(session.estimate_sample(hit.label.sample), stamp)
-            return
-        # What the control sample says of the hammer changes every other sample's k2.
-        results = session.estimate_all()
-        self._hammer_estimate.publish(messages.hammer_to_msg(results.hammer, control, stamp))
-        for estimate in results.samples:
-            if estimate.contact:
-                self._publish_estimate(estimate, stamp)
+        struck, control = hit.label.sample, session.setup.samples.control_sample
+        if struck == control:
+            hammer = session.estimate_hammer()
+            self._hammer_estimate.publish(messages.hammer_to_msg(hammer, control, stamp))
+        self._publish_estimate(session.estimate_sample(struck), stamp)
+        if struck == control:
+            # What the control sample says of the hammer changes every other sample's k2.
+            for name in session.names:
+                if name != struck:
+                    self._publish_estimate(session.estimate_sample(name), stamp)
 
     def _publish_estimate(self, estimate: SampleEstimate, stamp: Time) -> None:
+        if estimate.contact is None:
+            return
         self._estimate.publish(messages.estimate_to_msg(estimate, stamp))
         for comparison in estimate.comparisons:
             self._comparison.publish(messages.comparison_to_msg(estimate, comparison, stamp))
