@@ -85,21 +85,22 @@ class HammerNode(RigNode):
     async def _let_go(
         self, request: Release.Request, response: Release.Response
     ) -> Release.Response:
-        obstacle = self._find_own_obstacle(request)
-        if not obstacle and self._released != request:
+        if not self._find_own_obstacle():
             await self.wait_until(self._has_heard_all, DISCOVERY_TIMEOUT)
             await self.wait_until(lambda: not self._find_obstacle(request), READINESS_TIMEOUT)
-            obstacle = self._find_own_obstacle(request)
-            if not obstacle and self._released != request:
-                obstacle = self._find_obstacle(request)
-        response.success, response.message = not obstacle, obstacle
+        # The same request again: the hammer went, and the first answer was lost.
+        if self._released != request:
+            response.message = self._find_own_obstacle() or self._find_obstacle(request)
+            if response.message:
+                self.get_logger().warning(f"release refused: {response.message}")
+                return response
+            self._swing(request)
+        response.success = True
         if self._recorder is not None and self._recorder.recording:
             response.recording = self._recorder.uri
-        if obstacle:
-            self.get_logger().warning(f"release refused: {obstacle}")
-            return response
-        if self._released == request:
-            return response
+        return response
+
+    def _swing(self, request: Release.Request) -> None:
         self._released = request
         swing_time = float(self.get_value("swing_time"))
         release = HammerRelease(
@@ -113,7 +114,6 @@ class HammerNode(RigNode):
         self._change(HammerState.SWINGING, armed=self._armed, message="released")
         self._release.publish(release)
         self.run_once_after(swing_time + float(self.get_value("return_time")), self._catch)
-        return response
 
     def _catch(self) -> None:
         self._change(HammerState.HELD, armed=self._armed, message="back in the holder")
@@ -122,12 +122,10 @@ class HammerNode(RigNode):
         needs_recorder = self.get_value("require_recorder")
         return self._acquisition is not None and (self._recorder is not None or not needs_recorder)
 
-    def _find_own_obstacle(self, request: Release.Request) -> str:
-        """Return why the hammer itself may not go now; empty: it may, or did for this request."""
+    def _find_own_obstacle(self) -> str:
+        """Return why the hammer itself may not go now; empty: it may."""
         if not self.is_active:
             return "the hammer node is not active: activate it first"
-        if self._released == request:
-            return ""
         if not self._armed:
             return "the hammer is not armed: call hammer/arm first"
         if self._state != HammerState.HELD:

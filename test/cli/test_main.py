@@ -104,10 +104,10 @@ def test_a_bug_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_ctrl_c_ends_without_a_traceback() -> None:
     code = (
-        "import click, time; from impact_rig.cli import main\n"
+        "import click, signal; from impact_rig.cli import main\n"
         "@click.command()\n"
         "def wait():\n"
-        "    print('waiting', flush=True); time.sleep(60)\n"
+        "    print('waiting', flush=True); signal.pause()\n"
         "main.RigGroup.get_command = lambda *_: wait\n"
         "main.cli(['demo'])"
     )

@@ -111,6 +111,19 @@ def test_cannot_go_twice_in_one_swing(harness, states):
     assert len(releases.wait_for_count(1)) == 1
 
 
+def test_a_request_repeated_after_the_swing_does_not_release_again(harness, states):
+    harness.add(HammerNode, swing_time=0.01)
+    releases = harness.listen(interfaces.RELEASE)
+    hammer_states = harness.listen(interfaces.HAMMER_STATE)
+    make_ready(harness, states)
+    assert release(harness).success
+    hammer_states.wait(lambda messages: messages[-1].message == "back in the holder")
+    assert release(harness).success
+    assert harness.call(Trigger, interfaces.DISARM_HAMMER).success
+    hammer_states.wait(lambda messages: messages[-1].message == "disarmed by the operator")
+    assert [item.record for item in releases.messages] == [4]
+
+
 def test_disarming_takes_the_enable_back(harness, states):
     harness.add(HammerNode)
     make_ready(harness, states)
