@@ -3,7 +3,7 @@
 import click
 from rich.console import Console
 
-from impact_rig.core.paper import ACCELEROMETER_MASS
+from impact_rig.core.setup.paper import ACCELEROMETER_MASS
 from impact_rig.reporting.paper_arithmetic import (
     CellArithmetic,
     HammerArithmetic,

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from impact_rig.cli.settings_changes import SettingsChanges
 from impact_rig.core.errors import FileError
-from impact_rig.core.record import Block
-from impact_rig.core.samples import RigSetup
 from impact_rig.core.session import Session
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import Block
 from impact_rig.recording.mcap_reader import Recording, read_recording
 from impact_rig.reporting.results import Results, results_from_session
 

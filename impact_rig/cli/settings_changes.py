@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from impact_rig.core.settings import AnalysisSettings
+from impact_rig.core.setup.settings import AnalysisSettings
 
 
 @dataclass(frozen=True)

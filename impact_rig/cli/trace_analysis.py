@@ -7,23 +7,23 @@ from pathlib import Path
 
 import numpy as np
 
-from impact_rig.core.averaging import MeanHit, average_hits
-from impact_rig.core.detection import find_pulse_start
 from impact_rig.core.errors import ParameterError, RigError, SignalError
-from impact_rig.core.estimation import (
+from impact_rig.core.estimation.sample import (
     BodyEstimate,
     ContactEstimate,
     SampleEstimate,
     estimate_hammer,
     estimate_sample,
 )
-from impact_rig.core.filtering import check_cutoff
-from impact_rig.core.hit import JudgedHit, judge_hit
-from impact_rig.core.pulse_width import measure_pulse
-from impact_rig.core.record import HitLabel
-from impact_rig.core.samples import RigSetup
-from impact_rig.core.settings import AnalysisSettings
-from impact_rig.core.verdict import Reason
+from impact_rig.core.hits.averaging import MeanHit, average_hits
+from impact_rig.core.hits.hit import JudgedHit, judge_hit
+from impact_rig.core.hits.pulse_width import measure_pulse
+from impact_rig.core.hits.verdict import Reason
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.detection import find_pulse_start
+from impact_rig.core.signals.filtering import check_cutoff
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.recording.traces import TraceFormat, read_trace
 from impact_rig.reporting.results import (
     HammerResults,

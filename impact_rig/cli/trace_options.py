@@ -9,9 +9,9 @@ from impact_rig.cli.trace_analysis import TraceTask
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.checks import check_positive
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.paper import IMPACT_SPEED
-from impact_rig.core.samples import RigSetup, Sample, SampleSet
-from impact_rig.core.settings import AnalysisSettings
+from impact_rig.core.setup.paper import IMPACT_SPEED
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.recording.traces import TraceFormat, find_scale
 
 DEFAULT_NAME = "sample"

@@ -10,8 +10,8 @@ from typing import Any
 
 from impact_rig.configuration.units import parse_quantity
 from impact_rig.core.errors import FileError, ParameterError, RigError
-from impact_rig.core.samples import RigSetup, Sample, SampleSet
-from impact_rig.core.settings import AnalysisSettings
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.settings import AnalysisSettings
 
 ANALYSIS_QUANTITIES = {
     "cutoff_frequency": ("Hz", "50 kHz"),

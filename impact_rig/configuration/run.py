@@ -15,7 +15,7 @@ from impact_rig.configuration.processes import (
 )
 from impact_rig.configuration.rig_file import RigFile, read_rig_file
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.paper import PAPER_SETUP
+from impact_rig.core.setup.paper import PAPER_SETUP
 
 
 def load_rig_file(path: Path | None) -> RigFile:

@@ -6,17 +6,17 @@ numbers.
 
 from dataclasses import dataclass
 
-from impact_rig.core.averaging import MeanHit, average_hits
-from impact_rig.core.detection import ImpactDetector
-from impact_rig.core.estimation import (
+from impact_rig.core.estimation.sample import (
     BodyEstimate,
     SampleEstimate,
     estimate_hammer,
     estimate_sample,
 )
-from impact_rig.core.hit import JudgedHit, judge_hit
-from impact_rig.core.record import Block, Record
-from impact_rig.core.samples import RigSetup
+from impact_rig.core.hits.averaging import MeanHit, average_hits
+from impact_rig.core.hits.hit import JudgedHit, judge_hit
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.detection import ImpactDetector
+from impact_rig.core.signals.record import Block, Record
 
 
 @dataclass(frozen=True)

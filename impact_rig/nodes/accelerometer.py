@@ -9,7 +9,7 @@ from impact_rig_msgs.srv import Arm
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.record import HitLabel
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.digitizer import DigitizerSettings
 from impact_rig.devices.virtual.faults import (
     Fault,

@@ -16,8 +16,8 @@ from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
-from impact_rig.core.paper import PAPER_SETUP
-from impact_rig.core.samples import RigSetup
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.samples import RigSetup
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode

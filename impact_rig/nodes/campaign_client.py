@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.core.samples import RigSetup as CoreRigSetup
+from impact_rig.core.setup.samples import RigSetup as CoreRigSetup
 from impact_rig.nodes import interfaces, messages
 from impact_rig.recording.messages import setup_from_msg
 from impact_rig.reporting.results import Results

@@ -7,8 +7,8 @@ from builtin_interfaces.msg import Time
 from impact_rig_msgs.msg import AccelerationBlock, RigSetup
 from impact_rig_msgs.srv import GetResults
 
-from impact_rig.core.estimation import SampleEstimate
-from impact_rig.core.hit import JudgedHit
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.session import Session
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.process import run_node

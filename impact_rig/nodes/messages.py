@@ -21,7 +21,11 @@ from impact_rig_msgs.msg import (
 )
 
 from impact_rig import __version__
-from impact_rig.core import comparison, estimation, hit, record, samples
+from impact_rig.core.estimation import comparison
+from impact_rig.core.estimation import sample as estimation
+from impact_rig.core.hits import hit
+from impact_rig.core.setup import samples
+from impact_rig.core.signals import record
 from impact_rig.devices.virtual.rig import VirtualHit
 from impact_rig.reporting.results import (
     HammerResults,

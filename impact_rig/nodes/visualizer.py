@@ -16,7 +16,7 @@ from impact_rig_msgs.msg import (
     SampleEstimate,
 )
 
-from impact_rig.core.samples import SampleSet
+from impact_rig.core.setup.samples import SampleSet
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode

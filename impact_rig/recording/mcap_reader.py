@@ -6,8 +6,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
 from impact_rig.core.errors import FileError, RigError
-from impact_rig.core.record import Block, HitLabel
-from impact_rig.core.samples import RigSetup
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import Block, HitLabel
 from impact_rig.recording.mcap_file import Channel, McapFile, RawMessage
 from impact_rig.recording.messages import block_from_msg, label_from_msg, setup_from_msg
 from impact_rig.recording.schema_decoder import SchemaDecoder

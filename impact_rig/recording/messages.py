@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from impact_rig.core.record import Block, ChannelBlock, HitLabel
-from impact_rig.core.samples import RigSetup, Sample, SampleSet
-from impact_rig.core.settings import AnalysisSettings
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
 
 
 def stamp_from_msg(stamp: Any) -> int:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from impact_rig.core.errors import FileError
-from impact_rig.core.record import FloatArray
+from impact_rig.core.signals.record import FloatArray
 
 TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".tsv")
 """Files that are read as delimited text."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from impact_rig.core.checks import check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError, SignalError
-from impact_rig.core.record import FloatArray, HitLabel, Record, Trace
+from impact_rig.core.signals.record import FloatArray, HitLabel, Record, Trace
 from impact_rig.recording.tables import read_table
 
 STANDARD_GRAVITY = 9.80665

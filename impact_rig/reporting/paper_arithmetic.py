@@ -3,11 +3,17 @@
 import math
 from dataclasses import dataclass
 
-from impact_rig.core.damping import (
+from impact_rig.core.estimation.log_decrement import (
     compute_log_decrement,
     estimate_damping_ratio_from_coefficient,
 )
-from impact_rig.core.paper import (
+from impact_rig.core.estimation.stiffness import (
+    estimate_equivalent_mass,
+    estimate_equivalent_stiffness,
+    estimate_hammer_stiffness,
+    estimate_sample_stiffness,
+)
+from impact_rig.core.setup.paper import (
     ACCELEROMETER_MASS,
     CONTROL_SAMPLE,
     HAMMER_DAMPING_COEFFICIENT,
@@ -16,12 +22,6 @@ from impact_rig.core.paper import (
     IMPACT_SPEED,
     PUBLISHED_SAMPLES,
     PublishedSample,
-)
-from impact_rig.core.stiffness import (
-    estimate_equivalent_mass,
-    estimate_equivalent_stiffness,
-    estimate_hammer_stiffness,
-    estimate_sample_stiffness,
 )
 from impact_rig.reporting.terminal import compute_difference
 

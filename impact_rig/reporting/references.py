@@ -3,13 +3,13 @@
 import math
 from dataclasses import dataclass
 
-from impact_rig.core.paper import (
+from impact_rig.core.setup.paper import (
     HAMMER_DAMPING_COEFFICIENT,
     HAMMER_STIFFNESS,
     PUBLISHED_SAMPLES,
     PublishedSample,
 )
-from impact_rig.core.samples import Sample, SampleSet
+from impact_rig.core.setup.samples import Sample, SampleSet
 
 NAN = math.nan
 MASS_TOLERANCE = 1e-9

@@ -8,10 +8,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from impact_rig.core.comparison import ModelComparison
-from impact_rig.core.estimation import ContactEstimate, SampleEstimate
-from impact_rig.core.hit import JudgedHit
-from impact_rig.core.model import ModelVariant
+from impact_rig.core.estimation.comparison import ModelComparison
+from impact_rig.core.estimation.sample import ContactEstimate, SampleEstimate
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import SessionResults
 
 NAN = math.nan

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.text import Text
 
-from impact_rig.core.pulses import HALF_SINE, HERTZ, VERSED_SINE
-from impact_rig.core.samples import SampleSet
+from impact_rig.core.model.pulses import HALF_SINE, HERTZ, VERSED_SINE
+from impact_rig.core.setup.samples import SampleSet
 from impact_rig.reporting.references import (
     Reference,
     explain_misprint,

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
-from impact_rig.core.hit import JudgedHit
+from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.reporting.results import HammerResults, SampleResults
 from impact_rig.reporting.results_file import record_to_json
 from impact_rig.reporting.tables import print_notes

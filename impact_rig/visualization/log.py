@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.record import FloatArray
+from impact_rig.core.signals.record import FloatArray
 from impact_rig.visualization import entities
 from impact_rig.visualization.blueprint import make_blueprint
 from impact_rig.visualization.rerun_sdk import import_rerun

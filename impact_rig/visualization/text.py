@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from impact_rig.core.record import HitLabel
+from impact_rig.core.signals.record import HitLabel
 
 NAN = math.nan
 ABSENT = "-"

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from impact_rig.cli.main import cli
-from impact_rig.core.paper import PAPER_SETUP
-from impact_rig.core.record import HitLabel
-from impact_rig.core.samples import RigSetup
 from impact_rig.core.session import Session
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.faults import FaultPlan
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.recording.mcap_writer import McapWriter

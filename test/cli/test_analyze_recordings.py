@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from impact_rig.core.paper import PUBLISHED_SAMPLES
+from impact_rig.core.setup.paper import PUBLISHED_SAMPLES
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.reporting.results_file import format_json, results_to_json
 

@@ -6,7 +6,7 @@ import pytest
 
 from impact_rig.configuration.rig_file import parse_rig_file, read_rig_file, read_template
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.paper import PAPER_SETUP
+from impact_rig.core.setup.paper import PAPER_SETUP
 
 SMALLEST = """
 [hammer]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from impact_rig.core.detection import ImpactDetector
-from impact_rig.core.record import Block, ChannelBlock, HitLabel, Record, Trace
-from impact_rig.core.settings import AnalysisSettings
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.detection import ImpactDetector
+from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, Record, Trace
 
 RATE = 1e6
 FULL_SCALE = 2000.0

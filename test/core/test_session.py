@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.hit import JudgedHit
-from impact_rig.core.record import HitLabel
-from impact_rig.core.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.hits.verdict import Reason
 from impact_rig.core.session import Session
-from impact_rig.core.verdict import Reason
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.signals.record import HitLabel
 
 SETUP = RigSetup(
     SampleSet((Sample("alike", 0.097), Sample("heavy", 0.297), Sample("third", 0.2)), "alike"),

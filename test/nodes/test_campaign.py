@@ -7,7 +7,7 @@ from impact_rig_msgs.srv import ConfirmSample
 from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
-from impact_rig.core.paper import CONTROL_SAMPLE
+from impact_rig.core.setup.paper import CONTROL_SAMPLE
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode

@@ -14,9 +14,9 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from impact_rig.core.paper import CONTROL_SAMPLE, PAPER_SETUP
-from impact_rig.core.record import Block, HitLabel
 from impact_rig.core.session import Session
+from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.signals.record import Block, HitLabel
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode

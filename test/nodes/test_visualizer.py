@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from lifecycle_msgs.msg import State
 
-from impact_rig.core.paper import CONTROL_SAMPLE, PAPER_SETUP
-from impact_rig.core.record import HitLabel
+from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.faults import Fault, FaultPlan, ScheduledFault
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces

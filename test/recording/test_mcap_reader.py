@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import FileError
-from impact_rig.core.record import Block, HitLabel
-from impact_rig.core.samples import RigSetup
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import Block, HitLabel
 from impact_rig.recording.mcap_reader import read_recording
 from impact_rig.recording.message_definitions import find_message_definition
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import ParameterError, SignalError
-from impact_rig.core.record import HitLabel
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.recording.traces import TraceFormat, find_scale, read_trace
 
 DATA = Path(__file__).parents[1] / "data"

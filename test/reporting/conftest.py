@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
-from impact_rig.core.paper import PAPER_SETUP
-from impact_rig.core.record import HitLabel
-from impact_rig.core.samples import RigSetup
 from impact_rig.core.session import Session
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.faults import FaultPlan
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.reporting.results import Results, results_from_session

@@ -6,14 +6,14 @@ from dataclasses import fields
 
 import pytest
 
-from impact_rig.core.comparison import ModelComparison, TraceComparison
-from impact_rig.core.estimation import BodyEstimate, ContactEstimate, SampleEstimate
-from impact_rig.core.hit import JudgedHit
-from impact_rig.core.model import ModelVariant
-from impact_rig.core.paper import PAPER_SETUP
-from impact_rig.core.record import HitLabel
+from impact_rig.core.estimation.comparison import ModelComparison, TraceComparison
+from impact_rig.core.estimation.sample import BodyEstimate, ContactEstimate, SampleEstimate
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.hits.verdict import Reason, Rejection
+from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import SessionResults
-from impact_rig.core.verdict import Reason, Rejection
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.reporting.results import (
     Results,
     SampleResults,

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from impact_rig.core.paper import PAPER_SETUP, PUBLISHED_SAMPLES
-from impact_rig.core.samples import Sample, SampleSet
+from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
+from impact_rig.core.setup.samples import Sample, SampleSet
 from impact_rig.reporting.results import HammerResults, RejectedHit, Results, SampleResults
 from impact_rig.reporting.tables import print_results
 

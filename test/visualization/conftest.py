@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from impact_rig.core.record import FloatArray
+from impact_rig.core.signals.record import FloatArray
 
 
 def list_rows(chunk: Any) -> list[dict[str, Any]]:

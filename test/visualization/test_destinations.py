@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
-from impact_rig.core.record import HitLabel
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.visualization import rerun_sdk, sink
 from impact_rig.visualization.destinations import check_viewer_address, open_destinations
 from impact_rig.visualization.sink import Destination

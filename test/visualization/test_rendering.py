@@ -8,8 +8,8 @@ import time
 import numpy as np
 import pytest
 
-from impact_rig.core.paper import PAPER_SETUP, PUBLISHED_SAMPLES
-from impact_rig.core.record import HitLabel
+from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.visualization import entities, log
 from impact_rig.visualization.blueprint import (
     TAB_LAST_HIT,

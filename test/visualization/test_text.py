@@ -2,7 +2,7 @@
 
 import math
 
-from impact_rig.core.record import HitLabel
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.visualization.text import (
     EstimateRow,
     EstimateTable,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from impact_rig.core.record import Block, ChannelBlock, HitLabel
+from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
 from impact_rig.visualization import traces
 from impact_rig.visualization.traces import TraceAssembler
 

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from impact_rig.core.record import HitLabel
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.visualization.destinations import open_destinations
 from impact_rig.visualization.log import ComparisonTraces
 from impact_rig.visualization.text import EstimateRow, EstimateTable, Verdict

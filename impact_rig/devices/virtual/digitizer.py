@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.record import CountArray, FloatArray
+from impact_rig.core.signals.record import CountArray, FloatArray
 
 SHORTEST_RECORD = 100
 """Least points of a record [-], our choice: fewer show no pulse and its baseline."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from impact_rig.core.checks import check_between
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.record import HitLabel
+from impact_rig.core.signals.record import HitLabel
 
 
 class Fault(Enum):

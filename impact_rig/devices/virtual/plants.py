@@ -11,23 +11,23 @@ from enum import Enum
 
 import numpy as np
 
-from impact_rig.core.damping import estimate_damping_ratio_from_coefficient
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.model import (
+from impact_rig.core.estimation.log_decrement import estimate_damping_ratio_from_coefficient
+from impact_rig.core.estimation.stiffness import (
+    estimate_equivalent_mass,
+    estimate_equivalent_stiffness,
+    estimate_hammer_stiffness,
+)
+from impact_rig.core.model.impact import (
     Body,
     ImpactModel,
     ModelVariant,
     compute_peak_force,
     simulate_impact,
 )
-from impact_rig.core.pulses import VERSED_SINE, PulseShape, compute_pulse
-from impact_rig.core.record import FloatArray
-from impact_rig.core.samples import RigSetup
-from impact_rig.core.stiffness import (
-    estimate_equivalent_mass,
-    estimate_equivalent_stiffness,
-    estimate_hammer_stiffness,
-)
+from impact_rig.core.model.pulses import VERSED_SINE, PulseShape, compute_pulse
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import FloatArray
 
 
 class Plant(Enum):

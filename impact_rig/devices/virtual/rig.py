@@ -7,10 +7,10 @@ import numpy as np
 
 from impact_rig.core.checks import check_between, check_not_negative
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.model import ImpactModel
-from impact_rig.core.paper import HAMMER_DAMPING_COEFFICIENT
-from impact_rig.core.record import Block, ChannelBlock, CountArray, FloatArray, HitLabel
-from impact_rig.core.samples import RigSetup
+from impact_rig.core.model.impact import ImpactModel
+from impact_rig.core.setup.paper import HAMMER_DAMPING_COEFFICIENT
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import Block, ChannelBlock, CountArray, FloatArray, HitLabel
 from impact_rig.devices.virtual.digitizer import DigitizerSettings, digitize, find_scale
 from impact_rig.devices.virtual.faults import Fault, FaultPlan
 from impact_rig.devices.virtual.plants import (

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.record import HitLabel
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.faults import (
     Fault,
     FaultPlan,

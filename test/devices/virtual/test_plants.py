@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from scipy.signal import find_peaks
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.model import Body, ModelVariant, simulate_impact
-from impact_rig.core.paper import PAPER_SETUP, PUBLISHED_SAMPLES
-from impact_rig.core.pulses import HALF_SINE, HERTZ, VERSED_SINE, PulseShape
-from impact_rig.core.samples import Sample, SampleSet
+from impact_rig.core.model.impact import Body, ModelVariant, simulate_impact
+from impact_rig.core.model.pulses import HALF_SINE, HERTZ, VERSED_SINE, PulseShape
+from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
+from impact_rig.core.setup.samples import Sample, SampleSet
 from impact_rig.devices.virtual.plants import (
     HitPhysics,
     Plant,

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.hit import JudgedHit
-from impact_rig.core.paper import PAPER_SETUP
-from impact_rig.core.record import HitLabel
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.hits.verdict import Reason
 from impact_rig.core.session import Session
-from impact_rig.core.verdict import Reason
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.faults import Fault, FaultPlan
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 

@@ -4,11 +4,11 @@ from collections.abc import Iterable
 
 import pytest
 
-from impact_rig.core.hit import JudgedHit
-from impact_rig.core.model import ModelVariant
-from impact_rig.core.paper import PAPER_SETUP, PUBLISHED_SAMPLES
-from impact_rig.core.record import HitLabel
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import Session, SessionResults
+from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.faults import Fault, FaultPlan, ScheduledFault
 from impact_rig.devices.virtual.plants import Plant
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings

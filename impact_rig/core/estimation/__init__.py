@@ -1,0 +1,1 @@
+"""From mean traces to contact time, stiffness and damping."""

@@ -1,0 +1,202 @@
+"""Model against measurement, as in Figs. 5 and 6: filtered alike, normalised, shifted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.interpolate import CubicSpline
+
+from impact_rig.core.errors import SignalError
+from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.model.impact import ImpactModel, ModelVariant, simulate_impact
+from impact_rig.core.signals.filtering import low_pass
+from impact_rig.core.signals.record import FloatArray, make_read_only
+
+LARGEST_SHIFT = 1.0
+"""Largest shift of the model, in contact times [-], our choice: beyond it another oscillation
+would be laid onto the measured one."""
+
+
+@dataclass(frozen=True)
+class TraceComparison:
+    """One body's model trace laid onto its measured one.
+
+    Attributes
+    ----------
+    measured, model : ndarray, shape (n,)
+        Normalised to their own peaks [-], the model shifted; read-only.
+    shift : float
+        Applied to the model, later is positive [s].
+    mse_percent : float
+        Mean square error over the record [%], as in Fig. 6. Forgiving: most of the record is
+        quiet.
+    contact_error_percent : float
+        RMS error over the contact alone [%].
+    """
+
+    measured: FloatArray
+    model: FloatArray
+    shift: float
+    mse_percent: float
+    contact_error_percent: float
+
+
+@dataclass(frozen=True)
+class ModelComparison:
+    """Both bodies of one sample's mean hit against the model.
+
+    Attributes
+    ----------
+    variant : ModelVariant
+        Which model.
+    sampling_rate : float
+        [Hz]
+    start_time : float
+        Time of the first point from the start of the contact [s].
+    contact_time : float
+        tau_p of the model [s].
+    hammer : TraceComparison
+        Of the hammer.
+    specimen : TraceComparison
+        Of the sample.
+    """
+
+    variant: ModelVariant
+    sampling_rate: float
+    start_time: float
+    contact_time: float
+    hammer: TraceComparison
+    specimen: TraceComparison
+
+
+def normalise_trace(trace: FloatArray) -> FloatArray:
+    """Divide a trace, shape (n,), by its value of largest magnitude, sign included.
+
+    So the comparison is blind to polarity, as it must be for equation (1), whose force on body 2
+    is printed with a minus.
+
+    Raises
+    ------
+    SignalError
+        If the trace is flat or not finite.
+    """
+    peak = float(trace[np.argmax(np.abs(trace))])
+    if not np.isfinite(peak) or peak == 0.0:
+        raise SignalError("a flat trace cannot be normalised: it has no peak")
+    return trace / peak
+
+
+def find_best_shift(measured: FloatArray, model: FloatArray, largest: int) -> float:
+    """Find the shift of `model` that makes the mean square error least.
+
+    Parameters
+    ----------
+    measured, model : ndarray, shape (n,)
+        Normalised; the model counts as zero beyond its ends.
+    largest : int
+        Largest shift either way [points].
+
+    Returns
+    -------
+    float
+        In points, later is positive, refined below one point by a parabola.
+    """
+    count = measured.size
+    largest = min(largest, count - 1)
+    length = next_fast_len(2 * count, real=True)
+    product = rfft(measured, length) * np.conj(rfft(model, length))
+    correlation = irfft(product, length)
+    lags = np.arange(-largest, largest + 1)
+    energy = np.concatenate(([0.0], np.cumsum(model**2)))
+    inside = energy[np.minimum(count, count - lags)] - energy[np.maximum(0, -lags)]
+    error = inside - 2.0 * correlation[lags]
+    best = int(np.argmin(error))
+    if 0 < best < error.size - 1:
+        left, middle, right = error[best - 1 : best + 2]
+        bend = left - 2.0 * middle + right
+        if bend > 0.0:
+            return float(lags[best] + (left - right) / (2.0 * bend))
+    return float(lags[best])
+
+
+def shift_trace(trace: FloatArray, shift: float) -> FloatArray:
+    """Shift a trace, shape (n,), later by `shift` points, zeros coming in from beyond its ends."""
+    points = np.arange(trace.size)
+    spline = CubicSpline(points, trace, extrapolate=False)
+    shifted: FloatArray = np.nan_to_num(spline(points - shift), nan=0.0)
+    return shifted
+
+
+def compare_trace(
+    measured: FloatArray, model: FloatArray, sampling_rate: float, contact: slice, largest: int
+) -> TraceComparison:
+    """Normalise both traces, shift the model onto the measurement and measure what is left.
+
+    Parameters
+    ----------
+    measured, model : ndarray, shape (n,)
+        Filtered alike.
+    sampling_rate : float
+        [Hz]
+    contact : slice
+        The points of the contact.
+    largest : int
+        Largest shift either way [points].
+    """
+    reference = normalise_trace(measured)
+    candidate = normalise_trace(model)
+    shift = find_best_shift(reference, candidate, largest)
+    shifted = shift_trace(candidate, shift)
+    error = shifted - reference
+    return TraceComparison(
+        measured=make_read_only(reference),
+        model=make_read_only(shifted),
+        shift=shift / sampling_rate,
+        mse_percent=100.0 * float(np.mean(error**2)),
+        contact_error_percent=100.0 * float(np.sqrt(np.mean(error[contact] ** 2))),
+    )
+
+
+def compare_with_model(
+    mean: MeanHit, model: ImpactModel, variant: ModelVariant, cutoff_frequency: float
+) -> ModelComparison:
+    """Simulate the model on the mean hit's time grid, filter it alike and compare.
+
+    Parameters
+    ----------
+    mean : MeanHit
+        Both channels.
+    model : ImpactModel
+        Parameters.
+    variant : ModelVariant
+        Which model.
+    cutoff_frequency : float
+        The low-pass that the measurement went through [Hz]; 0: none.
+
+    Raises
+    ------
+    SignalError
+        If the sample was not measured, or a trace is flat.
+    """
+    if mean.traces.shape[0] <= 1:
+        raise SignalError("the sample's trace was not measured: there is nothing to compare")
+    rate = mean.sampling_rate
+    count = mean.traces.shape[1]
+    start_time = model.contact_time / 2.0 - mean.origin / rate
+    simulated = np.stack(simulate_impact(model, rate, count, start=start_time, variant=variant))
+    filtered = low_pass(simulated, cutoff_frequency, rate)
+    first = max(0, int(np.ceil(-start_time * rate)))
+    last = min(count, int(np.floor((model.contact_time - start_time) * rate)) + 1)
+    contact = slice(first, last)
+    largest = round(LARGEST_SHIFT * model.contact_time * rate)
+    hammer, specimen = (
+        compare_trace(mean.traces[i], filtered[i], rate, contact, largest) for i in (0, 1)
+    )
+    return ModelComparison(
+        variant=variant,
+        sampling_rate=rate,
+        start_time=start_time,
+        contact_time=model.contact_time,
+        hammer=hammer,
+        specimen=specimen,
+    )

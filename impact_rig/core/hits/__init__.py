@@ -1,0 +1,1 @@
+"""One hit judged, several hits chosen, aligned and averaged."""

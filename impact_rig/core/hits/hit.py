@@ -1,0 +1,179 @@
+"""One hit from raw record to verdict: baseline, low-pass, pulse, reasons."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from impact_rig.core.errors import SignalError
+from impact_rig.core.hits.alignment import align_traces
+from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
+from impact_rig.core.hits.verdict import (
+    BASELINE_POINTS,
+    Reason,
+    Rejection,
+    check_channels,
+    check_pulse,
+    check_stream,
+)
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.filtering import check_cutoff, low_pass
+from impact_rig.core.signals.record import FloatArray, HitLabel, Record
+
+BASELINE_PART = 0.7
+"""Part of what precedes the detected pulse that is baseline [-], our choice: the pulse starts
+before it reaches the detection level."""
+
+
+@dataclass(frozen=True)
+class FilteredHit:
+    """Traces of one hit, ready to be averaged.
+
+    Attributes
+    ----------
+    traces : ndarray, shape (channels, n)
+        Hammer, then sample where measured: filtered, baseline zero [m/s^2].
+    sampling_rate : float
+        [Hz]
+    pulse : PulseWidth
+        Of the hammer.
+    noise : ndarray, shape (channels,)
+        Standard deviation of the filtered baseline [m/s^2].
+    raw_noise : ndarray, shape (channels,)
+        The same before the low-pass [m/s^2].
+    resolution : ndarray, shape (channels,)
+        Acceleration of one count [m/s^2]; 0: not known.
+    baseline_points : int
+        Points of the baseline that was removed.
+    """
+
+    traces: FloatArray
+    sampling_rate: float
+    pulse: PulseWidth
+    noise: FloatArray
+    raw_noise: FloatArray
+    resolution: FloatArray
+    baseline_points: int
+
+    @cached_property
+    def aligned(self) -> tuple[FloatArray, int]:
+        """Traces shifted so that the pulse's middle falls onto a point, and that point.
+
+        Kept, since every new hit of a sample is averaged with all before it.
+        """
+        return align_traces(self.traces, self.pulse.middle)
+
+
+@dataclass(frozen=True)
+class JudgedHit:
+    """One hit with its verdict.
+
+    Attributes
+    ----------
+    label : HitLabel
+        Which hit.
+    rejections : tuple of Rejection
+        Every reason against it; empty: accepted.
+    stamp : int
+        Time of the record's first point, nanoseconds since the epoch.
+    impact_time : float
+        Middle of the hammer pulse from the record's first point [s]; NaN: no pulse.
+    contact_time : float
+        tau_p of this hit alone [s]; NaN: not determined.
+    half_amplitude_width : float
+        w50 of this hit alone [s]; NaN: not determined.
+    width_ratio : float
+        w10 / w50 [-]; NaN: not determined.
+    hammer_peak, specimen_peak : float
+        Largest |acceleration| after the low-pass [m/s^2]; NaN: no pulse, or not measured.
+    filtered : FilteredHit or None
+        The traces of an accepted hit.
+    """
+
+    label: HitLabel
+    rejections: tuple[Rejection, ...]
+    stamp: int = 0
+    impact_time: float = math.nan
+    contact_time: float = math.nan
+    half_amplitude_width: float = math.nan
+    width_ratio: float = math.nan
+    hammer_peak: float = math.nan
+    specimen_peak: float = math.nan
+    filtered: FilteredHit | None = None
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the hit goes into the mean."""
+        return not self.rejections
+
+
+def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
+    """Remove the baseline, filter, measure the pulse and name every reason against the hit.
+
+    Parameters
+    ----------
+    record : Record
+        As cut out of the stream.
+    settings : AnalysisSettings
+        How to judge.
+
+    Returns
+    -------
+    JudgedHit
+
+    Raises
+    ------
+    ParameterError
+        If the sampling rate is too low for the low-pass.
+    """
+    check_cutoff(settings.cutoff_frequency, record.sampling_rate)
+    rejections = check_stream(record)
+    if any(item.reason is not Reason.GAP for item in rejections):
+        return JudgedHit(record.label, rejections, record.stamp)
+    rejections += check_channels(record, settings)
+    if record.pulse_index is None:
+        return JudgedHit(record.label, rejections, record.stamp)
+    baseline_stop = int(BASELINE_PART * record.pulse_index)
+    if baseline_stop < BASELINE_POINTS:
+        rejections += (Rejection(Reason.TRUNCATED, "the record starts too late for a baseline"),)
+        return JudgedHit(record.label, rejections, record.stamp)
+    try:
+        filtered = _filter_record(record, baseline_stop, settings)
+    except SignalError as error:
+        rejections += (Rejection(Reason.TRUNCATED, str(error)),)
+        return JudgedHit(record.label, rejections, record.stamp)
+    rejections += check_pulse(record, filtered.traces[0], filtered.pulse, settings)
+    width = filtered.pulse.half_amplitude_width / record.sampling_rate
+    peaks = np.abs(filtered.traces).max(axis=1)
+    return JudgedHit(
+        label=record.label,
+        rejections=rejections,
+        stamp=record.stamp,
+        impact_time=filtered.pulse.middle / record.sampling_rate,
+        contact_time=settings.pulse_factor * width,
+        half_amplitude_width=width,
+        width_ratio=filtered.pulse.width_ratio,
+        hammer_peak=float(peaks[0]),
+        specimen_peak=float(peaks[1]) if peaks.size > 1 else math.nan,
+        filtered=None if rejections else filtered,
+    )
+
+
+def _filter_record(record: Record, baseline_stop: int, settings: AnalysisSettings) -> FilteredHit:
+    channels = [record.hammer]
+    if record.specimen is not None:
+        channels.append(record.specimen)
+    raw = np.stack([channel.acceleration for channel in channels])
+    raw = raw - raw[:, :baseline_stop].mean(axis=1, keepdims=True)
+    traces = low_pass(raw, settings.cutoff_frequency, record.sampling_rate)
+    traces.setflags(write=False)
+    return FilteredHit(
+        traces=traces,
+        sampling_rate=record.sampling_rate,
+        pulse=measure_pulse(traces[0]),
+        noise=traces[:, :baseline_stop].std(axis=1),
+        raw_noise=raw[:, :baseline_stop].std(axis=1, ddof=1),
+        resolution=np.array([channel.resolution for channel in channels]),
+        baseline_points=baseline_stop,
+    )

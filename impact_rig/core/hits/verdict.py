@@ -1,0 +1,195 @@
+"""Is a hit good? Every reason against it, named."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import find_peaks
+
+from impact_rig.core.hits.pulse_width import PulseWidth
+from impact_rig.core.model.pulses import VERSED_SINE
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.record import FloatArray, Record, Trace
+
+RAIL_TOLERANCE = 2e-3
+"""How near to full scale a point counts as at the rail, part of full scale [-], our choice: four
+steps of 12 bits, room for an offset."""
+RAIL_STEPS = 1.0
+"""The same for the converter's steps [-]: of b bits the largest count is 2^(b-1) - 1."""
+CORNER_STEP = 0.01
+"""Where full scale is unknown: the least step into a flat top that makes it a clipped one, part
+of the peak [-], our choice. A rounded top that merely repeats a value has none."""
+DEAD_LEVEL = 0.005
+"""Largest deviation of a channel that shows nothing, part of full scale [-], our choice: half of
+the smallest signal worth a range."""
+DEAD_NOISE = 6.0
+"""The same in standard deviations of the channel's own pre-trigger noise [-], our choice: one
+record of 100 000 has such a point by chance."""
+QUIET_PART = 0.05
+"""Part of a record in which its noise is looked for [-], our choice: half the default pre-trigger,
+since a weak pulse has long begun when it reaches the detection level."""
+SECOND_PULSE_DELAY = 1.2
+"""Least delay of a second pulse behind the first, peak to peak, in contact times of a
+versed-sine [-], our choice: what follows sooner is ringing of the same contact."""
+TAIL_CONTACTS = 1.0
+"""What must follow the pulse, in its half-amplitude widths [-], our choice."""
+BASELINE_POINTS = 3
+"""What must come before the pulse, in points, for a baseline."""
+
+
+class Reason(Enum):
+    """Why a hit is rejected."""
+
+    NO_TRIGGER = "no_trigger"
+    GAP = "gap"
+    NON_FINITE = "non_finite"
+    DEAD_CHANNEL = "dead_channel"
+    NO_PULSE = "no_pulse"
+    OVERLOAD = "overload"
+    WEAK = "weak"
+    TRUNCATED = "truncated"
+    DOUBLE_HIT = "double_hit"
+
+
+@dataclass(frozen=True)
+class Rejection:
+    """One reason against a hit.
+
+    Attributes
+    ----------
+    reason : Reason
+        For programs.
+    explanation : str
+        For people, with the figures.
+    """
+
+    reason: Reason
+    explanation: str
+
+    def __str__(self) -> str:
+        """Return ``code: explanation``."""
+        return f"{self.reason.value}: {self.explanation}"
+
+
+def check_stream(record: Record) -> tuple[Rejection, ...]:
+    """Find what is wrong with a record before anyone looks for a pulse in it."""
+    if not record.triggered:
+        return (Rejection(Reason.NO_TRIGGER, "the arming ended without a trigger"),)
+    found = [Rejection(Reason.GAP, flaw) for flaw in record.flaws]
+    for name, trace in _name_channels(record):
+        bad = int(np.count_nonzero(~np.isfinite(trace.acceleration)))
+        if bad:
+            found.append(
+                Rejection(Reason.NON_FINITE, f"{bad} points of the {name} trace are no numbers")
+            )
+    if record.hammer.acceleration.size == 0:
+        found.append(Rejection(Reason.NO_PULSE, "the record is empty"))
+    return tuple(found)
+
+
+def check_channels(record: Record, settings: AnalysisSettings) -> tuple[Rejection, ...]:
+    """Find dead and overloaded channels of a finite record."""
+    channels = _name_channels(record)
+    quiet = int(QUIET_PART * record.hammer.acceleration.size)
+    if record.pulse_index is not None:
+        quiet = min(quiet, record.pulse_index)
+    dead = [name for name, trace in channels if _is_dead(trace, max(quiet, 1))]
+    found = []
+    if dead and len(dead) < len(channels):
+        found.append(Rejection(Reason.DEAD_CHANNEL, f"the {dead[0]} channel shows no signal"))
+    elif record.pulse_index is None:
+        found.append(Rejection(Reason.NO_PULSE, "the hammer trace never leaves its baseline"))
+    for name, trace in channels:
+        run = find_longest_rail_run(trace)
+        if run >= settings.overload_run:
+            found.append(
+                Rejection(Reason.OVERLOAD, f"{run} points in a row of the {name} at the rail")
+            )
+    return tuple(found)
+
+
+def check_pulse(
+    record: Record, hammer: FloatArray, pulse: PulseWidth, settings: AnalysisSettings
+) -> tuple[Rejection, ...]:
+    """Find what is wrong with a pulse that could be measured.
+
+    Parameters
+    ----------
+    record : Record
+        The hit.
+    hammer : ndarray, shape (n,)
+        Filtered hammer trace, baseline zero [m/s^2].
+    pulse : PulseWidth
+        Its pulse.
+    settings : AnalysisSettings
+        `minimum_peak` and `double_hit_level` are used.
+    """
+    found = []
+    full_scale = record.hammer.full_scale
+    if full_scale > 0.0 and abs(pulse.peak) < settings.minimum_peak * full_scale:
+        found.append(
+            Rejection(
+                Reason.WEAK,
+                f"hammer peak {abs(pulse.peak):.4g} m/s^2 is below"
+                f" {settings.minimum_peak * full_scale:.4g} m/s^2",
+            )
+        )
+    if pulse.fall + TAIL_CONTACTS * pulse.half_amplitude_width > hammer.size - 1:
+        found.append(Rejection(Reason.TRUNCATED, "the record ends too soon after the pulse"))
+    upright = hammer if pulse.peak > 0 else -hammer
+    level = settings.double_hit_level * abs(pulse.peak)
+    versed_sine_duration = VERSED_SINE.pulse_factor * pulse.half_amplitude_width
+    tail_start = pulse.peak_index + int(SECOND_PULSE_DELAY * versed_sine_duration)
+    peaks, _ = find_peaks(upright, height=level, prominence=level)
+    later = peaks[peaks >= tail_start]
+    if later.size:
+        second = int(later[np.argmax(upright[later])])
+        delay = (second - pulse.peak_index) / record.sampling_rate
+        found.append(
+            Rejection(
+                Reason.DOUBLE_HIT,
+                f"a second pulse of {upright[second] / abs(pulse.peak) * 100:.0f} % of the first"
+                f" follows after {delay * 1e6:.0f} us",
+            )
+        )
+    return tuple(found)
+
+
+def find_longest_rail_run(trace: Trace) -> int:
+    """Return how many points in a row stand at the rail [points].
+
+    The rail is full scale where that is known; else a flat top is a rail if the trace steps
+    into it.
+    """
+    magnitude = np.abs(trace.acceleration)
+    if magnitude.size == 0:
+        return 0
+    if trace.full_scale > 0.0:
+        # A converter of b bits ends one step below its positive full scale.
+        rail = (1.0 - RAIL_TOLERANCE) * trace.full_scale - RAIL_STEPS * trace.resolution
+        return _find_longest_run(magnitude >= rail)
+    peak = float(magnitude.max())
+    at_rail = magnitude >= peak * (1.0 - 1e-9)
+    run = _find_longest_run(at_rail)
+    first = int(np.argmax(at_rail))
+    step = peak - float(magnitude[first - 1]) if first > 0 else 0.0
+    return run if step > CORNER_STEP * peak else 1
+
+
+def _find_longest_run(flags: NDArray[np.bool_]) -> int:
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
+
+
+def _is_dead(trace: Trace, quiet_count: int) -> bool:
+    quiet = trace.acceleration[:quiet_count]
+    largest = float(np.max(np.abs(trace.acceleration - np.median(quiet))))
+    return largest <= max(DEAD_LEVEL * trace.full_scale, DEAD_NOISE * float(np.std(quiet)))
+
+
+def _name_channels(record: Record) -> list[tuple[str, Trace]]:
+    channels = [("hammer", record.hammer)]
+    if record.specimen is not None:
+        channels.append(("sample", record.specimen))
+    return channels

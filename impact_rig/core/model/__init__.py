@@ -1,0 +1,1 @@
+"""Force pulses and the two-body model in closed form."""

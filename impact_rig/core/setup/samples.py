@@ -1,0 +1,136 @@
+"""Samples, sample sets and the set-up of a rig, as the estimators need them."""
+
+import math
+from dataclasses import dataclass, field
+
+from impact_rig.core.checks import check_not_negative, check_positive
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.setup.settings import AnalysisSettings
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One sample of the set.
+
+    Attributes
+    ----------
+    name : str
+        Unique in the set.
+    mass : float
+        Without accelerometer [kg].
+    material : str
+        In words; may be empty.
+    reference_contact_time, reference_stiffness, reference_damping_coefficient : float
+        Published or expected tau_p [s], k2 [N/m] and c2 [N s/m]; NaN: none. The virtual rig
+        strikes a sample that behaves like this, tables show them beside the measured values.
+    """
+
+    name: str
+    mass: float
+    material: str = ""
+    reference_contact_time: float = math.nan
+    reference_stiffness: float = math.nan
+    reference_damping_coefficient: float = math.nan
+
+    def __post_init__(self) -> None:
+        """Refuse a nameless sample and impossible numbers."""
+        if not self.name.strip():
+            raise ParameterError("a sample has an empty name: every sample needs its own name")
+        check_positive(f"mass of sample {self.name!r}", self.mass, "kg")
+        for quantity, value, unit in (
+            ("reference contact time", self.reference_contact_time, "s"),
+            ("reference stiffness", self.reference_stiffness, "N/m"),
+            ("reference damping coefficient", self.reference_damping_coefficient, "N s/m"),
+        ):
+            if not math.isnan(value):
+                check_positive(f"{quantity} of sample {self.name!r}", value, unit)
+
+
+@dataclass(frozen=True)
+class SampleSet:
+    """The samples of a campaign and the one of them that calibrates the hammer.
+
+    Attributes
+    ----------
+    samples : tuple of Sample
+        In the order of the table.
+    control_sample : str
+        The sample alike to the hammer, for which k1 = k2 is assumed; empty: none, and then
+        neither k1 nor any k2 can be determined.
+    accelerometer_mass : float
+        Carried by every sample, part of m2 [kg].
+    """
+
+    samples: tuple[Sample, ...]
+    control_sample: str
+    accelerometer_mass: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse an empty set, double names and a control sample that is not in the set."""
+        check_not_negative("accelerometer mass", self.accelerometer_mass, "kg")
+        if not self.samples:
+            raise ParameterError("the sample set is empty: it needs at least one sample")
+        names = [sample.name for sample in self.samples]
+        for name in names:
+            if names.count(name) > 1:
+                raise ParameterError(f"sample {name!r} appears twice in the set: names are unique")
+        if self.control_sample and self.control_sample not in names:
+            raise ParameterError(
+                f"control sample {self.control_sample!r} is missing from the set, which has "
+                + ", ".join(map(repr, names))
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the samples in the order of the set."""
+        return tuple(sample.name for sample in self.samples)
+
+    def find(self, name: str) -> Sample:
+        """Return the sample called `name`.
+
+        Raises
+        ------
+        ParameterError
+            If the set has no such sample.
+        """
+        for sample in self.samples:
+            if sample.name == name:
+                return sample
+        raise ParameterError(
+            f"unknown sample {name!r}: the set has " + ", ".join(map(repr, self.names))
+        )
+
+    def find_moving_mass(self, name: str) -> float:
+        """Return m2 of the sample called `name`, accelerometer included [kg]."""
+        return self.find(name).mass + self.accelerometer_mass
+
+
+@dataclass(frozen=True)
+class RigSetup:
+    """Everything that turns records into numbers, and lets a recording explain itself.
+
+    Attributes
+    ----------
+    samples : SampleSet
+        What is struck.
+    hammer_mass : float
+        Effective seismic mass m1 [kg].
+    impact_speed : float
+        Hammer speed at contact v1 [m/s].
+    analysis : AnalysisSettings
+        How hits are judged and evaluated.
+    name, description : str
+        Of the rig, in the operator's words.
+    """
+
+    samples: SampleSet
+    hammer_mass: float
+    impact_speed: float
+    analysis: AnalysisSettings = field(default_factory=AnalysisSettings)
+    name: str = ""
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse impossible numbers."""
+        check_positive("hammer mass", self.hammer_mass, "kg")
+        check_positive("impact speed", self.impact_speed, "m/s")

@@ -1,0 +1,1 @@
+"""Blocks of counts, records cut out of the stream, and the low-pass."""

@@ -1,0 +1,185 @@
+"""Model against measurement: normalised, shifted, and what is then left."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from impact_rig.core.errors import SignalError
+from impact_rig.core.estimation.comparison import (
+    compare_trace,
+    compare_with_model,
+    find_best_shift,
+    normalise_trace,
+    shift_trace,
+)
+from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, simulate_impact
+from impact_rig.core.signals.filtering import low_pass
+
+RATE = 2.5e6
+MODEL = ImpactModel(Body(0.1, 22.5e6, 1909.0), Body(0.17, 45e6, 1170.0), 203.2e-6, 0.0819, 60.0)
+
+
+def make_bell(middle: float, width: float = 30.0, count: int = 600) -> np.ndarray:
+    return np.exp(-(((np.arange(count) - middle) / width) ** 2))
+
+
+class TestNormalise:
+    """To the value of largest magnitude."""
+
+    @given(factor=st.floats(-1e6, 1e6).filter(lambda value: abs(value) > 1e-6))
+    def test_takes_height_and_sign_away(self, factor: float) -> None:
+        trace = make_bell(200.0) - 0.3 * make_bell(350.0)
+        normal = normalise_trace(factor * trace)
+        assert normal.max() == 1.0
+        np.testing.assert_allclose(normal, trace / trace.max(), rtol=1e-12, atol=1e-300)
+
+    @pytest.mark.parametrize("trace", [np.zeros(5), np.full(5, np.nan)])
+    def test_refuses_what_has_no_peak(self, trace: np.ndarray) -> None:
+        with pytest.raises(SignalError, match="cannot be normalised: it has no peak"):
+            normalise_trace(trace)
+
+
+class TestShift:
+    """The best shift and its application."""
+
+    @given(shift=st.floats(-80, 80))
+    def test_of_a_bell_is_found_below_one_point(self, shift: float) -> None:
+        found = find_best_shift(make_bell(300.0 + shift), make_bell(300.0), 100)
+        # The parabola through the least errors leaves 1e-4 points at a width of 30.
+        assert found == pytest.approx(shift, abs=1e-3)
+
+    @given(seed=st.integers(0, 10_000), largest=st.integers(1, 40))
+    def test_is_the_best_of_all_that_are_tried_one_by_one(self, seed: int, largest: int) -> None:
+        random = np.random.default_rng(seed)
+        measured, model = random.standard_normal((2, 50))
+        errors = []
+        for lag in range(-largest, largest + 1):
+            shifted = np.zeros(50)
+            part = slice(max(lag, 0), min(50 + lag, 50))
+            shifted[part] = model[max(-lag, 0) : min(50 - lag, 50)]
+            errors.append(np.sum((shifted - measured) ** 2))
+        best = int(np.argmin(errors)) - largest
+        assert find_best_shift(measured, model, largest) == pytest.approx(best, abs=0.5)
+
+    def test_stays_within_its_limit(self) -> None:
+        assert abs(find_best_shift(make_bell(400.0), make_bell(200.0), 50)) <= 50
+
+    @given(shift=st.floats(-60, 60))
+    def test_moves_a_trace_later_by_parts_of_a_point(self, shift: float) -> None:
+        moved = shift_trace(make_bell(300.0), shift)
+        # A cubic spline follows a bell 30 points wide within 1e-6.
+        np.testing.assert_allclose(moved, make_bell(300.0 + shift), rtol=0, atol=2e-6)
+
+    def test_brings_in_zeros(self) -> None:
+        moved = shift_trace(np.ones(10), 3.0)
+        np.testing.assert_allclose(moved, [0, 0, 0, 1, 1, 1, 1, 1, 1, 1], atol=1e-12)
+
+
+class TestCompareTrace:
+    """One body's two traces."""
+
+    @given(
+        shift=st.floats(-60, 60),
+        factor=st.floats(-1e4, 1e4).filter(lambda value: abs(value) > 1e-3),
+    )
+    def test_equal_shapes_leave_no_error(self, shift: float, factor: float) -> None:
+        result = compare_trace(
+            factor * make_bell(300.0 + shift), make_bell(300.0), RATE, slice(200, 400), 100
+        )
+        assert result.shift * RATE == pytest.approx(shift, abs=1e-3)
+        # Peaks between points are read up to 3e-4 low.
+        assert result.mse_percent < 1e-4
+        assert result.contact_error_percent < 0.1
+
+    def test_errors_are_what_their_names_say(self) -> None:
+        measured = make_bell(300.0)
+        model = make_bell(300.0, width=45.0)
+        contact = slice(250, 350)
+        result = compare_trace(measured, model, RATE, contact, 100)
+        assert result.shift == pytest.approx(0.0, abs=1e-6 / RATE)
+        error = model - measured
+        assert result.mse_percent == pytest.approx(100 * np.mean(error**2), rel=1e-6)
+        assert result.contact_error_percent == pytest.approx(
+            100 * np.sqrt(np.mean(error[contact] ** 2)), rel=1e-6
+        )
+
+    def test_a_longer_quiet_record_forgives_more(self) -> None:
+        short, long = (
+            compare_trace(
+                make_bell(300.0, count=count),
+                make_bell(300.0, width=45.0, count=count),
+                RATE,
+                slice(250, 350),
+                100,
+            )
+            for count in (600, 2400)
+        )
+        assert long.mse_percent == pytest.approx(short.mse_percent / 4, rel=1e-3)
+        assert long.contact_error_percent == pytest.approx(short.contact_error_percent, rel=1e-3)
+
+
+class TestCompareWithModel:
+    """A mean hit and the model."""
+
+    def make_mean(self, model: ImpactModel, variant: ModelVariant, origin: int = 754) -> MeanHit:
+        start = model.contact_time / 2 - origin / RATE
+        traces = np.stack(simulate_impact(model, RATE, 5000, start=start, variant=variant))
+        return MeanHit(low_pass(traces, 50e3, RATE), RATE, origin, np.zeros(2), np.zeros(2), ())
+
+    @pytest.mark.parametrize("variant", ModelVariant)
+    def test_of_the_model_itself_is_perfect(self, variant: ModelVariant) -> None:
+        result = compare_with_model(self.make_mean(MODEL, variant), MODEL, variant, 50e3)
+        for body in (result.hammer, result.specimen):
+            # What has not died away at the end of the record moves the best shift by 1e-4 points.
+            assert body.mse_percent < 1e-9
+            assert body.contact_error_percent < 1e-3
+            assert abs(body.shift) < 1e-3 / RATE
+            assert np.abs(body.measured).max() == 1.0
+
+    def test_places_the_start_of_the_contact(self) -> None:
+        mean = self.make_mean(MODEL, ModelVariant.DRIVEN)
+        result = compare_with_model(mean, MODEL, ModelVariant.DRIVEN, 50e3)
+        # Half a contact before the middle, which lies at point 754.
+        assert result.start_time == pytest.approx(MODEL.contact_time / 2 - 754 / RATE)
+        assert (result.contact_time, result.sampling_rate) == (MODEL.contact_time, RATE)
+
+    @given(delay=st.integers(-200, 200))
+    @settings(max_examples=30)
+    def test_reports_a_delay_of_the_sample_as_shift(self, delay: int) -> None:
+        mean = self.make_mean(MODEL, ModelVariant.DRIVEN, origin=1000)
+        hammer, specimen = mean.traces
+        late = replace(mean, traces=np.stack([hammer, shift_trace(specimen, float(delay))]))
+        result = compare_with_model(late, MODEL, ModelVariant.DRIVEN, 50e3)
+        assert result.specimen.shift * RATE == pytest.approx(delay, abs=1e-3)
+        # An earlier sample lacks its end, where 0.3 % of the peak was left.
+        assert result.specimen.mse_percent < 1e-4
+        assert abs(result.hammer.shift) < 1e-3 / RATE
+
+    @given(ratio=st.floats(0.5, 2.0))
+    @settings(max_examples=30)
+    def test_does_not_see_the_size_of_the_force(self, ratio: float) -> None:
+        mean = self.make_mean(MODEL, ModelVariant.DRIVEN)
+        other = replace(MODEL, peak_force=ratio * MODEL.peak_force)
+        result = compare_with_model(mean, other, ModelVariant.DRIVEN, 50e3)
+        assert result.specimen.mse_percent < 1e-9
+
+    @given(ratio=st.floats(0.3, 3.0))
+    @settings(max_examples=30)
+    def test_sees_a_wrong_stiffness(self, ratio: float) -> None:
+        assume(abs(np.log(ratio)) > 0.2)
+        mean = self.make_mean(MODEL, ModelVariant.DRIVEN)
+        body = replace(MODEL.specimen, stiffness=ratio * MODEL.specimen.stiffness)
+        other = replace(MODEL, specimen=body)
+        result = compare_with_model(mean, other, ModelVariant.DRIVEN, 50e3)
+        assert result.specimen.contact_error_percent > 1.0
+        assert result.hammer.contact_error_percent < 1e-3
+
+    def test_needs_the_sample(self) -> None:
+        mean = self.make_mean(MODEL, ModelVariant.DRIVEN)
+        alone = MeanHit(mean.traces[:1], RATE, mean.origin, np.zeros(1), np.zeros(1), ())
+        with pytest.raises(SignalError, match="sample's trace was not measured"):
+            compare_with_model(alone, MODEL, ModelVariant.DRIVEN, 50e3)

@@ -1,0 +1,125 @@
+"""Equations (7) and (8) against free decays and Table 4."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import StateSpace, impulse
+
+from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
+from impact_rig.core.estimation.log_decrement import (
+    compute_log_decrement,
+    estimate_damping_coefficient,
+    estimate_damping_ratio,
+    estimate_damping_ratio_from_coefficient,
+    estimate_log_decrement,
+)
+from impact_rig.core.setup.paper import PUBLISHED_SAMPLES
+
+RATE = 2.5e6
+
+
+def make_decay(ratio: float, frequency: float = 5e3, count: int = 6000) -> np.ndarray:
+    """Return a rise to 1 over 200 points, then the free decay from rest at that peak."""
+    natural = 2 * np.pi * frequency
+    # x'' = -2 zeta w x' - w^2 x released at x = 1 is the impulse response of (s + 2 zeta w) over
+    # the characteristic polynomial.
+    system = StateSpace(
+        [[0, 1], [-(natural**2), -2 * ratio * natural]], [[1], [0]], [[1, 0]], [[0]]
+    )
+    _, decay = impulse(system, T=np.arange(count - 200) / RATE)
+    rise = np.sin(np.pi / 2 * np.arange(200) / 200) ** 2
+    return np.concatenate([rise, decay])
+
+
+@given(ratio=st.floats(0.02, 0.65), sign=st.sampled_from([1, -1]), height=st.floats(1e-3, 1e4))
+def test_a_free_decay_gives_its_damping_ratio(ratio: float, sign: int, height: float) -> None:
+    trace = sign * height * make_decay(ratio)
+    peaks = estimate_log_decrement(trace, noise=0.0)
+    # Peaks are read on points, 500 per period: at most (pi / 500)^2 / 2 low.
+    assert estimate_damping_ratio(peaks.log_decrement) == pytest.approx(ratio, abs=1e-5)
+    period = RATE / (5e3 * np.sqrt(1 - ratio**2))
+    assert peaks.second_index - peaks.first_index == pytest.approx(period, abs=1)
+    assert peaks.first_peak == pytest.approx(height, rel=1e-6)
+
+
+def test_noise_below_the_second_peak_does_little() -> None:
+    trace = make_decay(0.3)
+    trace += 1e-3 * np.random.default_rng(1).standard_normal(trace.size)
+    peaks = estimate_log_decrement(trace, noise=1e-3)
+    # The largest of the noisy points around U2 = 0.139 U1 is some three deviations high.
+    assert peaks.log_decrement == pytest.approx(compute_log_decrement(0.3), abs=0.04)
+
+
+def test_a_second_peak_within_the_noise_is_not_invented() -> None:
+    trace = make_decay(0.7)  # U2 = 0.002 U1
+    with pytest.raises(NotDeterminedError, match=r"no second peak .* noise \(4 % of the first\)"):
+        estimate_log_decrement(trace, noise=0.01)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.5])
+def test_a_body_that_does_not_swing_has_no_decrement(ratio: float) -> None:
+    with pytest.raises(NotDeterminedError, match="no second peak stands out of the noise"):
+        estimate_log_decrement(make_decay(ratio), noise=1e-6)
+
+
+def test_a_wave_that_does_not_decay_has_no_decrement() -> None:
+    wave = np.sin(2 * np.pi * np.arange(1000) / 100)
+    with pytest.raises(NotDeterminedError, match="as high as the first, so that nothing decays"):
+        estimate_log_decrement(np.tile(wave[:100], 10), noise=0.0)
+
+
+def test_a_flat_trace_has_no_decrement() -> None:
+    with pytest.raises(SignalError, match="has no pulse"):
+        estimate_log_decrement(np.zeros(100), noise=1.0)
+
+
+@given(delta=st.floats(1e-3, 50))
+def test_ratio_and_decrement_are_inverse(delta: float) -> None:
+    ratio = estimate_damping_ratio(delta)
+    assert 0 < ratio < 1
+    assert compute_log_decrement(ratio) == pytest.approx(delta, rel=1e-9)
+
+
+def test_small_decrements_are_two_pi_zeta() -> None:
+    assert estimate_damping_ratio(2 * np.pi * 1e-4) == pytest.approx(1e-4, rel=1e-7)
+
+
+@given(ratio=st.floats(0, 3), stiffness=st.floats(1e3, 1e9), mass=st.floats(1e-3, 10))
+def test_ratio_and_coefficient_are_inverse(ratio: float, stiffness: float, mass: float) -> None:
+    coefficient = estimate_damping_coefficient(ratio, stiffness, mass)
+    back = estimate_damping_ratio_from_coefficient(coefficient, stiffness, mass)
+    assert back == pytest.approx(ratio, rel=1e-12)
+
+
+def test_a_critical_damper_gives_a_double_root() -> None:
+    c = estimate_damping_coefficient(1.0, 45e6, 0.17)
+    first, second = np.roots([0.17, c, 45e6])
+    assert first == pytest.approx(second, rel=1e-6)
+
+
+def test_table_4_means_the_damping_ratios_that_are_known_of_it() -> None:
+    ratios = [
+        estimate_damping_ratio_from_coefficient(
+            cell.damping_coefficient, cell.stiffness, cell.mass + 3e-3
+        )
+        for cell in PUBLISHED_SAMPLES
+    ]
+    assert min(ratios) == pytest.approx(0.17, abs=0.005)
+    assert max(ratios) == pytest.approx(0.48, abs=0.005)
+    hammer = estimate_damping_ratio_from_coefficient(1909, 22.54e6, 0.1)
+    assert hammer == pytest.approx(0.64, abs=0.005)
+    # U1 / U2 from about 3 to 177.
+    assert np.exp(compute_log_decrement(min(ratios))) == pytest.approx(3, abs=0.1)
+    assert np.exp(compute_log_decrement(hammer)) == pytest.approx(177, rel=0.01)
+
+
+def test_impossible_numbers_are_refused() -> None:
+    with pytest.raises(NotDeterminedError, match="damping ratio of 1 leaves no oscillation"):
+        compute_log_decrement(1.0)
+    with pytest.raises(ParameterError, match=r"log decrement is 0.0 : it must be"):
+        estimate_damping_ratio(0.0)
+    with pytest.raises(ParameterError, match="mass is -1 kg"):
+        estimate_damping_coefficient(0.1, 1e6, -1)
+    with pytest.raises(ParameterError, match=r"damping ratio is -0\.1"):
+        estimate_damping_coefficient(-0.1, 1e6, 1)

@@ -1,0 +1,89 @@
+"""Widths of pulses against exact shapes and scipy's own width finder."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import peak_widths
+
+from impact_rig.core.errors import SignalError
+from impact_rig.core.hits.pulse_width import find_crossing, measure_pulse
+
+
+def make_pulse(middle: float, width: float, count: int = 400) -> np.ndarray:
+    """Return a versed-sine of the given half-amplitude width around `middle`, in points."""
+    phase = (np.arange(count) - middle) / (2.0 * width)
+    return np.where(np.abs(phase) < 0.5, np.cos(np.pi * phase) ** 2, 0.0)
+
+
+def test_a_triangle_is_measured_exactly() -> None:
+    # Straight flanks: linear interpolation has no error at all.
+    trace = np.maximum(0.0, 10.0 - 2.0 * np.abs(np.arange(20) - 9.0))
+    pulse = measure_pulse(trace)
+    assert (pulse.peak_index, pulse.peak) == (9, 10.0)
+    assert pulse.half_amplitude_width == pytest.approx(5.0)
+    assert pulse.tenth_amplitude_width == pytest.approx(9.0)
+    assert pulse.middle == pytest.approx(9.0)
+
+
+@given(middle=st.floats(150, 250), width=st.floats(20, 120))
+def test_a_versed_sine_is_read_far_below_its_sample_grid(middle: float, width: float) -> None:
+    pulse = measure_pulse(make_pulse(middle, width))
+    # The half level is taken of the sampled peak: half a point off, it is (pi / 4w)^2 low, and
+    # over the flank's slope pi / 2w the width grows by pi / 8w = 0.4 / w points.
+    tolerance = 0.5 / width
+    assert pulse.half_amplitude_width == pytest.approx(width, abs=tolerance)
+    assert pulse.middle == pytest.approx(middle, abs=tolerance)
+
+
+@given(seed=st.integers(0, 1000), width=st.floats(20, 100))
+def test_agrees_with_scipy(seed: int, width: float) -> None:
+    middle = 150 + 100 * np.random.default_rng(seed).random()
+    trace = make_pulse(middle, width)
+    pulse = measure_pulse(trace)
+    for rel_height, ours in (
+        (0.5, pulse.half_amplitude_width),
+        (0.9, pulse.tenth_amplitude_width),
+    ):
+        # The pulse stands on zero, so that its prominence is its height.
+        theirs = peak_widths(trace, [pulse.peak_index], rel_height=rel_height)[0][0]
+        assert ours == pytest.approx(theirs, abs=1e-9)
+
+
+@given(factor=st.sampled_from([-1.0, -64.0, 0.5, 1024.0]), shift=st.integers(-100, 100))
+def test_neither_polarity_nor_height_nor_place_matters(factor: float, shift: int) -> None:
+    trace = make_pulse(200.3, 60.0)
+    one = measure_pulse(trace)
+    other = measure_pulse(factor * np.roll(trace, shift))
+    # Powers of two change no digit.
+    assert other.half_amplitude_width == pytest.approx(one.half_amplitude_width, abs=1e-9)
+    assert other.middle - shift == pytest.approx(one.middle, abs=1e-9)
+    assert other.width_ratio == pytest.approx(one.width_ratio, abs=1e-9)
+    assert other.peak == factor * one.peak
+
+
+def test_a_pulse_that_never_comes_down_to_a_tenth_has_no_ratio() -> None:
+    trace = np.maximum(0.3, make_pulse(200.0, 60.0))
+    pulse = measure_pulse(trace)
+    assert np.isnan(pulse.width_ratio)
+    assert np.isfinite(pulse.half_amplitude_width)
+
+
+def test_a_crossing_that_the_trace_does_not_reach_is_nan() -> None:
+    trace = np.array([0.8, 0.9, 1.0, 0.2])
+    assert np.isnan(find_crossing(trace, 2, 0.5, -1))
+    assert find_crossing(trace, 2, 0.6, 1) == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize(
+    ("trace", "message"),
+    [
+        (np.zeros(50), "has no pulse: it must leave its baseline and come back"),
+        (np.full(50, np.nan), "has no pulse"),
+        (np.linspace(0, 1, 50), "cut off: the trace must fall to half its peak on both sides"),
+        (np.linspace(-1, 0, 50), "cut off"),
+    ],
+)
+def test_what_is_no_whole_pulse_is_refused(trace: np.ndarray, message: str) -> None:
+    with pytest.raises(SignalError, match=message):
+        measure_pulse(trace)

@@ -1,0 +1,212 @@
+"""Every reason against a hit, each provoked alone."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from impact_rig.core.hits.pulse_width import measure_pulse
+from impact_rig.core.hits.verdict import (
+    Reason,
+    Rejection,
+    check_channels,
+    check_pulse,
+    check_stream,
+    find_longest_rail_run,
+)
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.record import Record, Trace
+
+SETTINGS = AnalysisSettings()
+Make = Callable[..., Any]
+
+
+def make_trace(
+    height: float, start: int = 200, width: int = 200, count: int = 2000, noise: float = 1.0
+) -> np.ndarray:
+    trace = noise * np.random.default_rng(1).standard_normal(count)
+    shape = height * np.sin(np.pi * np.arange(width) / width) ** 2
+    stop = min(start + width, count)
+    trace[start:stop] += shape[: stop - start]
+    return trace
+
+
+def find_reasons(rejections: tuple[Rejection, ...]) -> list[Reason]:
+    return [item.reason for item in rejections]
+
+
+def judge_pulse(record: Record) -> tuple[Rejection, ...]:
+    trace = record.hammer.acceleration
+    return check_pulse(record, trace, measure_pulse(trace), SETTINGS)
+
+
+class TestStream:
+    """What is wrong before anyone looks for a pulse."""
+
+    def test_nothing_is_wrong_with_a_good_record(self, make_record: Make) -> None:
+        assert check_stream(make_record(make_trace(900.0), make_trace(400.0))) == ()
+
+    def test_a_missed_trigger(self, make_record: Make) -> None:
+        (found,) = check_stream(make_record(np.empty(0), triggered=False))
+        assert str(found) == "no_trigger: the arming ended without a trigger"
+
+    def test_a_gap_is_named_as_the_stream_names_it(self, make_record: Make) -> None:
+        record = make_record(make_trace(900.0), flaws=("7 points missing at point 3", "another"))
+        assert [str(item) for item in check_stream(record)] == [
+            "gap: 7 points missing at point 3",
+            "gap: another",
+        ]
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+    def test_a_value_that_is_no_number(self, make_record: Make, value: float) -> None:
+        hammer, specimen = make_trace(900.0), make_trace(400.0)
+        specimen[[3, 900]] = value
+        (found,) = check_stream(make_record(hammer, specimen))
+        assert str(found) == "non_finite: 2 points of the sample trace are no numbers"
+
+    def test_an_empty_record(self, make_record: Make) -> None:
+        assert find_reasons(check_stream(make_record(np.empty(0)))) == [Reason.NO_PULSE]
+
+
+class TestChannels:
+    """Dead and overloaded channels."""
+
+    def test_two_live_channels_are_fine(self, make_record: Make) -> None:
+        record = make_record(make_trace(900.0), make_trace(-400.0))
+        assert check_channels(record, SETTINGS) == ()
+
+    def test_a_hammer_alone_is_fine(self, make_record: Make) -> None:
+        assert check_channels(make_record(make_trace(900.0)), SETTINGS) == ()
+
+    @pytest.mark.parametrize("noise", [0.0, 1.0, 20.0])
+    def test_a_dead_sample_channel(self, make_record: Make, noise: float) -> None:
+        record = make_record(make_trace(900.0), make_trace(0.0, noise=noise))
+        (found,) = check_channels(record, SETTINGS)
+        assert str(found) == "dead_channel: the sample channel shows no signal"
+
+    @pytest.mark.parametrize("noise", [0.0, 1.0])
+    def test_a_dead_hammer_channel(self, make_record: Make, noise: float) -> None:
+        record = make_record(make_trace(0.0, noise=noise), make_trace(400.0), pulse_index=None)
+        (found,) = check_channels(record, SETTINGS)
+        assert str(found) == "dead_channel: the hammer channel shows no signal"
+
+    def test_two_quiet_channels_are_no_pulse(self, make_record: Make) -> None:
+        record = make_record(make_trace(0.0), make_trace(0.0), pulse_index=None)
+        assert find_reasons(check_channels(record, SETTINGS)) == [Reason.NO_PULSE]
+
+    def test_an_overload_says_how_long_and_where(self, make_record: Make) -> None:
+        specimen = np.clip(make_trace(5000.0, noise=0.0), -2000, 2000)
+        (found,) = check_channels(make_record(make_trace(900.0), specimen), SETTINGS)
+        run = np.count_nonzero(specimen >= 1996)
+        assert str(found) == f"overload: {run} points in a row of the sample at the rail"
+
+    def test_two_points_at_the_rail_may_be_chance(self, make_record: Make) -> None:
+        hammer = make_trace(900.0)
+        hammer[300:302] = 2000.0
+        assert check_channels(make_record(hammer), SETTINGS) == ()
+        hammer[302] = 2000.0
+        assert find_reasons(check_channels(make_record(hammer), SETTINGS)) == [Reason.OVERLOAD]
+
+
+class TestRail:
+    """How many points in a row stand at the rail."""
+
+    @pytest.mark.parametrize("bits", [8, 10, 12, 16, 24])
+    @pytest.mark.parametrize("sign", [1, -1])
+    def test_is_recognised_at_every_resolution(self, bits: int, sign: int) -> None:
+        # The largest positive count is one below full scale.
+        largest = 2 ** (bits - 1)
+        step = 2000.0 / largest
+        counts = np.clip(np.rint(sign * make_trace(5000.0) / step), -largest, largest - 1)
+        run = find_longest_rail_run(Trace(counts * step, 2000.0, step))
+        assert run == pytest.approx(np.count_nonzero(np.abs(make_trace(5000.0)) >= 2000), abs=4)
+
+    @given(peak=st.floats(100, 1950))
+    def test_is_not_seen_in_a_rounded_top(self, peak: float) -> None:
+        step = 2000.0 / 2048
+        counts = np.rint(make_trace(peak) / step)
+        assert find_longest_rail_run(Trace(counts * step, 2000.0, step)) < SETTINGS.overload_run
+        assert find_longest_rail_run(Trace(counts * step)) < SETTINGS.overload_run
+
+    def test_is_seen_in_a_flat_top_of_unknown_full_scale(self) -> None:
+        clipped = np.minimum(make_trace(900.0, width=40), 600.0)
+        assert find_longest_rail_run(Trace(clipped)) == np.count_nonzero(clipped == 600.0) > 3
+
+    def test_runs_do_not_add_up(self) -> None:
+        trace = np.zeros(20)
+        trace[[3, 4, 8, 9, 10, 15]] = 1.0
+        assert find_longest_rail_run(Trace(trace, 1.0)) == 3
+
+    def test_an_empty_trace_has_none(self) -> None:
+        assert find_longest_rail_run(Trace(np.empty(0), 1.0)) == 0
+
+
+class TestPulse:
+    """What is wrong with a pulse that could be measured."""
+
+    @pytest.mark.parametrize("sign", [1, -1])
+    def test_a_good_one_is_not_complained_of(self, make_record: Make, sign: int) -> None:
+        assert judge_pulse(make_record(sign * make_trace(900.0))) == ()
+
+    @given(peak=st.floats(100, 1900))
+    def test_weak_is_what_stays_below_the_part_of_full_scale(
+        self, make_record: Make, peak: float
+    ) -> None:
+        record = make_record(make_trace(peak, noise=0.0))
+        weak = peak < 0.15 * 2000.0
+        assert find_reasons(judge_pulse(record)) == ([Reason.WEAK] if weak else [])
+
+    def test_a_weak_one_is_described_in_figures(self, make_record: Make) -> None:
+        (found,) = judge_pulse(make_record(make_trace(150.0, noise=0.0)))
+        assert str(found) == "weak: hammer peak 150 m/s^2 is below 300 m/s^2"
+
+    def test_without_full_scale_none_is_weak(self, make_record: Make) -> None:
+        assert judge_pulse(make_record(make_trace(1e-3, noise=0.0), full_scale=0.0)) == ()
+
+    def test_one_that_ends_with_the_record_is_truncated(self, make_record: Make) -> None:
+        # 200 points wide, half amplitude at 50 and 150: 100 points must follow the fall.
+        assert judge_pulse(make_record(make_trace(900.0, start=1748, noise=0.0))) == ()
+        (found,) = judge_pulse(make_record(make_trace(900.0, start=1752, noise=0.0)))
+        assert str(found) == "truncated: the record ends too soon after the pulse"
+
+    @given(
+        sign=st.sampled_from([1, -1]), height=st.floats(0.07, 1.0), delay=st.integers(300, 1500)
+    )
+    def test_a_second_pulse_makes_a_double_hit(
+        self, make_record: Make, sign: int, height: float, delay: int
+    ) -> None:
+        trace = make_trace(900.0, noise=0.0) + make_trace(
+            900.0 * height, start=200 + delay, noise=0.0
+        )
+        found = judge_pulse(make_record(sign * trace))
+        # Of two equal pulses either may be the first.
+        assert Reason.DOUBLE_HIT in find_reasons(found)
+        if height < 0.99:
+            percent, time = f"{100 * height:.0f} %", f"{delay} us"
+            assert percent in found[-1].explanation
+            assert time in found[-1].explanation
+
+    @given(height=st.floats(0.0, 0.045), delay=st.integers(250, 1500))
+    def test_a_small_echo_does_not(self, make_record: Make, height: float, delay: int) -> None:
+        trace = make_trace(900.0, noise=0.0) + make_trace(
+            900.0 * height, start=200 + delay, noise=0.0
+        )
+        assert judge_pulse(make_record(trace)) == ()
+
+    @given(height=st.floats(0.1, 0.9), delay=st.integers(150, 230))
+    def test_ringing_of_the_same_contact_does_not(
+        self, make_record: Make, height: float, delay: int
+    ) -> None:
+        # Sooner than 1.2 contact times of 200 points behind the first peak.
+        trace = make_trace(900.0, noise=0.0) + make_trace(
+            900.0 * height, start=200 + delay, noise=0.0
+        )
+        pulse = measure_pulse(make_trace(900.0, noise=0.0))
+        assert check_pulse(make_record(trace), trace, pulse, SETTINGS) == ()
+
+    def test_an_undershoot_does_not(self, make_record: Make) -> None:
+        trace = make_trace(900.0, noise=0.0) - make_trace(300.0, start=400, noise=0.0)
+        assert judge_pulse(make_record(trace)) == ()

@@ -1,0 +1,252 @@
+"""The closed-form model against numerical integration and the laws it must obey."""
+
+import time as clock
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.integrate import quad, solve_ivp
+
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.model.impact import (
+    Body,
+    ImpactModel,
+    ModelVariant,
+    compute_peak_force,
+    propagate,
+    simulate_impact,
+)
+from impact_rig.core.setup.paper import (
+    HAMMER_DAMPING_COEFFICIENT,
+    HAMMER_MASS,
+    HAMMER_STIFFNESS,
+    PUBLISHED_SAMPLES,
+)
+
+RATE = 2.5e6
+COUNT = 5000
+TAU = 203.2e-6
+
+
+def make_body(mass: float, stiffness: float, ratio: float) -> Body:
+    return Body(mass, stiffness, 2.0 * ratio * np.sqrt(stiffness * mass))
+
+
+def make_model(first_ratio: float = 0.64, second_ratio: float = 0.3) -> ImpactModel:
+    return ImpactModel(
+        make_body(0.1, 22.54e6, first_ratio), make_body(0.17, 45.29e6, second_ratio), TAU, 0.08, 60
+    )
+
+
+def integrate(
+    model: ImpactModel, times: NDArray[np.float64], variant: ModelVariant
+) -> NDArray[np.float64]:
+    """Step equations (1) and (2), or their driven form, through time; both accelerations."""
+    m1, k1, c1 = model.hammer.mass, model.hammer.stiffness, model.hammer.damping_coefficient
+    m2, k2, c2 = model.specimen.mass, model.specimen.stiffness, model.specimen.damping_coefficient
+    tau, peak = model.contact_time, model.peak_force
+    printed = variant is ModelVariant.PRINTED
+
+    def contact(t: float, y: NDArray[np.float64]) -> list[float]:
+        x1, x2, v1, v2 = y
+        force = peak * np.sin(np.pi * t / tau) ** 2
+        if printed:
+            between = c1 * (v1 - v2) + k1 * (x1 - x2)
+            return [v1, v2, -between / m1, (-force + between - c2 * v2 - k2 * x2) / m2]
+        return [v1, v2, -force / m1, (force - c2 * v2 - k2 * x2) / m2]
+
+    def free(_: float, y: NDArray[np.float64]) -> list[float]:
+        x1, x2, v1, v2 = y
+        return [v1, v2, (-c1 * v1 - k1 * x1) / m1 if printed else 0.0, (-c2 * v2 - k2 * x2) / m2]
+
+    during, after = times[times <= tau], times[times > tau]
+    start = [0.0, 0.0, model.impact_speed if printed else 0.0, 0.0]
+    # Between long steps the integrator interpolates worse than it steps: keep them short.
+    options = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-17, "max_step": 10e-6}
+    first = solve_ivp(contact, (0.0, tau), start, t_eval=np.union1d(during, tau), **options)
+    second = solve_ivp(free, (tau, times[-1]), first.y[:, -1], t_eval=after, **options)
+    rates = [contact(t, y)[2:] for t, y in zip(during, first.y.T, strict=False)]
+    rates += [free(t, y)[2:] for t, y in zip(after, second.y.T, strict=True)]
+    return np.array(rates).T
+
+
+def check_against_integration(model: ImpactModel, variant: ModelVariant) -> None:
+    expected = integrate(model, np.arange(COUNT) / RATE, variant)
+    for ours, theirs in zip(
+        simulate_impact(model, RATE, COUNT, variant=variant), expected, strict=True
+    ):
+        # What is asked for; the integrator itself is good to some 1e-10 of the peak.
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-8 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("variant", ModelVariant)
+@pytest.mark.parametrize(
+    ("first_ratio", "second_ratio"),
+    [(0.0, 0.0), (0.64, 0.2), (1.0, 1.0), (1.0, 0.3), (2.5, 1.0), (0.3, 2.5)],
+)
+def test_agrees_with_integration_for_every_damping(
+    first_ratio: float, second_ratio: float, variant: ModelVariant
+) -> None:
+    check_against_integration(make_model(first_ratio, second_ratio), variant)
+
+
+@pytest.mark.parametrize("cell", PUBLISHED_SAMPLES, ids=lambda cell: cell.name)
+def test_agrees_with_integration_for_every_published_sample(cell) -> None:
+    model = ImpactModel(
+        Body(HAMMER_MASS, HAMMER_STIFFNESS, HAMMER_DAMPING_COEFFICIENT),
+        Body(cell.mass + 3e-3, cell.stiffness, cell.damping_coefficient),
+        cell.contact_time,
+        0.0819,
+        50.0,
+    )
+    check_against_integration(model, ModelVariant.PRINTED)
+
+
+def test_resonance_without_damping_is_no_special_case() -> None:
+    # The pulse's cosine strikes the body at its natural frequency: a particular solution of
+    # that frequency does not exist.
+    mass = 0.17
+    model = ImpactModel(
+        make_body(0.1, 22.54e6, 0.0), Body(mass, mass * (2 * np.pi / TAU) ** 2, 0.0), TAU, 0.0, 60
+    )
+    check_against_integration(model, ModelVariant.DRIVEN)
+
+
+def test_printed_model_steps_at_both_ends_of_the_contact() -> None:
+    model = make_model()
+    hammer, specimen = simulate_impact(model, RATE, COUNT)
+    c1, v1 = model.hammer.damping_coefficient, model.impact_speed
+    # At t = 0 nothing but the damper acts: it sees the whole impact speed.
+    assert hammer[0] == pytest.approx(-c1 * v1 / 0.1, rel=1e-12)
+    assert specimen[0] == pytest.approx(c1 * v1 / 0.17, rel=1e-12)
+    last = int(TAU * RATE)
+    # A smooth trace would change by no more there than one point earlier.
+    for trace in (hammer, specimen):
+        assert abs(trace[last + 1] - trace[last]) > 10 * abs(trace[last] - trace[last - 1])
+
+
+def test_driven_hammer_is_the_versed_sine_itself() -> None:
+    hammer, _ = simulate_impact(make_model(), RATE, COUNT, variant=ModelVariant.DRIVEN)
+    time = np.arange(COUNT) / RATE
+    expected = np.where(time <= TAU, -600.0 * np.sin(np.pi * time / TAU) ** 2, 0.0)
+    np.testing.assert_allclose(hammer, expected, rtol=0, atol=1e-9 * 600)
+
+
+@pytest.mark.parametrize("variant", ModelVariant)
+def test_nothing_moves_before_the_contact(variant: ModelVariant) -> None:
+    hammer, specimen = simulate_impact(make_model(), RATE, 500, start=-1e-4, variant=variant)
+    assert not hammer[:250].any()
+    assert not specimen[:250].any()
+    assert specimen[260:].any()
+
+
+@given(
+    offset=st.integers(0, 3000), count=st.integers(1, 900), variant=st.sampled_from(ModelVariant)
+)
+def test_a_part_of_the_time_grid_gives_a_part_of_the_trace(
+    offset: int, count: int, variant: ModelVariant
+) -> None:
+    model = make_model()
+    whole = np.stack(simulate_impact(model, RATE, offset + count, variant=variant))
+    part = np.stack(simulate_impact(model, RATE, count, start=offset / RATE, variant=variant))
+    # The start is rounded to some 1e-19 s, which the steps of the model do not feel.
+    np.testing.assert_allclose(part, whole[:, offset:], rtol=0, atol=1e-9 * 600)
+
+
+@given(
+    factor=st.floats(-1e6, 1e6).filter(lambda value: abs(value) > 1e-6),
+    variant=st.sampled_from(ModelVariant),
+)
+def test_response_is_proportional_to_speed_and_force(factor: float, variant: ModelVariant) -> None:
+    model = make_model()
+    scaled = ImpactModel(model.hammer, model.specimen, TAU, 0.08 * factor, 60 * factor)
+    one = np.stack(simulate_impact(model, RATE, 1000, variant=variant))
+    other = np.stack(simulate_impact(scaled, RATE, 1000, variant=variant))
+    np.testing.assert_allclose(other, factor * one, rtol=0, atol=1e-10 * abs(factor) * 600)
+
+
+@given(factor=st.floats(1e-3, 1e3))
+def test_slower_and_heavier_is_the_same_motion_on_another_clock(factor: float) -> None:
+    # Time stretched by f: m and F0 stay, c falls by f, k by f^2, v rises by f.
+    model = make_model()
+    stretched = ImpactModel(
+        *(
+            Body(body.mass, body.stiffness / factor**2, body.damping_coefficient / factor)
+            for body in (model.hammer, model.specimen)
+        ),
+        TAU * factor,
+        0.08 * factor,
+        60,
+    )
+    # Half a point aside, so that rounding moves no point across the end of the contact.
+    one = np.stack(simulate_impact(model, RATE, 1500, start=0.5 / RATE))
+    other = np.stack(simulate_impact(stretched, RATE / factor, 1500, start=0.5 * factor / RATE))
+    np.testing.assert_allclose(other, one, rtol=0, atol=1e-9 * 600)
+
+
+def test_at_rest_without_force_nothing_happens() -> None:
+    model = make_model()
+    still = ImpactModel(model.hammer, model.specimen, TAU, 0.0, 0.0)
+    assert not np.any(simulate_impact(still, RATE, 1000))
+
+
+@given(restitution=st.floats(0, 1), moving_mass=st.floats(0.01, 1))
+def test_peak_force_carries_the_momentum_of_the_impact(
+    restitution: float, moving_mass: float
+) -> None:
+    force = compute_peak_force(0.1, moving_mass, 0.0819, TAU, restitution)
+    impulse, _ = quad(lambda t: force * np.sin(np.pi * t / TAU) ** 2, 0.0, TAU)
+    common = 0.1 * 0.0819 / (0.1 + moving_mass)
+    hammer_after = common - restitution * moving_mass * 0.0819 / (0.1 + moving_mass)
+    assert impulse == pytest.approx(0.1 * (0.0819 - hammer_after), rel=1e-9)
+
+
+def test_propagation_by_doubling_is_repeated_multiplication() -> None:
+    matrix = np.array([[0.0, 0.1], [-0.2, -0.05]])
+    values, vectors = np.linalg.eig(matrix)
+    initial = np.array([1.0, -2.0])
+    found = propagate(matrix, initial, 77)
+    for n in (0, 1, 2, 63, 64, 76):
+        power = (vectors * np.exp(values * n)) @ np.linalg.inv(vectors)
+        np.testing.assert_allclose(found[:, n], (power @ initial).real, rtol=0, atol=1e-12)
+
+
+def test_a_record_of_both_bodies_costs_less_than_a_millisecond() -> None:
+    model = make_model()
+    costs = []
+    for _ in range(60):
+        start = clock.perf_counter()
+        simulate_impact(model, RATE, COUNT)
+        costs.append(clock.perf_counter() - start)
+    # The best of many: what else the machine does is not the model's.
+    assert min(costs) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ((0.0, 1e7, 1.0), "mass of a body is 0.0 kg"),
+        ((-0.1, 1e7, 1.0), "mass of a body is -0.1 kg"),
+        ((0.1, float("nan"), 1.0), "stiffness of a body is nan N/m"),
+        ((0.1, 1e7, -1.0), "damping coefficient of a body is -1.0 N s/m"),
+    ],
+)
+def test_an_impossible_body_is_refused(numbers: tuple[float, ...], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        Body(*numbers)
+
+
+def test_an_impossible_impact_is_refused() -> None:
+    body = make_body(0.1, 1e7, 0.1)
+    with pytest.raises(ParameterError, match=r"contact time is 0.0 s: it must be .* above zero"):
+        ImpactModel(body, body, 0.0, 0.08, 60)
+    with pytest.raises(ParameterError, match="impact speed is inf: it must be a finite number"):
+        ImpactModel(body, body, TAU, float("inf"), 60)
+    with pytest.raises(ParameterError, match="impact peak force is nan"):
+        ImpactModel(body, body, TAU, 0.08, float("nan"))
+    with pytest.raises(ParameterError, match=r"restitution is 1.5: it must lie between 0 and 1"):
+        compute_peak_force(0.1, 0.1, 0.08, TAU, 1.5)
+    with pytest.raises(ParameterError, match=r"hammer mass is 0.0 kg"):
+        compute_peak_force(0.0, 0.1, 0.08, TAU)

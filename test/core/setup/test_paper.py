@@ -1,0 +1,76 @@
+"""The published tables, as printed, and what contradicts itself in them."""
+
+import pytest
+
+from impact_rig.core.estimation.stiffness import (
+    estimate_contact_time,
+    estimate_equivalent_mass,
+    estimate_equivalent_stiffness,
+)
+from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
+
+
+def find_cell(name: str):
+    return next(cell for cell in PUBLISHED_SAMPLES if cell.name == name)
+
+
+def test_there_are_four_materials_in_three_sizes() -> None:
+    assert len({cell.name for cell in PUBLISHED_SAMPLES}) == 12
+    assert {cell.material for cell in PUBLISHED_SAMPLES} == {
+        "aluminium", "steel", "bronze", "brass"
+    }  # fmt: skip
+    assert {cell.size for cell in PUBLISHED_SAMPLES} == {"small", "medium", "large"}
+
+
+@pytest.mark.parametrize(
+    ("material", "totals"),
+    # Rows of the printed tables, added up apart from the code: a typing error would show.
+    [
+        ("aluminium", (185.31e-3, 553.6e-6, 56.09e6, 1539)),
+        ("steel", (500.33e-3, 592.4e-6, 120.58e6, 3323)),
+        ("bronze", (628.14e-3, 653.6e-6, 89.37e6, 5299)),
+        ("brass", (540.60e-3, 721.1e-6, 75.57e6, 4505)),
+    ],
+)
+def test_rows_add_up(material: str, totals: tuple[float, ...]) -> None:
+    columns = ("mass", "printed_contact_time", "stiffness", "damping_coefficient")
+    for column, total in zip(columns, totals, strict=True):
+        cells = (cell for cell in PUBLISHED_SAMPLES if cell.material == material)
+        assert sum(getattr(cell, column) for cell in cells) == pytest.approx(total)
+
+
+def test_cylinders_of_one_material_weigh_as_their_lengths() -> None:
+    # 10, 30 and 50 mm of one diameter: 20 mm more weigh the same twice, within 1 %.
+    for material in ("aluminium", "steel", "bronze", "brass"):
+        small, medium, large = (
+            find_cell(f"{material} {size}").mass for size in ("small", "medium", "large")
+        )
+        assert large - medium == pytest.approx(medium - small, rel=0.015)
+
+
+def test_medium_brass_is_the_one_misprint() -> None:
+    assert [cell.name for cell in PUBLISHED_SAMPLES if cell.is_misprinted] == ["brass medium"]
+    cell = find_cell("brass medium")
+    assert cell.printed_contact_time == pytest.approx(288.10e-6)
+    control = find_cell("aluminium large")
+    hammer = 2 * estimate_equivalent_stiffness(
+        estimate_equivalent_mass(0.1, control.mass + 3e-3), control.contact_time
+    )
+    equivalent = hammer * cell.stiffness / (hammer + cell.stiffness)
+    expected = estimate_contact_time(estimate_equivalent_mass(0.1, cell.mass + 3e-3), equivalent)
+    # The paper reads widths on its grid: contact times are multiples of 0.8 us.
+    assert cell.contact_time == pytest.approx(expected, abs=0.4e-6)
+    assert cell.contact_time / 0.8e-6 == pytest.approx(285)
+
+
+def test_the_set_up_is_the_papers() -> None:
+    assert PAPER_SETUP.samples.names == tuple(cell.name for cell in PUBLISHED_SAMPLES)
+    assert PAPER_SETUP.samples.control_sample == "aluminium large"
+    assert PAPER_SETUP.samples.accelerometer_mass == 3e-3
+    assert (PAPER_SETUP.hammer_mass, PAPER_SETUP.impact_speed) == (0.1, 0.0819)
+    for cell in PUBLISHED_SAMPLES:
+        sample = PAPER_SETUP.samples.find(cell.name)
+        assert sample.mass == cell.mass
+        assert sample.reference_contact_time == cell.contact_time
+        assert sample.reference_stiffness == cell.stiffness
+        assert sample.reference_damping_coefficient == cell.damping_coefficient

@@ -1,0 +1,92 @@
+"""Sample sets and set-ups: what is refused says what would be right."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+
+STEEL, BRASS = Sample("steel", 0.05632), Sample("brass", 0.06086)
+
+
+def test_a_set_keeps_its_order_and_finds_its_samples() -> None:
+    samples = SampleSet((STEEL, BRASS), control_sample="brass", accelerometer_mass=3e-3)
+    assert samples.names == ("steel", "brass")
+    assert samples.find("brass") is BRASS
+
+
+@given(mass=st.floats(1e-6, 100), accelerometer=st.floats(0, 1))
+def test_what_moves_is_sample_and_accelerometer(mass: float, accelerometer: float) -> None:
+    samples = SampleSet((Sample("x", mass),), "", accelerometer)
+    assert samples.find_moving_mass("x") == mass + accelerometer
+
+
+def test_an_unknown_sample_is_named_with_those_there_are() -> None:
+    samples = SampleSet((STEEL, BRASS), "")
+    for call in (samples.find, samples.find_moving_mass):
+        with pytest.raises(ParameterError) as error:
+            call("stel")
+        assert str(error.value) == "unknown sample 'stel': the set has 'steel', 'brass'"
+
+
+@pytest.mark.parametrize("mass", [0.0, -0.05, np.nan, np.inf])
+def test_an_impossible_mass_is_refused(mass: float) -> None:
+    expected = f"mass of sample 'steel' is {mass!r} kg: it must be a finite number above zero"
+    with pytest.raises(ParameterError) as error:
+        Sample("steel", mass)
+    assert str(error.value) == expected
+
+
+@pytest.mark.parametrize(
+    ("field", "unit"),
+    [
+        ("reference_contact_time", "s"),
+        ("reference_stiffness", "N/m"),
+        ("reference_damping_coefficient", "N s/m"),
+    ],
+)
+def test_an_impossible_reference_is_refused_and_none_is_fine(field: str, unit: str) -> None:
+    assert np.isnan(getattr(STEEL, field))
+    name = field.replace("_", " ")
+    with pytest.raises(ParameterError, match=f"{name} of sample 'steel' is -1.0 {unit}"):
+        Sample("steel", 0.05, **{field: -1.0})
+
+
+def test_a_sample_needs_a_name() -> None:
+    with pytest.raises(ParameterError, match="every sample needs its own name"):
+        Sample("  ", 0.05)
+
+
+def test_an_empty_set_is_refused() -> None:
+    with pytest.raises(ParameterError, match="needs at least one sample"):
+        SampleSet((), "")
+
+
+def test_a_name_is_used_once() -> None:
+    with pytest.raises(ParameterError, match="sample 'steel' appears twice in the set"):
+        SampleSet((STEEL, BRASS, Sample("steel", 0.1)), "")
+
+
+def test_a_missing_control_sample_is_named_with_those_there_are() -> None:
+    with pytest.raises(ParameterError) as error:
+        SampleSet((STEEL, BRASS), "aluminium large")
+    assert str(error.value) == (
+        "control sample 'aluminium large' is missing from the set, which has 'steel', 'brass'"
+    )
+
+
+def test_the_accelerometer_may_weigh_nothing_but_not_less() -> None:
+    assert SampleSet((STEEL,), "").find_moving_mass("steel") == STEEL.mass
+    with pytest.raises(ParameterError, match=r"accelerometer mass is -0.003 kg"):
+        SampleSet((STEEL,), "", -3e-3)
+
+
+@pytest.mark.parametrize(
+    ("mass", "speed", "message"),
+    [(0.0, 0.08, "hammer mass is 0.0 kg"), (0.1, -0.08, "impact speed is -0.08 m/s")],
+)
+def test_an_impossible_rig_is_refused(mass: float, speed: float, message: str) -> None:
+    with pytest.raises(RigError, match=message):
+        RigSetup(SampleSet((STEEL,), ""), mass, speed)

@@ -1,0 +1,43 @@
+"""Settings of the analysis: the paper's by default, and what is refused."""
+
+import math
+
+import pytest
+
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.setup.settings import AnalysisSettings
+
+
+def test_the_paper_is_the_default() -> None:
+    settings = AnalysisSettings()
+    assert settings.cutoff_frequency == 50e3
+    assert settings.pulse_factor == 2.0
+    assert settings.record_duration == 2e-3
+
+
+def test_a_cutoff_of_zero_means_no_filter() -> None:
+    assert AnalysisSettings(cutoff_frequency=0.0).cutoff_frequency == 0.0
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "right"),
+    [
+        ("cutoff_frequency", -1.0, "0 or more"),
+        ("cutoff_frequency", math.nan, "0 or more"),
+        ("pulse_factor", 0.5, "between 1 and 4"),
+        ("pre_trigger", 0.0, "above zero"),
+        ("record_duration", -2e-3, "above zero"),
+        ("pre_trigger", 2e-3, "shorter than the record of 0.002 s"),
+        ("detection_level", 0.0, "between 1e-06 and 1"),
+        ("minimum_peak", 1.5, "between 0 and 1"),
+        ("overload_run", 0, "between 1 and 1000"),
+        ("double_hit_level", 0.0, "between 0.001 and 1"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_by_name(field: str, value: float, right: str) -> None:
+    with pytest.raises(ParameterError) as error:
+        AnalysisSettings(**{field: value})
+    message = str(error.value)
+    assert field in message
+    assert str(value) in message
+    assert right in message

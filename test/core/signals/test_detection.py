@@ -1,0 +1,193 @@
+"""Impacts in a stream of blocks: found once, cut out whole, gaps named and never bridged."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.detection import QUIET_RECORDS, ImpactDetector, find_pulse_start
+from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, Trace
+
+# At the 1 MHz of these streams: 200 points of pre-trigger, 2000 of record.
+SETTINGS = AnalysisSettings()
+BEFORE, LENGTH = 200, 2000
+Make = Callable[..., Any]
+
+
+def test_one_impact_is_cut_out_with_its_pre_trigger(
+    make_counts: Make, make_blocks: Make, detect: Make
+) -> None:
+    hammer = make_counts([(1000, 900.0)], 5000, noise=0.0, offset=0.0)
+    specimen = make_counts([(1010, 400.0)], 5000, noise=0.0, offset=0.0)
+    (record,) = detect(make_blocks(hammer, specimen, [500]))
+    # 3 % of full scale is 61.44 counts: reached where 900 sin^2 is.
+    pulse = 1000 + int(np.ceil(np.arcsin(np.sqrt(61.44 / 900)) * 200 / np.pi))
+    assert record.pulse_index == BEFORE
+    window = slice(pulse - BEFORE, pulse - BEFORE + LENGTH)
+    scale = 2000.0 / 2048
+    np.testing.assert_array_equal(record.hammer.acceleration, scale * hammer[window])
+    np.testing.assert_array_equal(record.specimen.acceleration, -scale * specimen[window])
+    assert (record.hammer.full_scale, record.hammer.resolution) == (2000.0, scale)
+    assert record.stamp == 1_000 + (pulse - BEFORE) * 1_000
+    assert record.flaws == ()
+
+
+@given(
+    sizes=st.lists(st.integers(1, 3000), min_size=1, max_size=8),
+    starts=st.lists(st.integers(250, 2000), min_size=1, max_size=4),
+    heights=st.lists(st.sampled_from([-1800.0, -400.0, 150.0, 900.0]), min_size=4, max_size=4),
+    full_scale=st.sampled_from([2000.0, 0.0]),
+)
+def test_splitting_the_stream_into_other_blocks_changes_no_bit(
+    make_counts: Make,
+    make_blocks: Make,
+    sizes: list[int],
+    starts: list[int],
+    heights: list[float],
+    full_scale: float,
+    detect: Make,
+    describe: Make,
+) -> None:
+    places = 400 + np.cumsum(starts)
+    count = int(places[-1]) + 2500
+    hammer = make_counts(zip(places, heights, strict=False), count)
+    specimen = make_counts(zip(places + 10, heights, strict=False), count, seed=2)
+    # No whole number of nanoseconds per point.
+    options = {"full_scale": full_scale, "rate": 1.3e6}
+    whole = detect(make_blocks(hammer, specimen, [count], **options))
+    split = detect(make_blocks(hammer, specimen, sizes, **options))
+    assert [describe(record) for record in split] == [describe(record) for record in whole]
+
+
+def test_every_impact_of_a_continuous_stream_is_found_once(
+    make_counts: Make, make_blocks: Make, detect: Make
+) -> None:
+    # Across, on and inside the borders of blocks of 1000 points.
+    places = [950, 3999, 6500, 9000, 14_100]
+    hammer = make_counts([(place, 800.0) for place in places], 20_000)
+    records = detect(make_blocks(hammer, hammer, [1000]))
+    assert len(records) == len(places)
+    for place, record in zip(places, records, strict=True):
+        first = (record.stamp - 1_000) // 1_000
+        assert record.pulse_index == BEFORE
+        # The level lies within the first tenth of the pulse of 200 points.
+        assert place <= first + BEFORE <= place + 40
+        assert record.hammer.acceleration.size == LENGTH
+
+
+def test_a_second_pulse_inside_the_window_is_no_hit_of_its_own(
+    make_counts: Make, make_blocks: Make, detect: Make
+) -> None:
+    hammer = make_counts([(1000, 900.0), (1600, 500.0)], 5000)
+    assert len(detect(make_blocks(hammer, hammer, [1000]))) == 1
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_polarity_does_not_matter(
+    make_counts: Make, make_blocks: Make, sign: float, detect: Make
+) -> None:
+    hammer = make_counts([(1000, sign * 900.0)], 4000, noise=0.0)
+    (record,) = detect(make_blocks(hammer, hammer, [700]))
+    assert record.pulse_index == BEFORE
+    peak = np.argmax(np.abs(record.hammer.acceleration))
+    # The top of a pulse of 200 points, seen from its first tenth.
+    assert 80 < peak - BEFORE <= 100
+
+
+def test_an_impact_of_unknown_full_scale_waits_for_the_end(
+    make_counts: Make, make_blocks: Make
+) -> None:
+    hammer = make_counts([(1000, 900.0)], 12_000)
+    blocks = make_blocks(hammer, hammer, [1000], full_scale=0.0)
+    detector = ImpactDetector(SETTINGS)
+    assert not any(detector.feed(block) for block in blocks[:-1])
+    # The noise behind the hit makes no further ones.
+    (record,) = detector.feed(blocks[-1])
+    assert record.pulse_index == BEFORE
+
+
+@pytest.mark.parametrize("full_scale", [2000.0, 0.0])
+def test_an_arming_without_a_pulse_gives_one_record_without_one(
+    make_counts: Make, make_blocks: Make, full_scale: float, detect: Make
+) -> None:
+    hammer = make_counts([], 5000)
+    (record,) = detect(make_blocks(hammer, hammer, [900], full_scale=full_scale))
+    assert record.pulse_index is None
+    assert record.hammer.acceleration.size == 5000
+
+
+def test_of_a_long_arming_without_a_pulse_only_the_end_is_kept(
+    make_counts: Make, make_blocks: Make, detect: Make
+) -> None:
+    hammer = make_counts([], 50_000)
+    (record,) = detect(make_blocks(hammer, hammer, [1000]))
+    kept = QUIET_RECORDS * LENGTH
+    np.testing.assert_array_equal(
+        record.hammer.acceleration, 2000.0 / 2048 * hammer[-kept:].astype(float)
+    )
+    assert record.stamp == 1_000 + (50_000 - kept) * 1_000
+
+
+def test_slow_drift_between_hits_starts_none(
+    make_counts: Make, make_blocks: Make, detect: Make
+) -> None:
+    places = range(1000, 200_000, 5000)
+    hammer = make_counts([(place, 800.0) for place in places], 200_000)
+    drifting = (hammer + np.linspace(0, 200, 200_000)).astype(np.int32)  # 10 % of full scale
+    assert len(detect(make_blocks(drifting, drifting, [1000]))) == len(places)
+
+
+def test_a_missed_trigger_gives_an_empty_record(detect: Make) -> None:
+    channel = ChannelBlock(np.empty(0, np.int32), 1.0, 0.0, 2000.0)
+    label = HitLabel("steel", record=4)
+    block = Block(label, 0, 1e6, channel, channel, triggered=False, last=True, stamp=77)
+    (record,) = detect([block])
+    assert not record.triggered
+    assert (record.label, record.stamp, record.pulse_index) == (label, 77, None)
+    assert record.hammer.acceleration.size == 0
+
+
+def test_an_empty_block_changes_nothing(
+    make_counts: Make, make_blocks: Make, detect: Make, describe: Make
+) -> None:
+    hammer = make_counts([(1000, 900.0)], 5000)
+    blocks = make_blocks(hammer, hammer, [500])
+    block, none = blocks[2], np.empty(0, np.int32)
+    empty = replace(
+        block,
+        hammer=replace(block.hammer, counts=none),
+        specimen=replace(block.specimen, counts=none),
+    )
+    records = detect([*blocks[:2], empty, *blocks[2:]])
+    assert [describe(item) for item in records] == [describe(item) for item in detect(blocks)]
+
+
+class TestPulseStart:
+    """Traces that were recorded as a whole, from a file."""
+
+    def make_trace(self, height: float, full_scale: float, noise: float = 1.0) -> Trace:
+        values = 7.0 + noise * np.random.default_rng(1).standard_normal(3000)
+        values[500:700] += height * np.sin(np.pi * np.arange(200) / 200) ** 2
+        return Trace(values, full_scale)
+
+    @pytest.mark.parametrize("height", [800.0, -800.0])
+    @pytest.mark.parametrize("full_scale", [2000.0, 0.0])
+    def test_is_where_the_pulse_rises(self, height: float, full_scale: float) -> None:
+        start = find_pulse_start(self.make_trace(height, full_scale), SETTINGS)
+        # 60 m/s^2 of full scale, or a tenth of the peak, is reached within 21 points.
+        assert start is not None
+        assert 512 <= start <= 521
+
+    @pytest.mark.parametrize("full_scale", [2000.0, 0.0])
+    def test_is_nowhere_in_noise(self, full_scale: float) -> None:
+        assert find_pulse_start(self.make_trace(0.0, full_scale), SETTINGS) is None
+
+    @pytest.mark.parametrize("full_scale", [2000.0, 0.0])
+    @pytest.mark.parametrize("values", [[], [5.0] * 100, [0.0, np.nan, 900.0, 0.0]])
+    def test_is_nowhere_in_nothing(self, values: list[float], full_scale: float) -> None:
+        assert find_pulse_start(Trace(np.array(values), full_scale), SETTINGS) is None

@@ -1,0 +1,107 @@
+"""The zero-phase low-pass, seen from its frequency response."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import butter, filtfilt
+
+from impact_rig.core.errors import ParameterError, SignalError
+from impact_rig.core.signals.filtering import check_cutoff, low_pass
+
+RATE = 2.5e6
+CUTOFF = 50e3
+
+
+def find_response(frequency: float) -> complex:
+    """Return the gain at a frequency, from the answer to an impulse amid a long record."""
+    impulse = np.zeros(20001)
+    impulse[10000] = 1.0
+    answer = low_pass(impulse, CUTOFF, RATE)
+    time = (np.arange(20001) - 10000) / RATE
+    return complex(np.sum(answer * np.exp(-2j * np.pi * frequency * time)))
+
+
+def test_gain_at_the_cutoff_is_minus_3_db() -> None:
+    # Both passes together; the bilinear transform bends 50 kHz of 2.5 MHz by less than 0.5 %.
+    assert abs(find_response(CUTOFF)) == pytest.approx(np.sqrt(0.5), rel=5e-3)
+
+
+def test_gain_at_rest_is_one() -> None:
+    assert find_response(0.0) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_roll_off_is_24_db_per_octave() -> None:
+    drop = abs(find_response(4 * CUTOFF)) / abs(find_response(8 * CUTOFF))
+    # Bilinear warping makes it a little steeper.
+    assert 20 * np.log10(drop) == pytest.approx(24, abs=3.5)
+
+
+@pytest.mark.parametrize("frequency", [10e3, 50e3, 200e3])
+def test_no_frequency_is_delayed(frequency: float) -> None:
+    response = find_response(frequency)
+    assert abs(response.imag) < 1e-9 * abs(response)
+
+
+def test_agrees_with_a_filter_designed_and_run_in_another_way() -> None:
+    trace = np.random.default_rng(1).standard_normal(3000)
+    trace[:500] = trace[-500:] = 0.0  # ends differ by padding, which is not compared here
+    one_pass = CUTOFF / (np.sqrt(2) - 1) ** 0.25
+    expected = filtfilt(*butter(2, one_pass / (RATE / 2)), trace, method="gust")
+    np.testing.assert_allclose(low_pass(trace, CUTOFF, RATE), expected, atol=1e-8)
+
+
+def test_a_steady_trace_stays_as_it_is() -> None:
+    np.testing.assert_allclose(low_pass(np.full(400, 7.0), CUTOFF, RATE), 7.0, rtol=1e-9)
+
+
+def test_each_channel_is_filtered_alone() -> None:
+    traces = np.random.default_rng(2).standard_normal((2, 1000))
+    both = low_pass(traces, CUTOFF, RATE)
+    for channel in (0, 1):
+        np.testing.assert_array_equal(both[channel], low_pass(traces[channel], CUTOFF, RATE))
+
+
+@given(a=st.floats(-1e3, 1e3), b=st.floats(-1e3, 1e3))
+def test_filtering_is_linear(a: float, b: float) -> None:
+    one, other = np.random.default_rng(3).standard_normal((2, 500))
+    together = low_pass(a * one + b * other, CUTOFF, RATE)
+    apart = a * low_pass(one, CUTOFF, RATE) + b * low_pass(other, CUTOFF, RATE)
+    np.testing.assert_allclose(together, apart, rtol=0, atol=1e-11 * (1 + abs(a) + abs(b)))
+
+
+def test_backwards_in_is_backwards_out() -> None:
+    trace = np.zeros(4000)
+    trace[1000:1700] = np.random.default_rng(4).standard_normal(700)
+    np.testing.assert_allclose(
+        low_pass(trace[::-1], CUTOFF, RATE), low_pass(trace, CUTOFF, RATE)[::-1], atol=1e-9
+    )
+
+
+def test_cutoff_zero_leaves_a_copy() -> None:
+    trace = np.arange(5.0)
+    same = low_pass(trace, 0.0, RATE)
+    np.testing.assert_array_equal(same, trace)
+    assert same is not trace
+
+
+def test_a_sampling_rate_that_is_too_low_is_named_with_what_would_do() -> None:
+    with pytest.raises(ParameterError) as error:
+        check_cutoff(50e3, 51.2e3)
+    message = str(error.value)
+    assert "sampling rate of 51.2 kHz is too low for the 50 kHz low-pass" in message
+    assert "sample at 125 kHz or more" in message
+    assert "cutoff of 20.48 kHz or less" in message
+    check_cutoff(50e3, 125e3)
+
+
+def test_a_trace_that_is_too_short_is_named() -> None:
+    with pytest.raises(SignalError, match=r"a trace of 15 points is too short .* it needs 16"):
+        low_pass(np.zeros(15), CUTOFF, RATE)
+    assert low_pass(np.zeros(16), CUTOFF, RATE).size == 16
+
+
+@pytest.mark.parametrize(("cutoff", "rate"), [(-1.0, RATE), (np.nan, RATE), (50e3, 0.0)])
+def test_impossible_frequencies_are_refused(cutoff: float, rate: float) -> None:
+    with pytest.raises(ParameterError, match="it must be a finite number"):
+        check_cutoff(cutoff, rate)

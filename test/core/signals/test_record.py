@@ -1,0 +1,86 @@
+"""Blocks, traces and records: copied, read-only, and checked."""
+
+import numpy as np
+import pytest
+
+from impact_rig.core.errors import ParameterError, RigError, SignalError
+from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, Record, Trace
+
+LABEL = HitLabel("steel", record=7)
+
+
+def make_channel(count: int = 4, **changes: float) -> ChannelBlock:
+    calibration = {"scale": 0.5, "offset": 0.0, "full_scale": 2000.0, **changes}
+    return ChannelBlock(np.arange(count, dtype=np.int32), **calibration)
+
+
+def test_what_a_block_holds_is_its_own() -> None:
+    counts = np.arange(4, dtype=np.int32)
+    channel = ChannelBlock(counts, 0.5, 0.0, 2000.0)
+    counts[0] = 99
+    assert channel.counts[0] == 0
+    with pytest.raises(ValueError, match="read-only"):
+        channel.counts[0] = 99
+
+
+def test_what_a_trace_holds_is_its_own() -> None:
+    values = np.arange(4)
+    trace = Trace(values)
+    values[0] = 99
+    assert trace.acceleration.dtype == np.float64
+    assert trace.acceleration[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        trace.acceleration[0] = 99
+
+
+@pytest.mark.parametrize("dtype", [np.int16, np.uint8, np.int32])
+def test_counts_of_any_fitting_type_are_taken(dtype: type) -> None:
+    assert ChannelBlock(np.ones(3, dtype), 1.0, 0.0, 0.0).counts.dtype == np.int32
+
+
+@pytest.mark.parametrize("counts", [np.ones(3), np.ones(3, np.int64), np.ones((2, 3), np.int32)])
+def test_counts_that_would_be_bent_are_refused(counts: np.ndarray) -> None:
+    with pytest.raises(SignalError, match="one row of whole numbers of 32 bits at most"):
+        ChannelBlock(counts, 1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"scale": 0.0}, "scale is 0.0 m/s^2 per count: it must not be zero"),
+        ({"scale": np.nan}, "scale is nan"),
+        ({"offset": np.inf}, "offset is inf"),
+        ({"full_scale": -1.0}, "full scale is -1.0 m/s^2"),
+    ],
+)
+def test_an_impossible_calibration_is_refused(changes: dict[str, float], message: str) -> None:
+    with pytest.raises(RigError) as error:
+        make_channel(**changes)
+    assert message in str(error.value)
+
+
+def test_channels_of_a_block_are_equally_long() -> None:
+    with pytest.raises(SignalError) as error:
+        Block(LABEL, 100, 1e6, make_channel(4), make_channel(5))
+    assert str(error.value) == (
+        "block at point 100 of record 7 has 4 hammer points and 5 sample points: both channels"
+        " must be equally long"
+    )
+
+
+@pytest.mark.parametrize("rate", [0.0, -1e6, np.nan])
+def test_a_rate_is_above_zero(rate: float) -> None:
+    with pytest.raises(ParameterError, match=r"sampling rate is .* Hz"):
+        Block(LABEL, 0, rate, make_channel(), make_channel())
+    with pytest.raises(ParameterError, match=r"sampling rate is .* Hz"):
+        Record(LABEL, rate, Trace(np.zeros(4)), None, None)
+
+
+def test_traces_of_a_record_are_equally_long() -> None:
+    with pytest.raises(SignalError, match="record 7 has 4 hammer points and 5 sample points"):
+        Record(LABEL, 1e6, Trace(np.zeros(4)), Trace(np.zeros(5)), None)
+
+
+def test_a_trace_is_one_row() -> None:
+    with pytest.raises(SignalError, match=r"a trace has shape \(2, 3\): it must be one row"):
+        Trace(np.zeros((2, 3)))
