@@ -19,6 +19,7 @@ ANALYSIS_QUANTITIES = {
     "record_duration": ("s", "2 ms"),
 }
 """Settings that have a unit; the others are plain numbers."""
+WHOLE_SETTINGS = ("overload_run", "keep_hits")
 REFERENCE_QUANTITIES = {
     "reference_contact_time": ("s", "203.2 us"),
     "reference_stiffness": ("N/m", "45.29 MN/m"),
@@ -140,10 +141,10 @@ def _parse_analysis(document: Mapping[str, Any]) -> AnalysisSettings:
             values[key] = parse_quantity(f"{key} in [analysis]", value, unit, example)
         elif isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ParameterError(f"{key} in [analysis] is {value!r}: it must be a plain number")
-        elif key != "overload_run":
+        elif key not in WHOLE_SETTINGS:
             values[key] = float(value)
         elif not isinstance(value, int):
-            raise ParameterError(f"overload_run in [analysis] is {value!r}: it must be whole")
+            raise ParameterError(f"{key} in [analysis] is {value!r}: it must be whole")
         else:
             values[key] = value
     return AnalysisSettings(**values)

@@ -139,8 +139,10 @@ def setup_to_msg(setup: samples.RigSetup, stamp: Time) -> RigSetup:
             record_duration=float(analysis.record_duration),
             detection_level=float(analysis.detection_level),
             minimum_peak=float(analysis.minimum_peak),
+            maximum_peak=float(analysis.maximum_peak),
             overload_run=analysis.overload_run,
             double_hit_level=float(analysis.double_hit_level),
+            keep_hits=int(analysis.keep_hits),
         ),
     )
     message.header.stamp = stamp

@@ -93,8 +93,11 @@ def setup_from_msg(message: Any) -> RigSetup:
             record_duration=float(analysis.record_duration),
             detection_level=float(analysis.detection_level),
             minimum_peak=float(analysis.minimum_peak),
+            # Recordings made before these settings existed were judged without them.
+            maximum_peak=float(getattr(analysis, "maximum_peak", 1.0)),
             overload_run=int(analysis.overload_run),
             double_hit_level=float(analysis.double_hit_level),
+            keep_hits=int(getattr(analysis, "keep_hits", 0)),
         ),
         name=str(message.name),
         description=str(message.description),

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
 
+MOST_KEPT_HITS = 1_000_000
+"""Largest `keep_hits` [-], our choice: more than any campaign strikes."""
+
 
 @dataclass(frozen=True)
 class AnalysisSettings:
@@ -26,11 +29,17 @@ class AnalysisSettings:
         12-bit noise, well below the weakest acceptable hit.
     minimum_peak : float
         Weakest acceptable hammer peak, part of full scale [-]. Our choice.
+    maximum_peak : float
+        Strongest acceptable peak of either channel, part of full scale [-]. Our choice: room for
+        offset and noise below the rail.
     overload_run : int
         Points in a row at the rail that make an overload [-]. Our choice: one point may be
         chance, three are not.
     double_hit_level : float
         Second pulse that makes a double hit, part of the first [-]. Our choice.
+    keep_hits : int
+        How many accepted hits of a sample are averaged at most, the most consistent ones [-]; 0:
+        all.
     """
 
     cutoff_frequency: float = 50e3
@@ -39,8 +48,10 @@ class AnalysisSettings:
     record_duration: float = 2e-3
     detection_level: float = 0.03
     minimum_peak: float = 0.15
+    maximum_peak: float = 0.95
     overload_run: int = 3
     double_hit_level: float = 0.05
+    keep_hits: int = 0
 
     def __post_init__(self) -> None:
         """Refuse values that cannot be meant."""
@@ -55,5 +66,14 @@ class AnalysisSettings:
             )
         check_between("detection_level", self.detection_level, 1e-6, 1.0)
         check_between("minimum_peak", self.minimum_peak, 0.0, 1.0)
+        check_between("maximum_peak", self.maximum_peak, 0.0, 1.0)
+        if self.maximum_peak <= self.minimum_peak:
+            raise ParameterError(
+                f"maximum_peak is {self.maximum_peak!r}: it must lie above the minimum_peak of"
+                f" {self.minimum_peak!r}"
+            )
         check_between("overload_run", self.overload_run, 1, 1000)
         check_between("double_hit_level", self.double_hit_level, 1e-3, 1.0)
+        check_between("keep_hits", self.keep_hits, 0, MOST_KEPT_HITS)
+        if self.keep_hits != int(self.keep_hits):
+            raise ParameterError(f"keep_hits is {self.keep_hits!r}: it must be whole")

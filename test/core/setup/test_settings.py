@@ -30,7 +30,11 @@ def test_a_cutoff_of_zero_means_no_filter() -> None:
         ("pre_trigger", 2e-3, "shorter than the record of 0.002 s"),
         ("detection_level", 0.0, "between 1e-06 and 1"),
         ("minimum_peak", 1.5, "between 0 and 1"),
+        ("maximum_peak", 1.5, "between 0 and 1"),
+        ("maximum_peak", 0.15, "above the minimum_peak of 0.15"),
         ("overload_run", 0, "between 1 and 1000"),
+        ("keep_hits", -1, "between 0 and 1e+06"),
+        ("keep_hits", 2.5, "must be whole"),
         ("double_hit_level", 0.0, "between 0.001 and 1"),
     ],
 )
