@@ -10,7 +10,12 @@ from typing import Any
 
 from impact_rig.configuration.units import parse_quantity
 from impact_rig.core.errors import FileError, ParameterError, RigError
-from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.samples import (
+    DEFAULT_CLOCK_UNCERTAINTY,
+    RigSetup,
+    Sample,
+    SampleSet,
+)
 from impact_rig.core.setup.settings import AnalysisSettings
 
 ANALYSIS_QUANTITIES = {
@@ -82,10 +87,10 @@ def parse_rig_file(text: str) -> RigFile:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ParameterError(f"this is no TOML: {error}") from None
-    _check_keys(document, "the file", ("name", "description", "hammer", "analysis", "samples",
-                                       "sample", "virtual"))  # fmt: skip
+    _check_keys(document, "the file", ("name", "description", "hammer", "digitizer", "analysis",
+                                       "samples", "sample", "virtual"))  # fmt: skip
     hammer = _take_table(document, "hammer")
-    _check_keys(hammer, "[hammer]", ("mass", "impact_speed"))
+    _check_keys(hammer, "[hammer]", ("mass", "mass_uncertainty", "impact_speed"))
     setup = RigSetup(
         samples=_parse_samples(document),
         hammer_mass=_parse_required(hammer, "[hammer]", "mass", "kg", "100 g"),
@@ -93,31 +98,35 @@ def parse_rig_file(text: str) -> RigFile:
         analysis=_parse_analysis(document),
         name=_take_text(document, "the file", "name"),
         description=_take_text(document, "the file", "description"),
+        hammer_mass_uncertainty=_parse_mass(hammer, "[hammer]", "mass_uncertainty", "0.29 g"),
+        clock_uncertainty=_parse_clock_uncertainty(document),
     )
     return RigFile(setup=setup, virtual=_take_table(document, "virtual"))
 
 
 def _parse_samples(document: Mapping[str, Any]) -> SampleSet:
     common = _take_table(document, "samples")
-    _check_keys(common, "[samples]", ("control", "accelerometer_mass"))
+    _check_keys(
+        common, "[samples]", ("control", "accelerometer_mass", "accelerometer_mass_uncertainty")
+    )
     entries = document.get("sample", [])
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise ParameterError("samples are given as tables [[sample]], one for each")
-    accelerometer_mass = 0.0
-    if "accelerometer_mass" in common:
-        accelerometer_mass = parse_quantity(
-            "accelerometer_mass", common["accelerometer_mass"], "kg", "3 g"
-        )
     return SampleSet(
         samples=tuple(_parse_sample(entry, index) for index, entry in enumerate(entries, 1)),
         control_sample=_take_text(common, "[samples]", "control"),
-        accelerometer_mass=accelerometer_mass,
+        accelerometer_mass=_parse_mass(common, "[samples]", "accelerometer_mass", "3 g"),
+        accelerometer_mass_uncertainty=_parse_mass(
+            common, "[samples]", "accelerometer_mass_uncertainty", "0.29 g"
+        ),
     )
 
 
 def _parse_sample(entry: Mapping[str, Any], index: int) -> Sample:
     place = f"sample {entry.get('name', index)!r}"
-    _check_keys(entry, place, ("name", "material", "mass", *REFERENCE_QUANTITIES))
+    _check_keys(
+        entry, place, ("name", "material", "mass", "mass_uncertainty", *REFERENCE_QUANTITIES)
+    )
     references = {
         key: parse_quantity(f"{key} of {place}", entry[key], unit, example)
         for key, (unit, example) in REFERENCE_QUANTITIES.items()
@@ -126,6 +135,7 @@ def _parse_sample(entry: Mapping[str, Any], index: int) -> Sample:
     return Sample(
         name=_take_text(entry, place, "name"),
         mass=_parse_required(entry, place, "mass", "kg", "21.31 g"),
+        mass_uncertainty=_parse_mass(entry, place, "mass_uncertainty", "0.003 g"),
         material=_take_text(entry, place, "material"),
         **references,
     )
@@ -148,6 +158,25 @@ def _parse_analysis(document: Mapping[str, Any]) -> AnalysisSettings:
         else:
             values[key] = value
     return AnalysisSettings(**values)
+
+
+def _parse_clock_uncertainty(document: Mapping[str, Any]) -> float:
+    table = _take_table(document, "digitizer")
+    _check_keys(table, "[digitizer]", ("clock_uncertainty",))
+    value = table.get("clock_uncertainty", DEFAULT_CLOCK_UNCERTAINTY)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ParameterError(
+            f"clock_uncertainty in [digitizer] is {value!r}: it must be a plain number, a part of"
+            " the sampling rate like 58e-6"
+        )
+    return float(value)
+
+
+def _parse_mass(table: Mapping[str, Any], place: str, key: str, example: str) -> float:
+    """Return an optional mass or its uncertainty [kg]; 0: not stated."""
+    if key not in table:
+        return 0.0
+    return parse_quantity(f"{key} of {place}", table[key], "kg", example)
 
 
 def _parse_required(

@@ -8,7 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.samples import (
+    DEFAULT_CLOCK_UNCERTAINTY,
+    RigSetup,
+    Sample,
+    SampleSet,
+)
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
 
@@ -62,6 +67,8 @@ def block_from_msg(message: Any) -> Block:
 def setup_from_msg(message: Any) -> RigSetup:
     """Return a `RigSetup` message as a `RigSetup`.
 
+    Recordings older than the stated uncertainties lack those fields: then nothing is stated.
+
     Raises
     ------
     ParameterError
@@ -74,6 +81,7 @@ def setup_from_msg(message: Any) -> RigSetup:
                 Sample(
                     name=str(sample.name),
                     mass=float(sample.mass),
+                    mass_uncertainty=float(getattr(sample, "mass_uncertainty", 0.0)),
                     material=str(sample.material),
                     reference_contact_time=float(sample.reference_contact_time),
                     reference_stiffness=float(sample.reference_stiffness),
@@ -83,6 +91,9 @@ def setup_from_msg(message: Any) -> RigSetup:
             ),
             control_sample=str(message.control_sample),
             accelerometer_mass=float(message.accelerometer_mass),
+            accelerometer_mass_uncertainty=float(
+                getattr(message, "accelerometer_mass_uncertainty", 0.0)
+            ),
         ),
         hammer_mass=float(message.hammer_mass),
         impact_speed=float(message.impact_speed),
@@ -101,4 +112,6 @@ def setup_from_msg(message: Any) -> RigSetup:
         ),
         name=str(message.name),
         description=str(message.description),
+        hammer_mass_uncertainty=float(getattr(message, "hammer_mass_uncertainty", 0.0)),
+        clock_uncertainty=float(getattr(message, "clock_uncertainty", DEFAULT_CLOCK_UNCERTAINTY)),
     )

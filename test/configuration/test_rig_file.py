@@ -48,8 +48,24 @@ def test_units_are_converted_and_defaults_filled_in():
     assert rig.setup.impact_speed == pytest.approx(0.3)
     assert rig.setup.samples.find("oak").mass == pytest.approx(0.08)
     assert rig.setup.samples.control_sample == ""
+    assert rig.setup.hammer_mass_uncertainty == 0.0
+    assert rig.setup.samples.accelerometer_mass_uncertainty == 0.0
+    assert rig.setup.samples.find("oak").mass_uncertainty == 0.0
+    assert rig.setup.clock_uncertainty == pytest.approx(100e-6 / 3**0.5, rel=5e-3)
     assert rig.setup.analysis == PAPER_SETUP.analysis
     assert dict(rig.virtual) == {}
+
+
+def test_uncertainties_of_masses_and_clock_are_stated_beside_them():
+    text = SMALLEST.replace('mass = "0.1 kg"', 'mass = "0.1 kg"\nmass_uncertainty = "0.2 g"')
+    text = text.replace('mass = "80 g"', 'mass = "80 g"\nmass_uncertainty = "3 mg"')
+    text += '[samples]\naccelerometer_mass = "3 g"\naccelerometer_mass_uncertainty = "0.1 g"\n'
+    text += "[digitizer]\nclock_uncertainty = 1e-6\n"
+    setup = parse_rig_file(text).setup
+    assert setup.hammer_mass_uncertainty == pytest.approx(2e-4)
+    assert setup.samples.find("oak").mass_uncertainty == pytest.approx(3e-6)
+    assert setup.samples.accelerometer_mass_uncertainty == pytest.approx(1e-4)
+    assert setup.clock_uncertainty == 1e-6
 
 
 @pytest.mark.parametrize(
@@ -63,6 +79,11 @@ def test_units_are_converted_and_defaults_filled_in():
         ('mass = "80 g"', 'mass = "heavy"', r'"heavy", which cannot be read'),
         ('mass = "80 g"', 'mass = "80 g("', r"cannot be read as number and unit"),
         ('mass = "80 g"', "", r"sample 'oak' lacks mass"),
+        ('mass = "80 g"', 'mass = "80 g"\nmass_uncertainty = "-1 g"',
+         r"mass uncertainty of sample 'oak' is -0.001.*0 or more"),
+        ('mass = "80 g"', 'mass = "80 g"\nmass_uncertainty = "5 %"', r"cannot be read|no kg"),
+        ("[hammer]", '[digitizer]\nclock_uncertainty = "1 s"\n[hammer]', r"plain number.*58e-6"),
+        ("[hammer]", "[digitizer]\nclock = 1\n[hammer]", r"unknown key 'clock'"),
         ('name = "oak"', 'name = ""', r"empty name"),
         ('mass = "0.1 kg"', "", r"\[hammer\] lacks mass"),
         ("[hammer]", "[hamer]", r"unknown key 'hamer': did you mean 'hammer'"),

@@ -9,6 +9,11 @@ HAMMER_MASS = 0.100
 ACCELEROMETER_MASS = 3e-3
 """Accelerometer on every sample, Table 1 [kg]. It belongs to m2: only so do equations (5) and
 (6) turn Table 2 into Table 3."""
+HAMMER_MASS_UNCERTAINTY = 0.29e-3
+ACCELEROMETER_MASS_UNCERTAINTY = 0.29e-3
+SAMPLE_MASS_UNCERTAINTY = 0.0029e-3
+"""Standard uncertainties of the printed masses by their rounding alone [kg]: half a unit of the
+last digit of 100 g, 3 g and 21.31 g, rectangular, so over sqrt(3)."""
 IMPACT_SPEED = 0.0819
 """v1 as printed [m/s]; 0.312 rad/s times 265 mm would be 0.0827."""
 HAMMER_STIFFNESS = 22.54e6
@@ -101,13 +106,16 @@ PAPER_SETUP = RigSetup(
                 reference_contact_time=cell.contact_time,
                 reference_stiffness=cell.stiffness,
                 reference_damping_coefficient=cell.damping_coefficient,
+                mass_uncertainty=SAMPLE_MASS_UNCERTAINTY,
             )
             for cell in PUBLISHED_SAMPLES
         ),
         control_sample=CONTROL_SAMPLE,
         accelerometer_mass=ACCELEROMETER_MASS,
+        accelerometer_mass_uncertainty=ACCELEROMETER_MASS_UNCERTAINTY,
     ),
     hammer_mass=HAMMER_MASS,
+    hammer_mass_uncertainty=HAMMER_MASS_UNCERTAINTY,
     impact_speed=IMPACT_SPEED,
     name="paper",
     description="twelve metal cylinders struck by a pendulum hammer",

@@ -7,6 +7,10 @@ from impact_rig.core.checks import check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup.settings import AnalysisSettings
 
+DEFAULT_CLOCK_UNCERTAINTY = 5.8e-5
+"""Relative standard uncertainty of the sampling rate [-]: a crystal good for 100 ppm, taken as
+rectangular, 1e-4 / sqrt(3)."""
+
 
 @dataclass(frozen=True)
 class Sample:
@@ -23,6 +27,8 @@ class Sample:
     reference_contact_time, reference_stiffness, reference_damping_coefficient : float
         Published or expected tau_p [s], k2 [N/m] and c2 [N s/m]; NaN: none. The virtual rig
         strikes a sample that behaves like this, tables show them beside the measured values.
+    mass_uncertainty : float
+        Standard uncertainty of the mass [kg]; 0: not stated.
     """
 
     name: str
@@ -31,12 +37,16 @@ class Sample:
     reference_contact_time: float = math.nan
     reference_stiffness: float = math.nan
     reference_damping_coefficient: float = math.nan
+    mass_uncertainty: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse a nameless sample and impossible numbers."""
         if not self.name.strip():
             raise ParameterError("a sample has an empty name: every sample needs its own name")
         check_positive(f"mass of sample {self.name!r}", self.mass, "kg")
+        check_not_negative(
+            f"mass uncertainty of sample {self.name!r}", self.mass_uncertainty, "kg"
+        )
         for quantity, value, unit in (
             ("reference contact time", self.reference_contact_time, "s"),
             ("reference stiffness", self.reference_stiffness, "N/m"),
@@ -59,15 +69,21 @@ class SampleSet:
         neither k1 nor any k2 can be determined.
     accelerometer_mass : float
         Carried by every sample, part of m2 [kg].
+    accelerometer_mass_uncertainty : float
+        Standard uncertainty of that mass [kg]; 0: not stated.
     """
 
     samples: tuple[Sample, ...]
     control_sample: str
     accelerometer_mass: float = 0.0
+    accelerometer_mass_uncertainty: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse an empty set, double names and a control sample that is not in the set."""
         check_not_negative("accelerometer mass", self.accelerometer_mass, "kg")
+        check_not_negative(
+            "accelerometer mass uncertainty", self.accelerometer_mass_uncertainty, "kg"
+        )
         if not self.samples:
             raise ParameterError("the sample set is empty: it needs at least one sample")
         names = [sample.name for sample in self.samples]
@@ -121,6 +137,10 @@ class RigSetup:
         How hits are judged and evaluated.
     name, description : str
         Of the rig, in the operator's words.
+    hammer_mass_uncertainty : float
+        Standard uncertainty of m1 [kg]; 0: not stated.
+    clock_uncertainty : float
+        Relative standard uncertainty of the sampling rate [-].
     """
 
     samples: SampleSet
@@ -129,8 +149,12 @@ class RigSetup:
     analysis: AnalysisSettings = field(default_factory=AnalysisSettings)
     name: str = ""
     description: str = ""
+    hammer_mass_uncertainty: float = 0.0
+    clock_uncertainty: float = DEFAULT_CLOCK_UNCERTAINTY
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
         check_positive("hammer mass", self.hammer_mass, "kg")
         check_positive("impact speed", self.impact_speed, "m/s")
+        check_not_negative("hammer mass uncertainty", self.hammer_mass_uncertainty, "kg")
+        check_not_negative("clock uncertainty", self.clock_uncertainty, "of the sampling rate")

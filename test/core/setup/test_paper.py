@@ -1,5 +1,7 @@
 """The published tables, as printed, and what contradicts itself in them."""
 
+import math
+
 import pytest
 
 from impact_rig.core.estimation.stiffness import (
@@ -61,6 +63,15 @@ def test_medium_brass_is_the_one_misprint() -> None:
     # The paper reads widths on its grid: contact times are multiples of 0.8 us.
     assert cell.contact_time == pytest.approx(expected, abs=0.4e-6)
     assert cell.contact_time / 0.8e-6 == pytest.approx(285)
+
+
+def test_masses_are_as_uncertain_as_they_are_rounded() -> None:
+    # Half a unit of the last printed digit, rectangular: 0.5 g and 0.005 g over sqrt(3).
+    coarse, fine = 0.5e-3 / math.sqrt(3), 0.005e-3 / math.sqrt(3)
+    assert PAPER_SETUP.hammer_mass_uncertainty == pytest.approx(coarse, rel=0.01)
+    assert PAPER_SETUP.samples.accelerometer_mass_uncertainty == pytest.approx(coarse, rel=0.01)
+    for sample in PAPER_SETUP.samples.samples:
+        assert sample.mass_uncertainty == pytest.approx(fine, rel=0.01)
 
 
 def test_the_set_up_is_the_papers() -> None:

@@ -1,5 +1,7 @@
 """Sample sets and set-ups: what is refused says what would be right."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -52,6 +54,19 @@ def test_an_impossible_reference_is_refused_and_none_is_fine(field: str, unit: s
     name = field.replace("_", " ")
     with pytest.raises(ParameterError, match=f"{name} of sample 'steel' is -1.0 {unit}"):
         Sample("steel", 0.05, **{field: -1.0})
+
+
+@pytest.mark.parametrize("value", [-1e-6, math.nan, math.inf])
+def test_an_impossible_uncertainty_is_refused_by_name(value: float) -> None:
+    samples = SampleSet((Sample("oak", 0.1),), "oak")
+    with pytest.raises(ParameterError, match="mass uncertainty of sample 'oak'"):
+        Sample("oak", 0.1, mass_uncertainty=value)
+    with pytest.raises(ParameterError, match="accelerometer mass uncertainty"):
+        SampleSet((Sample("oak", 0.1),), "oak", accelerometer_mass_uncertainty=value)
+    with pytest.raises(ParameterError, match="hammer mass uncertainty"):
+        RigSetup(samples, 0.1, 0.3, hammer_mass_uncertainty=value)
+    with pytest.raises(ParameterError, match="clock uncertainty"):
+        RigSetup(samples, 0.1, 0.3, clock_uncertainty=value)
 
 
 def test_a_sample_needs_a_name() -> None:
