@@ -9,7 +9,8 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block
 from impact_rig.recording.mcap_reader import Recording, read_recording
-from impact_rig.reporting.results import Results, results_from_session
+from impact_rig.reporting.flat_estimates import results_from_session
+from impact_rig.reporting.results import Results
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,8 @@ from impact_rig.core.signals.detection import find_pulse_start
 from impact_rig.core.signals.filtering import check_cutoff
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.recording.traces import TraceFormat, read_trace
-from impact_rig.reporting.results import (
-    HammerResults,
-    SampleResults,
-    sample_results_from_estimate,
-)
+from impact_rig.reporting.flat_estimates import sample_results_from_estimate
+from impact_rig.reporting.results import HammerResults, SampleResults
 from impact_rig.reporting.trace_results import HitResults, TraceResults, hit_results_from_judged
 
 USELESS = {Reason.NO_PULSE, Reason.NON_FINITE}

@@ -18,8 +18,9 @@ from rclpy.task import Future
 from impact_rig.core.errors import DeviceError
 from impact_rig.core.setup.samples import RigSetup as CoreRigSetup
 from impact_rig.nodes import interfaces, messages
+from impact_rig.nodes.result_messages import result_from_msg
 from impact_rig.recording.messages import setup_from_msg
-from impact_rig.reporting.results import Results
+from impact_rig.reporting.results import HammerResults, Results, SampleResults
 
 LOOK_PERIOD = 0.1
 """How often something that sends no event is looked at [s]."""
@@ -272,8 +273,8 @@ def results_from_msgs(
 ) -> Results:
     """Return what the action brought back as the results that leave the rig."""
     return Results(
-        hammer=messages.hammer_results_from_msg(result.hammer),
-        samples=tuple(map(messages.sample_results_from_msg, result.samples)),
+        hammer=result_from_msg(HammerResults, result.hammer),
+        samples=tuple(result_from_msg(SampleResults, each) for each in result.samples),
         rejections=tuple(
             messages.rejected_hit_from_msg(hit, faults_by_record.get(hit.record, ()))
             for hit in result.rejected

@@ -1,4 +1,4 @@
-"""Core types to the rig's messages, and estimates back into results.
+"""Core types to the rig's messages.
 
 What a recording holds too is read by `impact_rig.recording.messages`.
 """
@@ -27,38 +27,12 @@ from impact_rig.core.hits import hit
 from impact_rig.core.setup import samples
 from impact_rig.core.signals import record
 from impact_rig.devices.virtual.rig import VirtualHit
-from impact_rig.reporting.results import (
-    HammerResults,
-    RejectedHit,
-    SampleResults,
+from impact_rig.nodes.result_messages import result_to_msg
+from impact_rig.reporting.flat_estimates import (
+    hammer_results_from_body,
     sample_results_from_estimate,
 )
-
-ESTIMATE_FIELDS = {
-    "sample": "name",
-    "impacts_accepted": "impacts_accepted",
-    "impacts_rejected": "impacts_rejected",
-    "half_amplitude_width": "half_amplitude_width_s",
-    "width_ratio": "width_ratio",
-    "contact_time": "contact_time_s",
-    "contact_time_spread": "contact_time_spread_s",
-    "equivalent_stiffness": "equivalent_stiffness_n_per_m",
-    "stiffness": "stiffness_n_per_m",
-    "log_decrement": "log_decrement",
-    "damping_ratio": "damping_ratio",
-    "damping_coefficient": "damping_coefficient_n_s_per_m",
-    "hammer_peak": "hammer_peak_m_per_s2",
-    "specimen_peak": "specimen_peak_m_per_s2",
-    "mse_hammer_percent": "mse_hammer_percent",
-    "mse_sample_percent": "mse_sample_percent",
-    "contact_error_hammer_percent": "contact_error_hammer_percent",
-    "contact_error_sample_percent": "contact_error_sample_percent",
-    "hammer_shift": "shift_hammer_s",
-    "specimen_shift": "shift_sample_s",
-    "printed_mse_hammer_percent": "printed_mse_hammer_percent",
-    "printed_mse_sample_percent": "printed_mse_sample_percent",
-}
-"""Fields of `SampleEstimate` and the results that they carry, the notes apart."""
+from impact_rig.reporting.results import RejectedHit
 
 
 def stamp_to_msg(nanoseconds: int) -> Time:
@@ -118,7 +92,10 @@ def setup_to_msg(setup: samples.RigSetup, stamp: Time) -> RigSetup:
         description=setup.description,
         software_version=__version__,
         hammer_mass=float(setup.hammer_mass),
+        hammer_mass_uncertainty=float(setup.hammer_mass_uncertainty),
         accelerometer_mass=float(setup.samples.accelerometer_mass),
+        accelerometer_mass_uncertainty=float(setup.samples.accelerometer_mass_uncertainty),
+        clock_uncertainty=float(setup.clock_uncertainty),
         impact_speed=float(setup.impact_speed),
         control_sample=setup.samples.control_sample,
         samples=[
@@ -126,6 +103,7 @@ def setup_to_msg(setup: samples.RigSetup, stamp: Time) -> RigSetup:
                 name=sample.name,
                 material=sample.material,
                 mass=float(sample.mass),
+                mass_uncertainty=float(sample.mass_uncertainty),
                 reference_contact_time=float(sample.reference_contact_time),
                 reference_stiffness=float(sample.reference_stiffness),
                 reference_damping_coefficient=float(sample.reference_damping_coefficient),
@@ -171,46 +149,16 @@ def hammer_to_msg(
     hammer: estimation.BodyEstimate, control_sample: str, stamp: Time
 ) -> HammerEstimate:
     """Return the hammer's estimate as a message."""
-    message = HammerEstimate(
-        control_sample=control_sample,
-        stiffness=hammer.stiffness,
-        log_decrement=hammer.log_decrement,
-        damping_ratio=hammer.damping_ratio,
-        damping_coefficient=hammer.damping_coefficient,
-        notes=list(hammer.notes),
-    )
+    message: HammerEstimate = result_to_msg(hammer_results_from_body(hammer, control_sample))
     message.header.stamp = stamp
     return message
 
 
 def estimate_to_msg(estimate: estimation.SampleEstimate, stamp: Time) -> SampleEstimate:
     """Return a sample's estimate as a message."""
-    flat = sample_results_from_estimate(estimate)
-    message = SampleEstimate(
-        notes=list(flat.notes),
-        **{field: getattr(flat, name) for field, name in ESTIMATE_FIELDS.items()},
-    )
+    message: SampleEstimate = result_to_msg(sample_results_from_estimate(estimate))
     message.header.stamp = stamp
     return message
-
-
-def sample_results_from_msg(message: SampleEstimate) -> SampleResults:
-    """Return a sample's estimate as the results that leave the rig."""
-    return SampleResults(
-        notes=tuple(message.notes),
-        **{name: getattr(message, field) for field, name in ESTIMATE_FIELDS.items()},
-    )
-
-
-def hammer_results_from_msg(message: HammerEstimate) -> HammerResults:
-    """Return the hammer's estimate as the results that leave the rig."""
-    return HammerResults(
-        control_sample=message.control_sample,
-        stiffness_n_per_m=message.stiffness,
-        damping_coefficient_n_s_per_m=message.damping_coefficient,
-        damping_ratio=message.damping_ratio,
-        log_decrement=message.log_decrement,
-    )
 
 
 def rejected_hit_from_msg(message: Impact, injected_faults: Sequence[str]) -> RejectedHit:

@@ -1,48 +1,236 @@
 """What a campaign found, flat, with the names and units that leave the core.
 
-The field names are those of results.json. Nothing in here depends on when, where or with which
-libraries the numbers were found: the same hits give the same results, character by character.
+The field names are those of results.json, and without their units those of the messages. Nothing
+in here depends on when, where or with which libraries the numbers were found: the same hits give
+the same results, character by character.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
-from impact_rig.core.estimation.comparison import ModelComparison
-from impact_rig.core.estimation.sample import ContactEstimate, SampleEstimate
-from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.model.impact import ModelVariant
-from impact_rig.core.session import SessionResults
-
 NAN = math.nan
+
+
+@dataclass(frozen=True)
+class BudgetLineResults:
+    """One contribution to the uncertainty of one quantity.
+
+    Attributes
+    ----------
+    quantity : str
+        Of which the uncertainty is: "contact_time", "stiffness", "damping_ratio",
+        "damping_coefficient".
+    source : str
+        Where it comes from, in words.
+    kind : str
+        "A": from the hits; "B": from what else is known.
+    contribution : float
+        Standard uncertainty that it causes, in the quantity's SI unit.
+    share : float
+        Of the variance [-]; the shares of a quantity add up to 1.
+    """
+
+    quantity: str
+    source: str
+    kind: str
+    contribution: float
+    share: float
+
+
+@dataclass(frozen=True)
+class ShapeFitResults:
+    """One pulse shape fitted to the mean hammer pulse.
+
+    Attributes
+    ----------
+    shape : str
+        Its name.
+    contact_time_s : float
+        tau_p of the fit [s].
+    asymmetry : float
+        Of the fit [-]: the rise takes (1 + asymmetry) / 2 of the contact.
+    residual_percent : float
+        RMS of what is left, over the peak [%].
+    stiffness_n_per_m : float
+        k2 if this were the shape [N/m]; NaN: not determined.
+    """
+
+    shape: str
+    contact_time_s: float
+    asymmetry: float
+    residual_percent: float
+    stiffness_n_per_m: float = NAN
+
+
+@dataclass(frozen=True)
+class PulseShapeResults:
+    """What the mean hammer pulse looks like; NaN, or empty: not determined.
+
+    Attributes
+    ----------
+    best_shape : str
+        The shape that leaves least.
+    is_told_apart : bool
+        The next best leaves clearly more.
+    fall_over_rise : float
+        Time from the peak down to half of it over the time up to the peak [-].
+    fits : tuple of ShapeFitResults
+        One for each shape.
+    """
+
+    best_shape: str = ""
+    is_told_apart: bool = False
+    fall_over_rise: float = NAN
+    fits: tuple[ShapeFitResults, ...] = ()
+
+    @property
+    def best_fit(self) -> ShapeFitResults | None:
+        """The fit of the best shape."""
+        return next((fit for fit in self.fits if fit.shape == self.best_shape), None)
+
+
+@dataclass(frozen=True)
+class FreeDecayResults:
+    """Damping from the free decay after the contact; NaN: not determined.
+
+    `_u` is the standard uncertainty, `_expanded` the half-width of the 95 % interval.
+
+    Attributes
+    ----------
+    damping_ratio, damping_ratio_u, damping_ratio_expanded : float
+        zeta2 [-].
+    damping_coefficient_n_s_per_m and its `_u`, `_expanded` : float
+        c2 [N s/m].
+    stiffness_n_per_m and its `_u`, `_expanded` : float
+        m2 times the natural angular frequency squared [N/m].
+    frequency_hz : float
+        Of the damped oscillation [Hz].
+    periods : float
+        Of it that stand out of the noise [-].
+    r_squared : float
+        Part of the tail's variance that the fit explains [-].
+    residual_over_noise : float
+        RMS of what is left over the noise [-]; 1: nothing but noise.
+    """
+
+    damping_ratio: float = NAN
+    damping_ratio_u: float = NAN
+    damping_ratio_expanded: float = NAN
+    damping_coefficient_n_s_per_m: float = NAN
+    damping_coefficient_u_n_s_per_m: float = NAN
+    damping_coefficient_expanded_n_s_per_m: float = NAN
+    stiffness_n_per_m: float = NAN
+    stiffness_u_n_per_m: float = NAN
+    stiffness_expanded_n_per_m: float = NAN
+    frequency_hz: float = NAN
+    periods: float = NAN
+    r_squared: float = NAN
+    residual_over_noise: float = NAN
+
+
+@dataclass(frozen=True)
+class IdentificationResults:
+    """The two-body model fitted to both mean traces; NaN: not determined, or not in the model.
+
+    `_u` is the standard uncertainty, `_expanded` the half-width of the 95 % interval.
+
+    Attributes
+    ----------
+    model : str
+        "driven": equation (4) on the hammer, the sample driven by F(t) alone; "printed":
+        equations (1) and (2) as they stand.
+    is_preferred : bool
+        Its `criterion` is the smallest.
+    criterion : float
+        Bayesian information criterion [-]; ten less is very strong evidence.
+    contact_time_s, stiffness_n_per_m, damping_coefficient_n_s_per_m, damping_ratio : float
+        tau_p [s], k2 [N/m], c2 [N s/m] and zeta2 [-], each with `_u` and `_expanded`.
+    force_balance : float
+        Force on the sample over force on the hammer [-]; 1 by Newton's third law, if masses
+        and calibrations are right and the model holds.
+    residual_hammer_percent, residual_sample_percent : float
+        RMS of what is left, over the trace's peak [%].
+    residual_over_noise : float
+        The same over the noise, both traces together [-]; 1: nothing but noise.
+    parameters : tuple of str
+        Names of all fitted parameters.
+    values : tuple of float
+        Theirs, in SI units.
+    covariance : tuple of float
+        Of one mean trace's noise, row by row, as many rows as parameters.
+    undetermined : tuple of str
+        Which combinations the traces do not determine.
+    """
+
+    model: str
+    is_preferred: bool = False
+    criterion: float = NAN
+    contact_time_s: float = NAN
+    contact_time_u_s: float = NAN
+    contact_time_expanded_s: float = NAN
+    stiffness_n_per_m: float = NAN
+    stiffness_u_n_per_m: float = NAN
+    stiffness_expanded_n_per_m: float = NAN
+    damping_coefficient_n_s_per_m: float = NAN
+    damping_coefficient_u_n_s_per_m: float = NAN
+    damping_coefficient_expanded_n_s_per_m: float = NAN
+    damping_ratio: float = NAN
+    damping_ratio_u: float = NAN
+    damping_ratio_expanded: float = NAN
+    force_balance: float = NAN
+    residual_hammer_percent: float = NAN
+    residual_sample_percent: float = NAN
+    residual_over_noise: float = NAN
+    parameters: tuple[str, ...] = ()
+    values: tuple[float, ...] = ()
+    covariance: tuple[float, ...] = ()
+    undetermined: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class HammerResults:
     """What the control experiment says of the hammer; NaN: not determined.
 
+    `_u` is the standard uncertainty, `_expanded` the half-width of the 95 % interval.
+
     Attributes
     ----------
     control_sample : str
         Sample of the control experiment; empty: the set has none.
-    stiffness_n_per_m : float
+    stiffness_n_per_m and its `_u`, `_expanded` : float
         k1 [N/m].
-    damping_coefficient_n_s_per_m : float
+    damping_coefficient_n_s_per_m and its `_u`, `_expanded` : float
         c1 [N s/m].
-    damping_ratio, log_decrement : float
-        zeta1, Delta1 [-].
+    damping_ratio and its `_u`, `_expanded` : float
+        zeta1 [-].
+    log_decrement : float
+        Delta1 [-].
+    budget : tuple of BudgetLineResults
+        Of all of these, the largest contribution first.
+    notes : tuple of str
+        What could not be determined, and why.
     """
 
     control_sample: str = ""
     stiffness_n_per_m: float = NAN
+    stiffness_u_n_per_m: float = NAN
+    stiffness_expanded_n_per_m: float = NAN
     damping_coefficient_n_s_per_m: float = NAN
+    damping_coefficient_u_n_s_per_m: float = NAN
+    damping_coefficient_expanded_n_s_per_m: float = NAN
     damping_ratio: float = NAN
+    damping_ratio_u: float = NAN
+    damping_ratio_expanded: float = NAN
     log_decrement: float = NAN
+    budget: tuple[BudgetLineResults, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class SampleResults:
     """What is known of one sample; NaN: not determined, see the notes.
+
+    `_u` is the standard uncertainty, `_expanded` the half-width of the 95 % interval.
 
     Attributes
     ----------
@@ -50,18 +238,22 @@ class SampleResults:
         Of the sample.
     impacts_accepted, impacts_rejected : int
         Hits in the mean and left out.
-    contact_time_s, contact_time_spread_s : float
-        tau_p of the mean trace and its standard deviation over the hits [s].
+    contact_time_s and its `_u`, `_expanded` : float
+        tau_p of the mean trace [s].
+    contact_time_spread_s : float
+        Its standard deviation over the hits [s].
     half_amplitude_width_s : float
         w50 [s].
     width_ratio : float
         w10 / w50 [-].
-    equivalent_stiffness_n_per_m, stiffness_n_per_m : float
+    equivalent_stiffness_n_per_m, stiffness_n_per_m, each with `_u` and `_expanded` : float
         k_eq and k2 [N/m].
-    damping_coefficient_n_s_per_m : float
+    damping_coefficient_n_s_per_m and its `_u`, `_expanded` : float
         c2 [N s/m].
-    damping_ratio, log_decrement : float
-        zeta2, Delta2 [-].
+    damping_ratio and its `_u`, `_expanded` : float
+        zeta2 [-].
+    log_decrement : float
+        Delta2 [-].
     hammer_peak_m_per_s2, specimen_peak_m_per_s2 : float
         Of the mean traces [m/s^2].
     mse_hammer_percent, mse_sample_percent : float
@@ -72,6 +264,16 @@ class SampleResults:
         Applied to that model's traces, later is positive [s].
     printed_mse_hammer_percent, printed_mse_sample_percent : float
         Mean square error of equations (1) and (2) as printed [%].
+    budget : tuple of BudgetLineResults
+        Of the uncertainties above, the largest contribution of each quantity first.
+    pulse_shape : PulseShapeResults
+        Whether the pulse is a versed-sine, and what else it may be.
+    free_decay : FreeDecayResults
+        Damping from the decay after the contact.
+    identifications : tuple of IdentificationResults
+        One for each variant of the model that could be fitted.
+    warnings : tuple of str
+        What a reader of the numbers must know.
     notes : tuple of str
         What could not be determined, and why.
     """
@@ -80,13 +282,23 @@ class SampleResults:
     impacts_accepted: int
     impacts_rejected: int
     contact_time_s: float = NAN
+    contact_time_u_s: float = NAN
+    contact_time_expanded_s: float = NAN
     contact_time_spread_s: float = NAN
     half_amplitude_width_s: float = NAN
     width_ratio: float = NAN
     equivalent_stiffness_n_per_m: float = NAN
+    equivalent_stiffness_u_n_per_m: float = NAN
+    equivalent_stiffness_expanded_n_per_m: float = NAN
     stiffness_n_per_m: float = NAN
+    stiffness_u_n_per_m: float = NAN
+    stiffness_expanded_n_per_m: float = NAN
     damping_coefficient_n_s_per_m: float = NAN
+    damping_coefficient_u_n_s_per_m: float = NAN
+    damping_coefficient_expanded_n_s_per_m: float = NAN
     damping_ratio: float = NAN
+    damping_ratio_u: float = NAN
+    damping_ratio_expanded: float = NAN
     log_decrement: float = NAN
     hammer_peak_m_per_s2: float = NAN
     specimen_peak_m_per_s2: float = NAN
@@ -98,7 +310,17 @@ class SampleResults:
     shift_sample_s: float = NAN
     printed_mse_hammer_percent: float = NAN
     printed_mse_sample_percent: float = NAN
+    budget: tuple[BudgetLineResults, ...] = ()
+    pulse_shape: PulseShapeResults = PulseShapeResults()
+    free_decay: FreeDecayResults = FreeDecayResults()
+    identifications: tuple[IdentificationResults, ...] = ()
+    warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def identification(self) -> IdentificationResults | None:
+        """That of the preferred variant of the model."""
+        return next((item for item in self.identifications if item.is_preferred), None)
 
 
 @dataclass(frozen=True)
@@ -142,84 +364,3 @@ class Results:
     hammer: HammerResults
     samples: tuple[SampleResults, ...]
     rejections: tuple[RejectedHit, ...]
-
-
-def results_from_session(
-    session: SessionResults, faults_by_record: Mapping[int, tuple[str, ...]]
-) -> Results:
-    """Flatten what a session found.
-
-    Parameters
-    ----------
-    session : SessionResults
-        Of the core.
-    faults_by_record : mapping of int to tuple of str
-        Injected faults by number of the arming; what is absent had none.
-    """
-    hammer = session.hammer
-    return Results(
-        hammer=HammerResults(
-            control_sample=session.setup.samples.control_sample,
-            stiffness_n_per_m=hammer.stiffness,
-            damping_coefficient_n_s_per_m=hammer.damping_coefficient,
-            damping_ratio=hammer.damping_ratio,
-            log_decrement=hammer.log_decrement,
-        ),
-        samples=tuple(sample_results_from_estimate(item) for item in session.samples),
-        rejections=tuple(
-            rejected_hit_from_judged(hit, faults_by_record.get(hit.label.record, ()))
-            for hit in sorted(session.rejected, key=lambda hit: hit.label.record)
-        ),
-    )
-
-
-def sample_results_from_estimate(estimate: SampleEstimate) -> SampleResults:
-    """Flatten the estimate of one sample."""
-    contact = estimate.contact or ContactEstimate(NAN, NAN, NAN, NAN)
-    driven = estimate.find_comparison(ModelVariant.DRIVEN)
-    printed = estimate.find_comparison(ModelVariant.PRINTED)
-    mse_hammer, mse_sample = _read_mse(driven)
-    printed_mse_hammer, printed_mse_sample = _read_mse(printed)
-    return SampleResults(
-        name=estimate.name,
-        impacts_accepted=estimate.impacts_accepted,
-        impacts_rejected=estimate.impacts_rejected,
-        contact_time_s=contact.contact_time,
-        contact_time_spread_s=estimate.contact_time_spread,
-        half_amplitude_width_s=contact.half_amplitude_width,
-        width_ratio=contact.width_ratio,
-        equivalent_stiffness_n_per_m=contact.equivalent_stiffness,
-        stiffness_n_per_m=estimate.body.stiffness,
-        damping_coefficient_n_s_per_m=estimate.body.damping_coefficient,
-        damping_ratio=estimate.body.damping_ratio,
-        log_decrement=estimate.body.log_decrement,
-        hammer_peak_m_per_s2=estimate.hammer_peak,
-        specimen_peak_m_per_s2=estimate.specimen_peak,
-        mse_hammer_percent=mse_hammer,
-        mse_sample_percent=mse_sample,
-        contact_error_hammer_percent=driven.hammer.contact_error_percent if driven else NAN,
-        contact_error_sample_percent=driven.specimen.contact_error_percent if driven else NAN,
-        shift_hammer_s=driven.hammer.shift if driven else NAN,
-        shift_sample_s=driven.specimen.shift if driven else NAN,
-        printed_mse_hammer_percent=printed_mse_hammer,
-        printed_mse_sample_percent=printed_mse_sample,
-        notes=estimate.body.notes,
-    )
-
-
-def _read_mse(comparison: ModelComparison | None) -> tuple[float, float]:
-    if comparison is None:
-        return NAN, NAN
-    return comparison.hammer.mse_percent, comparison.specimen.mse_percent
-
-
-def rejected_hit_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) -> RejectedHit:
-    """Flatten the verdict on a rejected hit."""
-    return RejectedHit(
-        sample=hit.label.sample,
-        impact=hit.label.impact,
-        attempt=hit.label.attempt,
-        record=hit.label.record,
-        reasons=tuple(str(rejection) for rejection in hit.rejections),
-        injected_faults=tuple(injected_faults),
-    )

@@ -17,9 +17,11 @@ from impact_rig.core.errors import FileError
 from impact_rig.reporting.results import Results
 
 FORMAT_NAME = "impact-rig results"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 Json = dict[str, Any]
+WANTED = {int: "a whole number", str: "text", bool: "true or false"}
+"""Kinds of values that are taken as they are, in words."""
 
 
 def results_to_json(results: Results) -> Json:
@@ -154,9 +156,8 @@ def _value_from_json(kind: Any, value: Any, place: str) -> Any:
         if isinstance(value, bool) or not isinstance(value, float | int):
             raise _FieldError(f"{place} is {value!r}: it must be a number or null")
         return float(value)
-    if kind in (int, str):
-        if isinstance(value, bool) or not isinstance(value, kind):
-            wanted = "a whole number" if kind is int else "text"
-            raise _FieldError(f"{place} is {value!r}: it must be {wanted}")
+    if kind in WANTED:
+        if not isinstance(value, kind) or isinstance(value, bool) is not (kind is bool):
+            raise _FieldError(f"{place} is {value!r}: it must be {WANTED[kind]}")
         return value
     return _record_from_json(kind, value, place)

@@ -15,7 +15,7 @@ from impact_rig.reporting.tables import print_notes
 from impact_rig.reporting.terminal import MISSING, Column, format_number, print_table
 
 FORMAT_NAME = "impact-rig trace results"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 NAN = math.nan
 
 

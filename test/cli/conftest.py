@@ -17,7 +17,8 @@ from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.recording.mcap_writer import McapWriter
 from impact_rig.recording.message_definitions import find_message_definition
 from impact_rig.recording.qos_profiles import OfferedQos
-from impact_rig.reporting.results import Results, results_from_session
+from impact_rig.reporting.flat_estimates import results_from_session
+from impact_rig.reporting.results import Results
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.faults import FaultPlan
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.reporting.results import Results, results_from_session
+from impact_rig.reporting.flat_estimates import results_from_session
+from impact_rig.reporting.results import Results
 
 Strike = Callable[..., Results]
 

@@ -14,12 +14,8 @@ from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import SessionResults
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.reporting.results import (
-    Results,
-    SampleResults,
-    results_from_session,
-    sample_results_from_estimate,
-)
+from impact_rig.reporting.flat_estimates import results_from_session, sample_results_from_estimate
+from impact_rig.reporting.results import Results, SampleResults
 
 
 def make_comparison(variant: ModelVariant, first: float) -> ModelComparison:

@@ -45,7 +45,7 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path: Pat
     path = tmp_path / "results.json"
     write_results(path, RESULTS)
     content = json.loads(path.read_text())
-    assert content["format"] == {"name": "impact-rig results", "version": 1}
+    assert content["format"] == {"name": "impact-rig results", "version": 2}
     assert {"stiffness_n_per_m", "damping_coefficient_n_s_per_m"} <= set(content["hammer"])
     assert {
         "name", "impacts_accepted", "impacts_rejected", "contact_time_s", "stiffness_n_per_m",
@@ -119,7 +119,7 @@ def _mistype(content: dict[str, Any]) -> None:
 
 
 def _age(content: dict[str, Any]) -> None:
-    content["format"]["version"] = 2
+    content["format"]["version"] = 3
 
 
 def _rename(content: dict[str, Any]) -> None:
@@ -135,7 +135,7 @@ def _flatten(content: dict[str, Any]) -> None:
     [
         (_drop, r"the field samples\[0\].contact_time_s is missing"),
         (_mistype, r"samples\[0\].impacts_accepted is 'three': it must be a whole number"),
-        (_age, "version 2; this program reads version 1"),
+        (_age, "version 3; this program reads version 2"),
         (_rename, "is not a results file"),
         (_flatten, "rejections must be a list"),
     ],

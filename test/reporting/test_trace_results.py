@@ -52,7 +52,7 @@ def test_the_mean_shows_what_is_known_and_names_what_is_not() -> None:
 
 def test_the_json_has_hits_and_samples_with_null_for_what_is_not_known() -> None:
     content = json.loads(format_json(trace_results_to_json(RESULTS)))
-    assert content["format"] == {"name": "impact-rig trace results", "version": 1}
+    assert content["format"] == {"name": "impact-rig trace results", "version": 2}
     assert [hit["file"] for hit in content["hits"]] == ["lab/hit_1.npy", "lab/hit_2.npy"]
     assert content["hits"][1]["contact_time_s"] is None
     assert content["samples"][0]["contact_time_s"] == 200e-6
