@@ -4,7 +4,7 @@ The node and the analysis of files run this same code, so that the same hits giv
 numbers.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from impact_rig.core.estimation.sample import (
     BodyEstimate,
@@ -14,9 +14,11 @@ from impact_rig.core.estimation.sample import (
 )
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
+from impact_rig.core.hits.overrule import Overrules, describe_overruled, overrule_hit
+from impact_rig.core.hits.selection import Selection, check_consistency, select_hits
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.detection import ImpactDetector
-from impact_rig.core.signals.record import Block, Record
+from impact_rig.core.signals.record import Block, HitLabel, Record
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,8 @@ class SessionResults:
     samples : tuple of SampleEstimate
         Those with hits, in the order of the sample set.
     rejected : tuple of JudgedHit
-        In the order of arrival.
+        Every hit that is in no mean, with all reasons, in the order of arrival: rejected when it
+        came, an outlier among its fellows, surplus, or left out by hand.
     """
 
     setup: RigSetup
@@ -53,7 +56,9 @@ class Session:
     def __init__(self, setup: RigSetup) -> None:
         self.setup = setup
         self._detector = ImpactDetector(setup.analysis)
+        self._overrules = Overrules()
         self._hits: dict[str, list[JudgedHit]] = {}
+        self._selections: dict[str, Selection] = {}
         self._means: dict[str, MeanHit] = {}
 
     def feed(self, block: Block) -> tuple[JudgedHit, ...]:
@@ -69,13 +74,43 @@ class Session:
         return tuple(self.judge(record) for record in self._detector.feed(block))
 
     def judge(self, record: Record) -> JudgedHit:
-        """Judge one record and count it in; errors as `feed`."""
+        """Judge one record, also by its fellows so far, and count it in; errors as `feed`.
+
+        What is accepted here may still turn out an outlier, or surplus, once more hits have come.
+        """
         self.setup.samples.find(record.label.sample)
         hit = judge_hit(record, self.setup.analysis)
-        self._hits.setdefault(hit.label.sample, []).append(hit)
+        hits = self._hits.setdefault(hit.label.sample, [])
+        if hit.accepted:
+            fellows = [fellow for fellow in hits if fellow.accepted]
+            hit = replace(hit, rejections=check_consistency(hit, (*fellows, hit)))
+        hits.append(hit)
+        self._selections.pop(hit.label.sample, None)
         if hit.accepted:
             self._means.pop(hit.label.sample, None)
         return hit
+
+    def overrule(self, overrules: Overrules) -> None:
+        """Put a person's word on hits before the verdicts of the analysis.
+
+        Hits that this session does not have are nobody's concern here.
+
+        Raises
+        ------
+        ParameterError
+            If a hit is to be accepted that has no pulse that could be measured.
+        """
+        for hits in self._hits.values():
+            for hit in hits:
+                overrule_hit(hit, overrules)
+        self._overrules = overrules
+        self._selections.clear()
+        self._means.clear()
+
+    @property
+    def labels(self) -> tuple[HitLabel, ...]:
+        """Of all hits, sample by sample in the order of arrival."""
+        return tuple(hit.label for hits in self._hits.values() for hit in hits)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -98,15 +133,16 @@ class Session:
         return self._estimate_sample(name, self.estimate_hammer())
 
     def _estimate_sample(self, name: str, hammer: BodyEstimate) -> SampleEstimate:
-        hits = self._hits.get(name, [])
-        accepted = [hit for hit in hits if hit.accepted]
-        rejected = len(hits) - len(accepted)
+        selection = self._select(name)
+        rejected = len(selection.left_out)
         mean = self._find_mean(name)
         if mean is None:
             note = f"{name}: not determined, none of {rejected} hits was accepted"
             return SampleEstimate(name, 0, rejected, body=BodyEstimate(notes=(note,)))
-        contact_times = tuple(hit.contact_time for hit in accepted)
-        return estimate_sample(name, mean, contact_times, rejected, hammer, self.setup)
+        contact_times = tuple(hit.contact_time for hit in selection.kept)
+        estimate = estimate_sample(name, mean, contact_times, rejected, hammer, self.setup)
+        notes = tuple(describe_overruled(hit) for hit in selection.kept if hit.overruled)
+        return replace(estimate, body=replace(estimate.body, notes=estimate.body.notes + notes))
 
     def estimate_all(self) -> SessionResults:
         """Return everything found so far."""
@@ -117,7 +153,7 @@ class Session:
             samples=tuple(self._estimate_sample(name, hammer) for name in self.names),
             rejected=tuple(
                 sorted(
-                    (hit for hits in self._hits.values() for hit in hits if not hit.accepted),
+                    (hit for name in self._hits for hit in self._select(name).left_out),
                     key=lambda hit: hit.label.record,
                 )
             ),
@@ -125,8 +161,14 @@ class Session:
 
     def _find_mean(self, name: str) -> MeanHit | None:
         if name not in self._means:
-            filtered = [hit.filtered for hit in self._hits.get(name, []) if hit.filtered]
+            filtered = [hit.filtered for hit in self._select(name).kept if hit.filtered]
             if not filtered:
                 return None
             self._means[name] = average_hits(filtered)
         return self._means[name]
+
+    def _select(self, name: str) -> Selection:
+        if name not in self._selections:
+            hits = [overrule_hit(hit, self._overrules) for hit in self._hits.get(name, [])]
+            self._selections[name] = select_hits(hits, self.setup.analysis.keep_hits)
+        return self._selections[name]

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.hits.overrule import Overrules
 from impact_rig.core.hits.verdict import Reason
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
@@ -176,3 +177,93 @@ def test_a_sampling_rate_too_low_for_the_filter_is_named(
     blocks = make_blocks(hammer, hammer, [2500], label=HitLabel("alike"), rate=51.2e3)
     with pytest.raises(ParameterError, match="too low for the 50 kHz low-pass"):
         session.feed(blocks[0])
+
+
+def strike_series(
+    strike: Strike, session: Session, heights: list[float], sample: str = "alike", first: int = 1
+) -> list[JudgedHit]:
+    return [
+        hit
+        for record, height in enumerate(heights, start=first)
+        for hit in strike(session, sample, record, height=height, place=500 + record % 7)
+    ]
+
+
+def describe_rejected(session: Session) -> list[tuple[int, list[Reason]]]:
+    return [
+        (hit.label.record, [item.reason for item in hit.rejections])
+        for hit in session.estimate_all().rejected
+    ]
+
+
+def test_a_hit_unlike_its_fellows_is_rejected_when_it_comes(strike: Strike) -> None:
+    session = Session(SETUP)
+    hits = strike_series(strike, session, [900.0] * 9 + [450.0])
+    assert [hit.accepted for hit in hits] == [True] * 9 + [False]
+    assert [item.reason for item in hits[-1].rejections] == [Reason.INCONSISTENT]
+    estimate = session.estimate_sample("alike")
+    assert (estimate.impacts_accepted, estimate.impacts_rejected) == (9, 1)
+
+
+def test_an_early_one_is_found_once_there_are_fellows(strike: Strike) -> None:
+    session = Session(SETUP)
+    hits = strike_series(strike, session, [450.0] + [900.0] * 9)
+    assert all(hit.accepted for hit in hits)
+    assert describe_rejected(session) == [(1, [Reason.INCONSISTENT])]
+    alone = Session(SETUP)
+    strike_series(strike, alone, [900.0] * 9, first=2)
+    assert session.estimate_sample("alike").contact == alone.estimate_sample("alike").contact
+
+
+def test_of_more_hits_than_wanted_the_most_consistent_are_kept(strike: Strike) -> None:
+    session = Session(replace(SETUP, analysis=replace(SETUP.analysis, keep_hits=4)))
+    hits = strike_series(strike, session, [900.0, 800.0, 890.0, 905.0, 895.0, 1000.0])
+    # Nothing is wrong with those that are left out: a campaign has no reason to repeat them.
+    assert all(hit.accepted for hit in hits)
+    assert describe_rejected(session) == [(2, [Reason.SURPLUS]), (6, [Reason.SURPLUS])]
+    estimate = session.estimate_sample("alike")
+    assert (estimate.impacts_accepted, estimate.impacts_rejected) == (4, 2)
+
+
+def test_the_same_hits_give_the_same_selection_at_every_size_of_block(strike: Strike) -> None:
+    def run(size: int) -> str:
+        session = Session(replace(SETUP, analysis=replace(SETUP.analysis, keep_hits=5)))
+        for record, height in enumerate([900.0, 450.0, 880.0, 910.0, 905.0, 893.0, 901.0], 1):
+            strike(session, "alike", record, height=height, size=size)
+        results = session.estimate_all()
+        return repr((results.samples, [(hit.label, hit.rejections) for hit in results.rejected]))
+
+    assert run(400) == run(2500) == run(77)
+
+
+def test_a_person_leaves_out_one_hit_and_takes_another_in(strike: Strike) -> None:
+    session = Session(SETUP)
+    strike_series(strike, session, [900.0, 150.0, 890.0])
+    labels = {label.record: label for label in session.labels}
+    session.overrule(Overrules(frozenset({labels[2]}), frozenset({labels[3]})))
+    assert describe_rejected(session) == [(3, [Reason.OPERATOR])]
+    estimate = session.estimate_sample("alike")
+    assert estimate.impacts_accepted == 2
+    assert estimate.body.notes[-1].startswith(
+        "hit 2 (alike/1.1) accepted by hand, although weak: hammer peak"
+    )
+
+
+def test_taking_a_persons_word_back_gives_the_same_numbers_as_before(strike: Strike) -> None:
+    session = Session(SETUP)
+    strike_series(strike, session, [900.0, 150.0, 890.0])
+    before = repr(session.estimate_all())
+    session.overrule(Overrules(rejected=frozenset(session.labels[:1])))
+    assert repr(session.estimate_all()) != before
+    session.overrule(Overrules())
+    assert repr(session.estimate_all()) == before
+
+
+def test_a_hit_without_a_pulse_cannot_be_taken_in(make_counts: Make, make_blocks: Make) -> None:
+    session = Session(SETUP)
+    quiet = make_counts([], 2500)
+    for block in make_blocks(quiet, quiet, [2500], label=HitLabel("alike", 7)):
+        session.feed(block)
+    with pytest.raises(ParameterError, match=r"hit 7 .* no pulse that could be measured"):
+        session.overrule(Overrules(accepted=frozenset(session.labels)))
+    assert describe_rejected(session) == [(7, [Reason.NO_PULSE])]

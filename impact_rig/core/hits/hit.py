@@ -16,6 +16,7 @@ from impact_rig.core.hits.verdict import (
     check_channels,
     check_pulse,
     check_stream,
+    check_strength,
 )
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.filtering import check_cutoff, low_pass
@@ -88,7 +89,9 @@ class JudgedHit:
     hammer_peak, specimen_peak : float
         Largest |acceleration| after the low-pass [m/s^2]; NaN: no pulse, or not measured.
     filtered : FilteredHit or None
-        The traces of an accepted hit.
+        The traces of a hit whose pulse could be measured, rejected or not.
+    overruled : tuple of Rejection
+        Reasons that a person has set aside; empty: nobody has.
     """
 
     label: HitLabel
@@ -101,6 +104,7 @@ class JudgedHit:
     hammer_peak: float = math.nan
     specimen_peak: float = math.nan
     filtered: FilteredHit | None = None
+    overruled: tuple[Rejection, ...] = ()
 
     @property
     def accepted(self) -> bool:
@@ -143,6 +147,7 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
     except SignalError as error:
         rejections += (Rejection(Reason.TRUNCATED, str(error)),)
         return JudgedHit(record.label, rejections, record.stamp)
+    rejections += check_strength(record, filtered.traces, settings)
     rejections += check_pulse(record, filtered.traces[0], filtered.pulse, settings)
     width = filtered.pulse.half_amplitude_width / record.sampling_rate
     peaks = np.abs(filtered.traces).max(axis=1)
@@ -156,7 +161,7 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
         width_ratio=filtered.pulse.width_ratio,
         hammer_peak=float(peaks[0]),
         specimen_peak=float(peaks[1]) if peaks.size > 1 else math.nan,
-        filtered=None if rejections else filtered,
+        filtered=filtered,
     )
 
 

@@ -5,10 +5,10 @@ from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import find_peaks
+from scipy.constants import g
 
 from impact_rig.core.hits.pulse_width import PulseWidth
-from impact_rig.core.model.pulses import VERSED_SINE
+from impact_rig.core.hits.second_pulse import find_second_pulse
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import FloatArray, Record, Trace
 
@@ -29,11 +29,10 @@ record of 100 000 has such a point by chance."""
 QUIET_PART = 0.05
 """Part of a record in which its noise is looked for [-], our choice: half the default pre-trigger,
 since a weak pulse has long begun when it reaches the detection level."""
-SECOND_PULSE_DELAY = 1.2
-"""Least delay of a second pulse behind the first, peak to peak, in contact times of a
-versed-sine [-], our choice: what follows sooner is ringing of the same contact."""
 TAIL_CONTACTS = 1.0
 """What must follow the pulse, in its half-amplitude widths [-], our choice."""
+HAMMER = "hammer"
+"""The channel that tells how strong a hit was, for people."""
 BASELINE_POINTS = 3
 """What must come before the pulse, in points, for a baseline."""
 
@@ -48,8 +47,12 @@ class Reason(Enum):
     NO_PULSE = "no_pulse"
     OVERLOAD = "overload"
     WEAK = "weak"
+    STRONG = "strong"
     TRUNCATED = "truncated"
     DOUBLE_HIT = "double_hit"
+    INCONSISTENT = "inconsistent"
+    SURPLUS = "surplus"
+    OPERATOR = "operator"
 
 
 @dataclass(frozen=True)
@@ -103,8 +106,47 @@ def check_channels(record: Record, settings: AnalysisSettings) -> tuple[Rejectio
     for name, trace in channels:
         run = find_longest_rail_run(trace)
         if run >= settings.overload_run:
+            rail = float(np.max(np.abs(trace.acceleration)))
             found.append(
-                Rejection(Reason.OVERLOAD, f"{run} points in a row of the {name} at the rail")
+                Rejection(
+                    Reason.OVERLOAD,
+                    f"{run} points in a row of the {name} at the rail of {rail:.4g} m/s^2"
+                    f" ({rail / g:.4g} g)",
+                )
+            )
+    return tuple(found)
+
+
+def check_strength(
+    record: Record, traces: FloatArray, settings: AnalysisSettings
+) -> tuple[Rejection, ...]:
+    """Find whether a hit is too weak or too strong for the ranges of its channels.
+
+    Parameters
+    ----------
+    record : Record
+        The hit.
+    traces : ndarray, shape (channels, n)
+        Hammer, then sample where measured: filtered, baseline zero [m/s^2].
+    settings : AnalysisSettings
+        `minimum_peak`, `maximum_peak` and `overload_run` are used; where full scale is not known,
+        nothing is weak or strong.
+    """
+    found = []
+    for (name, trace), filtered in zip(_name_channels(record), traces, strict=True):
+        peak = float(np.max(np.abs(filtered)))
+        least, most = (
+            part * trace.full_scale for part in (settings.minimum_peak, settings.maximum_peak)
+        )
+        if name == HAMMER and peak < least:
+            found.append(
+                Rejection(Reason.WEAK, f"{name} peak {peak:.4g} m/s^2 is below {least:.4g} m/s^2")
+            )
+        # At the rail the peak is not known, and the overload says so.
+        overloaded = find_longest_rail_run(trace) >= settings.overload_run
+        if trace.full_scale > 0.0 and peak > most and not overloaded:
+            found.append(
+                Rejection(Reason.STRONG, f"{name} peak {peak:.4g} m/s^2 is above {most:.4g} m/s^2")
             )
     return tuple(found)
 
@@ -112,7 +154,7 @@ def check_channels(record: Record, settings: AnalysisSettings) -> tuple[Rejectio
 def check_pulse(
     record: Record, hammer: FloatArray, pulse: PulseWidth, settings: AnalysisSettings
 ) -> tuple[Rejection, ...]:
-    """Find what is wrong with a pulse that could be measured.
+    """Find what is wrong with the course of a pulse that could be measured.
 
     Parameters
     ----------
@@ -123,34 +165,20 @@ def check_pulse(
     pulse : PulseWidth
         Its pulse.
     settings : AnalysisSettings
-        `minimum_peak` and `double_hit_level` are used.
+        `double_hit_level` is used.
     """
     found = []
-    full_scale = record.hammer.full_scale
-    if full_scale > 0.0 and abs(pulse.peak) < settings.minimum_peak * full_scale:
-        found.append(
-            Rejection(
-                Reason.WEAK,
-                f"hammer peak {abs(pulse.peak):.4g} m/s^2 is below"
-                f" {settings.minimum_peak * full_scale:.4g} m/s^2",
-            )
-        )
     if pulse.fall + TAIL_CONTACTS * pulse.half_amplitude_width > hammer.size - 1:
         found.append(Rejection(Reason.TRUNCATED, "the record ends too soon after the pulse"))
-    upright = hammer if pulse.peak > 0 else -hammer
-    level = settings.double_hit_level * abs(pulse.peak)
-    versed_sine_duration = VERSED_SINE.pulse_factor * pulse.half_amplitude_width
-    tail_start = pulse.peak_index + int(SECOND_PULSE_DELAY * versed_sine_duration)
-    peaks, _ = find_peaks(upright, height=level, prominence=level)
-    later = peaks[peaks >= tail_start]
-    if later.size:
-        second = int(later[np.argmax(upright[later])])
-        delay = (second - pulse.peak_index) / record.sampling_rate
+    second = find_second_pulse(hammer, pulse, settings.double_hit_level)
+    if second is not None:
+        delay = abs(second.delay) / record.sampling_rate
         found.append(
             Rejection(
                 Reason.DOUBLE_HIT,
-                f"a second pulse of {upright[second] / abs(pulse.peak) * 100:.0f} % of the first"
-                f" follows after {delay * 1e6:.0f} us",
+                f"a second pulse of {second.height * 100:.0f} % of the largest"
+                f" {'follows after' if second.delay > 0 else 'precedes it by'}"
+                f" {delay * 1e6:.0f} us",
             )
         )
     return tuple(found)
@@ -189,7 +217,7 @@ def _is_dead(trace: Trace, quiet_count: int) -> bool:
 
 
 def _name_channels(record: Record) -> list[tuple[str, Trace]]:
-    channels = [("hammer", record.hammer)]
+    channels = [(HAMMER, record.hammer)]
     if record.specimen is not None:
         channels.append(("sample", record.specimen))
     return channels

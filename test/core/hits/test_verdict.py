@@ -15,6 +15,7 @@ from impact_rig.core.hits.verdict import (
     check_channels,
     check_pulse,
     check_stream,
+    check_strength,
     find_longest_rail_run,
 )
 from impact_rig.core.setup.settings import AnalysisSettings
@@ -41,6 +42,11 @@ def find_reasons(rejections: tuple[Rejection, ...]) -> list[Reason]:
 def judge_pulse(record: Record) -> tuple[Rejection, ...]:
     trace = record.hammer.acceleration
     return check_pulse(record, trace, measure_pulse(trace), SETTINGS)
+
+
+def judge_strength(record: Record) -> tuple[Rejection, ...]:
+    channels = [record.hammer] if record.specimen is None else [record.hammer, record.specimen]
+    return check_strength(record, np.stack([item.acceleration for item in channels]), SETTINGS)
 
 
 class TestStream:
@@ -97,11 +103,22 @@ class TestChannels:
         record = make_record(make_trace(0.0), make_trace(0.0), pulse_index=None)
         assert find_reasons(check_channels(record, SETTINGS)) == [Reason.NO_PULSE]
 
-    def test_an_overload_says_how_long_and_where(self, make_record: Make) -> None:
+    def test_an_overload_says_how_long_and_where_and_how_high(self, make_record: Make) -> None:
         specimen = np.clip(make_trace(5000.0, noise=0.0), -2000, 2000)
         (found,) = check_channels(make_record(make_trace(900.0), specimen), SETTINGS)
         run = np.count_nonzero(specimen >= 1996)
-        assert str(found) == f"overload: {run} points in a row of the sample at the rail"
+        # 2000 m/s^2 over the standard acceleration of 9.80665 m/s^2.
+        assert str(found) == (
+            f"overload: {run} points in a row of the sample at the rail of 2000 m/s^2 (203.9 g)"
+        )
+
+    def test_several_faults_are_all_named(self, make_record: Make) -> None:
+        hammer = np.clip(make_trace(5000.0), -2000, 2000)
+        record = make_record(hammer, make_trace(0.0, noise=0.0))
+        assert find_reasons(check_channels(record, SETTINGS)) == [
+            Reason.DEAD_CHANNEL,
+            Reason.OVERLOAD,
+        ]
 
     def test_two_points_at_the_rail_may_be_chance(self, make_record: Make) -> None:
         hammer = make_trace(900.0)
@@ -144,27 +161,47 @@ class TestRail:
         assert find_longest_rail_run(Trace(np.empty(0), 1.0)) == 0
 
 
+class TestStrength:
+    """Too weak, or too strong, for the range."""
+
+    @given(peak=st.floats(100, 1990), sign=st.sampled_from([1, -1]))
+    def test_weak_and_strong_are_parts_of_full_scale(
+        self, make_record: Make, peak: float, sign: int
+    ) -> None:
+        reason = Reason.WEAK if peak < 0.15 * 2000.0 else Reason.STRONG
+        is_good = 0.15 * 2000.0 <= peak <= 0.95 * 2000.0
+        found = judge_strength(make_record(sign * make_trace(peak, noise=0.0)))
+        assert find_reasons(found) == ([] if is_good else [reason])
+
+    def test_both_are_described_in_figures(self, make_record: Make) -> None:
+        (weak,) = judge_strength(make_record(make_trace(150.0, noise=0.0)))
+        assert str(weak) == "weak: hammer peak 150 m/s^2 is below 300 m/s^2"
+        (strong,) = judge_strength(make_record(make_trace(1950.0, noise=0.0)))
+        assert str(strong) == "strong: hammer peak 1950 m/s^2 is above 1900 m/s^2"
+
+    def test_a_small_answer_of_the_sample_is_not_weak_but_a_large_one_is_strong(
+        self, make_record: Make
+    ) -> None:
+        assert judge_strength(make_record(make_trace(900.0), make_trace(100.0))) == ()
+        (found,) = judge_strength(make_record(make_trace(900.0), make_trace(-1950.0, noise=0.0)))
+        assert str(found) == "strong: sample peak 1950 m/s^2 is above 1900 m/s^2"
+
+    def test_an_overload_is_not_called_strong_as_well(self, make_record: Make) -> None:
+        record = make_record(np.clip(make_trace(5000.0), -2000, 2000))
+        assert judge_strength(record) == ()
+
+    def test_without_full_scale_nothing_is_weak_or_strong(self, make_record: Make) -> None:
+        for peak in (1e-3, 1e6):
+            record = make_record(make_trace(peak, noise=0.0), full_scale=0.0)
+            assert judge_strength(record) == ()
+
+
 class TestPulse:
-    """What is wrong with a pulse that could be measured."""
+    """What is wrong with the course of a pulse that could be measured."""
 
     @pytest.mark.parametrize("sign", [1, -1])
     def test_a_good_one_is_not_complained_of(self, make_record: Make, sign: int) -> None:
         assert judge_pulse(make_record(sign * make_trace(900.0))) == ()
-
-    @given(peak=st.floats(100, 1900))
-    def test_weak_is_what_stays_below_the_part_of_full_scale(
-        self, make_record: Make, peak: float
-    ) -> None:
-        record = make_record(make_trace(peak, noise=0.0))
-        weak = peak < 0.15 * 2000.0
-        assert find_reasons(judge_pulse(record)) == ([Reason.WEAK] if weak else [])
-
-    def test_a_weak_one_is_described_in_figures(self, make_record: Make) -> None:
-        (found,) = judge_pulse(make_record(make_trace(150.0, noise=0.0)))
-        assert str(found) == "weak: hammer peak 150 m/s^2 is below 300 m/s^2"
-
-    def test_without_full_scale_none_is_weak(self, make_record: Make) -> None:
-        assert judge_pulse(make_record(make_trace(1e-3, noise=0.0), full_scale=0.0)) == ()
 
     def test_one_that_ends_with_the_record_is_truncated(self, make_record: Make) -> None:
         # 200 points wide, half amplitude at 50 and 150: 100 points must follow the fall.
@@ -172,41 +209,13 @@ class TestPulse:
         (found,) = judge_pulse(make_record(make_trace(900.0, start=1752, noise=0.0)))
         assert str(found) == "truncated: the record ends too soon after the pulse"
 
-    @given(
-        sign=st.sampled_from([1, -1]), height=st.floats(0.07, 1.0), delay=st.integers(300, 1500)
-    )
-    def test_a_second_pulse_makes_a_double_hit(
-        self, make_record: Make, sign: int, height: float, delay: int
-    ) -> None:
-        trace = make_trace(900.0, noise=0.0) + make_trace(
-            900.0 * height, start=200 + delay, noise=0.0
+    def test_a_second_pulse_is_described_in_figures(self, make_record: Make) -> None:
+        late = make_trace(180.0, start=500, noise=0.0)
+        (found,) = judge_pulse(make_record(make_trace(900.0, noise=0.0) + late))
+        assert str(found) == (
+            "double_hit: a second pulse of 20 % of the largest follows after 300 us"
         )
-        found = judge_pulse(make_record(sign * trace))
-        # Of two equal pulses either may be the first.
-        assert Reason.DOUBLE_HIT in find_reasons(found)
-        if height < 0.99:
-            percent, time = f"{100 * height:.0f} %", f"{delay} us"
-            assert percent in found[-1].explanation
-            assert time in found[-1].explanation
-
-    @given(height=st.floats(0.0, 0.045), delay=st.integers(250, 1500))
-    def test_a_small_echo_does_not(self, make_record: Make, height: float, delay: int) -> None:
-        trace = make_trace(900.0, noise=0.0) + make_trace(
-            900.0 * height, start=200 + delay, noise=0.0
+        (found,) = judge_pulse(make_record(make_trace(900.0, start=900, noise=0.0) + late))
+        assert str(found) == (
+            "double_hit: a second pulse of 20 % of the largest precedes it by 400 us"
         )
-        assert judge_pulse(make_record(trace)) == ()
-
-    @given(height=st.floats(0.1, 0.9), delay=st.integers(150, 230))
-    def test_ringing_of_the_same_contact_does_not(
-        self, make_record: Make, height: float, delay: int
-    ) -> None:
-        # Sooner than 1.2 contact times of 200 points behind the first peak.
-        trace = make_trace(900.0, noise=0.0) + make_trace(
-            900.0 * height, start=200 + delay, noise=0.0
-        )
-        pulse = measure_pulse(make_trace(900.0, noise=0.0))
-        assert check_pulse(make_record(trace), trace, pulse, SETTINGS) == ()
-
-    def test_an_undershoot_does_not(self, make_record: Make) -> None:
-        trace = make_trace(900.0, noise=0.0) - make_trace(300.0, start=400, noise=0.0)
-        assert judge_pulse(make_record(trace)) == ()
