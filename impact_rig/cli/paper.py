@@ -4,6 +4,7 @@ import click
 from rich.console import Console
 
 from impact_rig.core.setup.paper import ACCELEROMETER_MASS
+from impact_rig.reporting.numbers import format_number
 from impact_rig.reporting.paper_arithmetic import (
     CellArithmetic,
     HammerArithmetic,
@@ -11,7 +12,7 @@ from impact_rig.reporting.paper_arithmetic import (
     compute_paper,
 )
 from impact_rig.reporting.results_file import format_json, record_to_json
-from impact_rig.reporting.terminal import Column, format_number, make_console, print_table
+from impact_rig.reporting.terminal import Column, make_console, print_table
 
 
 @click.command(

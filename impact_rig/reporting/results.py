@@ -86,7 +86,11 @@ class PulseShapeResults:
     @property
     def best_fit(self) -> ShapeFitResults | None:
         """The fit of the best shape."""
-        return next((fit for fit in self.fits if fit.shape == self.best_shape), None)
+        return self.find_fit(self.best_shape)
+
+    def find_fit(self, shape: str) -> ShapeFitResults | None:
+        """Return the fit of one shape, if there is one."""
+        return next((fit for fit in self.fits if fit.shape == shape), None)
 
 
 @dataclass(frozen=True)

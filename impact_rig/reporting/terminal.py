@@ -1,6 +1,5 @@
 """Tables in a terminal: one look for every command, plain when piped, never wider than it."""
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -9,9 +8,6 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
-
-MISSING = "-"
-"""Stands where a number was not determined."""
 
 COLUMN_GAP = "  "
 NARROWEST_TEXT = 10
@@ -38,6 +34,11 @@ class Column:
     cells: Sequence[str]
     is_text: bool = False
     is_optional: bool = False
+
+
+def make_optional(header: str, cells: Sequence[str]) -> Column:
+    """Return a column of numbers that a narrow terminal leaves out."""
+    return Column(header, cells, is_optional=True)
 
 
 def make_console(*, stderr: bool = False) -> Console:
@@ -114,19 +115,3 @@ def _make_table(columns: Sequence[Column], width: int) -> Table:
     for cells in zip(*(column.cells for column in columns), strict=True):
         table.add_row(*(Text(cell) for cell in cells))
     return table
-
-
-def format_number(value: float, digits: int) -> str:
-    """Return a number with `digits` decimals, or a dash for what was not determined."""
-    return f"{value:z.{digits}f}" if math.isfinite(value) else MISSING
-
-
-def format_difference(value: float, reference: float, digits: int = 2) -> str:
-    """Return the difference in percent of the reference, signed; a dash where one is missing."""
-    percent = compute_difference(value, reference)
-    return f"{percent:+z.{digits}f}" if math.isfinite(percent) else MISSING
-
-
-def compute_difference(value: float, reference: float) -> float:
-    """Return the difference in percent of the reference; NaN where either is missing."""
-    return 100.0 * (value / reference - 1.0)

@@ -9,10 +9,11 @@ from typing import Any
 from rich.console import Console
 
 from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.reporting.numbers import MISSING, format_number
+from impact_rig.reporting.remarks import print_notes
 from impact_rig.reporting.results import HammerResults, SampleResults
 from impact_rig.reporting.results_file import record_to_json
-from impact_rig.reporting.tables import print_notes
-from impact_rig.reporting.terminal import MISSING, Column, format_number, print_table
+from impact_rig.reporting.terminal import Column, print_table
 
 FORMAT_NAME = "impact-rig trace results"
 FORMAT_VERSION = 2

@@ -1,0 +1,56 @@
+"""Numbers as people read them: rounded to what is known."""
+
+import math
+
+MISSING = "-"
+"""Stands where a number was not determined."""
+MICRO = 1e6
+"""Seconds to microseconds."""
+MEGA = 1e-6
+"""N/m to MN/m."""
+UNCERTAINTY_DIGITS = 2
+"""Significant digits of an uncertainty [-], GUM 7.2.6: more would claim too much."""
+
+
+def format_number(value: float, digits: int) -> str:
+    """Return a number with `digits` decimals, or a dash for what was not determined."""
+    return f"{value:z.{digits}f}" if math.isfinite(value) else MISSING
+
+
+def format_difference(value: float, reference: float, digits: int = 2) -> str:
+    """Return the difference in percent of the reference, signed; a dash where one is missing."""
+    percent = compute_difference(value, reference)
+    return f"{percent:+z.{digits}f}" if math.isfinite(percent) else MISSING
+
+
+def compute_difference(value: float, reference: float) -> float:
+    """Return the difference in percent of the reference; NaN where either is missing."""
+    return 100.0 * (value / reference - 1.0)
+
+
+def format_uncertain(value: float, expanded: float, digits: int) -> str:
+    """Return ``value ± expanded``, both rounded to the second digit of the uncertainty.
+
+    Parameters
+    ----------
+    value : float
+        In the unit in which it is shown.
+    expanded : float
+        Half-width of the 95 % interval; without one the value stands alone.
+    digits : int
+        Decimals of a value without uncertainty.
+
+    Returns
+    -------
+    str
+        A dash for a value that was not determined.
+    """
+    if not math.isfinite(value):
+        return MISSING
+    if not (math.isfinite(expanded) and expanded > 0.0):
+        return format_number(value, digits)
+    # Python's own rounding says where the second digit of the rounded uncertainty stands.
+    exponent = int(f"{expanded:.{UNCERTAINTY_DIGITS - 1}e}".partition("e")[2])
+    place = UNCERTAINTY_DIGITS - 1 - exponent
+    decimals = max(place, 0)
+    return f"{round(value, place):z.{decimals}f} ± {round(expanded, place):.{decimals}f}"
