@@ -95,7 +95,7 @@ def test_free_decay_and_identification_show_values_with_their_uncertainty():
     assert find_row(render(print_free_decays, [SAMPLE])) == [
         "1180", "±", "25", "0.2512", "±", "0.0023", "-", "2.500", "3.2", "0.9999",
     ]  # fmt: skip
-    assert find_row(render(print_identifications, [SAMPLE])) == [
+    assert find_row(render(print_identifications, [SAMPLE], 100)) == [
         "203.21", "±", "0.42", "45.31", "±", "0.11", "1171.0", "±", "3.4", "1.0", "1.002",
         "driven",
     ]  # fmt: skip
