@@ -9,6 +9,7 @@ from impact_rig_msgs.srv import Arm
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError, RigError
+from impact_rig.core.model.pulses import PULSE_SHAPES
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.digitizer import DigitizerSettings
 from impact_rig.devices.virtual.faults import (
@@ -17,7 +18,7 @@ from impact_rig.devices.virtual.faults import (
     faults_from_names,
     scheduled_fault_from_text,
 )
-from impact_rig.devices.virtual.plants import Plant
+from impact_rig.devices.virtual.plants import Plant, pulse_shape_from_name
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.process import run_node
@@ -68,6 +69,7 @@ class AccelerometerNode(RigNode):
     def _declare_virtual_rig(self) -> None:
         rig, digitizer = VirtualRigSettings(), DigitizerSettings()
         plants = ", ".join(plant.value for plant in Plant)
+        shapes = ", ".join(shape.name for shape in PULSE_SHAPES)
         faults = ", ".join(fault.value for fault in Fault)
         self.declare("plant", rig.plant.value, f"physics of the virtual rig: {plants}")
         self.declare("seed", rig.seed, "the same seed gives the same hits [-]", low=0, high=2**62)
@@ -77,6 +79,7 @@ class AccelerometerNode(RigNode):
         self.declare("amplitude_scatter", rig.amplitude_scatter,
                      "standard deviation of the force from hit to hit, relative [-]",
                      low=0.0, high=0.2)  # fmt: skip
+        self.declare("pulse_shape", rig.pulse_shape.name, f"of the contact force: {shapes}")
         self.declare("asymmetry", rig.asymmetry,
                      "rise of the pulse over its fall, as a part of its length [-]",
                      low=-0.5, high=0.5)  # fmt: skip
@@ -126,6 +129,7 @@ class AccelerometerNode(RigNode):
             seed=self.get_value("seed"),
             contact_time_scatter=self.get_value("contact_time_scatter"),
             amplitude_scatter=self.get_value("amplitude_scatter"),
+            pulse_shape=pulse_shape_from_name(self.get_value("pulse_shape")),
             asymmetry=self.get_value("asymmetry"),
             hammer_damping=self.get_value("hammer_damping"),
             digitizer=digitizer,

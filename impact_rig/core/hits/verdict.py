@@ -133,7 +133,12 @@ def check_strength(
         nothing is weak or strong.
     """
     found = []
-    for (name, trace), filtered in zip(_name_channels(record), traces, strict=True):
+    channels = _name_channels(record)
+    # At the rail the peak is not known, and the overload says so.
+    overloaded = any(
+        find_longest_rail_run(trace) >= settings.overload_run for _, trace in channels
+    )
+    for (name, trace), filtered in zip(channels, traces, strict=True):
         peak = float(np.max(np.abs(filtered)))
         least, most = (
             part * trace.full_scale for part in (settings.minimum_peak, settings.maximum_peak)
@@ -142,8 +147,6 @@ def check_strength(
             found.append(
                 Rejection(Reason.WEAK, f"{name} peak {peak:.4g} m/s^2 is below {least:.4g} m/s^2")
             )
-        # At the rail the peak is not known, and the overload says so.
-        overloaded = find_longest_rail_run(trace) >= settings.overload_run
         if trace.full_scale > 0.0 and peak > most and not overloaded:
             found.append(
                 Rejection(Reason.STRONG, f"{name} peak {peak:.4g} m/s^2 is above {most:.4g} m/s^2")

@@ -25,9 +25,15 @@ from impact_rig.core.model.impact import (
     compute_peak_force,
     simulate_impact,
 )
-from impact_rig.core.model.pulses import VERSED_SINE, PulseShape, compute_pulse
+from impact_rig.core.model.pulses import (
+    PULSE_SHAPES,
+    VERSED_SINE,
+    PulseShape,
+    compute_pulse,
+)
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import FloatArray
+from impact_rig.devices.virtual.driven_sample import simulate_driven
 
 
 class Plant(Enum):
@@ -49,12 +55,31 @@ class HitPhysics:
     shape : PulseShape
         Of the contact force.
     asymmetry : float
-        Of the contact force, see `compute_pulse` [-].
+        Of the contact force on the published plant, see `compute_pulse` [-]; the model's force
+        is symmetric.
     """
 
     model: ImpactModel
     shape: PulseShape = VERSED_SINE
     asymmetry: float = 0.0
+
+
+def pulse_shape_from_name(name: str) -> PulseShape:
+    """Return the pulse shape called `name`; raises `ParameterError` for an unknown one."""
+    for shape in PULSE_SHAPES:
+        if shape.name == name:
+            return shape
+    known = ", ".join(shape.name for shape in PULSE_SHAPES)
+    raise ParameterError(f"unknown pulse shape {name!r}: the virtual rig knows {known}")
+
+
+def check_pulse_shape(plant: Plant, shape: PulseShape) -> None:
+    """Raise `ParameterError` if a plant cannot have that shape of the contact force."""
+    if plant is Plant.DYNAMICS_PRINTED and shape is not VERSED_SINE:
+        raise ParameterError(
+            f"pulse shape {shape.name!r} is not for the plant {plant.value}, whose printed"
+            f" equation (4) is the {VERSED_SINE.name}: choose {Plant.DYNAMICS.value}"
+        )
 
 
 def find_nominal_model(setup: RigSetup, sample: str, hammer_damping: float) -> ImpactModel:
@@ -137,10 +162,18 @@ def simulate_plant(
     -------
     hammer, specimen : ndarray, shape (count,)
         [m/s^2]
+
+    Raises
+    ------
+    ParameterError
+        If the plant cannot have that pulse shape.
     """
     if plant is Plant.PUBLISHED:
         time = start + np.arange(count) / sampling_rate
         return _play_hammer(physics, time), _play_specimen(physics, time)
+    check_pulse_shape(plant, physics.shape)
+    if physics.shape is not VERSED_SINE:
+        return simulate_driven(physics.model, physics.shape, sampling_rate, count, start)
     variant = ModelVariant.DRIVEN if plant is Plant.DYNAMICS else ModelVariant.PRINTED
     return simulate_impact(physics.model, sampling_rate, count, start=start, variant=variant)
 

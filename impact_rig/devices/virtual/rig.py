@@ -8,6 +8,7 @@ import numpy as np
 from impact_rig.core.checks import check_between, check_not_negative
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.impact import ImpactModel
+from impact_rig.core.model.pulses import VERSED_SINE, PulseShape
 from impact_rig.core.setup.paper import HAMMER_DAMPING_COEFFICIENT
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block, ChannelBlock, CountArray, FloatArray, HitLabel
@@ -16,6 +17,7 @@ from impact_rig.devices.virtual.faults import Fault, FaultPlan
 from impact_rig.devices.virtual.plants import (
     HitPhysics,
     Plant,
+    check_pulse_shape,
     find_nominal_model,
     simulate_plant,
 )
@@ -24,9 +26,9 @@ OVERLOAD_RANGE = (1.2, 2.0)
 """Peak of an overloaded hit over the hammer's full scale [-]."""
 WEAK_RANGE = (0.04, 0.10)
 """Peak of a weak hit over the hammer's full scale [-]."""
-DOUBLE_HEIGHT_RANGE = (0.10, 0.60)
+DOUBLE_HEIGHT_RANGE = (0.05, 0.60)
 """Second pulse of a double hit over the first [-]."""
-DOUBLE_DELAY_RANGE = (1.5, 4.0)
+DOUBLE_DELAY_RANGE = (1.2, 4.0)
 """Delay of the second pulse, in contact times [-]."""
 
 
@@ -44,8 +46,10 @@ class VirtualRigSettings:
         Standard deviation of tau_p from hit to hit, relative [-].
     amplitude_scatter : float
         Standard deviation of F0 from hit to hit, relative [-].
+    pulse_shape : PulseShape
+        Of the contact force.
     asymmetry : float
-        Of the contact pulse [-], see `compute_pulse`.
+        Of the contact pulse [-], see `HitPhysics`.
     hammer_damping : float
         c1 [N s/m].
     digitizer : DigitizerSettings
@@ -58,6 +62,7 @@ class VirtualRigSettings:
     seed: int = 1
     contact_time_scatter: float = 3e-3
     amplitude_scatter: float = 2e-2
+    pulse_shape: PulseShape = VERSED_SINE
     asymmetry: float = 0.02
     hammer_damping: float = HAMMER_DAMPING_COEFFICIENT
     digitizer: DigitizerSettings = field(default_factory=DigitizerSettings)
@@ -69,6 +74,7 @@ class VirtualRigSettings:
             raise ParameterError(f"seed is {self.seed}: it must be 0 or more")
         check_between("contact time scatter", self.contact_time_scatter, 0.0, 0.2)
         check_between("amplitude scatter", self.amplitude_scatter, 0.0, 0.2)
+        check_pulse_shape(self.plant, self.pulse_shape)
         check_between("asymmetry", self.asymmetry, -0.5, 0.5)
         check_not_negative("hammer damping coefficient", self.hammer_damping, "N s/m")
 
@@ -216,7 +222,7 @@ class VirtualRig:
         start = -digitizer.pre_trigger + digitizer.trigger_jitter * float(
             physics_source.standard_normal()
         )
-        physics = HitPhysics(model, asymmetry=self.settings.asymmetry)
+        physics = HitPhysics(model, self.settings.pulse_shape, self.settings.asymmetry)
 
         def simulate(first: float) -> FloatArray:
             return np.stack(

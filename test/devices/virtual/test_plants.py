@@ -1,5 +1,6 @@
 """The virtual bodies: the published plant carries the tables, the others obey equation (1)."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -7,17 +8,27 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 from scipy.signal import find_peaks
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.impact import Body, ModelVariant, simulate_impact
-from impact_rig.core.model.pulses import HALF_SINE, HERTZ, VERSED_SINE, PulseShape
+from impact_rig.core.model.pulses import (
+    HALF_SINE,
+    HERTZ,
+    PULSE_SHAPES,
+    VERSED_SINE,
+    PulseShape,
+    compute_pulse,
+)
 from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.setup.samples import Sample, SampleSet
+from impact_rig.devices.virtual.driven_sample import simulate_driven
 from impact_rig.devices.virtual.plants import (
     HitPhysics,
     Plant,
     find_nominal_model,
+    pulse_shape_from_name,
     simulate_plant,
 )
 
@@ -121,6 +132,67 @@ def test_dynamics_is_the_model_itself(plant: Plant, variant: ModelVariant) -> No
     ours = simulate_plant(plant, HitPhysics(model), RATE, COUNT, START)
     theirs = simulate_impact(model, RATE, COUNT, start=START, variant=variant)
     np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("shape", PULSE_SHAPES, ids=lambda shape: shape.name)
+@pytest.mark.parametrize("ratio", [0.17, 1.0, 1.7])
+def test_the_driven_sample_obeys_its_equation_under_every_pulse(
+    shape: PulseShape, ratio: float
+) -> None:
+    model = find_nominal_model(PAPER_SETUP, "steel small", 1909.0)
+    body = model.specimen
+    damping = 2 * ratio * math.sqrt(body.mass * body.stiffness)
+    model = replace(model, specimen=replace(body, damping_coefficient=damping))
+    # The grid of the record meets neither start nor end of the contact.
+    rate, count, start = 1.01e6, 1500, -50.3e-6
+    hammer, specimen = simulate_driven(model, shape, rate, count, start)
+    time = start + np.arange(count) / rate
+    force = model.peak_force * compute_pulse(time, model.contact_time, shape)
+    peak = model.peak_force / body.mass
+    np.testing.assert_allclose(hammer, -force / model.hammer.mass, rtol=0, atol=1e-9 * peak)
+
+    def move(moment: float, state: np.ndarray) -> list[float]:
+        drive = float(compute_pulse(np.array([moment]), model.contact_time, shape)[0])
+        push = model.peak_force * drive - damping * state[1] - body.stiffness * state[0]
+        return [state[1], push / body.mass]
+
+    # Integrated apart on both sides of the kinks at top and end.
+    state, found = [0.0, 0.0], np.zeros(count)
+    stops = [0.0, model.contact_time / 2, model.contact_time, time[-1] + 1 / rate]
+    for low, high in itertools.pairwise(stops):
+        part = (time >= low) & (time < high)
+        solution = solve_ivp(
+            move, (low, high), state, "DOP853", dense_output=True, rtol=1e-10, atol=1e-18
+        )
+        found[part] = [move(t, solution.sol(t))[1] for t in time[part]]
+        state = solution.y[:, -1]
+    np.testing.assert_allclose(specimen, found, rtol=0, atol=1e-6 * peak)
+
+
+def test_a_driven_versed_sine_is_the_closed_form() -> None:
+    model = find_nominal_model(PAPER_SETUP, "brass large", 1909.0)
+    ours = simulate_driven(model, VERSED_SINE, RATE, COUNT, START)
+    theirs = simulate_impact(model, RATE, COUNT, start=START, variant=ModelVariant.DRIVEN)
+    peak = model.peak_force / model.specimen.mass
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-7 * peak)
+
+
+def test_dynamics_takes_every_pulse_and_the_printed_model_its_own() -> None:
+    model = find_nominal_model(PAPER_SETUP, "steel medium", 1909.0)
+    physics = HitPhysics(model, HERTZ)
+    hammer, _ = simulate_plant(Plant.DYNAMICS, physics, RATE, COUNT, START)
+    ours = simulate_driven(model, HERTZ, RATE, COUNT, START)
+    np.testing.assert_array_equal(hammer, ours[0])
+    with pytest.raises(ParameterError, match="'Hertz' is not for the plant dynamics_printed"):
+        simulate_plant(Plant.DYNAMICS_PRINTED, physics, RATE, COUNT, START)
+
+
+def test_pulse_shapes_are_found_by_name() -> None:
+    assert [pulse_shape_from_name(shape.name) for shape in PULSE_SHAPES] == list(PULSE_SHAPES)
+    with pytest.raises(
+        ParameterError, match=r"unknown pulse shape 'square': .* versed-sine, half"
+    ):
+        pulse_shape_from_name("square")
 
 
 def test_what_the_virtual_rig_cannot_strike_is_named() -> None:
