@@ -1,0 +1,205 @@
+"""Where the least-squares search starts, read from the traces themselves."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from impact_rig.core.estimation.measured_model import MeasuredModel
+from impact_rig.core.estimation.stiffness import (
+    estimate_equivalent_mass,
+    estimate_equivalent_stiffness,
+)
+from impact_rig.core.hits.pulse_width import PulseWidth
+from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, compute_peak_force
+from impact_rig.core.model.pulses import VERSED_SINE
+from impact_rig.core.model.sensitivities import compute_sensitivities, respond_to_versed_sine
+from impact_rig.core.signals.record import FloatArray
+
+NAN = math.nan
+SEARCH_POINTS = 400
+"""Points of a record on which starts are compared [-], our choice: some forty in a contact of a
+tenth of the record."""
+FREQUENCIES = np.geomspace(0.7, 22.0, 9)
+"""Natural frequencies of the sample that are tried, times tau_p [rad], our choice: neighbours are
+near enough for the search to go on from; the paper's samples lie between 2.9 and 3.8."""
+DAMPING_RATIOS = (0.08, 0.3, 0.8)
+"""Damping ratios that are tried [-], our choice."""
+PRINTED_DURATIONS = (1.0, 1.6, 2.4)
+"""tau_p of the printed model that are tried, over twice the half-amplitude width [-], our choice:
+its hammer trace is no versed-sine."""
+PRINTED_STIFFNESSES = (0.5, 1.0, 2.0)
+"""k1 of the printed model that are tried, over 2 k_eq [-], our choice."""
+PRINTED_DAMPING_RATIOS = (0.2, 0.6)
+"""Damping ratios of the hammer that are tried [-], our choice: the paper's is 0.64."""
+
+
+@dataclass(frozen=True)
+class StartingValues:
+    """What is already believed; NaN: nothing.
+
+    Attributes
+    ----------
+    stiffness, damping_coefficient : float
+        Of the sample: k2 [N/m], c2 [N s/m].
+    hammer_stiffness, hammer_damping_coefficient : float
+        k1 [N/m], c1 [N s/m]; only the printed model has them.
+    """
+
+    stiffness: float = NAN
+    damping_coefficient: float = NAN
+    hammer_stiffness: float = NAN
+    hammer_damping_coefficient: float = NAN
+
+
+def find_starts(
+    measured: MeasuredModel, traces: FloatArray, pulse: PulseWidth, given: StartingValues
+) -> Iterator[FloatArray]:
+    """Yield starts, the most promising first: what is given, then what the traces suggest.
+
+    Parameters
+    ----------
+    measured : MeasuredModel
+        What is fitted.
+    traces : ndarray, shape (2, n)
+        Mean traces [m/s^2].
+    pulse : PulseWidth
+        Of the hammer's trace.
+    given : StartingValues
+        What is believed.
+
+    Yields
+    ------
+    ndarray, shape (p,)
+        Parameter values in the order of `measured.names`.
+    """
+    step = max(traces.shape[1] // SEARCH_POINTS, 1)
+    coarse = _Coarse(measured, traces[:, ::step], measured.sampling_rate / step, pulse)
+    if measured.variant is ModelVariant.DRIVEN:
+        yield from coarse.find_driven(given)
+    else:
+        yield from coarse.find_printed(given)
+
+
+class _Coarse:
+    """The search on every few points, unfiltered."""
+
+    def __init__(
+        self, measured: MeasuredModel, traces: FloatArray, sampling_rate: float, pulse: PulseWidth
+    ) -> None:
+        self.measured, self.traces, self.sampling_rate = measured, traces, sampling_rate
+        self.peak = pulse.peak
+        self.middle = pulse.middle / measured.sampling_rate
+        width = pulse.half_amplitude_width / measured.sampling_rate
+        self.contact_time = VERSED_SINE.pulse_factor * width
+        self.start = self.middle - self.contact_time / 2.0
+
+    def find_driven(self, given: StartingValues) -> Iterator[FloatArray]:
+        """Yield starts of the driven model: its sample is one oscillator."""
+        mass, tau = self.measured.moving_mass, self.contact_time
+        if math.isfinite(given.stiffness) and math.isfinite(given.damping_coefficient):
+            pair = (
+                given.stiffness * tau**2 / mass,
+                given.damping_coefficient * tau / mass,
+            )
+            yield self._make_driven(*pair, self._fit_oscillator(*pair)[1])
+        tried = []
+        for frequency, ratio in product(FREQUENCIES.tolist(), DAMPING_RATIOS):
+            scaled = (frequency**2, 2.0 * ratio * frequency)
+            tried.append((*self._fit_oscillator(*scaled), *scaled))
+        tried.sort()
+        for _, height, stiffness, damping in tried:
+            yield self._make_driven(stiffness, damping, height)
+
+    def _fit_oscillator(self, stiffness: float, damping: float) -> tuple[float, float]:
+        """Return what is left of the sample's trace, and the amplitude that leaves it."""
+        count = self.traces.shape[1]
+        time = (np.arange(count) / self.sampling_rate - self.start) / self.contact_time
+        step = 1.0 / (self.sampling_rate * self.contact_time)
+        response = respond_to_versed_sine(stiffness, damping, time, step)[0]
+        height, left = _fit_amplitude(response, self.traces[1])
+        return left, height
+
+    def _make_driven(self, stiffness: float, damping: float, height: float) -> FloatArray:
+        mass, tau = self.measured.moving_mass, self.contact_time
+        force = -self.measured.hammer_mass * self.peak
+        gain = height * mass / force
+        return np.array(
+            [
+                tau, self.start, stiffness * mass / tau**2, damping * mass / tau, force,
+                gain, 0.0, 0.0,
+            ]
+        )  # fmt: skip
+
+    def find_printed(self, given: StartingValues) -> Iterator[FloatArray]:
+        """Yield starts of the printed model: two bodies, of which little is known."""
+        hammer_mass, mass = self.measured.hammer_mass, self.measured.moving_mass
+        equivalent = estimate_equivalent_stiffness(
+            estimate_equivalent_mass(hammer_mass, mass), self.contact_time
+        )
+        hammers = [
+            (
+                2.0 * equivalent * part,
+                2.0 * ratio * math.sqrt(2.0 * equivalent * part * hammer_mass),
+            )
+            for part, ratio in product(PRINTED_STIFFNESSES, PRINTED_DAMPING_RATIOS)
+        ]
+        if math.isfinite(given.hammer_stiffness) and math.isfinite(
+            given.hammer_damping_coefficient
+        ):
+            hammers.insert(0, (given.hammer_stiffness, given.hammer_damping_coefficient))
+        ratio = DAMPING_RATIOS[1]
+        specimens = [
+            (part * equivalent, 2.0 * ratio * math.sqrt(part * equivalent * mass))
+            for part in (1.5, 4.0)
+        ]
+        if math.isfinite(given.stiffness) and math.isfinite(given.damping_coefficient):
+            specimens.insert(0, (given.stiffness, given.damping_coefficient))
+        tried = [
+            self._fit_printed(duration * self.contact_time, *hammer, *specimen)
+            for duration, hammer, specimen in product(PRINTED_DURATIONS, hammers, specimens)
+        ]
+        tried.sort(key=lambda item: item[0])
+        for _, values in tried:
+            yield values
+
+    def _fit_printed(
+        self, tau: float, k1: float, c1: float, k2: float, c2: float
+    ) -> tuple[float, FloatArray]:
+        """Return what is left of both traces, and the start with the amplitudes that leave it."""
+        measured = self.measured
+        model = ImpactModel(
+            hammer=Body(measured.hammer_mass, k1, c1),
+            specimen=Body(measured.moving_mass, k2, c2),
+            contact_time=tau,
+            impact_speed=measured.impact_speed,
+            peak_force=compute_peak_force(
+                measured.hammer_mass, measured.moving_mass, measured.impact_speed, tau
+            ),
+        )
+        bodies = compute_sensitivities(
+            model,
+            self.sampling_rate,
+            self.traces.shape[1],
+            start=-self.start,
+            variant=ModelVariant.PRINTED,
+        )
+        by_force = bodies.derivatives[:, 4]
+        by_speed = bodies.traces - model.peak_force * by_force
+        hammer = measured.hammer_polarity * self.traces[0] - by_speed[0]
+        force, left = _fit_amplitude(by_force[0], hammer)
+        gain, specimen_left = _fit_amplitude(by_speed[1] + force * by_force[1], self.traces[1])
+        peaks = np.abs(self.traces).max(axis=1)
+        values = np.array([tau, self.start, k2, c2, force, k1, c1, gain, 0.0, 0.0])
+        return left / float(peaks[0]) ** 2 + specimen_left / float(peaks[1]) ** 2, values
+
+
+def _fit_amplitude(shape: FloatArray, trace: FloatArray) -> tuple[float, float]:
+    """Return the factor that lays a shape onto a trace, and the squares that are left."""
+    power = float(shape @ shape)
+    if power == 0.0:
+        return 0.0, float(trace @ trace)
+    factor = float(shape @ trace) / power
+    return factor, float(np.sum((trace - factor * shape) ** 2))
