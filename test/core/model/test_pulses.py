@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
+from scipy.special import betaincinv
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.pulses import (
@@ -16,6 +17,7 @@ from impact_rig.core.model.pulses import (
     VERSED_SINE,
     PulseShape,
     compute_pulse,
+    differentiate_pulse,
 )
 
 every_shape = pytest.mark.parametrize("shape", PULSE_SHAPES, ids=lambda shape: shape.name)
@@ -99,3 +101,40 @@ def test_an_impossible_pulse_is_refused() -> None:
         compute_pulse(np.zeros(3), -1.0)
     with pytest.raises(ParameterError, match=r"asymmetry is 1.0: it must lie between -0.9 and"):
         compute_pulse(np.zeros(3), 1.0, asymmetry=1.0)
+
+
+def test_the_table_of_the_hertz_pulse_is_as_good_as_the_function_it_replaces() -> None:
+    phase = np.random.default_rng(3).uniform(0.0, 1.0, 20_000)
+    exact = betaincinv(0.4, 0.5, 1.0 - np.abs(1.0 - 2.0 * phase)) ** 0.6
+    np.testing.assert_allclose(HERTZ.value(phase), exact, rtol=0, atol=1e-10)
+
+
+@every_shape
+@given(duration=st.floats(0.5, 2.0), asymmetry=st.floats(-0.5, 0.5))
+def test_derivatives_are_those_of_the_pulse(
+    shape: PulseShape, duration: float, asymmetry: float
+) -> None:
+    # Points inside, so that no foot and no peak, where the slope may jump, is stepped over.
+    rise = duration * (1 + asymmetry) / 2
+    time = np.concatenate(
+        (
+            rise * np.linspace(0.02, 0.98, 25),
+            rise + (duration - rise) * np.linspace(0.02, 0.98, 25),
+        )
+    )
+    step = 1e-6
+    pulse, derivatives = differentiate_pulse(time, duration, shape, asymmetry)
+    np.testing.assert_array_equal(pulse, compute_pulse(time, duration, shape, asymmetry))
+    numeric = [
+        compute_pulse(time - step, duration, shape, asymmetry)
+        - compute_pulse(time + step, duration, shape, asymmetry),
+        compute_pulse(time, duration + step, shape, asymmetry)
+        - compute_pulse(time, duration - step, shape, asymmetry),
+        compute_pulse(time, duration, shape, asymmetry + step)
+        - compute_pulse(time, duration, shape, asymmetry - step),
+    ]
+    # Central differences: curvature times step squared, and rounding over the step.
+    np.testing.assert_allclose(derivatives, np.array(numeric) / (2 * step), atol=1e-6)
+    outside, slopes = differentiate_pulse(np.array([-0.1, duration + 0.1]), duration, shape)
+    assert not outside.any()
+    assert not slopes.any()
