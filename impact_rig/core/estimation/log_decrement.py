@@ -8,6 +8,12 @@ from scipy.signal import find_peaks
 
 from impact_rig.core.checks import check_not_negative, check_positive
 from impact_rig.core.errors import NotDeterminedError
+from impact_rig.core.estimation.uncertainty_arithmetic import (
+    Quantity,
+    find_hypotenuse,
+    find_square_root,
+    get_value,
+)
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.signals.record import FloatArray
 
@@ -88,14 +94,14 @@ def estimate_log_decrement(trace: FloatArray, noise: float) -> LogDecrement:
     )
 
 
-def estimate_damping_ratio(log_decrement: float) -> float:
+def estimate_damping_ratio(log_decrement: Quantity) -> Quantity:
     """Return zeta = Delta / sqrt(4 pi^2 + Delta^2) [-].
 
     Equation (7b) prints a minus under the root; the plus is the exact relation of a damped
-    oscillator.
+    oscillator. Of a float or an uncertain number.
     """
-    check_positive("log decrement", log_decrement, "")
-    return log_decrement / math.hypot(2.0 * math.pi, log_decrement)
+    check_positive("log decrement", get_value(log_decrement), "")
+    return log_decrement / find_hypotenuse(2.0 * math.pi, log_decrement)
 
 
 def compute_log_decrement(damping_ratio: float) -> float:
@@ -109,12 +115,17 @@ def compute_log_decrement(damping_ratio: float) -> float:
     return 2.0 * math.pi * damping_ratio / math.sqrt(1.0 - damping_ratio**2)
 
 
-def estimate_damping_coefficient(damping_ratio: float, stiffness: float, mass: float) -> float:
-    """Return c = 2 zeta sqrt(k m) [N s/m], equation (8), from N/m and kg."""
-    check_not_negative("damping ratio", damping_ratio, "")
-    check_positive("stiffness", stiffness, "N/m")
-    check_positive("mass", mass, "kg")
-    return 2.0 * damping_ratio * math.sqrt(stiffness * mass)
+def estimate_damping_coefficient(
+    damping_ratio: Quantity, stiffness: Quantity, mass: Quantity
+) -> Quantity:
+    """Return c = 2 zeta sqrt(k m) [N s/m], equation (8), from N/m and kg.
+
+    Of floats or of uncertain numbers.
+    """
+    check_not_negative("damping ratio", get_value(damping_ratio), "")
+    check_positive("stiffness", get_value(stiffness), "N/m")
+    check_positive("mass", get_value(mass), "kg")
+    return 2.0 * damping_ratio * find_square_root(stiffness * mass)
 
 
 def estimate_damping_ratio_from_coefficient(

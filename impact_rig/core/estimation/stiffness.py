@@ -1,39 +1,46 @@
-"""Contact time to stiffness, equations (5) and (6)."""
+"""Contact time to stiffness, equations (5) and (6), of floats or of uncertain numbers."""
 
 import math
 
 from impact_rig.core.checks import check_positive
 from impact_rig.core.errors import NotDeterminedError
+from impact_rig.core.estimation.uncertainty_arithmetic import (
+    Quantity,
+    find_square_root,
+    get_value,
+)
 
 
-def estimate_equivalent_mass(hammer_mass: float, moving_mass: float) -> float:
+def estimate_equivalent_mass(hammer_mass: Quantity, moving_mass: Quantity) -> Quantity:
     """Return m_eq = m1 m2 / (m1 + m2) [kg], equation (6a), from masses in kg."""
-    check_positive("hammer mass", hammer_mass, "kg")
-    check_positive("sample mass", moving_mass, "kg")
+    check_positive("hammer mass", get_value(hammer_mass), "kg")
+    check_positive("sample mass", get_value(moving_mass), "kg")
     return hammer_mass * moving_mass / (hammer_mass + moving_mass)
 
 
-def estimate_equivalent_stiffness(equivalent_mass: float, contact_time: float) -> float:
+def estimate_equivalent_stiffness(equivalent_mass: Quantity, contact_time: Quantity) -> Quantity:
     """Return k_eq = m_eq (pi / tau_p)^2 [N/m], equation (5), from kg and s."""
-    check_positive("equivalent mass", equivalent_mass, "kg")
-    check_positive("contact time", contact_time, "s")
+    check_positive("equivalent mass", get_value(equivalent_mass), "kg")
+    check_positive("contact time", get_value(contact_time), "s")
     return equivalent_mass * (math.pi / contact_time) ** 2
 
 
-def estimate_contact_time(equivalent_mass: float, equivalent_stiffness: float) -> float:
+def estimate_contact_time(equivalent_mass: Quantity, equivalent_stiffness: Quantity) -> Quantity:
     """Return tau_p = pi sqrt(m_eq / k_eq) [s], equation (5), from kg and N/m."""
-    check_positive("equivalent mass", equivalent_mass, "kg")
-    check_positive("equivalent stiffness", equivalent_stiffness, "N/m")
-    return math.pi * math.sqrt(equivalent_mass / equivalent_stiffness)
+    check_positive("equivalent mass", get_value(equivalent_mass), "kg")
+    check_positive("equivalent stiffness", get_value(equivalent_stiffness), "N/m")
+    return math.pi * find_square_root(equivalent_mass / equivalent_stiffness)
 
 
-def estimate_hammer_stiffness(control_equivalent_stiffness: float) -> float:
+def estimate_hammer_stiffness(control_equivalent_stiffness: Quantity) -> Quantity:
     """Return k1 = 2 k_eq of the control experiment [N/m]: hammer and sample are alike."""
-    check_positive("equivalent stiffness", control_equivalent_stiffness, "N/m")
+    check_positive("equivalent stiffness", get_value(control_equivalent_stiffness), "N/m")
     return 2.0 * control_equivalent_stiffness
 
 
-def estimate_sample_stiffness(equivalent_stiffness: float, hammer_stiffness: float) -> float:
+def estimate_sample_stiffness(
+    equivalent_stiffness: Quantity, hammer_stiffness: Quantity
+) -> Quantity:
     """Return k2 from k_eq = k1 k2 / (k1 + k2) [N/m], equation (6b).
 
     Raises
@@ -42,12 +49,13 @@ def estimate_sample_stiffness(equivalent_stiffness: float, hammer_stiffness: flo
         If k_eq is not below k1: no positive k2 solves (6b). The contact time is then too short
         for that hammer.
     """
-    check_positive("equivalent stiffness", equivalent_stiffness, "N/m")
-    check_positive("hammer stiffness", hammer_stiffness, "N/m")
-    if equivalent_stiffness >= hammer_stiffness:
+    check_positive("equivalent stiffness", get_value(equivalent_stiffness), "N/m")
+    check_positive("hammer stiffness", get_value(hammer_stiffness), "N/m")
+    if get_value(equivalent_stiffness) >= get_value(hammer_stiffness):
         raise NotDeterminedError(
             f"k2: equation (6b) has no positive solution, since k_eq is"
-            f" {equivalent_stiffness / 1e6:.4g} MN/m and must be below k1 ="
-            f" {hammer_stiffness / 1e6:.4g} MN/m; check masses, contact time and control sample"
+            f" {get_value(equivalent_stiffness) / 1e6:.4g} MN/m and must be below k1 ="
+            f" {get_value(hammer_stiffness) / 1e6:.4g} MN/m; check masses,"
+            " contact time and control sample"
         )
     return 1.0 / (1.0 / equivalent_stiffness - 1.0 / hammer_stiffness)

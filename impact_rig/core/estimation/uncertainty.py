@@ -1,0 +1,208 @@
+"""Uncertainty by the GUM: what is reported, and the uncertain numbers that lead to it.
+
+The GUM is JCGM 100:2008. Uncertain numbers are GTC's: they know on which inputs they depend, so
+that an input that enters twice, like the hammer's mass through k_eq and k1, is counted once,
+with its sign.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import GTC
+import numpy as np
+
+from impact_rig.core.checks import check_not_negative
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.estimation.uncertainty_arithmetic import UncertainNumber
+from impact_rig.core.signals.record import FloatArray
+
+COVERAGE_PERCENT = 95.0
+"""Coverage probability of the expanded uncertainty [%], the usual one (GUM 6.3)."""
+REMEMBERED_INPUTS = 4096
+"""Inputs that are told apart by name and value [-], our choice: a campaign has some hundred."""
+SINGULAR_PART = 1e-14
+"""Part of the largest variance below which a combination of parameters does not scatter [-], our
+choice: rounding."""
+
+
+@dataclass(frozen=True)
+class BudgetLine:
+    """What one input contributes to an uncertainty.
+
+    Attributes
+    ----------
+    source : str
+        The input, in words.
+    kind : str
+        "A": evaluated from repeated hits, "B": by other means (GUM 2.3.2, 2.3.3).
+    contribution : float
+        |sensitivity| times standard uncertainty, in the unit of the result.
+    share : float
+        Of the variance [-]; the shares of a budget add up to 1.
+    """
+
+    source: str
+    kind: str
+    contribution: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Uncertainty of one result, in the unit of the result; NaN: not determined, see the notes.
+
+    Attributes
+    ----------
+    standard : float
+        Combined standard uncertainty u (GUM 5).
+    expanded : float
+        U = k u, for a coverage of 95 %, k from Student's t (GUM G.4).
+    degrees_of_freedom : float
+        Effective ones by Welch and Satterthwaite [-]; infinite where type B alone counts.
+    budget : tuple of BudgetLine
+        Largest first; empty where nothing contributes.
+    notes : tuple of str
+        Why it is not determined, or what it leaves out.
+    """
+
+    standard: float = math.nan
+    expanded: float = math.nan
+    degrees_of_freedom: float = math.nan
+    budget: tuple[BudgetLine, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def is_determined(self) -> bool:
+        """Whether there are figures."""
+        return math.isfinite(self.standard)
+
+
+NOT_DETERMINED = Uncertainty()
+"""Of what is not determined itself, or was never asked for."""
+
+
+@lru_cache(maxsize=REMEMBERED_INPUTS)
+def make_input(
+    source: str,
+    value: float,
+    standard: float,
+    owner: str = "",  # noqa: ARG001, it tells inputs apart
+) -> UncertainNumber:
+    """Make an input of type B, known otherwise than by repetition: a mass, the clock.
+
+    Parameters
+    ----------
+    source : str
+        In words, for the budget.
+    value : float
+        Best estimate.
+    standard : float
+        Standard uncertainty, in its unit; 0: exact.
+    owner : str
+        What the input belongs to. The same source, value, uncertainty and owner are the same
+        input, whenever asked for: so correlations outlive the call.
+
+    Raises
+    ------
+    ParameterError
+        If the uncertainty is not a finite number of zero or more.
+    """
+    check_not_negative(f"standard uncertainty of {source}", standard, "")
+    number: UncertainNumber = GTC.ureal(value, standard, label=f"B{source}")
+    return number
+
+
+def make_ensemble(
+    source: str,
+    estimates: Sequence[float],
+    covariance: FloatArray,
+    degrees_of_freedom: float,
+    owner: str = "",
+) -> tuple[UncertainNumber, ...]:
+    """Make inputs that were measured together, so that their errors are correlated.
+
+    Parameters
+    ----------
+    source : str
+        In words, for the budget: the inputs make one line of it.
+    estimates : sequence of float, length p
+        Best estimates.
+    covariance : ndarray, shape (p, p)
+        Of the estimates; may be singular.
+    degrees_of_freedom : float
+        n - 1 of n hits; infinite: type B.
+    owner : str
+        As in `make_input`.
+
+    Raises
+    ------
+    ParameterError
+        If the covariance is not finite, or of another shape.
+    """
+    matrix = np.array(covariance, dtype=np.float64)
+    if matrix.shape != (len(estimates), len(estimates)) or not np.all(np.isfinite(matrix)):
+        raise ParameterError(
+            f"covariance of {source} is {matrix.tolist()}: it must be a finite"
+            f" {len(estimates)} x {len(estimates)} matrix"
+        )
+    # Scaled, since the parameters' units may differ by many powers of ten.
+    scale = np.sqrt(np.clip(np.diag(matrix), 0.0, None))
+    divisor = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(divisor, divisor))
+    kept = values > SINGULAR_PART * max(len(estimates), 1)
+    factors = scale[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept])
+    errors = _make_errors(source, int(kept.sum()), degrees_of_freedom, factors.tobytes(), owner)
+    numbers = []
+    for estimate, row in zip(estimates, factors.tolist(), strict=True):
+        number: UncertainNumber = GTC.constant(float(estimate))
+        for factor, error in zip(row, errors, strict=True):
+            number = number + factor * error
+        numbers.append(number)
+    return tuple(numbers)
+
+
+@lru_cache(maxsize=REMEMBERED_INPUTS)
+def _make_errors(
+    source: str, count: int, degrees_of_freedom: float, _factors: bytes, _owner: str
+) -> tuple[UncertainNumber, ...]:
+    """Make uncorrelated unit errors that share their degrees of freedom (GUM H.2).
+
+    Factors and owner only tell ensembles apart: the same data are the same inputs.
+    """
+    if count == 0:
+        return ()
+    kind = "A" if math.isfinite(degrees_of_freedom) else "B"
+    labels = [f"{kind}{source}"] * count
+    return tuple(GTC.multiple_ureal([0.0] * count, [1.0] * count, degrees_of_freedom, labels))
+
+
+def find_uncertainty(number: UncertainNumber, notes: tuple[str, ...] = ()) -> Uncertainty:
+    """Return standard and expanded uncertainty of a number, with its budget.
+
+    Inputs of one source make one line: their variances are added.
+    """
+    standard = float(number.u)
+    if not math.isfinite(standard):
+        return make_undetermined("uncertainty: not determined, it has no finite value")
+    if standard == 0.0:
+        return Uncertainty(0.0, 0.0, math.inf, (), notes)
+    variances: dict[str, float] = {}
+    for influence in GTC.reporting.budget(number, trim=0.0):
+        variances[influence.label] = variances.get(influence.label, 0.0) + influence.u**2
+    total = math.fsum(variances.values())
+    budget = tuple(
+        BudgetLine(label[1:], label[0], math.sqrt(variance), variance / total)
+        for label, variance in sorted(variances.items(), key=lambda item: (-item[1], item[0]))
+        if variance > 0.0
+    )
+    # Rounding may bring one degree of freedom to just below one, which GTC refuses.
+    freedom = max(float(number.df), 1.0)
+    factor = float(GTC.reporting.k_factor(freedom, COVERAGE_PERCENT))
+    return Uncertainty(standard, factor * standard, freedom, budget, notes)
+
+
+def make_undetermined(*reasons: str) -> Uncertainty:
+    """Return an uncertainty that is not determined, and the sentences why."""
+    return Uncertainty(notes=reasons)

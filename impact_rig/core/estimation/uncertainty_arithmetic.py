@@ -1,0 +1,68 @@
+"""What formulas need beyond + - * / and **, for floats and for uncertain numbers alike.
+
+With these a formula of the core is written once: given floats it returns the float that it
+always did, given uncertain numbers it carries their uncertainties along.
+"""
+
+import math
+from typing import Any, Protocol, TypeVar, overload
+
+import GTC
+
+
+class UncertainNumber(Protocol):
+    """A value with the uncertainties that it depends on, as GTC's uncertain real numbers.
+
+    Attributes
+    ----------
+    x, u, df : float
+        Value, standard uncertainty and effective degrees of freedom.
+    """
+
+    @property
+    def x(self) -> float: ...  # noqa: D102
+    @property
+    def u(self) -> float: ...  # noqa: D102
+    @property
+    def df(self) -> float: ...  # noqa: D102
+    def __add__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105
+    def __radd__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105
+    def __sub__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105
+    def __rsub__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105
+    def __mul__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105
+    def __rmul__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105
+    def __truediv__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105
+    def __rtruediv__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105
+    def __pow__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105
+
+
+Quantity = TypeVar("Quantity", float, UncertainNumber)
+"""Either a float or an uncertain number; a formula takes all its inputs of one kind."""
+
+
+def get_value(quantity: float | UncertainNumber) -> float:
+    """Return the value of a quantity without its uncertainty."""
+    return quantity if isinstance(quantity, (int, float)) else quantity.x
+
+
+@overload
+def find_square_root(quantity: float) -> float: ...
+@overload
+def find_square_root(quantity: UncertainNumber) -> UncertainNumber: ...
+def find_square_root(quantity: float | UncertainNumber) -> float | UncertainNumber:
+    """Return the square root of a positive quantity."""
+    if isinstance(quantity, (int, float)):
+        return math.sqrt(quantity)
+    root: UncertainNumber = GTC.sqrt(quantity)
+    return root
+
+
+@overload
+def find_hypotenuse(side: float, quantity: float) -> float: ...
+@overload
+def find_hypotenuse(side: float, quantity: UncertainNumber) -> UncertainNumber: ...
+def find_hypotenuse(side: float, quantity: float | UncertainNumber) -> float | UncertainNumber:
+    """Return sqrt(side^2 + quantity^2); `side` is a constant above zero."""
+    if isinstance(quantity, (int, float)):
+        return math.hypot(side, quantity)
+    return find_square_root(quantity * quantity + side * side)

@@ -1,0 +1,215 @@
+"""Contact time and log decrements of a mean hit with their uncertainties.
+
+Type A is the scatter of the hits, all quantities of one series taken as one correlated ensemble.
+Type B is what all hits have in common: quantisation, a baseline that is not level, sampling, the
+low-pass, the clock. What is random from hit to hit is in the scatter already.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from impact_rig.core.errors import NotDeterminedError
+from impact_rig.core.estimation.log_decrement import LogDecrement
+from impact_rig.core.estimation.uncertainty import (
+    Uncertainty,
+    find_uncertainty,
+    make_ensemble,
+    make_input,
+)
+from impact_rig.core.estimation.uncertainty_arithmetic import UncertainNumber
+from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.hits.hit import FilteredHit
+from impact_rig.core.hits.pulse_uncertainty import (
+    PulseErrors,
+    TraceQuality,
+    estimate_pulse_errors,
+    find_peak_excess,
+    find_quantisation_error,
+    find_trend,
+)
+from impact_rig.core.hits.pulse_width import PulseWidth
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.record import FloatArray
+
+LEAST_HITS = 2
+"""Hits that have a scatter [-]."""
+ONE_HIT = (
+    "uncertainty: not determined, since one accepted hit shows no scatter; it takes"
+    f" {LEAST_HITS} or more"
+)
+
+
+@dataclass(frozen=True)
+class ContactNumbers:
+    """What the hits of one series say, as uncertain numbers with their correlation.
+
+    Attributes
+    ----------
+    contact_time : UncertainNumber
+        tau_p [s], clock included.
+    log_decrements : mapping of int to UncertainNumber
+        Delta [-] by channel.
+    """
+
+    contact_time: UncertainNumber
+    log_decrements: Mapping[int, UncertainNumber] = field(default_factory=dict)
+
+
+def estimate_contact_numbers(
+    mean: MeanHit,
+    pulse: PulseWidth,
+    decrements: Mapping[int, LogDecrement],
+    setup: RigSetup,
+    sample: str,
+) -> ContactNumbers:
+    """Estimate tau_p and log decrements of a mean hit with their uncertainties.
+
+    Parameters
+    ----------
+    mean : MeanHit
+        Of the hits on `sample`.
+    pulse : PulseWidth
+        Of its hammer trace.
+    decrements : mapping of int to LogDecrement
+        Peaks of the mean traces by channel.
+    setup : RigSetup
+        Settings and clock.
+    sample : str
+        Name of the sample.
+
+    Raises
+    ------
+    NotDeterminedError
+        If there is one hit only.
+    """
+    if mean.count < LEAST_HITS:
+        raise NotDeterminedError(ONE_HIT)
+    factor = setup.analysis.pulse_factor / mean.sampling_rate
+    channels = sorted(decrements)
+    estimates = [factor * pulse.half_amplitude_width]
+    estimates += [decrements[channel].log_decrement for channel in channels]
+    rows = [[factor * hit.pulse.half_amplitude_width for hit in mean.hits]]
+    rows += _read_decrements(mean, decrements)
+    scatter = np.atleast_2d(np.cov(np.array(rows), ddof=1)) / mean.count
+    contact_time, *changes = make_ensemble(
+        f"scatter of the hits on {sample}", estimates, scatter, mean.count - 1, owner=sample
+    )
+    errors = estimate_pulse_errors(
+        mean.traces[0], pulse, _describe_mean(mean, 0, setup.analysis.cutoff_frequency)
+    )
+    contact_time = contact_time + _make_common_errors(errors, factor, sample)
+    clock = make_input("sampling clock", 1.0, setup.clock_uncertainty)
+    return ContactNumbers(
+        contact_time=contact_time * clock,
+        log_decrements={
+            channel: change
+            + _make_decrement_errors(mean, decrements[channel], channel, setup, sample)
+            for channel, change in zip(channels, changes, strict=True)
+        },
+    )
+
+
+def estimate_hit_uncertainty(
+    hit: FilteredHit, settings: AnalysisSettings, clock_uncertainty: float
+) -> Uncertainty:
+    """Estimate the uncertainty of tau_p of one hit [s], as it was; the next may well differ.
+
+    Parameters
+    ----------
+    hit : FilteredHit
+        The hit.
+    settings : AnalysisSettings
+        `pulse_factor` and `cutoff_frequency` are used.
+    clock_uncertainty : float
+        Relative standard uncertainty of the sampling rate [-].
+    """
+    factor = settings.pulse_factor / hit.sampling_rate
+    quality = TraceQuality(
+        noise=float(hit.noise[0]),
+        raw_noise=float(hit.raw_noise[0]),
+        dither=float(hit.raw_noise[0]),
+        resolution=float(hit.resolution[0]),
+        baseline_points=hit.baseline_points,
+        relative_cutoff=settings.cutoff_frequency / hit.sampling_rate,
+    )
+    errors = estimate_pulse_errors(hit.traces[0], hit.pulse, quality)
+    number = factor * hit.pulse.half_amplitude_width + _make_common_errors(errors, factor, "hit")
+    number = number + make_input("noise", 0.0, factor * errors.noise, "hit")
+    number = number + make_input("zero of the baseline", 0.0, factor * errors.zero, "hit")
+    return find_uncertainty(number * make_input("sampling clock", 1.0, clock_uncertainty))
+
+
+def _make_common_errors(errors: PulseErrors, factor: float, owner: str) -> UncertainNumber:
+    """Return what is wrong with all hits of a series alike, in s."""
+    total = make_input("quantisation", 0.0, factor * errors.quantisation, owner)
+    total = total + make_input("trend of the baseline", 0.0, factor * errors.trend, owner)
+    total = total + make_input("sampling", 0.0, factor * errors.sampling, owner)
+    total = total + make_input("peak reading", 0.0, factor * errors.peak_reading, owner)
+    # A known error that is not corrected (GUM F.2.4.5), alike on every sample of the rig.
+    return total + factor * errors.low_pass * make_input("low-pass", 0.0, 1.0)
+
+
+def _describe_mean(mean: MeanHit, channel: int, cutoff_frequency: float) -> TraceQuality:
+    """Return how well one trace of a mean hit is known."""
+    hits = mean.hits
+    starts = [hit.aligned[1] - mean.origin for hit in hits]
+    baseline = min(hit.baseline_points - start for hit, start in zip(hits, starts, strict=True))
+    return TraceQuality(
+        noise=float(mean.noise[channel]),
+        raw_noise=float(mean.raw_noise[channel]),
+        dither=min(float(hit.raw_noise[channel]) for hit in hits),
+        resolution=max(float(hit.resolution[channel]) for hit in hits),
+        baseline_points=max(baseline, 1),
+        relative_cutoff=cutoff_frequency / mean.sampling_rate,
+    )
+
+
+def _read_decrements(mean: MeanHit, decrements: Mapping[int, LogDecrement]) -> list[list[float]]:
+    """Return Delta of every hit, shape (channels, hits), about that of the mean.
+
+    Read at the mean's two peaks and linearised: a weak second peak may drown in one hit's noise,
+    and the highest point near it would be too high.
+    """
+    if not decrements:
+        return []
+    cuts = [mean.cut_hit(index) for index in range(mean.count)]
+    rows = []
+    for channel in sorted(decrements):
+        peaks = decrements[channel]
+        first = float(mean.traces[channel, peaks.first_index])
+        second = float(mean.traces[channel, peaks.second_index])
+        rows.append(
+            [
+                float(cut[channel, peaks.first_index]) / first
+                - float(cut[channel, peaks.second_index]) / second
+                for cut in cuts
+            ]
+        )
+    return rows
+
+
+def _make_decrement_errors(
+    mean: MeanHit, peaks: LogDecrement, channel: int, setup: RigSetup, sample: str
+) -> UncertainNumber:
+    """Return what is wrong with Delta in all hits alike [-]."""
+    quality = _describe_mean(mean, channel, setup.analysis.cutoff_frequency)
+    trace: FloatArray = mean.traces[channel]
+    owner = f"{sample} {channel}"
+    quantisation = find_quantisation_error(quality.resolution, quality.dither) * math.hypot(
+        1.0 / peaks.first_peak, 1.0 / peaks.second_peak
+    )
+    start = (quality.baseline_points - 1) / 2.0
+    trend = find_trend(trace, quality) * abs(
+        (peaks.second_index - start) / peaks.second_peak
+        - (peaks.first_index - start) / peaks.first_peak
+    )
+    # Between both peaks lies one period of the decay: the second is a cosine's top.
+    curvature = peaks.second_peak * (2.0 * math.pi / (peaks.second_index - peaks.first_index)) ** 2
+    excess = find_peak_excess(quality.noise, curvature, quality.relative_cutoff)
+    total = make_input("quantisation of the peaks", 0.0, quantisation, owner)
+    total = total + make_input("trend of the baseline", 0.0, trend, owner)
+    return total + make_input("second peak reading", 0.0, excess / peaks.second_peak, owner)

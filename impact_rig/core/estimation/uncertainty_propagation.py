@@ -1,0 +1,90 @@
+"""Uncertainty of what follows from parameters that were fitted to hits."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.estimation.uncertainty import (
+    Uncertainty,
+    find_uncertainty,
+    make_ensemble,
+    make_undetermined,
+)
+from impact_rig.core.estimation.uncertainty_arithmetic import UncertainNumber
+from impact_rig.core.estimation.uncertainty_contact import LEAST_HITS, ONE_HIT
+from impact_rig.core.estimation.uncertainty_inputs import RigNumbers
+from impact_rig.core.signals.record import FloatArray
+
+Formula = Callable[[Sequence[UncertainNumber], RigNumbers], Sequence[UncertainNumber]]
+"""Fitted parameters, masses and clock to results; written with + - * / ** and
+`uncertainty_arithmetic` alone."""
+
+
+def propagate_parameters(
+    source: str,
+    per_hit: FloatArray,
+    formula: Formula,
+    rig: RigNumbers,
+    *,
+    estimates: Sequence[float] | None = None,
+    noise_covariance: FloatArray | None = None,
+    owner: str = "",
+) -> tuple[Uncertainty, ...]:
+    """Propagate the scatter of fitted parameters, masses and clock to results.
+
+    The covariance of the estimates is that of the hits over their number, n - 1 degrees of
+    freedom (GUM 5.2.3, H.2). What noise does to each single hit is in their scatter; a fit whose
+    hits scatter less than the noise explains did so by chance.
+
+    Parameters
+    ----------
+    source : str
+        What scatters, for the budget: "scatter of the hits on steel".
+    per_hit : ndarray, shape (n_hits, p)
+        The parameters of every hit, in any units.
+    formula : callable
+        (parameters, rig) to results; the clock is the formula's to apply: times times
+        `rig.clock`, rates over it.
+    rig : RigNumbers
+        Masses and clock.
+    estimates : sequence of float, length p, optional
+        The best estimates, say of the mean trace; the mean over the hits by default.
+    noise_covariance : ndarray, shape (p, p), optional
+        Of the estimates, by errors that the scatter does not show; known, so with infinite
+        degrees of freedom. None: there are none.
+    owner : str
+        What the parameters belong to, see `make_input`.
+
+    Returns
+    -------
+    tuple of Uncertainty
+        One for each result of `formula`. Not determined, with a note, for one hit only: then
+        how many results there are is found from the formula, too.
+
+    Raises
+    ------
+    ParameterError
+        If the parameters are not a finite matrix or the covariance does not fit them.
+    """
+    values = np.asarray(per_hit, dtype=np.float64)
+    if (
+        values.shape != np.atleast_2d(values).shape
+        or values.size == 0
+        or not np.all(np.isfinite(values))
+    ):
+        raise ParameterError(
+            f"parameters of the hits have shape {values.shape}: they must be a finite matrix with"
+            " one row for each hit"
+        )
+    hits, count = values.shape
+    best = values.mean(axis=0).tolist() if estimates is None else [float(x) for x in estimates]
+    if hits < LEAST_HITS:
+        exact = make_ensemble(source, best, np.zeros((count, count)), np.inf, owner)
+        return tuple(make_undetermined(ONE_HIT) for _ in formula(exact, rig))
+    scatter = np.atleast_2d(np.cov(values, rowvar=False, ddof=1)) / hits
+    parameters = make_ensemble(source, best, scatter, hits - 1, owner)
+    if noise_covariance is not None:
+        errors = make_ensemble("noise of the fit", [0.0] * count, noise_covariance, np.inf, owner)
+        parameters = tuple(a + b for a, b in zip(parameters, errors, strict=True))
+    return tuple(find_uncertainty(number, rig.notes) for number in formula(parameters, rig))
