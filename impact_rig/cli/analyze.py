@@ -43,6 +43,7 @@ TRACE_ONLY = {
     Examples:
       impact-rig analyze runs/2025-01-31T12-00-00/session.mcap
       impact-rig analyze session.mcap --json > results.json
+      impact-rig analyze session.mcap --reject 17 --accept "steel small/3.1"
       impact-rig analyze --cutoff off hit_1.npy hit_2.npy hit_3.npy
       impact-rig analyze --columns time,skip,hammer --hammer-unit g hit.csv
       impact-rig analyze --hammer-mass 100g --sample-mass "102.38 g" --control *.csv
@@ -65,6 +66,28 @@ TRACE_ONLY = {
 )
 @click.option(
     "--pulse-factor", type=float, metavar="F", help="τp = F w50: 2 versed-sine, 1.5 half-sine. [2]"
+)
+@click.option(
+    "--double-hit-level",
+    type=float,
+    metavar="LEVEL",
+    help="Second pulse that makes a double hit, part of the first. [0.05]",
+)
+@click.option(
+    "--keep",
+    type=click.IntRange(0),
+    metavar="N",
+    help="Average the N most consistent hits of a sample; 0: all. [that of the recording; else 0]",
+)
+@click.option(
+    "--accept",
+    multiple=True,
+    metavar="HIT",
+    help="Take a hit into the mean whatever its verdict: by record number, SAMPLE/IMPACT or"
+    " SAMPLE/IMPACT.ATTEMPT; a plain trace by its file. May be repeated.",
+)
+@click.option(
+    "--reject", multiple=True, metavar="HIT", help="Leave a hit out of the mean, named likewise."
 )
 @click.option("--columns", metavar="ROLE,...", help="Of time, hammer, specimen, skip.")
 @click.option(
@@ -115,6 +138,10 @@ def command(
     as_json: bool,
     cutoff: float | None,
     pulse_factor: float | None,
+    double_hit_level: float | None,
+    keep: int | None,
+    accept: tuple[str, ...],
+    reject: tuple[str, ...],
     **trace_options: Any,
 ) -> None:
     """Estimate contact time, stiffness and damping from recordings or plain traces.
@@ -130,14 +157,18 @@ def command(
             f"{recordings[0]} is a recording and {traces[0]} a plain trace: analyze them apart"
         )
 
-    changes = SettingsChanges(cutoff, pulse_factor)
+    changes = SettingsChanges(cutoff, pulse_factor, double_hit_level, keep)
     if recordings:
         for name, option in TRACE_ONLY.items():
             if context.get_parameter_source(name) is not ParameterSource.DEFAULT:
                 raise ParameterError(f"{option} is for plain traces: a recording explains itself")
-        errors = _report_recordings(recordings, changes, as_json=as_json)
+        if len(recordings) > 1 and (accept or reject):
+            raise ParameterError(
+                "--accept and --reject name hits of one recording: analyze recordings one by one"
+            )
+        errors = _report_recordings(recordings, changes, accept, reject, as_json=as_json)
     else:
-        task = TraceOptions(**trace_options).make_task(changes)
+        task = TraceOptions(**trace_options, accept=accept, reject=reject).make_task(changes)
         analyzed = analyze_traces(traces, task)
         errors = list(analyzed.errors)
         if as_json:
@@ -159,15 +190,19 @@ def _find_recording(path: Path) -> Path:
 
 
 def _report_recordings(
-    paths: Sequence[Path], changes: SettingsChanges, *, as_json: bool
+    paths: Sequence[Path],
+    changes: SettingsChanges,
+    accept: Sequence[str],
+    reject: Sequence[str],
+    *,
+    as_json: bool,
 ) -> list[str]:
-
     console = make_console()
     errors: list[str] = []
     found: list[AnalyzedCampaign] = []
     for path in paths:
         try:
-            recording = analyze_recording(path, changes)
+            recording = analyze_recording(path, changes, accept, reject)
         except RigError as error:
             errors.append(str(error))
             continue

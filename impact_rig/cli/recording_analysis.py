@@ -1,10 +1,13 @@
 """Recordings through the core: the same numbers as in the live run, bit by bit."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from impact_rig.cli.settings_changes import SettingsChanges
-from impact_rig.core.errors import FileError
+from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.hits.overrule import describe_label, make_overrules
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block
@@ -48,7 +51,12 @@ class AnalyzedRecording:
     warnings: tuple[str, ...]
 
 
-def analyze_recording(path: Path, changes: SettingsChanges) -> AnalyzedRecording:
+def analyze_recording(
+    path: Path,
+    changes: SettingsChanges,
+    accept: Sequence[str] = (),
+    reject: Sequence[str] = (),
+) -> AnalyzedRecording:
     """Judge every hit of a recording and estimate, as the estimator does live.
 
     Parameters
@@ -57,33 +65,48 @@ def analyze_recording(path: Path, changes: SettingsChanges) -> AnalyzedRecording
         Of the `.mcap` file.
     changes : SettingsChanges
         Settings to use in place of the recorded ones.
+    accept, reject : sequence of str
+        Hits that a person takes into the mean or leaves out, by name; see `find_label`.
 
     Raises
     ------
     FileError
         If the file is no recording of a rig, or holds no hit.
     ParameterError
-        If the settings cannot be used.
+        If the settings cannot be used, or a person's word on a hit makes no sense.
     """
     recording = read_recording(path)
-    campaigns = []
-    session: Session | None = None
+    sessions: list[Session] = []
     for event in recording.events():
         if not isinstance(event, Block):
             # Each campaign begins with its set-up, and its estimates start afresh.
-            campaigns += _finish(session, recording)
-            session = Session(replace(event, analysis=changes.apply(event.analysis)))
-        elif session is not None:
-            session.feed(event)
-    campaigns += _finish(session, recording)
-    if not campaigns:
+            sessions.append(Session(replace(event, analysis=changes.apply(event.analysis))))
+        elif sessions:
+            sessions[-1].feed(event)
+    sessions = [session for session in sessions if session.names]
+    if not sessions:
         raise FileError(f"{path} holds no hit: no block of it completes a record")
-    return AnalyzedRecording(path, tuple(campaigns), recording.warnings)
+    _overrule(sessions, accept, reject)
+    campaigns = tuple(_finish(session, recording) for session in sessions)
+    return AnalyzedRecording(path, campaigns, recording.warnings)
 
 
-def _finish(session: Session | None, recording: Recording) -> list[AnalyzedCampaign]:
-    if session is None or not session.names:
-        return []
+def _overrule(sessions: Sequence[Session], accept: Sequence[str], reject: Sequence[str]) -> None:
+    if not (accept or reject):
+        return
+    counts = Counter(label for session in sessions for label in set(session.labels))
+    overrules = make_overrules(accept, reject, list(counts))
+    for label in overrules.accepted | overrules.rejected:
+        if counts[label] > 1:
+            raise ParameterError(
+                f"hit {describe_label(label)} is in {counts[label]} campaigns of the recording:"
+                " it cannot be told which one is meant"
+            )
+    for session in sessions:
+        session.overrule(overrules)
+
+
+def _finish(session: Session, recording: Recording) -> AnalyzedCampaign:
     faults = {label.record: names for label, names in recording.faults.items()}
     results = results_from_session(session.estimate_all(), faults)
-    return [AnalyzedCampaign(session.setup, results)]
+    return AnalyzedCampaign(session.setup, results)

@@ -17,7 +17,9 @@ from impact_rig.core.estimation.sample import (
 )
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
+from impact_rig.core.hits.overrule import Overrules, describe_overruled, overrule_hit
 from impact_rig.core.hits.pulse_width import measure_pulse
+from impact_rig.core.hits.selection import select_hits
 from impact_rig.core.hits.verdict import Reason
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.settings import AnalysisSettings
@@ -53,6 +55,8 @@ class TraceTask:
         k1 [N/m]; NaN: from the control sample, if `sample` is it.
     has_scale : bool
         The peaks are accelerations; False: a force without a mass.
+    accept, reject : tuple of str
+        Files that a person takes into the mean or leaves out, as given or without their folder.
     """
 
     sample: str
@@ -61,6 +65,8 @@ class TraceTask:
     setup: RigSetup | None = None
     hammer_stiffness: float = NAN
     has_scale: bool = True
+    accept: tuple[str, ...] = ()
+    reject: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -80,37 +86,87 @@ class AnalyzedTraces:
 
 
 def analyze_traces(paths: Sequence[Path], task: TraceTask) -> AnalyzedTraces:
-    """Judge every file and estimate from the mean of the accepted ones."""
-    hits: list[HitResults] = []
-    accepted: list[JudgedHit] = []
+    """Judge every file, select, and estimate from the mean of what is left.
+
+    Raises
+    ------
+    ParameterError
+        If a person's word on a file makes no sense.
+    """
+    overrules = _find_overrules(paths, task)
+    judged: list[JudgedHit] = []
     errors: list[str] = []
     for number, path in enumerate(paths, start=1):
         try:
             hit = _judge_file(path, number, task)
         except RigError as error:
+            if _make_label(number, task) in overrules.accepted:
+                raise ParameterError(f"{path} cannot be accepted by hand: {error}") from None
             errors.append(str(error))
-            continue
-        flat = hit_results_from_judged(str(path), hit)
-        if not task.has_scale:
-            flat = replace(flat, hammer_peak_m_per_s2=NAN)
-        hits.append(flat)
-        if hit.accepted:
-            accepted.append(hit)
+        else:
+            judged.append(_overrule(path, hit, overrules))
+    selection = select_hits(judged, task.settings.keep_hits)
+    # A file's number is the record of its hit.
+    final = sorted(selection.kept + selection.left_out, key=lambda hit: hit.label.record)
+    hits = [_flatten(paths[hit.label.record - 1], hit, task) for hit in final]
+    notes = tuple(
+        describe_overruled(hit, paths[hit.label.record - 1].name)
+        for hit in selection.kept
+        if hit.overruled
+    )
     hammer = HammerResults()
     samples: tuple[SampleResults, ...] = ()
-    if accepted:
+    if selection.kept:
         try:
-            hammer, samples = _evaluate(accepted, len(hits) - len(accepted), task)
+            hammer, samples = _evaluate(selection.kept, len(selection.left_out), notes, task)
         except RigError as error:
-            errors.append(f"mean of {len(accepted)} hits: {error}")
+            errors.append(f"mean of {len(selection.kept)} hits: {error}")
     elif hits:
         errors.append("no hit was accepted: the contact time is not determined")
     return AnalyzedTraces(TraceResults(hammer, samples, tuple(hits)), tuple(errors))
 
 
+def _flatten(path: Path, hit: JudgedHit, task: TraceTask) -> HitResults:
+    flat = hit_results_from_judged(str(path), hit)
+    return flat if task.has_scale else replace(flat, hammer_peak_m_per_s2=NAN)
+
+
+def _make_label(number: int, task: TraceTask) -> HitLabel:
+    return HitLabel(task.sample, record=number, impact=number)
+
+
+def _find_overrules(paths: Sequence[Path], task: TraceTask) -> Overrules:
+    """Return the files that a person named as the hits that they hold."""
+
+    def find(option: str, name: str) -> HitLabel:
+        found = [
+            number for number, path in enumerate(paths, start=1) if name in (str(path), path.name)
+        ]
+        if len(found) != 1:
+            what = "is none of the files" if not found else "may be any of several files"
+            raise ParameterError(f"{option} {name!r} {what}: name one as it was given")
+        return _make_label(found[0], task)
+
+    accepted = frozenset(find("--accept", name) for name in task.accept)
+    rejected = frozenset(find("--reject", name) for name in task.reject)
+    for label in accepted & rejected:
+        raise ParameterError(
+            f"{paths[label.record - 1]} is both accepted and rejected by hand: choose one"
+        )
+    return Overrules(accepted, rejected)
+
+
+def _overrule(path: Path, hit: JudgedHit, overrules: Overrules) -> JudgedHit:
+    if hit.label in overrules.accepted and hit.filtered is None:
+        why = "; ".join(map(str, hit.rejections))
+        raise ParameterError(
+            f"{path} cannot be accepted by hand: it has no pulse that could be measured ({why})"
+        )
+    return overrule_hit(hit, overrules)
+
+
 def _judge_file(path: Path, number: int, task: TraceTask) -> JudgedHit:
-    label = HitLabel(task.sample, record=number, impact=number)
-    record = read_trace(path, label, task.layout)
+    record = read_trace(path, _make_label(number, task), task.layout)
     try:
         check_cutoff(task.settings.cutoff_frequency, record.sampling_rate)
     except ParameterError as error:
@@ -127,7 +183,7 @@ def _judge_file(path: Path, number: int, task: TraceTask) -> JudgedHit:
 
 
 def _evaluate(
-    accepted: Sequence[JudgedHit], rejected: int, task: TraceTask
+    accepted: Sequence[JudgedHit], rejected: int, notes: tuple[str, ...], task: TraceTask
 ) -> tuple[HammerResults, tuple[SampleResults, ...]]:
     mean = average_hits([hit.filtered for hit in accepted if hit.filtered])
     contact_times = tuple(hit.contact_time for hit in accepted)
@@ -137,6 +193,7 @@ def _evaluate(
     else:
         hammer, control = _find_hammer(mean, task, task.setup)
         estimate = estimate_sample(task.sample, mean, contact_times, rejected, hammer, task.setup)
+    body = replace(estimate.body, notes=estimate.body.notes + notes)
     flat = HammerResults(
         control_sample=control,
         stiffness_n_per_m=hammer.stiffness,
@@ -144,7 +201,7 @@ def _evaluate(
         damping_ratio=hammer.damping_ratio,
         log_decrement=hammer.log_decrement,
     )
-    return flat, (sample_results_from_estimate(estimate),)
+    return flat, (sample_results_from_estimate(replace(estimate, body=body)),)
 
 
 def _find_hammer(mean: MeanHit, task: TraceTask, setup: RigSetup) -> tuple[BodyEstimate, str]:

@@ -39,6 +39,8 @@ class TraceOptions:
         k1 [N/m].
     control : bool
         Hammer and sample are alike.
+    accept, reject : tuple of str
+        Files taken into the mean or left out by hand.
     """
 
     columns: str | None
@@ -52,6 +54,8 @@ class TraceOptions:
     accelerometer_mass: float | None
     hammer_stiffness: float | None
     control: bool
+    accept: tuple[str, ...]
+    reject: tuple[str, ...]
 
     def make_task(self, changes: SettingsChanges) -> TraceTask:
         """Return how to evaluate the traces.
@@ -84,6 +88,8 @@ class TraceOptions:
             setup=replace(setup, analysis=settings) if setup else None,
             hammer_stiffness=math.nan if self.hammer_stiffness is None else self.hammer_stiffness,
             has_scale=has_scale,
+            accept=self.accept,
+            reject=self.reject,
         )
 
     def _split_columns(self) -> tuple[str, ...] | None:

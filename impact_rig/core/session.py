@@ -14,7 +14,12 @@ from impact_rig.core.estimation.sample import (
 )
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
-from impact_rig.core.hits.overrule import Overrules, describe_overruled, overrule_hit
+from impact_rig.core.hits.overrule import (
+    Overrules,
+    describe_label,
+    describe_overruled,
+    overrule_hit,
+)
 from impact_rig.core.hits.selection import Selection, check_consistency, select_hits
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.detection import ImpactDetector
@@ -141,7 +146,11 @@ class Session:
             return SampleEstimate(name, 0, rejected, body=BodyEstimate(notes=(note,)))
         contact_times = tuple(hit.contact_time for hit in selection.kept)
         estimate = estimate_sample(name, mean, contact_times, rejected, hammer, self.setup)
-        notes = tuple(describe_overruled(hit) for hit in selection.kept if hit.overruled)
+        notes = tuple(
+            describe_overruled(hit, f"hit {describe_label(hit.label)}")
+            for hit in selection.kept
+            if hit.overruled
+        )
         return replace(estimate, body=replace(estimate.body, notes=estimate.body.notes + notes))
 
     def estimate_all(self) -> SessionResults:

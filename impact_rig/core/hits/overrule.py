@@ -101,13 +101,13 @@ def overrule_hit(hit: JudgedHit, overrules: Overrules) -> JudgedHit:
     return replace(hit, rejections=(), overruled=(*hit.rejections, confirmed))
 
 
-def describe_overruled(hit: JudgedHit) -> str:
-    """Say that a hit is in the mean by hand, and what the analysis had against it."""
+def describe_overruled(hit: JudgedHit, name: str) -> str:
+    """Say that the hit called `name` is in the mean by hand, and what was against it."""
     against = "; ".join(
         str(rejection) for rejection in hit.overruled if rejection.reason is not Reason.OPERATOR
     )
     what = f"although {against}" if against else "with nothing against it"
-    return f"hit {describe_label(hit.label)} accepted by hand, {what}"
+    return f"{name} accepted by hand, {what}"
 
 
 def _is_called(label: HitLabel, name: str) -> bool:
