@@ -17,6 +17,14 @@ SMALLEST_SINGULAR_VALUE = 1e-9
 """Singular value over the largest, of derivatives scaled to unit length, below which they count
 as dependent [-], our choice: the derivatives' own rounding is some 1e-12."""
 
+LARGEST_RESIDUAL = 0.05
+"""RMS residual over the peak above which the model does not describe a trace [-], our choice: over
+a record of ten contacts it means some 15 % during the contact."""
+GOOD_CHI_SQUARE = 2.0
+"""Reduced chi-square below which a residual counts as noise [-], our choice: noise alone does not
+reach it."""
+TRACES = ("hammer", "sample")
+
 
 def check_independence(names: Sequence[str], derivatives: FloatArray) -> None:
     """Require that no parameter can be replaced by others.
@@ -87,6 +95,44 @@ def find_undetermined(
         else:
             found.append(f"{_join(members)}: determined only in combination ({figures})")
     return tuple(found)
+
+
+def describe_misfit(model: str, residual: FloatArray) -> tuple[str, ...]:
+    """Say which traces the model does not describe, so that its parameters mean little.
+
+    Parameters
+    ----------
+    model : str
+        Which model, in words.
+    residual : ndarray, shape (2,)
+        RMS residual of hammer and sample over the peak [-].
+    """
+    return tuple(
+        f"everything: {model} does not describe the {trace}'s trace, of whose peak it leaves"
+        f" {100.0 * part:.2g} %"
+        for trace, part in zip(TRACES, residual, strict=True)
+        if part > LARGEST_RESIDUAL
+    )
+
+
+def explain_covariance(model: str, residual: FloatArray, factors: FloatArray) -> tuple[str, ...]:
+    """Say which traces the covariance was scaled up for, noticeably.
+
+    Parameters
+    ----------
+    model : str
+        Which model, in words.
+    residual : ndarray, shape (2,)
+        RMS residual of hammer and sample over the peak [-].
+    factors : ndarray, shape (2,)
+        Residual over noise [-].
+    """
+    return tuple(
+        f"{model} leaves {100.0 * part:.2g} % of the {trace}'s peak, {factor:.2g} times its"
+        " noise: the covariance is scaled up by the square of that"
+        for trace, part, factor in zip(TRACES, residual, factors, strict=True)
+        if factor**2 > GOOD_CHI_SQUARE
+    )
 
 
 def _find_members(names: Sequence[str], axis: FloatArray) -> list[str]:

@@ -9,7 +9,8 @@ from impact_rig.core.model.sensitivities import compute_sensitivities, find_para
 from impact_rig.core.signals.filtering import low_pass
 from impact_rig.core.signals.record import FloatArray
 
-SENSOR_PARAMETERS = ("sample gain", "hammer offset", "sample offset")
+OFFSETS = ("hammer offset", "sample offset")
+SENSOR_PARAMETERS = ("sample gain", *OFFSETS)
 """What the sensors add: gain of the sample's channel, signed [-], and both offsets [m/s^2]."""
 
 

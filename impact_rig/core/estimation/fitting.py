@@ -1,0 +1,246 @@
+"""One least-squares problem: the low-passed model on thinned, weighted mean traces."""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from impact_rig.core.errors import RigError
+from impact_rig.core.estimation.measured_model import MeasuredModel
+from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.signals.filtering import low_pass
+from impact_rig.core.signals.record import FloatArray
+
+EDGE = 1.5
+"""Left out at both ends of the record, over 1 / cutoff [-]: the low-pass's padding disturbs them,
+by e^-8 at that distance."""
+LARGEST_EDGE_PART = 0.1
+"""The same over the record at most [-], our choice."""
+OVERSAMPLING = 3.0
+"""Rate of the fitted points over twice the cutoff [-], our choice: what the low-pass leaves of
+the noise beyond is 1e-4, so that nothing is lost by leaving out the points between."""
+SMALLEST_NOISE = 1e-6
+"""Noise over the peak that is assumed at least [-], our choice: a trace without noise would
+weigh infinitely."""
+TOLERANCE = 1e-8
+"""Relative change of cost or parameters at which the search ends [-], our choice: far below what
+noise does to them."""
+DURATION_RANGE = 5.0
+"""tau_p lies within this factor of its start either way [-], our choice."""
+STIFFNESS_RANGE = 1e6
+"""k lies within this factor of m (pi / tau_p)^2 either way [-], our choice: beyond lies
+no metal."""
+DAMPING_RANGE = 1e3
+"""Largest c over 2 m pi / tau_p [-], our choice."""
+
+
+@dataclass(frozen=True)
+class FitSolution:
+    """Where a search ended.
+
+    Attributes
+    ----------
+    values : ndarray, shape (p,)
+        Parameters [SI units].
+    cost : float
+        Half the weighted sum of squares [-].
+    converged : bool
+        False: the search used up its evaluations.
+    at_bounds : tuple of str
+        Parameters at the end of their range.
+    """
+
+    values: FloatArray
+    cost: float
+    converged: bool
+    at_bounds: tuple[str, ...]
+
+
+class FitProblem:
+    """The model on the fitted points of two mean traces, each weighted by its noise.
+
+    Parameters
+    ----------
+    mean : MeanHit
+        Both channels.
+    measured : MeasuredModel
+        What is fitted.
+    peaks : ndarray, shape (2,)
+        Largest magnitudes of the traces [m/s^2].
+
+    Attributes
+    ----------
+    fitted : slice
+        What the padding of the low-pass does not reach.
+    points : slice
+        Those of them that are fitted.
+    independent_points : float
+        Of each trace, 2 * cutoff * duration [-].
+    noise, filtered_noise : ndarray, shape (2,)
+        White noise of the mean traces before the low-pass, and what it leaves of it [m/s^2].
+    """
+
+    def __init__(self, mean: MeanHit, measured: MeasuredModel, peaks: FloatArray) -> None:
+        self.mean, self.measured, self.peaks = mean, measured, peaks
+        rate, cutoff, count = measured.sampling_rate, measured.cutoff_frequency, measured.count
+        edge, thinning, independent = 0, 1, 1.0
+        if cutoff > 0.0:
+            edge = min(math.ceil(EDGE * rate / cutoff), int(LARGEST_EDGE_PART * count))
+            thinning = max(int(rate / (2.0 * cutoff * OVERSAMPLING)), 1)
+            independent = min(2.0 * cutoff / rate, 1.0)
+        self.fitted = slice(edge, count - edge)
+        self.points = slice(edge, count - edge, thinning)
+        self.independent_points = independent * (count - 2 * edge)
+        self.noise = np.maximum(_find_raw_noise(mean), SMALLEST_NOISE * peaks)
+        self.filtered_noise = self.noise * find_noise_gain(cutoff, rate)
+        self._last: tuple[FloatArray, FloatArray, FloatArray] | None = None
+
+    def evaluate(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the model's traces and derivatives; the last ones are kept."""
+        if self._last is None or not np.array_equal(self._last[0], values):
+            traces, derivatives = self.measured.evaluate(values)
+            self._last = (values.copy(), traces, derivatives)
+        return self._last[1], self._last[2]
+
+    def weigh(self, traces: FloatArray) -> FloatArray:
+        """Return the fitted points of rows of both traces, weighted, shape (..., points)."""
+        chosen = traces[..., self.points] / self.noise.reshape(2, *(1,) * (traces.ndim - 1))
+        return np.concatenate([chosen[0], chosen[1]], axis=-1)
+
+    def solve(self, start: FloatArray, evaluations: int) -> FitSolution | None:
+        """Search for the least sum of squares.
+
+        Parameters
+        ----------
+        start : ndarray, shape (p,)
+            Where to begin [SI units].
+        evaluations : int
+            Of the model at most.
+
+        Returns
+        -------
+        FitSolution or None
+            None: the search ran into numbers that no float holds.
+        """
+        names = self.measured.names
+        scales, low, high = self._find_scales_and_bounds(start)
+
+        def find_residual(scaled: FloatArray) -> FloatArray:
+            return self.weigh(self.evaluate(scaled * scales)[0] - self.mean.traces)
+
+        def find_jacobian(scaled: FloatArray) -> FloatArray:
+            return (self.weigh(self.evaluate(scaled * scales)[1]) * scales[:, np.newaxis]).T
+
+        try:
+            found = least_squares(
+                find_residual,
+                np.clip(start, low, high) / scales,
+                jac=find_jacobian,
+                bounds=(low / scales, high / scales),
+                x_scale="jac",
+                ftol=TOLERANCE,
+                xtol=TOLERANCE,
+                gtol=TOLERANCE,
+                max_nfev=evaluations,
+            )
+        except (RigError, ValueError, np.linalg.LinAlgError):
+            return None
+        if not (np.all(np.isfinite(found.x)) and math.isfinite(found.cost)):
+            return None
+        at_bounds = tuple(
+            name for name, mark in zip(names, found.active_mask, strict=True) if mark
+        )
+        return FitSolution(found.x * scales, float(found.cost), found.status > 0, at_bounds)
+
+    def _find_scales_and_bounds(
+        self, start: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        given = dict(zip(self.measured.names, start.tolist(), strict=True))
+        tau = given["tau_p"]
+        ranges: dict[str, tuple[float, float, float]] = {
+            "tau_p": (tau, tau / DURATION_RANGE, tau * DURATION_RANGE),
+            "t0": (tau, given["t0"] - DURATION_RANGE * tau, given["t0"] + DURATION_RANGE * tau),
+            "F0": (abs(given["F0"]) or 1.0, -math.inf, math.inf),
+            "sample gain": (abs(given["sample gain"]) or 1.0, -math.inf, math.inf),
+            "hammer offset": (float(self.peaks[0]), -math.inf, math.inf),
+            "sample offset": (float(self.peaks[1]), -math.inf, math.inf),
+        }
+        for body, mass in (("1", self.measured.hammer_mass), ("2", self.measured.moving_mass)):
+            stiffness = mass * (math.pi / tau) ** 2
+            damping = 2.0 * mass * math.pi / tau
+            ranges["k" + body] = (
+                stiffness, stiffness / STIFFNESS_RANGE, stiffness * STIFFNESS_RANGE,
+            )  # fmt: skip
+            ranges["c" + body] = (damping, 0.0, damping * DAMPING_RANGE)
+        table = np.array([ranges[name] for name in self.measured.names])
+        return table[:, 0], table[:, 1], table[:, 2]
+
+    def find_residual_rms(self, values: FloatArray) -> FloatArray:
+        """Return the RMS residual of both traces over the fitted points [m/s^2], shape (2,)."""
+        residual = (self.mean.traces - self.evaluate(values)[0])[:, self.points]
+        return np.asarray(np.sqrt(np.mean(residual**2, axis=1)))
+
+    def find_covariance(self, values: FloatArray, factors: FloatArray) -> FloatArray:
+        """Compute the covariance of the parameters for white noise that went through the low-pass.
+
+        Parameters
+        ----------
+        values : ndarray, shape (p,)
+            Parameters [SI units].
+        factors : ndarray, shape (2,)
+            By which the noise of each trace is larger than `noise` [-].
+
+        Returns
+        -------
+        ndarray, shape (p, p)
+            [SI units]
+        """
+        inside = self.evaluate(values)[1][:, :, self.fitted]
+        # The noise is H e, so that the estimate, J^T H e, sees the derivatives filtered once more.
+        seen = low_pass(inside, self.measured.cutoff_frequency, self.measured.sampling_rate)
+        weights = self.noise[:, np.newaxis, np.newaxis]
+        lengths = np.sqrt(np.sum((inside / weights) ** 2, axis=(0, 2)))
+        information = np.zeros((values.size, values.size))
+        spread = np.zeros_like(information)
+        for channel in (0, 1):
+            scale = self.noise[channel] * lengths[:, np.newaxis]
+            once, twice = inside[channel] / scale, seen[channel] / scale
+            information += once @ once.T
+            spread += factors[channel] ** 2 * twice @ twice.T
+        inverse = np.linalg.inv(information)
+        covariance = inverse @ spread @ inverse / np.outer(lengths, lengths)
+        return np.asarray((covariance + covariance.T) / 2.0)
+
+    def step_to_hits(self, values: FloatArray) -> FloatArray:
+        """Return one Gauss-Newton step from `values` for every hit, shape (hits, p)."""
+        traces, derivatives = self.evaluate(values)
+        jacobian = self.weigh(derivatives).T
+        lengths = np.linalg.norm(jacobian, axis=0)
+        inverse = np.linalg.pinv(jacobian / lengths)
+        model = self.weigh(traces)
+        hits = np.empty((self.mean.count, values.size))
+        for index in range(self.mean.count):
+            residual = self.weigh(self.mean.cut_hit(index)) - model
+            hits[index] = values + inverse @ residual / lengths
+        return hits
+
+
+def _find_raw_noise(mean: MeanHit) -> FloatArray:
+    """Return the mean's raw noise [m/s^2], at least that of the converters' steps, shape (2,)."""
+    if not mean.hits:
+        return np.asarray(mean.raw_noise)
+    steps = np.sqrt(np.sum([hit.resolution**2 for hit in mean.hits], axis=0) / 12.0)
+    return np.asarray(np.maximum(mean.raw_noise, steps / mean.count))
+
+
+@lru_cache(maxsize=16)
+def find_noise_gain(cutoff_frequency: float, sampling_rate: float) -> float:
+    """Return the standard deviation that the low-pass leaves of white noise of 1 [-]."""
+    if cutoff_frequency == 0.0:
+        return 1.0
+    reach = math.ceil(10.0 * sampling_rate / cutoff_frequency)
+    impulse = np.zeros(2 * reach + 1)
+    impulse[reach] = 1.0
+    return float(np.linalg.norm(low_pass(impulse, cutoff_frequency, sampling_rate)))
