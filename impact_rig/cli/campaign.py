@@ -18,11 +18,13 @@ RIG_TIMEOUT = 10.0
     Examples:
       impact-rig campaign                      the whole set, 10 hits each
       impact-rig campaign --samples "steel small" --impacts 5
+      impact-rig campaign --impacts 12 --keep 10    the ten most consistent of twelve
       impact-rig campaign --namespace rig1 --network    a rig on another host
     """
 )
 @options.samples_option
 @options.impacts_option
+@options.keep_option
 @click.option(
     "--attempts",
     type=click.IntRange(1),
@@ -44,6 +46,7 @@ RIG_TIMEOUT = 10.0
 def command(
     samples: tuple[str, ...],
     impacts: int,
+    keep: int,
     attempts: int | None,
     ask: bool | None,
     namespace: str,
@@ -60,12 +63,13 @@ def command(
     from impact_rig.nodes.campaign_client import CampaignClient, CampaignRequest
     from impact_rig.reporting.terminal import make_console
 
+    options.check_keep(keep, impacts)
     options.set_discovery(network=network)
     with CampaignClient(namespace) as client, CampaignView(make_console(stderr=True)) as view:
         client.wait_for_rig(RIG_TIMEOUT)
         confirm = not client.is_virtual if ask is None else ask
         outcome = run_campaign(
-            client, CampaignRequest(samples, impacts, attempts or 0, confirm), view
+            client, CampaignRequest(samples, impacts, attempts or 0, confirm, keep), view
         )
     recorded = Path(outcome.recording) if outcome.recording else None
     if output is None:

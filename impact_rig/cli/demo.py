@@ -30,6 +30,7 @@ on without it."""
       impact-rig demo                          the paper's campaign, 120 hits
       impact-rig demo --samples "steel small" "aluminium large" --impacts 3
       impact-rig demo --faults 0.1             what goes wrong on a real rig
+      impact-rig demo --impacts 12 --keep 10   the ten most consistent of twelve
       impact-rig demo --json > results.json
     """
 )
@@ -38,6 +39,7 @@ on without it."""
 @options.output_option
 @options.samples_option
 @options.impacts_option
+@options.keep_option
 @options.json_option
 def command(
     rig_file: Path | None,
@@ -47,6 +49,7 @@ def command(
     output: Path | None,
     samples: tuple[str, ...],
     impacts: int,
+    keep: int,
     as_json: bool,
 ) -> None:
     """Run a whole campaign on the virtual rig, each node its own process.
@@ -59,6 +62,7 @@ def command(
     from impact_rig.cli.running_rig import run_rig, use_private_domain
     from impact_rig.reporting.terminal import make_console
 
+    options.check_keep(keep, impacts)
     rig = run.load_rig_file(rig_file)
     run.check_samples(rig, samples)
     folder = run.make_run_folder(output)
@@ -76,7 +80,7 @@ def command(
             with CampaignClient() as client, CampaignView(make_console(stderr=True)) as view:
                 client.wait_for_rig(START_TIMEOUT, running.check)
                 client.wait_for_listeners(SUBSCRIBERS, VIEW_TIMEOUT)
-                request = CampaignRequest(samples, impacts, ATTEMPTS)
+                request = CampaignRequest(samples, impacts, ATTEMPTS, keep_hits=keep)
                 outcome = run_campaign(client, request, view)
     except KeyboardInterrupt:
         click.echo(f"stopped; the recording so far: {folder / RECORDING_NAME}", err=True)

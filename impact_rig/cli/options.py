@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from impact_rig.core.errors import ParameterError
 from impact_rig.devices.virtual.faults import Fault
 from impact_rig.devices.virtual.plants import Plant
 
@@ -78,6 +79,26 @@ def impacts_option(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option(
         "--impacts", type=click.IntRange(1), default=10, help="Accepted hits per sample. [10]"
     )(command)
+
+
+def keep_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--keep``."""
+    return click.option(
+        "--keep",
+        type=click.IntRange(0),
+        default=0,
+        metavar="N",
+        help="Average the N most consistent of a sample's hits. [that of the rig file; else all]",
+    )(command)
+
+
+def check_keep(keep: int, impacts: int) -> None:
+    """Raise `ParameterError` if more hits are to be kept than struck."""
+    if keep > impacts:
+        raise ParameterError(
+            f"--keep {keep} asks for more hits than --impacts {impacts} gives: strike as many as"
+            " are kept, or more"
+        )
 
 
 def json_option(command: Callable[..., Any]) -> Callable[..., Any]:

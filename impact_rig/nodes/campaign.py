@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -108,8 +108,12 @@ class CampaignNode(RigNode):
             "rejected": progress.feedback.rejected,
         }
 
-    def _publish_setup(self) -> Any:
-        message = messages.setup_to_msg(self._setup_of_rig, self.get_clock().now().to_msg())
+    def _publish_setup(self, keep_hits: int = 0) -> Any:
+        """Publish the set-up, with another number of hits to keep unless that is 0."""
+        setup = self._setup_of_rig
+        if keep_hits:
+            setup = replace(setup, analysis=replace(setup.analysis, keep_hits=keep_hits))
+        message = messages.setup_to_msg(setup, self.get_clock().now().to_msg())
         self._setup.publish(message)
         return message.header.stamp
 
@@ -165,6 +169,11 @@ class CampaignNode(RigNode):
             raise DeviceError("the campaign node is not active: activate it first")
         if goal.impacts < 1:
             raise ParameterError("impacts is 0: a campaign needs at least 1 per sample")
+        if goal.keep_hits > goal.impacts:
+            raise ParameterError(
+                f"keep_hits is {goal.keep_hits} of {goal.impacts} impacts: no more hits can be"
+                " kept than are struck"
+            )
         samples: Sequence[str] = goal.samples or self._setup_of_rig.samples.names
         for name in samples:
             self._setup_of_rig.samples.find(name)
@@ -178,7 +187,7 @@ class CampaignNode(RigNode):
         )
 
     async def _run(self, progress: _Progress) -> None:
-        await self._begin()
+        await self._begin(progress.handle.request.keep_hits)
         progress.started = time.monotonic()
         for number, sample in enumerate(progress.samples, start=1):
             progress.publish(
@@ -193,9 +202,9 @@ class CampaignNode(RigNode):
             for impact in range(1, progress.impacts + 1):
                 await self._strike_until_accepted(progress, sample, impact)
 
-    async def _begin(self) -> None:
+    async def _begin(self, keep_hits: int) -> None:
         """Give every node the set-up anew, which starts the estimates afresh, and arm."""
-        stamp = self._publish_setup()
+        stamp = self._publish_setup(keep_hits)
         deadline = time.monotonic() + float(self.get_value("verdict_timeout"))
         while (await self.call(self._results, GetResults.Request())).setup_stamp != stamp:
             if time.monotonic() > deadline:

@@ -46,12 +46,15 @@ class CampaignRequest:
         Rejected hits in a row before giving up; 0: the campaign node's default.
     confirm_samples : bool
         Whether a person mounts each sample.
+    keep_hits : int
+        Of a sample's accepted hits, the most consistent are kept; 0: as the rig file says.
     """
 
     samples: Sequence[str] = ()
     impacts: int = 10
     attempts_per_impact: int = 0
     confirm_samples: bool = False
+    keep_hits: int = 0
 
 
 @dataclass(frozen=True)
@@ -189,6 +192,7 @@ class CampaignClient:
             impacts=request.impacts,
             attempts_per_impact=request.attempts_per_impact,
             confirm_samples=request.confirm_samples,
+            keep_hits=request.keep_hits,
         )
         self._goal = self._send_goal(goal, take_feedback)
         result_future = self._goal.get_result_async()
