@@ -22,6 +22,9 @@ COVERAGE_PERCENT = 95.0
 """Coverage probability of the expanded uncertainty [%], the usual one (GUM 6.3)."""
 REMEMBERED_INPUTS = 4096
 """Inputs that are told apart by name and value [-], our choice: a campaign has some hundred."""
+NEGLIGIBLE_SHARE = 1e-9
+"""Share of the variance below which an input has no line of its own [-], our choice: its
+contribution would be less than the rounding of the last digit that anyone prints."""
 SINGULAR_PART = 1e-14
 """Part of the largest variance below which a combination of parameters does not scatter [-], our
 choice: rounding."""
@@ -191,11 +194,12 @@ def find_uncertainty(number: UncertainNumber, notes: tuple[str, ...] = ()) -> Un
     variances: dict[str, float] = {}
     for influence in GTC.reporting.budget(number, trim=0.0):
         variances[influence.label] = variances.get(influence.label, 0.0) + influence.u**2
-    total = math.fsum(variances.values())
+    largest = max(variances.values())
+    kept = [item for item in variances.items() if item[1] > NEGLIGIBLE_SHARE * largest]
+    total = math.fsum(variance for _, variance in kept)
     budget = tuple(
         BudgetLine(label[1:], label[0], math.sqrt(variance), variance / total)
-        for label, variance in sorted(variances.items(), key=lambda item: (-item[1], item[0]))
-        if variance > 0.0
+        for label, variance in sorted(kept, key=lambda item: (-item[1], item[0]))
     )
     # Rounding may bring one degree of freedom to just below one, which GTC refuses.
     freedom = max(float(number.df), 1.0)

@@ -159,7 +159,9 @@ def _find_bend(upright: FloatArray, crossing: float) -> float:
 def find_trend(trace: FloatArray, quality: TraceQuality) -> float:
     """Return how far the baseline is from level, per point; 0 where noise explains it.
 
-    Straight line by least squares; its variance by noise, 12 s^2 / n^3, is taken off.
+    Straight line by least squares; its variance by noise, 12 s^2 / n^3, is taken off. A short
+    pre-trigger says little of what comes much later: where the record ends nearer to zero than
+    the line, its end decides.
     """
     count = quality.baseline_points
     if count < BASELINE_POINTS:
@@ -169,7 +171,9 @@ def find_trend(trace: FloatArray, quality: TraceQuality) -> float:
     own = quality.raw_noise * math.sqrt(12.0 / (count * (count**2 - 1.0)))
     if abs(slope) <= TREND_SIGNIFICANCE * own:
         return 0.0
-    return math.sqrt(slope**2 - own**2)
+    distance = trace.size - count
+    level = abs(float(trace[-count:].mean())) + quality.raw_noise * math.sqrt(2.0 / count)
+    return min(math.sqrt(slope**2 - own**2), level / max(distance, 1))
 
 
 def find_quantisation_error(resolution: float, dither: float) -> float:
@@ -192,7 +196,7 @@ def find_peak_excess(noise: float, curvature: float, relative_cutoff: float) -> 
     """Return by how much the highest of several noisy points exceeds a rounded top.
 
     The expected largest of n independent normal values (Blom's approximation), n being how many
-    fit where the top falls by no more than the noise.
+    fit where the top falls by no more than half the noise.
 
     Parameters
     ----------
@@ -205,7 +209,7 @@ def find_peak_excess(noise: float, curvature: float, relative_cutoff: float) -> 
     """
     if noise <= 0.0:
         return 0.0
-    width = 2.0 * math.sqrt(2.0 * noise / curvature)
+    width = 2.0 * math.sqrt(noise / curvature)
     spacing = 1.0 if relative_cutoff == 0.0 else max(1.0, 0.5 / relative_cutoff)
     count = max(width / spacing, 1.0)
     return noise * float(ndtri((count - 0.375) / (count + 0.25)))
