@@ -130,3 +130,66 @@ def test_recordings_and_traces_are_not_mixed(run: Run, campaign: Any) -> None:
     outcome = run("analyze", campaign.path, "hit.npy")
     assert outcome.exit_code == 2
     assert "analyze them apart" in outcome.stderr
+
+
+def find_rejections(content: Any) -> dict[int, list[str]]:
+    return {
+        hit["record"]: [reason.split(":")[0] for reason in hit["reasons"]]
+        for hit in content["rejections"]
+    }
+
+
+def test_a_person_accepts_and_rejects_hits_by_number_or_place(run: Run, campaign: Any) -> None:
+    before = campaign.results.rejections
+    (double, *_) = [
+        hit for hit in before if [item.split(":")[0] for item in hit.reasons] == ["double_hit"]
+    ]
+    content = json.loads(
+        run(
+            "analyze", campaign.path, "--json", "--accept", double.record,
+            "--reject", f"{SAMPLES[0]}/1.1", "--reject", f"{SAMPLES[1]}/1.1",
+        ).stdout
+    )  # fmt: skip
+    rejections = find_rejections(content)
+    assert double.record not in rejections
+    by_hand = [number for number, reasons in rejections.items() if "operator" in reasons]
+    assert len(by_hand) == 2
+    (notes,) = [item["notes"] for item in content["samples"] if item["name"] == double.sample]
+    (note,) = [note for note in notes if "by hand" in note]
+    assert note.startswith(f"hit {double.record} ({double.sample}/")
+    assert "although double_hit: a second pulse of" in note
+    # What nobody spoke of stays as it was.
+    others = {hit.record for hit in before} - {double.record}
+    assert others <= rejections.keys()
+
+
+def test_the_most_consistent_hits_are_kept_on_request(run: Run, campaign: Any) -> None:
+    content = json.loads(run("analyze", campaign.path, "--json", "--keep", 2).stdout)
+    assert {sample["impacts_accepted"] for sample in content["samples"]} == {2}
+    surplus = [
+        number for number, reasons in find_rejections(content).items() if reasons == ["surplus"]
+    ]
+    assert len(surplus) == len(content["samples"])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--reject", "9999"], "there is no hit '9999'"),
+        (["--accept", "1", "--reject", "1"], "is both accepted and rejected by hand"),
+    ],
+)
+def test_a_word_that_makes_no_sense_is_named(
+    run: Run, campaign: Any, words: list[str], message: str
+) -> None:
+    outcome = run("analyze", campaign.path, *words)
+    assert outcome.exit_code == 2
+    assert outcome.stdout == ""
+    assert message in outcome.stderr
+    assert len(outcome.stderr.splitlines()) == 1
+
+
+def test_hits_are_named_in_one_recording_at_a_time(run: Run, campaign: Any) -> None:
+    outcome = run("analyze", campaign.path, campaign.path, "--reject", 1)
+    assert outcome.exit_code == 2
+    assert "analyze recordings one by one" in outcome.stderr

@@ -248,3 +248,94 @@ def test_a_contact_too_short_for_the_hammer_is_named(run: Run, save: Callable[..
     words = ("--hammer-mass", "0.1", "--sample-mass", "0.1", "--hammer-stiffness", "1 MN/m")
     outcome = run("analyze", *words, save("hit.npy", make_pulse()))
     assert "(6b) has no positive solution" in " ".join(outcome.stdout.split())
+
+
+REAL_SHOCKS = REAL_HITS.parent / "repeat_shock"
+SHOCK_OPTIONS = ("--cutoff", "off", "--columns", "time,hammer", "--hammer-unit", "g", "--json")
+
+
+def test_a_real_shock_that_rings_is_accepted(run: Run) -> None:
+    path = REAL_SHOCKS / "acc_base_a0_start.txt"
+    (hit,) = read_json(run("analyze", *SHOCK_OPTIONS, path))["hits"]
+    assert hit["reasons"] == []
+
+
+def test_a_real_clipped_shock_is_rejected_with_the_rail_that_its_readme_states(run: Run) -> None:
+    # It rings down from the rail as far as the first peak, which makes it no double hit.
+    outcome = run("analyze", *SHOCK_OPTIONS, REAL_SHOCKS / "acc_pcb_a1_start.txt")
+    (hit,) = json.loads(outcome.stdout)["hits"]
+    assert hit["reasons"] == [
+        "overload: 3 points in a row of the hammer at the rail of 5360 m/s^2 (546.6 g)"
+    ]
+
+
+def save_series(save: Callable[..., Path], peaks: list[float]) -> list[Path]:
+    return [save(f"hit_{i}.npy", make_pulse(peak=peak)) for i, peak in enumerate(peaks, 1)]
+
+
+def find_reasons(content: Any) -> dict[str, list[str]]:
+    return {
+        Path(hit["file"]).name: [reason.split(":")[0] for reason in hit["reasons"]]
+        for hit in content["hits"]
+        if not hit["accepted"]
+    }
+
+
+def test_a_hit_unlike_the_others_is_left_out(run: Run, save: Callable[..., Path]) -> None:
+    files = save_series(save, [500.0, 501.0, 250.0, 502.0, 499.0, 498.0, 500.5, 501.5])
+    content = read_json(run("analyze", "--json", *files))
+    assert find_reasons(content) == {"hit_3.npy": ["inconsistent"]}
+    assert content["samples"][0]["impacts_accepted"] == 7
+
+
+def test_of_more_hits_the_most_consistent_are_kept(run: Run, save: Callable[..., Path]) -> None:
+    files = save_series(save, [500.0, 501.0, 530.0, 502.0])
+    content = read_json(run("analyze", "--json", "--keep", 3, *files))
+    assert find_reasons(content) == {"hit_3.npy": ["surplus"]}
+
+
+def test_a_person_goes_before_the_verdict(run: Run, save: Callable[..., Path]) -> None:
+    double = make_pulse()
+    double[1] += np.roll(0.5 * double[1], 400)
+    files = [*save_series(save, [500.0, 501.0]), save("double.npy", double)]
+    content = read_json(run("analyze", "--json", *files))
+    assert find_reasons(content) == {"double.npy": ["double_hit"]}
+    by_hand = read_json(
+        run("analyze", "--json", "--accept", "double.npy", "--reject", files[0], *files)
+    )
+    assert find_reasons(by_hand) == {"hit_1.npy": ["operator"]}
+    (sample,) = by_hand["samples"]
+    assert sample["impacts_accepted"] == 2
+    (note,) = [note for note in sample["notes"] if "by hand" in note]
+    assert note.startswith(
+        "double.npy accepted by hand, although double_hit: a second pulse of 50"
+    )
+
+
+def test_the_level_of_a_double_hit_can_be_changed(run: Run, save: Callable[..., Path]) -> None:
+    rows = make_pulse()
+    rows[1] += np.roll(0.3 * rows[1], 400)
+    path = save("hit.npy", rows)
+    content = read_json(run("analyze", "--json", "--double-hit-level", 0.5, path))
+    assert content["hits"][0]["accepted"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--accept", "other.npy"], "--accept 'other.npy' is none of the files"),
+        (["--reject", "17"], "--reject '17' is none of the files"),
+        (["--accept", "hit.npy", "--reject", "hit.npy"], "is both accepted and rejected by hand"),
+        (["--accept", "flat.npy"], "flat.npy cannot be accepted by hand"),
+    ],
+)
+def test_a_word_that_makes_no_sense_is_named(
+    run: Run, save: Callable[..., Path], words: list[str], message: str
+) -> None:
+    flat = make_pulse()
+    flat[1:] = 0.0
+    outcome = run("analyze", *words, save("hit.npy", make_pulse()), save("flat.npy", flat))
+    assert outcome.exit_code == 2
+    assert outcome.stdout == ""
+    assert message in outcome.stderr
+    assert len(outcome.stderr.splitlines()) == 1

@@ -97,12 +97,25 @@ def test_gives_up_after_the_limit_and_keeps_what_there_is(harness, start):
     assert len(answer.result.rejected) == 3
 
 
+def test_the_most_consistent_of_more_hits_are_kept(harness, start):
+    setups = harness.listen(interfaces.SETUP)
+    answer = run(harness, start(), samples=[CONTROL_SAMPLE], impacts=6, keep_hits=4)
+    assert answer.result.success
+    (estimate,) = answer.result.samples
+    assert (estimate.impacts_accepted, estimate.impacts_rejected) == (4, 2)
+    reasons = [reason for hit in answer.result.rejected for reason in hit.reasons]
+    assert reasons == ["surplus: not among the 4 most consistent of 6"] * 2
+    # Recorded with the set-up, so that the analysis of the recording keeps the same ones.
+    assert setups.messages[-1].analysis.keep_hits == 4
+
+
 @pytest.mark.parametrize(
     ("goal", "word"),
     [
         ({"samples": ["tin"], "impacts": 1}, "unknown sample 'tin'"),
         ({"samples": ["steel small"], "impacts": 0}, "impacts is 0"),
         ({"samples": ["steel small", "steel small"], "impacts": 1}, "asked for twice"),
+        ({"samples": [], "impacts": 3, "keep_hits": 4}, "keep_hits is 4 of 3 impacts"),
     ],
 )
 def test_an_impossible_goal_is_refused_by_name(harness, start, goal, word):
