@@ -1,0 +1,320 @@
+"""Uncertainty of the paper's method: hand-made budgets, Monte Carlo, and what has none."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from impact_rig.core.estimation.sample import (
+    BodyEstimate,
+    ContactEstimate,
+    SampleEstimate,
+    estimate_hammer,
+    estimate_sample,
+)
+from impact_rig.core.estimation.uncertainty import Uncertainty
+from impact_rig.core.estimation.uncertainty_contact import estimate_hit_uncertainty
+from impact_rig.core.hits.averaging import MeanHit, average_hits
+from impact_rig.core.hits.hit import FilteredHit
+from impact_rig.core.hits.pulse_width import measure_pulse
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.samples import RigSetup
+
+RATE = 2.5e6
+SETUP = replace(PAPER_SETUP, analysis=replace(PAPER_SETUP.analysis, cutoff_frequency=0.0))
+CONTROL = SETUP.samples.control_sample
+CONTACT_TIMES = {"steel medium": 203.2e-6, CONTROL: 212.0e-6, "aluminium small": 144.8e-6}
+RATIO = 0.25
+TRIALS = 1_000_000
+
+
+def make_hit(tau: float, amplitude: float, ratio: float) -> FilteredHit:
+    """Return a noiseless hit: a versed-sine, and the free decay of a body from its top on."""
+    time = np.arange(5000) / RATE - 300e-6
+    phase = time / tau + 0.5
+    inside = (phase > 0.0) & (phase < 1.0)
+    pulse = np.where(inside, np.sin(np.pi * phase) ** 2, 0.0)
+    natural = 1.6e4
+    decay, frequency = ratio * natural, natural * math.sqrt(1.0 - ratio**2)
+    late = np.maximum(time, 0.0)
+    swing = np.cos(frequency * late) + decay / frequency * np.sin(frequency * late)
+    tail = np.exp(-decay * late) * swing
+    # The hammer's tail, so that it has a second peak.
+    rebound = np.where(phase > 1.0, 0.02 * tail, 0.0)
+    traces = amplitude * np.stack([pulse + rebound, np.where(time < 0.0, pulse, tail)])
+    nothing = np.zeros(2)
+    return FilteredHit(traces, RATE, measure_pulse(traces[0]), nothing, nothing, nothing, 400)
+
+
+@cache
+def make_mean(name: str, count: int = 10, scatter: float = 3e-3) -> MeanHit:
+    generator = np.random.default_rng(len(name))
+    errors = generator.standard_normal((count, 3)) * [scatter, 0.02 * bool(scatter), scatter]
+    tau = CONTACT_TIMES[name]
+    return average_hits(
+        [make_hit(tau * (1 + a), 700.0 * (1 + b), RATIO * (1 + c)) for a, b, c in errors]
+    )
+
+
+def estimate(
+    name: str, setup: RigSetup = SETUP, mean: MeanHit | None = None
+) -> tuple[ContactEstimate, BodyEstimate, BodyEstimate]:
+    """Return contact and body of a sample, and the hammer."""
+    hammer = estimate_hammer(make_mean(CONTROL), setup)
+    found: SampleEstimate = estimate_sample(
+        name, mean or make_mean(name), (1.0,), 0, hammer, setup
+    )
+    assert found.contact is not None
+    return found.contact, found.body, hammer
+
+
+def read_contact_times(mean: MeanHit) -> NDArray[np.float64]:
+    return np.array([2.0 * hit.pulse.half_amplitude_width / RATE for hit in mean.hits])
+
+
+def find_line(uncertainty: Uncertainty, source: str) -> float:
+    return next(line.contribution for line in uncertainty.budget if line.source == source)
+
+
+def test_the_contact_times_scatter_is_that_of_the_mean() -> None:
+    contact, _, _ = estimate("steel medium")
+    times = read_contact_times(make_mean("steel medium"))
+    found = contact.contact_time_uncertainty
+    scatter = np.std(times, ddof=1) / math.sqrt(10)
+    assert find_line(found, "scatter of the hits on steel medium") == pytest.approx(scatter)
+    assert find_line(found, "sampling clock") == pytest.approx(5.8e-5 * contact.contact_time)
+    # 9 degrees of freedom, t = 2.262; the clock adds next to nothing.
+    assert found.expanded == pytest.approx(2.262 * scatter, rel=0.02)
+
+
+def test_the_budget_of_the_equivalent_stiffness_is_what_the_formula_says() -> None:
+    contact, _, _ = estimate("steel medium")
+    found, k = contact.equivalent_stiffness_uncertainty, contact.equivalent_stiffness
+    m1, m2 = 0.100, 0.16991
+    # k = m1 m2 / (m1 + m2) (pi / tau)^2: d ln k / d ln m1 = m2 / (m1 + m2), and so on.
+    expected = {
+        "scatter of the hits on steel medium": 2
+        * np.std(read_contact_times(make_mean("steel medium")), ddof=1)
+        / math.sqrt(10)
+        / contact.contact_time,
+        "mass of the hammer": m2 / (m1 + m2) * 0.29e-3 / m1,
+        "mass of the accelerometer": m1 / (m1 + m2) * 0.29e-3 / m2,
+        "mass of steel medium": m1 / (m1 + m2) * 0.0029e-3 / m2,
+        "sampling clock": 2 * 5.8e-5,
+    }
+    for source, part in expected.items():
+        assert find_line(found, source) / k == pytest.approx(part, rel=1e-3), source
+
+
+def test_what_enters_through_both_hammer_and_sample_is_counted_once() -> None:
+    contact, body, hammer = estimate("steel medium")
+    k_eq, k1, k2 = contact.equivalent_stiffness, hammer.stiffness, body.stiffness
+    m1, m2, control = 0.100, 0.16991, 0.10538
+    # 1 / k2 = 1 / k_eq - 1 / k1, so d ln k2 = k2 / k_eq d ln k_eq - k2 / k1 d ln k1.
+    by_hammer_mass = k2 * (m2 / (m1 + m2) / k_eq - control / (m1 + control) / k1) * 0.29e-3 / m1
+    by_accelerometer = (
+        k2 * (m1 / (m1 + m2) / m2 / k_eq - m1 / (m1 + control) / control / k1) * 0.29e-3
+    )
+    found = body.stiffness_uncertainty
+    assert find_line(found, "mass of the hammer") / k2 == pytest.approx(
+        abs(by_hammer_mass), rel=1e-3
+    )
+    assert find_line(found, "mass of the accelerometer") / k2 == pytest.approx(
+        abs(by_accelerometer), rel=1e-3
+    )
+    # The clock's part of k_eq and k1 is the same, 2 u: it goes through to k2 unchanged.
+    assert find_line(found, "sampling clock") / k2 == pytest.approx(2 * 5.8e-5, rel=1e-3)
+
+
+def test_the_control_samples_stiffness_is_the_hammers_in_every_error() -> None:
+    contact, body, hammer = estimate(CONTROL)
+    assert hammer.stiffness_number is not None
+    assert body.stiffness_number is not None
+    assert contact.equivalent_stiffness_number is not None
+    difference = body.stiffness_number - hammer.stiffness_number
+    assert difference.u < 1e-9 * hammer.stiffness_uncertainty.standard
+    twice = body.stiffness_number - 2.0 * contact.equivalent_stiffness_number
+    assert twice.u < 1e-9 * hammer.stiffness_uncertainty.standard
+    assert body.stiffness_uncertainty.standard == pytest.approx(
+        hammer.stiffness_uncertainty.standard
+    )
+
+
+def draw_masses(generator: np.random.Generator) -> dict[str, NDArray[np.float64]]:
+    accelerometer = 3e-3 + 0.29e-3 * generator.standard_normal(TRIALS)
+    masses = {
+        sample.name: sample.mass + accelerometer + 0.0029e-3 * generator.standard_normal(TRIALS)
+        for sample in SETUP.samples.samples
+        if sample.name in CONTACT_TIMES
+    }
+    masses["hammer"] = 0.1 + 0.29e-3 * generator.standard_normal(TRIALS)
+    return masses
+
+
+@pytest.mark.parametrize("name", ["steel medium", "aluminium small", CONTROL])
+def test_monte_carlo_gives_the_same_interval(name: str) -> None:
+    """GUM Supplement 1, section 8: both ends within the tolerance of one digit of u.
+
+    All inputs normal, so that the propagation is tested and not Student's t, for which Welch
+    and Satterthwaite's interval and the Supplement's differ by nature.
+    """
+    _, body, _ = estimate(name)
+    generator = np.random.default_rng(11)
+    masses = draw_masses(generator)
+    clock = 1.0 + SETUP.clock_uncertainty * generator.standard_normal(TRIALS)
+    reduced = {
+        key: masses["hammer"] * masses[key] / (masses["hammer"] + masses[key])
+        for key in {name, CONTROL}
+    }
+    times = {}
+    for key in sorted({name, CONTROL}):
+        hits = read_contact_times(make_mean(key))
+        spread = np.std(hits, ddof=1) / math.sqrt(hits.size)
+        centre = 2.0 * measure_pulse(make_mean(key).traces[0]).half_amplitude_width / RATE
+        times[key] = (centre + spread * generator.standard_normal(TRIALS)) * clock
+    k = {key: reduced[key] * (np.pi / times[key]) ** 2 for key in times}
+    k1 = 2.0 * k[CONTROL]
+    k2 = 1.0 / (1.0 / k[name] - 1.0 / k1)
+    found = body.stiffness_uncertainty
+    tolerance = 0.5 * 10.0 ** math.floor(math.log10(found.standard))
+    half = 1.960 * found.standard
+    low, high = np.quantile(k2, [0.025, 0.975])
+    assert low == pytest.approx(body.stiffness - half, abs=tolerance)
+    assert high == pytest.approx(body.stiffness + half, abs=tolerance)
+    # What is not linear shifts the ends by up to 3 % of u; 10^6 trials know them to 0.3 %.
+    assert low == pytest.approx(body.stiffness - half, abs=0.05 * found.standard)
+    assert high == pytest.approx(body.stiffness + half, abs=0.05 * found.standard)
+
+
+def test_damping_comes_from_correlated_hits() -> None:
+    _, body, _ = estimate("steel medium")
+    mean = make_mean("steel medium")
+    generator = np.random.default_rng(12)
+    # Independent of the estimate: zeta of every hit from its own two highest peaks.
+    ratios = []
+    for hit in mean.hits:
+        trace = hit.traces[1] / hit.traces[1].max()
+        tail = trace[1000:]
+        delta = -math.log(tail.max())
+        ratios.append(delta / math.hypot(2.0 * math.pi, delta))
+    expected = np.std(ratios, ddof=1) / math.sqrt(10)
+    assert body.damping_ratio_uncertainty.standard == pytest.approx(expected, rel=0.02)
+    assert body.damping_ratio_uncertainty.degrees_of_freedom == pytest.approx(9.0, rel=0.01)
+    # c = 2 zeta sqrt(k m) by Monte Carlo, zeta and tau_p drawn together.
+    masses = draw_masses(generator)
+    taus = read_contact_times(mean)
+    joint = generator.multivariate_normal(
+        [taus.mean(), np.mean(ratios)], np.cov(taus, ratios) / 10, TRIALS
+    )
+    control = read_contact_times(make_mean(CONTROL))
+    other = generator.normal(control.mean(), np.std(control, ddof=1) / math.sqrt(10), TRIALS)
+    m1, m2, mc = masses["hammer"], masses["steel medium"], masses[CONTROL]
+    k_eq = m1 * m2 / (m1 + m2) * (np.pi / joint[:, 0]) ** 2
+    k1 = 2.0 * m1 * mc / (m1 + mc) * (np.pi / other) ** 2
+    c2 = 2.0 * joint[:, 1] * np.sqrt(m2 / (1.0 / k_eq - 1.0 / k1))
+    assert body.damping_coefficient_uncertainty.standard == pytest.approx(c2.std(), rel=0.02)
+
+
+def test_one_hit_determines_no_uncertainty_and_says_so() -> None:
+    single = make_mean("steel medium", 1)
+    contact, body, _ = estimate("steel medium", mean=single)
+    assert math.isfinite(body.stiffness)
+    for found in (
+        contact.contact_time_uncertainty,
+        contact.equivalent_stiffness_uncertainty,
+        body.stiffness_uncertainty,
+        body.damping_ratio_uncertainty,
+        body.damping_coefficient_uncertainty,
+    ):
+        assert not found.is_determined
+        assert "one accepted hit shows no scatter" in found.notes[0]
+
+
+def test_one_hit_on_the_control_sample_leaves_every_k2_without_uncertainty() -> None:
+    hammer = estimate_hammer(make_mean(CONTROL, 1), SETUP)
+    assert "one accepted hit" in hammer.stiffness_uncertainty.notes[0]
+    found = estimate_sample("steel medium", make_mean("steel medium"), (), 0, hammer, SETUP)
+    assert found.contact is not None
+    assert found.contact.equivalent_stiffness_uncertainty.is_determined
+    assert math.isfinite(found.body.stiffness)
+    assert found.body.stiffness_uncertainty.notes == hammer.stiffness_uncertainty.notes
+    assert not found.body.damping_coefficient_uncertainty.is_determined
+    assert found.body.damping_ratio_uncertainty.is_determined
+
+
+def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact() -> None:
+    given = BodyEstimate(22e6)
+    found = estimate_sample("steel medium", make_mean("steel medium"), (), 0, given, SETUP)
+    assert found.contact is not None
+    part = found.contact.equivalent_stiffness_uncertainty.standard
+    gain = (found.body.stiffness / found.contact.equivalent_stiffness) ** 2
+    assert found.body.stiffness_uncertainty.standard == pytest.approx(gain * part)
+
+
+def test_contradicting_masses_determine_neither_value_nor_uncertainty() -> None:
+    soft = BodyEstimate(1e6)
+    found = estimate_sample("steel medium", make_mean("steel medium"), (), 0, soft, SETUP)
+    assert math.isnan(found.body.stiffness)
+    for uncertainty in (
+        found.body.stiffness_uncertainty,
+        found.body.damping_coefficient_uncertainty,
+    ):
+        assert not uncertainty.is_determined
+        assert "no positive solution" in uncertainty.notes[0]
+
+
+def test_two_identical_hits_have_no_scatter_but_still_masses_and_clock() -> None:
+    twins = make_mean("steel medium", 2, 0.0)
+    contact, body, _ = estimate("steel medium", mean=twins)
+    sources = {line.source for line in contact.contact_time_uncertainty.budget}
+    assert sources == {"sampling clock", "sampling"}
+    assert "mass of the hammer" in {line.source for line in body.stiffness_uncertainty.budget}
+    assert contact.contact_time_uncertainty.degrees_of_freedom == math.inf
+
+
+def test_masses_without_stated_uncertainty_are_named() -> None:
+    silent = replace(SETUP, hammer_mass_uncertainty=0.0)
+    contact, body, hammer = estimate("steel medium", silent)
+    for found in (
+        contact.equivalent_stiffness_uncertainty,
+        body.stiffness_uncertainty,
+        body.damping_coefficient_uncertainty,
+        hammer.stiffness_uncertainty,
+    ):
+        assert found.is_determined
+        assert "none is stated for the mass of the hammer" in found.notes[0]
+    assert contact.contact_time_uncertainty.notes == ()
+
+
+def test_a_converters_steps_count_where_no_noise_smooths_them() -> None:
+    coarse = [
+        replace(hit, resolution=np.array([5.0, 5.0])) for hit in make_mean("steel medium").hits
+    ]
+    contact, body, _ = estimate("steel medium", mean=average_hits(coarse))
+    fine, _, _ = estimate("steel medium")
+    assert contact.contact_time_uncertainty.standard > fine.contact_time_uncertainty.standard
+    # Two crossings at pi A / tau, and a level at half a wrong peak.
+    step = 5.0 / (math.pi * math.sqrt(2))
+    slope = math.pi * 700.0 / contact.contact_time
+    expected = 2.0 * step / slope * math.sqrt(2.0 + 1.0)
+    assert find_line(contact.contact_time_uncertainty, "quantisation") == pytest.approx(
+        expected, rel=0.02
+    )
+    assert "quantisation of the peaks" in {
+        line.source for line in body.damping_ratio_uncertainty.budget
+    }
+
+
+def test_a_single_hits_contact_time_has_an_uncertainty_of_its_own() -> None:
+    hit = replace(make_hit(200e-6, 700.0, RATIO), noise=np.full(2, 2.0), raw_noise=np.full(2, 2.0))
+    found = estimate_hit_uncertainty(hit, SETUP.analysis, 5.8e-5)
+    sources = {line.source: line.contribution for line in found.budget}
+    assert set(sources) >= {"noise", "zero of the baseline", "sampling clock", "sampling"}
+    slope = math.pi * 700.0 / 200e-6
+    assert sources["noise"] == pytest.approx(2.0 * 2.0 / slope * math.sqrt(3.0), rel=0.02)
+    # One hit repeats nothing: no type A, and the normal factor.
+    assert {line.kind for line in found.budget} == {"B"}
+    assert found.expanded == pytest.approx(1.96 * found.standard, rel=1e-3)
