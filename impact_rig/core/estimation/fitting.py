@@ -1,7 +1,8 @@
 """One least-squares problem: the low-passed model on thinned, weighted mean traces."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +11,8 @@ from scipy.optimize import least_squares
 from impact_rig.core.errors import RigError
 from impact_rig.core.estimation.measured_model import MeasuredModel
 from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.hits.pulse_width import measure_pulse
+from impact_rig.core.model.pulses import VERSED_SINE
 from impact_rig.core.signals.filtering import low_pass
 from impact_rig.core.signals.record import FloatArray
 
@@ -21,6 +24,8 @@ LARGEST_EDGE_PART = 0.1
 OVERSAMPLING = 3.0
 """Rate of the fitted points over twice the cutoff [-], our choice: what the low-pass leaves of
 the noise beyond is 1e-4, so that nothing is lost by leaving out the points between."""
+COARSE_POINTS = 40
+"""Points in a contact on which the search begins [-], our choice: the traces are smooth."""
 SMALLEST_NOISE = 1e-6
 """Noise over the peak that is assumed at least [-], our choice: a trace without noise would
 weigh infinitely."""
@@ -63,12 +68,12 @@ class FitProblem:
 
     Parameters
     ----------
-    mean : MeanHit
-        Both channels.
+    traces : ndarray, shape (2, n)
+        Mean traces [m/s^2].
+    noise : ndarray, shape (2,)
+        White noise of the mean traces before the low-pass [m/s^2].
     measured : MeasuredModel
         What is fitted.
-    peaks : ndarray, shape (2,)
-        Largest magnitudes of the traces [m/s^2].
 
     Attributes
     ----------
@@ -78,12 +83,15 @@ class FitProblem:
         Those of them that are fitted.
     independent_points : float
         Of each trace, 2 * cutoff * duration [-].
+    peaks : ndarray, shape (2,)
+        Largest magnitudes of the traces [m/s^2].
     noise, filtered_noise : ndarray, shape (2,)
-        White noise of the mean traces before the low-pass, and what it leaves of it [m/s^2].
+        White noise before the low-pass, and what that leaves of it [m/s^2].
     """
 
-    def __init__(self, mean: MeanHit, measured: MeasuredModel, peaks: FloatArray) -> None:
-        self.mean, self.measured, self.peaks = mean, measured, peaks
+    def __init__(self, traces: FloatArray, noise: FloatArray, measured: MeasuredModel) -> None:
+        self.traces, self.measured = traces, measured
+        self.peaks = np.abs(traces).max(axis=1)
         rate, cutoff, count = measured.sampling_rate, measured.cutoff_frequency, measured.count
         edge, thinning, independent = 0, 1, 1.0
         if cutoff > 0.0:
@@ -93,9 +101,30 @@ class FitProblem:
         self.fitted = slice(edge, count - edge)
         self.points = slice(edge, count - edge, thinning)
         self.independent_points = independent * (count - 2 * edge)
-        self.noise = np.maximum(_find_raw_noise(mean), SMALLEST_NOISE * peaks)
+        self.noise = np.maximum(noise, SMALLEST_NOISE * self.peaks)
         self.filtered_noise = self.noise * find_noise_gain(cutoff, rate)
         self._last: tuple[FloatArray, FloatArray, FloatArray] | None = None
+
+    def thin(self) -> "FitProblem":
+        """Return the same problem on every few points: quick to solve, and nearly as good."""
+        measured = self.measured
+        width = measure_pulse(self.traces[0]).half_amplitude_width
+        step = int(VERSED_SINE.pulse_factor * width / COARSE_POINTS)
+        if measured.cutoff_frequency > 0.0:
+            step = min(step, self.points.step)
+        if step <= 1:
+            return self
+        traces = self.traces[:, ::step]
+        return FitProblem(
+            traces,
+            # As much noise below the cutoff, at fewer points.
+            self.noise / math.sqrt(step),
+            replace(
+                measured,
+                sampling_rate=measured.sampling_rate / step,
+                count=traces.shape[1],
+            ),
+        )
 
     def evaluate(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the model's traces and derivatives; the last ones are kept."""
@@ -128,7 +157,7 @@ class FitProblem:
         scales, low, high = self._find_scales_and_bounds(start)
 
         def find_residual(scaled: FloatArray) -> FloatArray:
-            return self.weigh(self.evaluate(scaled * scales)[0] - self.mean.traces)
+            return self.weigh(self.evaluate(scaled * scales)[0] - self.traces)
 
         def find_jacobian(scaled: FloatArray) -> FloatArray:
             return (self.weigh(self.evaluate(scaled * scales)[1]) * scales[:, np.newaxis]).T
@@ -179,7 +208,7 @@ class FitProblem:
 
     def find_residual_rms(self, values: FloatArray) -> FloatArray:
         """Return the RMS residual of both traces over the fitted points [m/s^2], shape (2,)."""
-        residual = (self.mean.traces - self.evaluate(values)[0])[:, self.points]
+        residual = (self.traces - self.evaluate(values)[0])[:, self.points]
         return np.asarray(np.sqrt(np.mean(residual**2, axis=1)))
 
     def find_covariance(self, values: FloatArray, factors: FloatArray) -> FloatArray:
@@ -199,7 +228,7 @@ class FitProblem:
         """
         inside = self.evaluate(values)[1][:, :, self.fitted]
         # The noise is H e, so that the estimate, J^T H e, sees the derivatives filtered once more.
-        seen = low_pass(inside, self.measured.cutoff_frequency, self.measured.sampling_rate)
+        seen = self.measured.low_pass(inside)
         weights = self.noise[:, np.newaxis, np.newaxis]
         lengths = np.sqrt(np.sum((inside / weights) ** 2, axis=(0, 2)))
         information = np.zeros((values.size, values.size))
@@ -213,21 +242,30 @@ class FitProblem:
         covariance = inverse @ spread @ inverse / np.outer(lengths, lengths)
         return np.asarray((covariance + covariance.T) / 2.0)
 
-    def step_to_hits(self, values: FloatArray) -> FloatArray:
-        """Return one Gauss-Newton step from `values` for every hit, shape (hits, p)."""
+    def step_to_hits(self, values: FloatArray, hits: Sequence[FloatArray]) -> FloatArray:
+        """Take one Gauss-Newton step from the mean's solution to every hit.
+
+        Parameters
+        ----------
+        values : ndarray, shape (p,)
+            Solution for the mean [SI units].
+        hits : sequence of ndarray, shape (2, n)
+            Traces of the hits, aligned as the mean's [m/s^2].
+
+        Returns
+        -------
+        ndarray, shape (hits, p)
+            [SI units]
+        """
         traces, derivatives = self.evaluate(values)
         jacobian = self.weigh(derivatives).T
         lengths = np.linalg.norm(jacobian, axis=0)
         inverse = np.linalg.pinv(jacobian / lengths)
-        model = self.weigh(traces)
-        hits = np.empty((self.mean.count, values.size))
-        for index in range(self.mean.count):
-            residual = self.weigh(self.mean.cut_hit(index)) - model
-            hits[index] = values + inverse @ residual / lengths
-        return hits
+        steps = [inverse @ self.weigh(hit - traces) / lengths for hit in hits]
+        return np.asarray(values + np.array(steps).reshape(-1, values.size))
 
 
-def _find_raw_noise(mean: MeanHit) -> FloatArray:
+def find_raw_noise(mean: MeanHit) -> FloatArray:
     """Return the mean's raw noise [m/s^2], at least that of the converters' steps, shape (2,)."""
     if not mean.hits:
         return np.asarray(mean.raw_noise)

@@ -13,7 +13,12 @@ from itertools import islice
 import numpy as np
 
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.fitting import SMALLEST_NOISE, FitProblem, FitSolution
+from impact_rig.core.estimation.fitting import (
+    SMALLEST_NOISE,
+    FitProblem,
+    FitSolution,
+    find_raw_noise,
+)
 from impact_rig.core.estimation.identifiability import (
     GOOD_CHI_SQUARE,
     LARGEST_RESIDUAL,
@@ -195,9 +200,16 @@ def identify_model(
         if variant is ModelVariant.PRINTED
         else 1.0,
     )
-    problem = FitProblem(mean, measured, peaks)
-    starts = find_starts(measured, mean.traces, pulse, start or StartingValues())
-    return _report(problem, _search(problem, islice(starts, STARTS[variant])))
+    problem = FitProblem(mean.traces, find_raw_noise(mean), measured)
+    coarse = problem.thin()
+    starts = find_starts(coarse.measured, coarse.traces, start or StartingValues())
+    solution = _search(coarse, islice(starts, STARTS[variant]))
+    if coarse is not problem:
+        refined = problem.solve(solution.values, MOST_EVALUATIONS)
+        if refined is None or not refined.converged:
+            raise NotDeterminedError(_describe_failure(problem, refined))
+        solution = refined
+    return _report(problem, solution, mean)
 
 
 def _search(problem: FitProblem, starts: Iterable[FloatArray]) -> FitSolution:
@@ -240,7 +252,7 @@ def _is_good(problem: FitProblem, solution: FitSolution) -> bool:
     return solution.converged and not solution.at_bounds and bool(np.all(by_peak | by_noise))
 
 
-def _report(problem: FitProblem, solution: FitSolution) -> Identification:
+def _report(problem: FitProblem, solution: FitSolution, mean: MeanHit) -> Identification:
     values, names = solution.values, problem.measured.names
     traces, derivatives = problem.evaluate(values)
     check_independence(names, problem.weigh(derivatives).T)
@@ -252,6 +264,7 @@ def _report(problem: FitProblem, solution: FitSolution) -> Identification:
     covariance = problem.find_covariance(values, factors)
     if not np.all(np.isfinite(covariance)):
         raise NotDeterminedError("identification: the covariance is no finite number")
+    hits = [mean.cut_hit(index) for index in range(mean.count)]
     left = rms / problem.peaks
     variant = problem.measured.variant
     model = f"the {variant.value} model"
@@ -262,11 +275,11 @@ def _report(problem: FitProblem, solution: FitSolution) -> Identification:
         values=make_read_only(values),
         covariance=make_read_only(covariance),
         noise_factors=make_read_only(factors),
-        hit_values=make_read_only(problem.step_to_hits(values)),
+        hit_values=make_read_only(problem.step_to_hits(values, hits)),
         sampling_rate=problem.measured.sampling_rate,
-        measured=problem.mean.traces,
+        measured=problem.traces,
         model=make_read_only(traces),
-        residual=make_read_only(problem.mean.traces - traces),
+        residual=make_read_only(problem.traces - traces),
         fitted=problem.fitted,
         residual_percent=(100.0 * float(left[0]), 100.0 * float(left[1])),
         chi_square=float(np.mean(squares)),

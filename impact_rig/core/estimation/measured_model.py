@@ -93,7 +93,7 @@ class MeasuredModel:
             variant=self.variant,
         )
         rows = np.concatenate([bodies.traces[:, np.newaxis], bodies.derivatives], axis=1)
-        filtered = self._filter(rows)
+        filtered = self.low_pass(rows)
         derivatives = np.zeros((2, len(self.names), self.count))
         derivatives[0, :-3] = self.hammer_polarity * filtered[0, 1:]
         derivatives[1, :-3] = gain * filtered[1, 1:]
@@ -102,11 +102,12 @@ class MeasuredModel:
         scales = np.array([[self.hammer_polarity], [gain]])
         return scales * filtered[:, 0] + values[-2:, np.newaxis], derivatives
 
-    def _filter(self, rows: FloatArray) -> FloatArray:
+    def low_pass(self, rows: FloatArray) -> FloatArray:
+        """Low-pass rows, shape (..., n); rows of zeros stay as they are and cost nothing."""
         if self.cutoff_frequency == 0.0:
             return rows
         filtered = np.zeros_like(rows)
-        # The driven hammer knows nothing of the sample: what is zero stays zero.
-        needed = rows.any(axis=2)
+        # The driven hammer knows nothing of the sample.
+        needed = rows.any(axis=-1)
         filtered[needed] = low_pass(rows[needed], self.cutoff_frequency, self.sampling_rate)
         return filtered

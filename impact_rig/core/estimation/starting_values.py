@@ -12,20 +12,17 @@ from impact_rig.core.estimation.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
 )
-from impact_rig.core.hits.pulse_width import PulseWidth
+from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, compute_peak_force
 from impact_rig.core.model.pulses import VERSED_SINE
 from impact_rig.core.model.sensitivities import compute_sensitivities, respond_to_versed_sine
 from impact_rig.core.signals.record import FloatArray
 
 NAN = math.nan
-SEARCH_POINTS = 400
-"""Points of a record on which starts are compared [-], our choice: some forty in a contact of a
-tenth of the record."""
-FREQUENCIES = np.geomspace(0.7, 22.0, 9)
+FREQUENCIES = np.geomspace(0.7, 22.0, 8)
 """Natural frequencies of the sample that are tried, times tau_p [rad], our choice: neighbours are
 near enough for the search to go on from; the paper's samples lie between 2.9 and 3.8."""
-DAMPING_RATIOS = (0.08, 0.3, 0.8)
+DAMPING_RATIOS = (0.1, 0.5)
 """Damping ratios that are tried [-], our choice."""
 PRINTED_DURATIONS = (1.0, 1.6, 2.4)
 """tau_p of the printed model that are tried, over twice the half-amplitude width [-], our choice:
@@ -34,6 +31,10 @@ PRINTED_STIFFNESSES = (0.5, 1.0, 2.0)
 """k1 of the printed model that are tried, over 2 k_eq [-], our choice."""
 PRINTED_DAMPING_RATIOS = (0.2, 0.6)
 """Damping ratios of the hammer that are tried [-], our choice: the paper's is 0.64."""
+SPECIMEN_STIFFNESSES = (1.5, 4.0)
+"""k2 that is tried with the printed model, over k_eq [-], our choice."""
+SPECIMEN_DAMPING_RATIO = 0.3
+"""And its damping ratio [-], our choice: in the middle of the paper's."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class StartingValues:
 
 
 def find_starts(
-    measured: MeasuredModel, traces: FloatArray, pulse: PulseWidth, given: StartingValues
+    measured: MeasuredModel, traces: FloatArray, given: StartingValues
 ) -> Iterator[FloatArray]:
     """Yield starts, the most promising first: what is given, then what the traces suggest.
 
@@ -65,8 +66,6 @@ def find_starts(
         What is fitted.
     traces : ndarray, shape (2, n)
         Mean traces [m/s^2].
-    pulse : PulseWidth
-        Of the hammer's trace.
     given : StartingValues
         What is believed.
 
@@ -74,22 +73,25 @@ def find_starts(
     ------
     ndarray, shape (p,)
         Parameter values in the order of `measured.names`.
+
+    Raises
+    ------
+    SignalError
+        If the hammer's trace has no whole pulse.
     """
-    step = max(traces.shape[1] // SEARCH_POINTS, 1)
-    coarse = _Coarse(measured, traces[:, ::step], measured.sampling_rate / step, pulse)
+    finder = _Finder(measured, traces)
     if measured.variant is ModelVariant.DRIVEN:
-        yield from coarse.find_driven(given)
+        yield from finder.find_driven(given)
     else:
-        yield from coarse.find_printed(given)
+        yield from finder.find_printed(given)
 
 
-class _Coarse:
-    """The search on every few points, unfiltered."""
+class _Finder:
+    """Compares candidates with the traces, without the low-pass."""
 
-    def __init__(
-        self, measured: MeasuredModel, traces: FloatArray, sampling_rate: float, pulse: PulseWidth
-    ) -> None:
-        self.measured, self.traces, self.sampling_rate = measured, traces, sampling_rate
+    def __init__(self, measured: MeasuredModel, traces: FloatArray) -> None:
+        self.measured, self.traces, self.sampling_rate = measured, traces, measured.sampling_rate
+        pulse = measure_pulse(traces[0])
         self.peak = pulse.peak
         self.middle = pulse.middle / measured.sampling_rate
         width = pulse.half_amplitude_width / measured.sampling_rate
@@ -150,10 +152,10 @@ class _Coarse:
             given.hammer_damping_coefficient
         ):
             hammers.insert(0, (given.hammer_stiffness, given.hammer_damping_coefficient))
-        ratio = DAMPING_RATIOS[1]
+        ratio = SPECIMEN_DAMPING_RATIO
         specimens = [
             (part * equivalent, 2.0 * ratio * math.sqrt(part * equivalent * mass))
-            for part in (1.5, 4.0)
+            for part in SPECIMEN_STIFFNESSES
         ]
         if math.isfinite(given.stiffness) and math.isfinite(given.damping_coefficient):
             specimens.insert(0, (given.stiffness, given.damping_coefficient))
