@@ -1,0 +1,174 @@
+"""Least squares of one damped oscillation and an offset, when nothing is known of it.
+
+The model is e^(-a t) (C cos(omega t) + S sin(omega t)) + offset: C, S and the offset by linear
+least squares for every (a, omega), and these two by Levenberg-Marquardt on what is left (variable
+projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, with the Jacobian of Kaufman,
+BIT 15 (1975) 49, whose gradient is exact).
+
+It starts from the best of several candidates, found in two ways, each good where the other fails:
+a spectrum of the tail, weighted with falling exponentials, finds light damping and many periods;
+an integral equation, solved by linear least squares over the first part of the tail, finds heavy
+damping and few periods.
+"""
+
+import math
+
+import numpy as np
+from scipy.fft import next_fast_len, rfft
+from scipy.optimize import least_squares
+
+from impact_rig.core.signals.record import FloatArray
+
+TRIED_DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+"""Decay over the whole tail, a T, of the spectrum's weights [-], our choice: from nearly undamped
+to gone after a few per cent of it."""
+TRIED_PARTS = (1.0, 0.3, 0.1, 0.03)
+"""Parts of the tail over which the integral equation is solved [-], our choice."""
+PADDING = 4
+"""Length of the spectrum over that of the tail [-], our choice: a quarter of a line is near
+enough."""
+LEAST_PERIODS = 0.5
+"""Slowest oscillation looked for in the spectrum, in periods of the tail [-]: slower ones are
+offset."""
+UNKNOWNS = 5
+"""Of the integral equation."""
+MOST_EVALUATIONS = 50
+"""Of the model [-], our choice: a decay needs fewer than ten, noise never comes to rest."""
+
+
+class DecayFit:
+    """The least-squares problem of one tail in (a, omega), both per point.
+
+    Parameters
+    ----------
+    measured : ndarray, shape (n,)
+        The tail, equidistant.
+
+    Attributes
+    ----------
+    residual : ndarray, shape (n,)
+        Measured minus fitted, where last evaluated.
+    oscillation : ndarray, shape (n,)
+        The fit without its offset.
+    amplitude : float
+        Of the envelope at the first point.
+    """
+
+    def __init__(self, measured: FloatArray) -> None:
+        self._measured = measured
+        self._points = np.arange(measured.size, dtype=np.float64)
+        self._at: tuple[float, float] | None = None
+        self.residual = measured
+        self.oscillation = self._quadrature = np.zeros_like(measured)
+        self._orthonormal = np.zeros((measured.size, 3))
+        self.amplitude = 0.0
+
+    def solve(self, relative_cutoff: float) -> FloatArray:
+        """Return the best (a, omega), and stay there; see `find_decay_candidates`."""
+        candidates = find_decay_candidates(self._measured, relative_cutoff)
+        errors = [float(np.sum(self.find_residual(start) ** 2)) for start in candidates]
+        start = candidates[int(np.argmin(errors))]
+        found = least_squares(
+            self.find_residual,
+            start,
+            self.find_jacobian,
+            method="lm",
+            x_scale=np.abs(start),
+            max_nfev=MOST_EVALUATIONS,
+        )
+        solution = np.array([found.x[0], abs(found.x[1])])
+        self._evaluate(solution)
+        return solution
+
+    def find_residual(self, parameters: FloatArray) -> FloatArray:
+        """Return measured minus fitted, shape (n,)."""
+        self._evaluate(parameters)
+        return self.residual
+
+    def find_jacobian(self, parameters: FloatArray) -> FloatArray:
+        """Return the derivatives of the residual in a and omega, shape (n, 2)."""
+        self._evaluate(parameters)
+        slopes = self._points[:, np.newaxis] * np.stack(
+            (self.oscillation, self._quadrature), axis=1
+        )
+        return np.asarray(slopes - self._orthonormal @ (self._orthonormal.T @ slopes))
+
+    def _evaluate(self, parameters: FloatArray) -> None:
+        decay, frequency = float(parameters[0]), float(parameters[1])
+        if self._at == (decay, frequency):
+            return
+        self._at = decay, frequency
+        # A growing trial step must not overflow.
+        wave = np.exp((-max(decay, -1.0 / self._points.size) + 1j * frequency) * self._points)
+        basis = np.stack((wave.real, wave.imag, np.ones_like(wave.real)), axis=1)
+        self._orthonormal, triangle = np.linalg.qr(basis)
+        onto = self._orthonormal.T @ self._measured
+        cosine, sine, _ = np.linalg.lstsq(triangle, onto, rcond=None)[0]
+        self.residual = self._measured - self._orthonormal @ onto
+        self.oscillation = cosine * wave.real + sine * wave.imag
+        self._quadrature = cosine * wave.imag - sine * wave.real
+        self.amplitude = math.hypot(cosine, sine)
+
+
+def find_decay_candidates(tail: FloatArray, relative_cutoff: float) -> FloatArray:
+    """Find candidates for decay rate and angular frequency.
+
+    Parameters
+    ----------
+    tail : ndarray, shape (n,)
+        Damped oscillation, offset and noise, equidistant.
+    relative_cutoff : float
+        Highest frequency that can be there, over the sampling rate [-]; 0: one half.
+
+    Returns
+    -------
+    ndarray, shape (m, 2)
+        a and omega, per point.
+    """
+    candidates = _search_spectrum(tail, relative_cutoff or 0.5)
+    for part in TRIED_PARTS:
+        count = round(part * tail.size)
+        if count > 2 * UNKNOWNS:
+            candidates += _solve_integral_equation(tail[:count])
+    return np.array(candidates)
+
+
+def _search_spectrum(tail: FloatArray, highest: float) -> list[tuple[float, float]]:
+    count = tail.size
+    # What the oscillation has come down to is the offset.
+    signal = tail - tail[count // 2 :].mean()
+    decays = np.array(TRIED_DECAYS) / count
+    weights = np.exp(-decays[:, np.newaxis] * np.arange(count))
+    length = next_fast_len(PADDING * count, real=True)
+    first = int(LEAST_PERIODS * length / count)
+    last = max(first + 1, int(min(highest, 0.5) * length))
+    lines = np.argmax(np.abs(rfft(weights * signal, length))[:, first:last], axis=1) + first
+    return [
+        (float(decay), float(2.0 * np.pi * line / length))
+        for decay, line in zip(decays, lines, strict=True)
+    ]
+
+
+def _solve_integral_equation(tail: FloatArray) -> list[tuple[float, float]]:
+    """Return one pair, or none where the solution is no decay.
+
+    y'' + 2 a y' + w^2 (y - offset) = 0, integrated twice: y = -2 a I y - w^2 I^2 y + a quadratic
+    in t. Nothing is differentiated, so that noise matters little.
+    """
+    count = tail.size
+    time = np.arange(count) / count
+    once = _integrate(tail)
+    columns = np.stack((once, _integrate(once), np.ones(count), time, time**2), axis=1)
+    solution = np.linalg.lstsq(columns, tail, rcond=None)[0]
+    decay, stiffness = -solution[0] / 2.0, -solution[1]
+    if decay <= 0.0 or stiffness <= 0.0:
+        return []
+    # Over-critical: the fit shall start, and find out, near critical damping.
+    frequency = np.sqrt(max(stiffness - decay**2, 0.01 * stiffness))
+    return [(float(decay) / count, float(frequency) / count)]
+
+
+def _integrate(values: FloatArray) -> FloatArray:
+    integral = np.zeros_like(values)
+    np.cumsum((values[1:] + values[:-1]) / (2.0 * values.size), out=integral[1:])
+    return integral
