@@ -112,11 +112,7 @@ def check_consistency(hit: JudgedHit, fellows: Sequence[JudgedHit]) -> tuple[Rej
     tuple of Rejection
         One for each quantity in which the hit is an outlier; none for fewer than five fellows.
     """
-    return tuple(
-        Rejection(Reason.INCONSISTENT, explanation)
-        for quantity in QUANTITIES
-        if (explanation := _describe_outlier(quantity, hit, fellows))
-    )
+    return _find_outliers(hit, _find_norms(fellows))
 
 
 def select_hits(hits: Sequence[JudgedHit], keep: int = 0) -> Selection:
@@ -134,8 +130,9 @@ def select_hits(hits: Sequence[JudgedHit], keep: int = 0) -> Selection:
     reasons: dict[int, tuple[Rejection, ...]] = {}
     places = [i for i, hit in enumerate(hits) if hit.accepted and not hit.overruled]
     fellows = [hits[i] for i in places]
+    norms = _find_norms(fellows)
     for place in places:
-        reasons[place] = check_consistency(hits[place], fellows)
+        reasons[place] = _find_outliers(hits[place], norms)
     consistent = [place for place in places if not reasons[place]]
     by_hand = sum(1 for hit in hits if hit.accepted and hit.overruled)
     if keep and len(consistent) + by_hand > keep:
@@ -177,23 +174,47 @@ def _find_spread(values: FloatArray, floor: float) -> tuple[float, float]:
     return median, max(spread, floor * abs(median))
 
 
-def _describe_outlier(quantity: Quantity, hit: JudgedHit, fellows: Sequence[JudgedHit]) -> str:
-    """Say how far a hit is off; empty: it is no outlier, or nobody can tell."""
-    value = getattr(hit, quantity.attribute)
-    values = _read(quantity, fellows)
-    if values.size < FEWEST_FELLOWS or not np.isfinite(value):
-        return ""
-    threshold = find_threshold(values.size)
-    median, spread = _find_spread(values, quantity.floor * ENDLESS_THRESHOLD / threshold)
-    deviations = abs(value - median) / spread
-    if deviations <= threshold:
-        return ""
-    shown, centre = (f"{number * quantity.unit_scale:.4g}{quantity.unit}" for number in
-                     (value, median))  # fmt: skip
-    return (
-        f"{quantity.name} {shown} is {deviations:.1f} robust standard deviations from the median"
-        f" {centre} of {values.size} hits"
-    )
+@dataclass(frozen=True)
+class _Norm:
+    """What a quantity of the fellows is like: `count` of them have it."""
+
+    quantity: Quantity
+    count: int
+    median: float
+    spread: float
+    threshold: float
+
+
+def _find_norms(fellows: Sequence[JudgedHit]) -> list[_Norm]:
+    """Return the norms of the quantities that enough fellows have."""
+    norms = []
+    for quantity in QUANTITIES:
+        values = _read(quantity, fellows)
+        if values.size >= FEWEST_FELLOWS:
+            threshold = find_threshold(values.size)
+            floor = quantity.floor * ENDLESS_THRESHOLD / threshold
+            norms.append(_Norm(quantity, values.size, *_find_spread(values, floor), threshold))
+    return norms
+
+
+def _find_outliers(hit: JudgedHit, norms: Sequence[_Norm]) -> tuple[Rejection, ...]:
+    found = []
+    for norm in norms:
+        quantity, value = norm.quantity, float(getattr(hit, norm.quantity.attribute))
+        deviations = abs(value - norm.median) / norm.spread
+        if deviations > norm.threshold:
+            shown, median = (
+                f"{number * quantity.unit_scale:.4g}{quantity.unit}"
+                for number in (value, norm.median)
+            )
+            found.append(
+                Rejection(
+                    Reason.INCONSISTENT,
+                    f"{quantity.name} {shown} is {deviations:.1f} robust standard deviations from"
+                    f" the median {median} of {norm.count} hits",
+                )
+            )
+    return tuple(found)
 
 
 def _find_distances(hits: Sequence[JudgedHit]) -> FloatArray:

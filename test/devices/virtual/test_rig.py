@@ -11,10 +11,13 @@ from hypothesis import strategies as st
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.verdict import Reason
+from impact_rig.core.model.pulses import HERTZ, PULSE_SHAPES, PulseShape
 from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.virtual import rig as virtual_rig
 from impact_rig.devices.virtual.faults import Fault, FaultPlan
+from impact_rig.devices.virtual.plants import Plant
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 
 BLOCK_SIZE = 1000
@@ -161,6 +164,20 @@ class TestFaults:
         judged = judge(strike(label, seed=seed, faults=FaultPlan(1.0, (fault,))))
         assert {item.reason for item in judged.rejections} == {REASONS[fault]}
 
+    @pytest.mark.parametrize("shape", PULSE_SHAPES, ids=lambda shape: shape.name)
+    @pytest.mark.parametrize("plant", [Plant.PUBLISHED, Plant.DYNAMICS])
+    def test_the_faintest_and_nearest_double_hit_is_named_for_every_pulse(
+        self, monkeypatch: pytest.MonkeyPatch, plant: Plant, shape: PulseShape
+    ) -> None:
+        monkeypatch.setattr(virtual_rig, "DOUBLE_HEIGHT_RANGE", (0.05, 0.05))
+        monkeypatch.setattr(virtual_rig, "DOUBLE_DELAY_RANGE", (1.2, 1.2))
+        plan = FaultPlan(1.0, (Fault.DOUBLE_HIT,))
+        for name in PAPER_SETUP.samples.names:
+            hit = strike(HitLabel(name), plant=plant, pulse_shape=shape, faults=plan)
+            assert {item.reason for item in judge(hit).rejections} == {Reason.DOUBLE_HIT}
+            good = strike(HitLabel(name), plant=plant, pulse_shape=shape)
+            assert judge(good).accepted
+
     @given(
         label=labels,
         seed=st.integers(0, 1000),
@@ -211,3 +228,8 @@ def test_an_unknown_sample_cannot_be_struck() -> None:
         ParameterError, match="unknown sample 'gold': the set has 'aluminium small'"
     ):
         strike(HitLabel("gold"))
+
+
+def test_a_pulse_shape_that_the_plant_cannot_have_is_refused() -> None:
+    with pytest.raises(ParameterError, match="'Hertz' is not for the plant dynamics_printed"):
+        VirtualRigSettings(plant=Plant.DYNAMICS_PRINTED, pulse_shape=HERTZ)
