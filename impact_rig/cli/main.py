@@ -30,6 +30,7 @@ COMMANDS = {
     "campaign": _Entry("Run a campaign on a rig that is up.", "impact_rig.cli.campaign"),
     "analyze": _Entry("Estimate from recordings or plain traces.", "impact_rig.cli.analyze"),
     "paper": _Entry("Check the arithmetic of the paper.", "impact_rig.cli.paper"),
+    "study": _Entry("Hold the estimators against a known truth.", "impact_rig.cli.study"),
     "doctor": _Entry("See what is installed and what is broken.", "impact_rig.cli.doctor"),
 }
 """Known by name, so that the help needs none of their modules."""

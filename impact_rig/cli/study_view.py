@@ -1,0 +1,158 @@
+"""What a study shows: progress while it runs, tables when it is done."""
+
+import math
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from impact_rig.reporting.numbers import MISSING, format_number
+from impact_rig.reporting.terminal import Column, print_table
+from impact_rig.study.cases import Part
+from impact_rig.study.goals import ESTIMATOR_NAMES, SYMBOLS, JudgedGoal, judge_goals
+from impact_rig.study.results import Row, StudyResults
+from impact_rig.study.statistics import Ratio
+
+TITLES = {
+    Part.COVERAGE: "Coverage of the 95 % intervals, default disturbances",
+    Part.EFFICIENCY: "Efficiency of one hit in white noise, part of each trace's peak",
+    Part.BIAS: "Bias of ten hits, default disturbances, one axis at a time",
+}
+SPEED_UPDATES = 120.0
+"""Over which the time left is estimated [s]."""
+
+
+class StudyProgress:
+    """A bar with the time left, on a terminal only; a context manager.
+
+    Parameters
+    ----------
+    console : Console
+        Where to.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("left:"),
+            TimeRemainingColumn(),
+            console=console,
+            transient=True,
+            disable=not console.is_terminal,
+            speed_estimate_period=SPEED_UPDATES,
+        )
+        self._task = self._progress.add_task("campaigns", total=None)
+
+    def __enter__(self) -> Self:
+        """Show the bar."""
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Take the bar away."""
+        self._progress.stop()
+
+    def report(self, done: int, total: int) -> None:
+        """Take finished and all campaigns."""
+        self._progress.update(self._task, completed=done, total=total)
+
+
+def print_study(console: Console, results: StudyResults) -> None:
+    """Print the tables of the parts that were asked, then the goals."""
+    for part, title in TITLES.items():
+        rows = [row for row in results.rows if row.part is part]
+        if rows:
+            print_table(console, title, _make_columns(rows), _make_notes(part, results))
+    _print_goals(console, judge_goals(results))
+
+
+def _make_columns(rows: Sequence[Row]) -> list[Column]:
+    conditions = [
+        f"{row.axis} {row.value}" if row.part is Part.BIAS else row.value for row in rows
+    ]
+    names = [ESTIMATOR_NAMES[row.estimator] for row in rows]
+    both = list(zip(conditions, names, strict=True))
+    columns = [
+        Column("Condition", _leave_out_repeated(conditions, conditions), is_text=True),
+        Column("Estimator", _leave_out_repeated(names, both), is_text=True),
+        Column("", [SYMBOLS[row.quantity] for row in rows], is_text=True),
+        Column("bias\n[%]", [format_number(100.0 * row.bias.bias, 3) for row in rows]),
+        Column(
+            "its u\n[%]",
+            [format_number(100.0 * row.bias.standard_error, 3) for row in rows],
+            is_optional=True,
+        ),
+        Column("spread\n[%]", [format_number(100.0 * row.bias.spread, 3) for row in rows]),
+        Column("covers\n[%]", [format_number(100.0 * row.coverage.value, 1) for row in rows]),
+        Column(
+            "95 %",
+            [_format_interval(row.coverage, 100.0, 1) for row in rows],
+            is_optional=True,
+        ),
+        Column("RMSE /\nbound", [format_number(row.efficiency.value, 3) for row in rows]),
+        Column(
+            "95 %",
+            [_format_interval(row.efficiency, 1.0, 2) for row in rows],
+            is_optional=True,
+        ),
+        Column("n", [str(row.determined) for row in rows], is_optional=True),
+    ]
+    # What no row has needs no column.
+    return [
+        column
+        for column in columns
+        if column.is_text or any(cell != MISSING for cell in column.cells)
+    ]
+
+
+def _leave_out_repeated(cells: Sequence[str], keys: Sequence[object]) -> list[str]:
+    """Return the cells, empty where the row above has the same key."""
+    return [
+        "" if index and keys[index] == keys[index - 1] else cell
+        for index, cell in enumerate(cells)
+    ]
+
+
+def _format_interval(ratio: Ratio, factor: float, digits: int) -> str:
+    if not math.isfinite(ratio.value):
+        return MISSING
+    return f"{factor * ratio.low:.{digits}f} to {factor * ratio.high:.{digits}f}"
+
+
+def _make_notes(part: Part, results: StudyResults) -> list[str]:
+    notes = []
+    if part is Part.EFFICIENCY:
+        notes.append(
+            "The paper's τp is twice the half-amplitude width. The bound: Cramér and Rao, of both"
+            " traces, unknown start, gain and offsets included."
+        )
+    else:
+        notes.append(
+            "Each campaign has its own masses and clock, drawn by their stated uncertainties. The"
+            " bound holds noise, steps, scatter of the hits, masses and clock."
+        )
+    total = sum(row.campaigns - row.determined for row in results.rows if row.part is part)
+    if total:
+        notes.append(f"Not determined, and said so: {total} results.")
+    if part is Part.COVERAGE and results.lost_campaigns:
+        notes.append(f"Given up, since good hits were rejected: {results.lost_campaigns}.")
+    return notes
+
+
+def _print_goals(console: Console, goals: Sequence[JudgedGoal]) -> None:
+    columns = [
+        Column("Goal", [goal.subject for goal in goals], is_text=True),
+        Column("asked", [goal.goal for goal in goals], is_text=True),
+        Column("found (95 %)", [goal.text for goal in goals]),
+        Column("", ["reached" if goal.is_reached else "MISSED" for goal in goals], is_text=True),
+    ]
+    print_table(console, "Goals", columns)

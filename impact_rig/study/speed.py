@@ -1,0 +1,217 @@
+"""How long one identification takes, beside the same fit around a numerical integrator."""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from statistics import median
+from typing import Any, TypeVar
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from impact_rig.core.errors import NotDeterminedError
+from impact_rig.core.estimation.fitting import FitProblem, find_raw_noise
+from impact_rig.core.estimation.identification import (
+    MOST_EVALUATIONS,
+    Identification,
+    identify_model,
+)
+from impact_rig.core.estimation.measured_model import MeasuredModel
+from impact_rig.core.estimation.starting_values import StartingValues, find_starts
+from impact_rig.core.hits.averaging import MeanHit, average_hits
+from impact_rig.core.hits.hit import FilteredHit
+from impact_rig.core.model.impact import ModelVariant
+from impact_rig.core.session import Session
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.signals.filtering import low_pass
+from impact_rig.core.signals.record import FloatArray, HitLabel
+from impact_rig.devices.virtual.plants import Plant
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.study.campaigns import strike
+
+SAMPLE = "steel medium"
+REFERENCE_PART = 0.15
+"""Repeats of the reference, part of the identification's [-], our choice: it takes that long."""
+INTEGRATOR_TOLERANCE = 1e-10
+"""Relative [-], our choice: the derivatives are differences of the integrator's results."""
+DIFFERENCE_STEP = 1e-6
+"""Of a parameter [-], our choice: the integrator's error is a ten thousandth of the difference."""
+COMPARED = ("tau_p", "k2", "c2")
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Times of one fit on one core.
+
+    Attributes
+    ----------
+    identification_s, reference_s : float
+        Median of one fit [s].
+    ratio : float
+        How many times faster the identification is [-].
+    points : int
+        Of each of the two traces.
+    repeats, reference_repeats : int
+        Fits that were timed.
+    agreement_percent : float
+        Largest difference between the two fits in tau_p, k2 and c2 [%].
+    """
+
+    identification_s: float
+    reference_s: float
+    ratio: float
+    points: int
+    repeats: int
+    reference_repeats: int
+    agreement_percent: float
+
+
+def measure_speed(repeats: int) -> dict[str, Any]:
+    """Time `repeats` identifications of one hit, and some of the reference.
+
+    Returns
+    -------
+    dict
+        The fields of `Speed`.
+    """
+    mean = _strike_once()
+
+    def identify() -> Identification:
+        return identify_model(mean, PAPER_SETUP, SAMPLE)
+
+    identify()  # what is computed once and kept is not counted
+    times, found = _time(identify, repeats)
+    reference_repeats = math.ceil(REFERENCE_PART * repeats)
+    reference_times, values = _time(lambda: _fit_by_integration(mean), reference_repeats)
+    differences = [
+        abs(float(value) / found.find(name) - 1.0)
+        for name, value in zip(COMPARED, values, strict=True)
+    ]
+    identification_s, reference_s = median(times), median(reference_times)
+    return {
+        "identification_s": identification_s,
+        "reference_s": reference_s,
+        "ratio": reference_s / identification_s,
+        "points": mean.traces.shape[1],
+        "repeats": repeats,
+        "reference_repeats": reference_repeats,
+        "agreement_percent": 100.0 * max(differences),
+    }
+
+
+def _time(work: Callable[[], Result], repeats: int) -> tuple[list[float], Result]:
+    times = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        result = work()
+        times.append(time.perf_counter() - started)
+    return times, result
+
+
+def _strike_once() -> MeanHit:
+    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(plant=Plant.DYNAMICS))
+    digitizer = rig.settings.digitizer
+    hits = strike(
+        rig, Session(PAPER_SETUP), HitLabel(SAMPLE), digitizer.count, digitizer.sampling_rate
+    )
+    filtered: list[FilteredHit] = [hit.filtered for hit in hits if hit.filtered]
+    return average_hits(filtered)
+
+
+def _fit_by_integration(mean: MeanHit) -> FloatArray:
+    """Run the same search from the same start, around the integrator; returns tau_p, k2, c2."""
+    setup = PAPER_SETUP
+    measured = IntegratedModel(
+        variant=ModelVariant.DRIVEN,
+        hammer_mass=setup.hammer_mass,
+        moving_mass=setup.samples.find_moving_mass(SAMPLE),
+        impact_speed=setup.impact_speed,
+        sampling_rate=mean.sampling_rate,
+        count=mean.traces.shape[1],
+        cutoff_frequency=setup.analysis.cutoff_frequency,
+    )
+    starts = find_starts(measured, mean.traces, StartingValues())
+    problem = FitProblem(mean.traces, find_raw_noise(mean), measured)
+    found = problem.solve(next(starts), MOST_EVALUATIONS)
+    if found is None:
+        raise NotDeterminedError("speed: the fit around the integrator did not converge")
+    return found.values[[measured.names.index(name) for name in COMPARED]]
+
+
+class IntegratedModel(MeasuredModel):
+    """The driven model with an integrator in place of the closed form."""
+
+    def evaluate(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Compute the traces, and their derivatives as quotients of differences.
+
+        Parameters and returned arrays as in `MeasuredModel.evaluate`.
+        """
+        traces = self._integrate(values)
+        steps = DIFFERENCE_STEP * np.abs(values)
+        # What may be zero has a natural size: tau_p for the start, the peaks for the offsets.
+        given = dict(zip(self.names, values.tolist(), strict=True))
+        steps[self.names.index("t0")] = DIFFERENCE_STEP * given["tau_p"]
+        peaks = np.abs(traces).max(axis=1)
+        for channel, name in enumerate(("hammer offset", "sample offset")):
+            steps[self.names.index(name)] = DIFFERENCE_STEP * peaks[channel]
+        derivatives = np.stack(
+            [
+                (self._integrate(values + change) - traces) / step
+                for change, step in zip(np.diag(steps), steps, strict=True)
+            ],
+            axis=1,
+        )
+        return traces, derivatives
+
+    def _integrate(self, values: FloatArray) -> FloatArray:
+        """Step both bodies of the driven model through time; low-passed, shape (2, n)."""
+        given = dict(zip(self.names, values.tolist(), strict=True))
+        duration, force = given["tau_p"], given["F0"]
+        stiffness, damping = given["k2"], given["c2"]
+        masses = (self.hammer_mass, self.moving_mass)
+
+        def contact(moment: float, state: FloatArray) -> list[float]:
+            _, position, hammer_speed, speed = state
+            push = force * np.sin(np.pi * moment / duration) ** 2
+            restoring = damping * speed + stiffness * position
+            return [hammer_speed, speed, -push / masses[0], (push - restoring) / masses[1]]
+
+        def free(_: float, state: FloatArray) -> list[float]:
+            _, position, hammer_speed, speed = state
+            restoring = damping * speed + stiffness * position
+            return [hammer_speed, speed, 0.0, -restoring / masses[1]]
+
+        when = np.arange(self.count) / self.sampling_rate - given["t0"]
+        length = abs(force) / stiffness
+        fast = math.sqrt(stiffness / masses[1])
+        smallest = INTEGRATOR_TOLERANCE * length * np.array([1.0, 1.0, fast, fast])
+        traces = np.zeros((2, when.size))
+        state = np.zeros(4)
+        # In two parts, since an integrator does not see the end of the pulse coming.
+        parts = (
+            (contact, 0.0, duration),
+            (free, duration, float(when[-1]) + 1.0 / self.sampling_rate),
+        )
+        for move, first, last in parts:
+            chosen = (when >= first) & (when < last)
+            solution = solve_ivp(
+                move,
+                (first, last),
+                state,
+                method="DOP853",
+                t_eval=np.append(when[chosen], last),
+                rtol=INTEGRATOR_TOLERANCE,
+                atol=smallest,
+            )
+            push = force * np.sin(np.pi * when[chosen] / duration) ** 2 * (move is contact)
+            _, position, _, speed = solution.y[:, :-1]
+            traces[0, chosen] = -push / masses[0]
+            traces[1, chosen] = (push - damping * speed - stiffness * position) / masses[1]
+            state = solution.y[:, -1]
+        gains = np.array([[self.hammer_polarity], [given["sample gain"]]])
+        offsets = np.array([[given["hammer offset"]], [given["sample offset"]]])
+        filtered = low_pass(gains * traces, self.cutoff_frequency, self.sampling_rate)
+        return np.asarray(filtered + offsets)
