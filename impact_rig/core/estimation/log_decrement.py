@@ -129,10 +129,13 @@ def estimate_damping_coefficient(
 
 
 def estimate_damping_ratio_from_coefficient(
-    damping_coefficient: float, stiffness: float, mass: float
-) -> float:
-    """Return zeta = c / (2 sqrt(k m)) [-], equation (8), from N s/m, N/m and kg."""
-    check_not_negative("damping coefficient", damping_coefficient, "N s/m")
-    check_positive("stiffness", stiffness, "N/m")
-    check_positive("mass", mass, "kg")
-    return damping_coefficient / (2.0 * math.sqrt(stiffness * mass))
+    damping_coefficient: Quantity, stiffness: Quantity, mass: Quantity
+) -> Quantity:
+    """Return zeta = c / (2 sqrt(k m)) [-], equation (8), from N s/m, N/m and kg.
+
+    Of floats or of uncertain numbers.
+    """
+    check_not_negative("damping coefficient", get_value(damping_coefficient), "N s/m")
+    check_positive("stiffness", get_value(stiffness), "N/m")
+    check_positive("mass", get_value(mass), "kg")
+    return damping_coefficient / (2.0 * find_square_root(stiffness * mass))

@@ -193,7 +193,9 @@ def _read_series(mean: MeanHit, setup: RigSetup, sample: str) -> _Series:
             notes[channel] = f"{DAMPING_NAMES[channel]}: {error}"
     numbers, reason = None, ""
     try:
-        numbers = estimate_contact_numbers(mean, pulse, decrements, setup, sample)
+        numbers = estimate_contact_numbers(
+            mean, pulse, decrements, setup.analysis, setup.clock_uncertainty, sample
+        )
     except NotDeterminedError as error:
         reason = str(error)
     rig = find_rig_numbers(setup, sample)

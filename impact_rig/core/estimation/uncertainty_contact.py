@@ -18,6 +18,7 @@ from impact_rig.core.estimation.uncertainty import (
     find_uncertainty,
     make_ensemble,
     make_input,
+    make_undetermined,
 )
 from impact_rig.core.estimation.uncertainty_arithmetic import UncertainNumber
 from impact_rig.core.hits.averaging import MeanHit
@@ -30,8 +31,7 @@ from impact_rig.core.hits.pulse_uncertainty import (
     find_quantisation_error,
     find_trend,
 )
-from impact_rig.core.hits.pulse_width import PulseWidth
-from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import FloatArray
 
@@ -63,7 +63,8 @@ def estimate_contact_numbers(
     mean: MeanHit,
     pulse: PulseWidth,
     decrements: Mapping[int, LogDecrement],
-    setup: RigSetup,
+    settings: AnalysisSettings,
+    clock_uncertainty: float,
     sample: str,
 ) -> ContactNumbers:
     """Estimate tau_p and log decrements of a mean hit with their uncertainties.
@@ -76,8 +77,10 @@ def estimate_contact_numbers(
         Of its hammer trace.
     decrements : mapping of int to LogDecrement
         Peaks of the mean traces by channel.
-    setup : RigSetup
-        Settings and clock.
+    settings : AnalysisSettings
+        `pulse_factor` and `cutoff_frequency` are used.
+    clock_uncertainty : float
+        Relative standard uncertainty of the sampling rate [-].
     sample : str
         Name of the sample.
 
@@ -88,7 +91,7 @@ def estimate_contact_numbers(
     """
     if mean.count < LEAST_HITS:
         raise NotDeterminedError(ONE_HIT)
-    factor = setup.analysis.pulse_factor / mean.sampling_rate
+    factor = settings.pulse_factor / mean.sampling_rate
     channels = sorted(decrements)
     estimates = [factor * pulse.half_amplitude_width]
     estimates += [decrements[channel].log_decrement for channel in channels]
@@ -99,18 +102,38 @@ def estimate_contact_numbers(
         f"scatter of the hits on {sample}", estimates, scatter, mean.count - 1, owner=sample
     )
     errors = estimate_pulse_errors(
-        mean.traces[0], pulse, _describe_mean(mean, 0, setup.analysis.cutoff_frequency)
+        mean.traces[0], pulse, _describe_mean(mean, 0, settings.cutoff_frequency)
     )
     contact_time = contact_time + _make_common_errors(errors, factor, sample)
-    clock = make_input("sampling clock", 1.0, setup.clock_uncertainty)
+    clock = make_input("sampling clock", 1.0, clock_uncertainty)
     return ContactNumbers(
         contact_time=contact_time * clock,
         log_decrements={
             channel: change
-            + _make_decrement_errors(mean, decrements[channel], channel, setup, sample)
+            + _make_decrement_errors(mean, decrements[channel], channel, settings, sample)
             for channel, change in zip(channels, changes, strict=True)
         },
     )
+
+
+def estimate_contact_time_uncertainty(
+    mean: MeanHit, settings: AnalysisSettings, clock_uncertainty: float, sample: str
+) -> Uncertainty:
+    """Estimate the uncertainty of tau_p of a mean hit [s] where no mass is known.
+
+    Parameters as in `estimate_contact_numbers`; not determined, with a note, for one hit.
+
+    Raises
+    ------
+    SignalError
+        If the mean trace has no whole pulse.
+    """
+    pulse = measure_pulse(mean.traces[0])
+    try:
+        numbers = estimate_contact_numbers(mean, pulse, {}, settings, clock_uncertainty, sample)
+    except NotDeterminedError as error:
+        return make_undetermined(str(error))
+    return find_uncertainty(numbers.contact_time)
 
 
 def estimate_hit_uncertainty(
@@ -193,10 +216,10 @@ def _read_decrements(mean: MeanHit, decrements: Mapping[int, LogDecrement]) -> l
 
 
 def _make_decrement_errors(
-    mean: MeanHit, peaks: LogDecrement, channel: int, setup: RigSetup, sample: str
+    mean: MeanHit, peaks: LogDecrement, channel: int, settings: AnalysisSettings, sample: str
 ) -> UncertainNumber:
     """Return what is wrong with Delta in all hits alike [-]."""
-    quality = _describe_mean(mean, channel, setup.analysis.cutoff_frequency)
+    quality = _describe_mean(mean, channel, settings.cutoff_frequency)
     trace: FloatArray = mean.traces[channel]
     owner = f"{sample} {channel}"
     quantisation = find_quantisation_error(quality.resolution, quality.dither) * math.hypot(

@@ -1,17 +1,23 @@
 """Uncertainty of what follows from parameters that were fitted to hits."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.estimation.log_decrement import estimate_damping_ratio_from_coefficient
 from impact_rig.core.estimation.uncertainty import (
+    NOT_DETERMINED,
     Uncertainty,
     find_uncertainty,
     make_ensemble,
     make_undetermined,
 )
-from impact_rig.core.estimation.uncertainty_arithmetic import UncertainNumber
+from impact_rig.core.estimation.uncertainty_arithmetic import (
+    UncertainNumber,
+    find_square_root,
+)
 from impact_rig.core.estimation.uncertainty_contact import LEAST_HITS, ONE_HIT
 from impact_rig.core.estimation.uncertainty_inputs import RigNumbers
 from impact_rig.core.signals.record import FloatArray
@@ -88,3 +94,113 @@ def propagate_parameters(
         errors = make_ensemble("noise of the fit", [0.0] * count, noise_covariance, np.inf, owner)
         parameters = tuple(a + b for a, b in zip(parameters, errors, strict=True))
     return tuple(find_uncertainty(number, rig.notes) for number in formula(parameters, rig))
+
+
+@dataclass(frozen=True)
+class BodyUncertainties:
+    """Uncertainties of what was fitted to one body.
+
+    Attributes
+    ----------
+    damping_ratio : Uncertainty
+        Of zeta [-].
+    damping_coefficient : Uncertainty
+        Of c [N s/m].
+    stiffness : Uncertainty
+        Of k [N/m].
+    contact_time : Uncertainty
+        Of tau_p [s], where it was fitted too.
+    """
+
+    damping_ratio: Uncertainty
+    damping_coefficient: Uncertainty
+    stiffness: Uncertainty
+    contact_time: Uncertainty = NOT_DETERMINED
+
+
+def propagate_free_decay(
+    source: str,
+    per_hit: FloatArray,
+    rig: RigNumbers,
+    *,
+    estimates: Sequence[float] | None = None,
+    noise_covariance: FloatArray | None = None,
+    owner: str = "",
+) -> BodyUncertainties:
+    """Propagate (a, omega_d) of a sample's free decay to zeta, c = 2 m a, k = m (a^2 + omega_d^2).
+
+    Parameters
+    ----------
+    source, rig, estimates, noise_covariance, owner
+        As in `propagate_parameters`.
+    per_hit : ndarray, shape (n_hits, 2)
+        Decay rate a [1/s] and damped angular frequency omega_d [rad/s] of every hit.
+    """
+    return BodyUncertainties(
+        *propagate_parameters(
+            source,
+            per_hit,
+            _find_decaying_body,
+            rig,
+            estimates=estimates,
+            noise_covariance=noise_covariance,
+            owner=owner,
+        )
+    )
+
+
+def propagate_identification(
+    source: str,
+    per_hit: FloatArray,
+    rig: RigNumbers,
+    *,
+    estimates: Sequence[float] | None = None,
+    noise_covariance: FloatArray | None = None,
+    owner: str = "",
+) -> BodyUncertainties:
+    """Propagate identified (tau_p, k2, c2) to themselves and zeta, with mass and clock.
+
+    Traces of accelerations determine k2 / m2 and c2 / m2, so that both go with the mass that was
+    stated; times go with the clock, c2 against it, k2 against its square.
+
+    Parameters
+    ----------
+    source, rig, estimates, noise_covariance, owner
+        As in `propagate_parameters`.
+    per_hit : ndarray, shape (n_hits, 3)
+        tau_p [s], k2 [N/m] and c2 [N s/m] of every hit, at the stated mass.
+    """
+    return BodyUncertainties(
+        *propagate_parameters(
+            source,
+            per_hit,
+            _find_identified_body,
+            rig,
+            estimates=estimates,
+            noise_covariance=noise_covariance,
+            owner=owner,
+        )
+    )
+
+
+def _find_decaying_body(
+    parameters: Sequence[UncertainNumber], rig: RigNumbers
+) -> tuple[UncertainNumber, ...]:
+    decay, frequency = (rate / rig.clock for rate in parameters)
+    square = decay * decay + frequency * frequency
+    return (
+        decay / find_square_root(square),
+        2.0 * rig.moving_mass * decay,
+        rig.moving_mass * square,
+    )
+
+
+def _find_identified_body(
+    parameters: Sequence[UncertainNumber], rig: RigNumbers
+) -> tuple[UncertainNumber, ...]:
+    contact_time, stiffness, damping = parameters
+    part = rig.moving_mass / rig.moving_mass.x
+    stiffness = stiffness * part / (rig.clock * rig.clock)
+    damping = damping * part / rig.clock
+    ratio = estimate_damping_ratio_from_coefficient(damping, stiffness, rig.moving_mass)
+    return ratio, damping, stiffness, contact_time * rig.clock

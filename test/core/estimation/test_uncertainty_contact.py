@@ -16,7 +16,10 @@ from impact_rig.core.estimation.sample import (
     estimate_sample,
 )
 from impact_rig.core.estimation.uncertainty import Uncertainty
-from impact_rig.core.estimation.uncertainty_contact import estimate_hit_uncertainty
+from impact_rig.core.estimation.uncertainty_contact import (
+    estimate_contact_time_uncertainty,
+    estimate_hit_uncertainty,
+)
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import measure_pulse
@@ -306,6 +309,19 @@ def test_a_converters_steps_count_where_no_noise_smooths_them() -> None:
     assert "quantisation of the peaks" in {
         line.source for line in body.damping_ratio_uncertainty.budget
     }
+
+
+def test_the_contact_time_needs_no_mass() -> None:
+    mean = make_mean("steel medium")
+    contact, _, _ = estimate("steel medium", mean=mean)
+    alone = estimate_contact_time_uncertainty(
+        mean, SETUP.analysis, SETUP.clock_uncertainty, "steel medium"
+    )
+    assert alone.standard == pytest.approx(contact.contact_time_uncertainty.standard)
+    single = estimate_contact_time_uncertainty(
+        make_mean("steel medium", 1), SETUP.analysis, SETUP.clock_uncertainty, "steel medium"
+    )
+    assert "one accepted hit" in single.notes[0]
 
 
 def test_a_single_hits_contact_time_has_an_uncertainty_of_its_own() -> None:

@@ -1,14 +1,19 @@
 """From fitted parameters to results: against closed forms and against Monte Carlo."""
 
-from collections.abc import Sequence
+import math
 
 import numpy as np
 import pytest
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.estimation.uncertainty_arithmetic import UncertainNumber, find_square_root
-from impact_rig.core.estimation.uncertainty_inputs import RigNumbers, find_rig_numbers
-from impact_rig.core.estimation.uncertainty_propagation import propagate_parameters
+from impact_rig.core.estimation.uncertainty import Uncertainty
+from impact_rig.core.estimation.uncertainty_inputs import find_rig_numbers
+from impact_rig.core.estimation.uncertainty_propagation import (
+    BodyUncertainties,
+    propagate_free_decay,
+    propagate_identification,
+    propagate_parameters,
+)
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
 
@@ -16,15 +21,8 @@ RIG = find_rig_numbers(PAPER_SETUP, "steel medium")
 DECAY, FREQUENCY = 3456.0, 15900.0
 
 
-def find_body(parameters: Sequence[UncertainNumber], rig: RigNumbers) -> list[UncertainNumber]:
-    """Free decay (a, omega_d) to zeta, c = 2 m a, k = m (a^2 + omega_d^2)."""
-    decay, frequency = (rate / rig.clock for rate in parameters)
-    square = decay * decay + frequency * frequency
-    return [
-        decay / find_square_root(square),
-        2.0 * rig.moving_mass * decay,
-        rig.moving_mass * square,
-    ]
+def list_results(found: BodyUncertainties) -> list[Uncertainty]:
+    return [found.damping_ratio, found.damping_coefficient, found.stiffness]
 
 
 def draw_hits(count: int) -> np.ndarray:
@@ -34,7 +32,7 @@ def draw_hits(count: int) -> np.ndarray:
 
 def test_a_free_decay_gives_what_monte_carlo_gives() -> None:
     hits = draw_hits(200)
-    found = propagate_parameters("hits", hits, find_body, RIG)
+    found = list_results(propagate_free_decay("hits", hits, RIG))
     generator = np.random.default_rng(6)
     trials = 400_000
     mean = generator.multivariate_normal(
@@ -58,7 +56,7 @@ def test_a_free_decay_gives_what_monte_carlo_gives() -> None:
 
 
 def test_every_result_has_its_budget() -> None:
-    ratio, damping, stiffness = propagate_parameters("hits", draw_hits(10), find_body, RIG)
+    ratio, damping, stiffness = list_results(propagate_free_decay("hits", draw_hits(10), RIG))
     # zeta is dimensionless: masses and clock cancel.
     assert [line.source for line in ratio.budget] == ["hits"]
     assert ratio.degrees_of_freedom == pytest.approx(9.0)
@@ -84,6 +82,29 @@ def test_the_mean_of_one_parameter_has_the_textbook_uncertainty() -> None:
     assert found.expanded == pytest.approx(3.182 * found.standard, rel=1e-3)  # t(3), GUM G.2
 
 
+def test_identified_parameters_go_with_mass_and_clock() -> None:
+    hits = np.array([203.2e-6, 45.29e6, 1170.0]) * (
+        1.0 + np.random.default_rng(8).standard_normal((10, 3)) * [1e-3, 3e-3, 5e-3]
+    )
+    found = propagate_identification("hits", hits, RIG)
+    tau, k, c = hits.mean(axis=0)
+    mass = math.hypot(0.29e-3, 0.0029e-3) / 0.16991
+    scatter = np.std(hits, axis=0, ddof=1) / math.sqrt(10)
+    assert found.contact_time.standard == pytest.approx(math.hypot(scatter[0], 5.8e-5 * tau))
+    assert found.stiffness.standard == pytest.approx(
+        math.hypot(scatter[1], mass * k, 2 * 5.8e-5 * k)
+    )
+    assert found.damping_coefficient.standard == pytest.approx(
+        math.hypot(scatter[2], mass * c, 5.8e-5 * c)
+    )
+    # zeta = c / (2 sqrt(k m)): neither mass nor clock is left.
+    assert [line.source for line in found.damping_ratio.budget] == ["hits"]
+    ratios = hits[:, 2] / (2.0 * np.sqrt(hits[:, 1] * 0.16991))
+    assert found.damping_ratio.standard == pytest.approx(
+        np.std(ratios, ddof=1) / math.sqrt(10), rel=0.01
+    )
+
+
 def test_what_the_scatter_does_not_show_is_added() -> None:
     values = np.array([[3.0], [5.0], [4.0], [8.0]])
     (found,) = propagate_parameters(
@@ -97,13 +118,14 @@ def test_what_the_scatter_does_not_show_is_added() -> None:
 
 
 def test_hits_that_agree_to_the_last_bit_have_no_scatter() -> None:
-    found = propagate_parameters("hits", np.full((2, 2), [[DECAY, FREQUENCY]]), find_body, RIG)
+    twins = np.full((2, 2), [[DECAY, FREQUENCY]])
+    found = list_results(propagate_free_decay("hits", twins, RIG))
     assert found[0].standard < 1e-15  # zeta: clock and masses cancel but for rounding
     assert all(line.source != "hits" for item in found for line in item.budget)
 
 
 def test_one_hit_determines_no_uncertainty_and_says_so() -> None:
-    found = propagate_parameters("hits", draw_hits(1), find_body, RIG)
+    found = list_results(propagate_free_decay("hits", draw_hits(1), RIG))
     assert len(found) == 3
     for item in found:
         assert not item.is_determined
@@ -123,7 +145,7 @@ def test_the_best_estimate_may_be_another_than_the_mean() -> None:
 @pytest.mark.parametrize("bad", [np.array([[1.0, np.nan]] * 3), np.zeros((0, 2)), np.ones(3)])
 def test_what_are_no_parameters_is_refused(bad: np.ndarray) -> None:
     with pytest.raises(ParameterError, match="parameters of the hits"):
-        propagate_parameters("hits", bad, find_body, RIG)
+        propagate_free_decay("hits", bad, RIG)
 
 
 def test_masses_without_a_stated_uncertainty_are_named() -> None:
@@ -133,5 +155,5 @@ def test_masses_without_a_stated_uncertainty_are_named() -> None:
         "uncertainty of k and c: none is stated for the mass of the hammer and oak",
     )
     assert RIG.notes == ()
-    found = propagate_parameters("hits", draw_hits(5), find_body, rig)
+    found = list_results(propagate_free_decay("hits", draw_hits(5), rig))
     assert found[2].notes == rig.notes
