@@ -93,6 +93,7 @@ def test_uncertainties_of_masses_and_clock_are_stated_beside_them():
         ("[hammer]", "[analysis]\npulse_factor = 9\n[hammer]", r"pulse_factor is 9.*between"),
         ("[hammer]", '[analysis]\ncutoff_frequency = "50 us"\n[hammer]', r"which is no Hz"),
         ("[hammer]", "[analysis]\noverload_run = 2.5\n[hammer]", r"overload_run.*whole"),
+        ("[hammer]", "[analysis]\nkeep_hits = 9.5\n[hammer]", r"keep_hits.*whole"),
         ("[hammer]", 'name = 3\n[hammer]', r"name of the file is 3: it must be a text"),
         ('[[sample]]\nname = "oak"\nmass = "80 g"', "", r"sample set is empty"),
     ],

@@ -54,3 +54,17 @@ def test_a_recording_older_than_the_uncertainties_states_none():
     assert setup.samples.accelerometer_mass_uncertainty == 0.0
     assert setup.samples.find("oak").mass_uncertainty == 0.0
     assert setup.clock_uncertainty == pytest.approx(DEFAULT_CLOCK_UNCERTAINTY)
+
+
+def test_a_recording_older_than_the_selection_keeps_all_hits_however_strong():
+    old = copy.deepcopy(MESSAGE)
+    del old.analysis.maximum_peak, old.analysis.keep_hits
+    analysis = setup_from_msg(old).analysis
+    assert (analysis.maximum_peak, analysis.keep_hits) == (1.0, 0)
+
+
+def test_the_selection_of_a_recording_is_read():
+    new = copy.deepcopy(MESSAGE)
+    new.analysis.maximum_peak, new.analysis.keep_hits = 0.9, 10
+    analysis = setup_from_msg(new).analysis
+    assert (analysis.maximum_peak, analysis.keep_hits) == (0.9, 10)
