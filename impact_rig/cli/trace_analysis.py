@@ -8,13 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from impact_rig.core.errors import ParameterError, RigError, SignalError
-from impact_rig.core.estimation.sample import (
-    BodyEstimate,
-    ContactEstimate,
-    SampleEstimate,
-    estimate_hammer,
-    estimate_sample,
-)
+from impact_rig.core.estimation.paper_method import BodyEstimate, ContactEstimate, estimate_hammer
+from impact_rig.core.estimation.sample import SampleEstimate, estimate_sample
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import Overrules, describe_overruled, overrule_hit

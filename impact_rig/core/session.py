@@ -6,12 +6,8 @@ numbers.
 
 from dataclasses import dataclass, replace
 
-from impact_rig.core.estimation.sample import (
-    BodyEstimate,
-    SampleEstimate,
-    estimate_hammer,
-    estimate_sample,
-)
+from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_hammer
+from impact_rig.core.estimation.sample import SampleEstimate, estimate_sample
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import (

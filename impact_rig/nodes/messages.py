@@ -21,7 +21,7 @@ from impact_rig_msgs.msg import (
 )
 
 from impact_rig import __version__
-from impact_rig.core.estimation import comparison
+from impact_rig.core.estimation import comparison, paper_method
 from impact_rig.core.estimation import sample as estimation
 from impact_rig.core.hits import hit
 from impact_rig.core.setup import samples
@@ -146,7 +146,7 @@ def hit_to_msg(judged: hit.JudgedHit) -> Impact:
 
 
 def hammer_to_msg(
-    hammer: estimation.BodyEstimate, control_sample: str, stamp: Time
+    hammer: paper_method.BodyEstimate, control_sample: str, stamp: Time
 ) -> HammerEstimate:
     """Return the hammer's estimate as a message."""
     message: HammerEstimate = result_to_msg(hammer_results_from_body(hammer, control_sample))

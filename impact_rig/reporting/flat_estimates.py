@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 
 from impact_rig.core.estimation.comparison import ModelComparison
-from impact_rig.core.estimation.sample import BodyEstimate, ContactEstimate, SampleEstimate
+from impact_rig.core.estimation.paper_method import BodyEstimate, ContactEstimate
+from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import SessionResults

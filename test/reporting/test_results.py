@@ -7,7 +7,8 @@ from dataclasses import fields
 import pytest
 
 from impact_rig.core.estimation.comparison import ModelComparison, TraceComparison
-from impact_rig.core.estimation.sample import BodyEstimate, ContactEstimate, SampleEstimate
+from impact_rig.core.estimation.paper_method import BodyEstimate, ContactEstimate
+from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.verdict import Reason, Rejection
 from impact_rig.core.model.impact import ModelVariant

@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from impact_rig.core.estimation.sample import (
-    BodyEstimate,
-    ContactEstimate,
-    SampleEstimate,
-    estimate_hammer,
-    estimate_sample,
-)
+from impact_rig.core.estimation.paper_method import BodyEstimate, ContactEstimate, estimate_hammer
+from impact_rig.core.estimation.sample import SampleEstimate, estimate_sample
 from impact_rig.core.estimation.uncertainty import Uncertainty
 from impact_rig.core.estimation.uncertainty_contact import (
     estimate_contact_time_uncertainty,
