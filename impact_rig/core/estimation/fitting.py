@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.signal import fftconvolve
 
 from impact_rig.core.errors import RigError
 from impact_rig.core.estimation.measured_model import MeasuredModel
@@ -14,7 +15,7 @@ from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.model.pulses import VERSED_SINE
 from impact_rig.core.signals.filtering import low_pass
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.signals.record import FloatArray, make_read_only
 
 EDGE = 1.5
 """Left out at both ends of the record, over 1 / cutoff [-]: the low-pass's padding disturbs them,
@@ -29,7 +30,9 @@ COARSE_POINTS = 40
 SMALLEST_NOISE = 1e-6
 """Noise over the peak that is assumed at least [-], our choice: a trace without noise would
 weigh infinitely."""
-TOLERANCE = 1e-8
+CORRELATION_REACH = 5.0
+"""How far filtered noise is correlated, over 1 / cutoff [-]: beyond, less than e^-20 is left."""
+TOLERANCE = 1e-6
 """Relative change of cost or parameters at which the search ends [-], our choice: far below what
 noise does to them."""
 DURATION_RANGE = 5.0
@@ -102,7 +105,8 @@ class FitProblem:
         self.points = slice(edge, count - edge, thinning)
         self.independent_points = independent * (count - 2 * edge)
         self.noise = np.maximum(noise, SMALLEST_NOISE * self.peaks)
-        self.filtered_noise = self.noise * find_noise_gain(cutoff, rate)
+        variance = find_noise_correlation(cutoff, rate)
+        self.filtered_noise = self.noise * math.sqrt(variance[variance.size // 2])
         self._last: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
     def thin(self) -> "FitProblem":
@@ -127,18 +131,19 @@ class FitProblem:
         )
 
     def evaluate(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the model's traces and derivatives; the last ones are kept."""
+        """Return the model's traces and derivatives at the fitted points; the last are kept."""
         if self._last is None or not np.array_equal(self._last[0], values):
-            traces, derivatives = self.measured.evaluate(values)
-            self._last = (values.copy(), traces, derivatives)
+            self._last = (values.copy(), *self.measured.evaluate(values, self.points))
         return self._last[1], self._last[2]
 
-    def weigh(self, traces: FloatArray) -> FloatArray:
-        """Return the fitted points of rows of both traces, weighted, shape (..., points)."""
-        chosen = traces[..., self.points] / self.noise.reshape(2, *(1,) * (traces.ndim - 1))
-        return np.concatenate([chosen[0], chosen[1]], axis=-1)
+    def weigh(self, rows: FloatArray) -> FloatArray:
+        """Return rows of both traces, weighted and joined: shape (2, ..., m) to (..., 2 m)."""
+        weighted = rows / self.noise.reshape(2, *(1,) * (rows.ndim - 1))
+        return np.concatenate([weighted[0], weighted[1]], axis=-1)
 
-    def solve(self, start: FloatArray, evaluations: int) -> FitSolution | None:
+    def solve(
+        self, start: FloatArray, evaluations: int, tolerance: float = TOLERANCE
+    ) -> FitSolution | None:
         """Search for the least sum of squares.
 
         Parameters
@@ -147,6 +152,8 @@ class FitProblem:
             Where to begin [SI units].
         evaluations : int
             Of the model at most.
+        tolerance : float
+            Relative change of cost or parameters at which the search ends [-].
 
         Returns
         -------
@@ -157,7 +164,7 @@ class FitProblem:
         scales, low, high = self._find_scales_and_bounds(start)
 
         def find_residual(scaled: FloatArray) -> FloatArray:
-            return self.weigh(self.evaluate(scaled * scales)[0] - self.traces)
+            return self.weigh(self.evaluate(scaled * scales)[0] - self.traces[:, self.points])
 
         def find_jacobian(scaled: FloatArray) -> FloatArray:
             return (self.weigh(self.evaluate(scaled * scales)[1]) * scales[:, np.newaxis]).T
@@ -169,9 +176,9 @@ class FitProblem:
                 jac=find_jacobian,
                 bounds=(low / scales, high / scales),
                 x_scale="jac",
-                ftol=TOLERANCE,
-                xtol=TOLERANCE,
-                gtol=TOLERANCE,
+                ftol=tolerance,
+                xtol=tolerance,
+                gtol=tolerance,
                 max_nfev=evaluations,
             )
         except (RigError, ValueError, np.linalg.LinAlgError):
@@ -208,7 +215,7 @@ class FitProblem:
 
     def find_residual_rms(self, values: FloatArray) -> FloatArray:
         """Return the RMS residual of both traces over the fitted points [m/s^2], shape (2,)."""
-        residual = (self.traces - self.evaluate(values)[0])[:, self.points]
+        residual = self.traces[:, self.points] - self.evaluate(values)[0]
         return np.asarray(np.sqrt(np.mean(residual**2, axis=1)))
 
     def find_covariance(self, values: FloatArray, factors: FloatArray) -> FloatArray:
@@ -226,18 +233,17 @@ class FitProblem:
         ndarray, shape (p, p)
             [SI units]
         """
-        inside = self.evaluate(values)[1][:, :, self.fitted]
-        # The noise is H e, so that the estimate, J^T H e, sees the derivatives filtered once more.
-        seen = self.measured.low_pass(inside)
-        weights = self.noise[:, np.newaxis, np.newaxis]
-        lengths = np.sqrt(np.sum((inside / weights) ** 2, axis=(0, 2)))
-        information = np.zeros((values.size, values.size))
-        spread = np.zeros_like(information)
-        for channel in (0, 1):
-            scale = self.noise[channel] * lengths[:, np.newaxis]
-            once, twice = inside[channel] / scale, seen[channel] / scale
-            information += once @ once.T
-            spread += factors[channel] ** 2 * twice @ twice.T
+        weighted = self.evaluate(values)[1] / self.noise[:, np.newaxis, np.newaxis]
+        lengths = np.sqrt(np.sum(weighted**2, axis=(0, 2)))
+        weighted /= lengths[:, np.newaxis]
+        measured = self.measured
+        correlation = find_noise_correlation(
+            measured.cutoff_frequency, measured.sampling_rate, self.points.step
+        )
+        # Least squares is (J^T J)^-1 J^T r, and r has the covariance C of filtered noise.
+        seen = fftconvolve(weighted, correlation[np.newaxis, np.newaxis], mode="same", axes=-1)
+        information = np.einsum("cip,cjp->ij", weighted, weighted)
+        spread = np.einsum("c,cip,cjp->ij", factors**2, weighted, seen, optimize=True)
         inverse = np.linalg.inv(information)
         covariance = inverse @ spread @ inverse / np.outer(lengths, lengths)
         return np.asarray((covariance + covariance.T) / 2.0)
@@ -261,7 +267,7 @@ class FitProblem:
         jacobian = self.weigh(derivatives).T
         lengths = np.linalg.norm(jacobian, axis=0)
         inverse = np.linalg.pinv(jacobian / lengths)
-        steps = [inverse @ self.weigh(hit - traces) / lengths for hit in hits]
+        steps = [inverse @ self.weigh(hit[:, self.points] - traces) / lengths for hit in hits]
         return np.asarray(values + np.array(steps).reshape(-1, values.size))
 
 
@@ -274,11 +280,30 @@ def find_raw_noise(mean: MeanHit) -> FloatArray:
 
 
 @lru_cache(maxsize=16)
-def find_noise_gain(cutoff_frequency: float, sampling_rate: float) -> float:
-    """Return the standard deviation that the low-pass leaves of white noise of 1 [-]."""
+def find_noise_correlation(
+    cutoff_frequency: float, sampling_rate: float, step: int = 1
+) -> FloatArray:
+    """Compute what the low-pass makes of white noise of 1.
+
+    Parameters
+    ----------
+    cutoff_frequency, sampling_rate : float
+        Of the low-pass [Hz].
+    step : int
+        Points between those that are looked at.
+
+    Returns
+    -------
+    ndarray, shape (2 k + 1,)
+        Autocovariance from -k to k steps, its variance in the middle [-]; read-only.
+    """
     if cutoff_frequency == 0.0:
-        return 1.0
-    reach = math.ceil(10.0 * sampling_rate / cutoff_frequency)
-    impulse = np.zeros(2 * reach + 1)
-    impulse[reach] = 1.0
-    return float(np.linalg.norm(low_pass(impulse, cutoff_frequency, sampling_rate)))
+        return make_read_only(np.ones(1))
+    reach = math.ceil(CORRELATION_REACH * sampling_rate / cutoff_frequency)
+    impulse = np.zeros(4 * reach + 1)
+    impulse[2 * reach] = 1.0
+    # The low-pass is symmetric in time, so that its autocorrelation is to apply it twice.
+    for _ in range(2):
+        impulse = low_pass(impulse, cutoff_frequency, sampling_rate)
+    most = reach // step * step
+    return make_read_only(impulse[2 * reach - most : 2 * reach + most + 1 : step])

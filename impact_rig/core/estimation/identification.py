@@ -44,6 +44,9 @@ FIRST_EVALUATIONS = 15
 """Evaluations of the model from each start [-], our choice: a good one needs some ten."""
 MOST_EVALUATIONS = 50
 """The same when the search goes on from the best [-], our choice."""
+ROUGH_TOLERANCE = 1e-4
+"""Relative change of cost or parameters at which the search on few points ends [-], our choice:
+the one on all points goes on from there."""
 EQUAL_COST = 1e-3
 """Relative difference of cost below which two minima are one [-], our choice."""
 
@@ -216,7 +219,7 @@ def _search(problem: FitProblem, starts: Iterable[FloatArray]) -> FitSolution:
     """Look a few steps from several starts, and go on from the best."""
     best: FitSolution | None = None
     for values in starts:
-        found = problem.solve(values, FIRST_EVALUATIONS)
+        found = problem.solve(values, FIRST_EVALUATIONS, ROUGH_TOLERANCE)
         if found is None:
             continue
         if best is None or found.cost < (1.0 - EQUAL_COST) * best.cost:
@@ -227,7 +230,7 @@ def _search(problem: FitProblem, starts: Iterable[FloatArray]) -> FitSolution:
         if _is_good(problem, best):
             return best
     if best is not None and not best.converged:
-        best = problem.solve(best.values, MOST_EVALUATIONS)
+        best = problem.solve(best.values, MOST_EVALUATIONS, ROUGH_TOLERANCE)
     if best is None or not best.converged:
         raise NotDeterminedError(_describe_failure(problem, best))
     return best
@@ -254,8 +257,8 @@ def _is_good(problem: FitProblem, solution: FitSolution) -> bool:
 
 def _report(problem: FitProblem, solution: FitSolution, mean: MeanHit) -> Identification:
     values, names = solution.values, problem.measured.names
-    traces, derivatives = problem.evaluate(values)
-    check_independence(names, problem.weigh(derivatives).T)
+    traces = problem.measured.simulate(values)
+    check_independence(names, problem.weigh(problem.evaluate(values)[1]).T)
     rms = problem.find_residual_rms(values)
     total = 2.0 * problem.independent_points
     freedom = max(total - len(names), 1.0)

@@ -5,13 +5,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant
-from impact_rig.core.model.sensitivities import compute_sensitivities, find_parameter_names
+from impact_rig.core.model.sensitivities import (
+    DRIVEN_PARAMETERS,
+    Sensitivities,
+    compute_sensitivities,
+    find_parameter_names,
+)
 from impact_rig.core.signals.filtering import low_pass
 from impact_rig.core.signals.record import FloatArray
 
 OFFSETS = ("hammer offset", "sample offset")
 SENSOR_PARAMETERS = ("sample gain", *OFFSETS)
 """What the sensors add: gain of the sample's channel, signed [-], and both offsets [m/s^2]."""
+
+FORCE = DRIVEN_PARAMETERS.index("F0")
+ALL_POINTS = slice(None)
 
 
 def name_parameters(variant: ModelVariant) -> tuple[str, ...]:
@@ -69,38 +77,57 @@ class MeasuredModel:
             peak_force=found["F0"],
         )
 
-    def evaluate(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def simulate(self, values: FloatArray) -> FloatArray:
+        """Compute the low-passed traces alone, shape (2, n) [m/s^2]; parameters as `evaluate`."""
+        bodies = self._find_sensitivities(values)
+        scales = np.array([[self.hammer_polarity], [values[-3]]])
+        return np.asarray(scales * self.low_pass(bodies.traces) + values[-2:, np.newaxis])
+
+    def _find_sensitivities(self, values: FloatArray) -> Sensitivities:
+        return compute_sensitivities(
+            self.make_model(values),
+            self.sampling_rate,
+            self.count,
+            start=-float(values[1]),
+            variant=self.variant,
+        )
+
+    def evaluate(
+        self, values: FloatArray, points: slice = ALL_POINTS
+    ) -> tuple[FloatArray, FloatArray]:
         """Compute the traces and their derivatives, low-passed.
 
         Parameters
         ----------
         values : ndarray, shape (p,)
             In the order of `names`, SI units; t0 is counted from the first point.
+        points : slice
+            Which points to return.
 
         Returns
         -------
-        traces : ndarray, shape (2, n)
+        traces : ndarray, shape (2, m)
             [m/s^2]
-        derivatives : ndarray, shape (2, p, n)
+        derivatives : ndarray, shape (2, p, m)
             [m/s^2 per unit of the parameter]
         """
-        start, gain = float(values[1]), float(values[-3])
-        bodies = compute_sensitivities(
-            self.make_model(values),
-            self.sampling_rate,
-            self.count,
-            start=-start,
-            variant=self.variant,
-        )
-        rows = np.concatenate([bodies.traces[:, np.newaxis], bodies.derivatives], axis=1)
-        filtered = self.low_pass(rows)
-        derivatives = np.zeros((2, len(self.names), self.count))
-        derivatives[0, :-3] = self.hammer_polarity * filtered[0, 1:]
-        derivatives[1, :-3] = gain * filtered[1, 1:]
-        derivatives[1, -3] = filtered[1, 0]
+        gain = float(values[-3])
+        bodies = self._find_sensitivities(values)
+        if self.variant is ModelVariant.DRIVEN:
+            # Its traces are F0 times their derivatives in F0.
+            rows = self.low_pass(bodies.derivatives)[:, :, points]
+            traces = float(values[FORCE]) * rows[:, FORCE]
+        else:
+            together = np.concatenate([bodies.derivatives, bodies.traces[:, np.newaxis]], axis=1)
+            filtered = self.low_pass(together)[:, :, points]
+            rows, traces = filtered[:, :-1], filtered[:, -1]
+        derivatives = np.zeros((2, len(self.names), traces.shape[1]))
+        derivatives[0, :-3] = self.hammer_polarity * rows[0]
+        derivatives[1, :-3] = gain * rows[1]
+        derivatives[1, -3] = traces[1]
         derivatives[0, -2] = derivatives[1, -1] = 1.0
         scales = np.array([[self.hammer_polarity], [gain]])
-        return scales * filtered[:, 0] + values[-2:, np.newaxis], derivatives
+        return scales * traces + values[-2:, np.newaxis], derivatives
 
     def low_pass(self, rows: FloatArray) -> FloatArray:
         """Low-pass rows, shape (..., n); rows of zeros stay as they are and cost nothing."""

@@ -19,7 +19,7 @@ from impact_rig.core.model.sensitivities import compute_sensitivities, respond_t
 from impact_rig.core.signals.record import FloatArray
 
 NAN = math.nan
-FREQUENCIES = np.geomspace(0.7, 22.0, 8)
+FREQUENCIES = np.geomspace(0.8, 16.0, 6)
 """Natural frequencies of the sample that are tried, times tau_p [rad], our choice: neighbours are
 near enough for the search to go on from; the paper's samples lie between 2.9 and 3.8."""
 DAMPING_RATIOS = (0.1, 0.5)
