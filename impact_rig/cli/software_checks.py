@@ -52,6 +52,7 @@ LIBRARIES = (
         advice=f"{SET_UP}, or build and source the workspace with colcon",
     ),
     Library("domain_coordinator", ("domain-coordinator", "domain_coordinator"), "`demo`"),
+    Library("GTC", ("GTC",), "every uncertainty"),
     Library("honcho", ("honcho",), "`up`"),
     Library("pint", ("pint",), "rig files"),
     Library("rosbags", ("rosbags",), "reading recordings"),
