@@ -3,19 +3,17 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import fftconvolve
 
 from impact_rig.core.errors import RigError
+from impact_rig.core.estimation.filtered_noise import find_noise_correlation
 from impact_rig.core.estimation.measured_model import MeasuredModel
-from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.model.pulses import VERSED_SINE
-from impact_rig.core.signals.filtering import low_pass
-from impact_rig.core.signals.record import FloatArray, make_read_only
+from impact_rig.core.signals.record import FloatArray
 
 EDGE = 1.5
 """Left out at both ends of the record, over 1 / cutoff [-]: the low-pass's padding disturbs them,
@@ -30,11 +28,9 @@ COARSE_POINTS = 40
 SMALLEST_NOISE = 1e-6
 """Noise over the peak that is assumed at least [-], our choice: a trace without noise would
 weigh infinitely."""
-CORRELATION_REACH = 5.0
-"""How far filtered noise is correlated, over 1 / cutoff [-]: beyond, less than e^-20 is left."""
-TOLERANCE = 1e-6
-"""Relative change of cost or parameters at which the search ends [-], our choice: far below what
-noise does to them."""
+TOLERANCE = 1e-5
+"""Relative change of cost or parameters at which the search ends [-], our choice: the last step
+has then left far less, since Gauss-Newton steps shrink by their square."""
 DURATION_RANGE = 5.0
 """tau_p lies within this factor of its start either way [-], our choice."""
 STIFFNESS_RANGE = 1e6
@@ -269,41 +265,3 @@ class FitProblem:
         inverse = np.linalg.pinv(jacobian / lengths)
         steps = [inverse @ self.weigh(hit[:, self.points] - traces) / lengths for hit in hits]
         return np.asarray(values + np.array(steps).reshape(-1, values.size))
-
-
-def find_raw_noise(mean: MeanHit) -> FloatArray:
-    """Return the mean's raw noise [m/s^2], at least that of the converters' steps, shape (2,)."""
-    if not mean.hits:
-        return np.asarray(mean.raw_noise)
-    steps = np.sqrt(np.sum([hit.resolution**2 for hit in mean.hits], axis=0) / 12.0)
-    return np.asarray(np.maximum(mean.raw_noise, steps / mean.count))
-
-
-@lru_cache(maxsize=16)
-def find_noise_correlation(
-    cutoff_frequency: float, sampling_rate: float, step: int = 1
-) -> FloatArray:
-    """Compute what the low-pass makes of white noise of 1.
-
-    Parameters
-    ----------
-    cutoff_frequency, sampling_rate : float
-        Of the low-pass [Hz].
-    step : int
-        Points between those that are looked at.
-
-    Returns
-    -------
-    ndarray, shape (2 k + 1,)
-        Autocovariance from -k to k steps, its variance in the middle [-]; read-only.
-    """
-    if cutoff_frequency == 0.0:
-        return make_read_only(np.ones(1))
-    reach = math.ceil(CORRELATION_REACH * sampling_rate / cutoff_frequency)
-    impulse = np.zeros(4 * reach + 1)
-    impulse[2 * reach] = 1.0
-    # The low-pass is symmetric in time, so that its autocorrelation is to apply it twice.
-    for _ in range(2):
-        impulse = low_pass(impulse, cutoff_frequency, sampling_rate)
-    most = reach // step * step
-    return make_read_only(impulse[2 * reach - most : 2 * reach + most + 1 : step])

@@ -6,21 +6,14 @@ allows, up to the Cramer-Rao bound. The derivatives are closed forms.
 """
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.fitting import (
-    SMALLEST_NOISE,
-    FitProblem,
-    FitSolution,
-    find_raw_noise,
-)
+from impact_rig.core.estimation.filtered_noise import find_raw_noise
+from impact_rig.core.estimation.fitting import SMALLEST_NOISE, FitProblem, FitSolution
 from impact_rig.core.estimation.identifiability import (
-    GOOD_CHI_SQUARE,
     LARGEST_RESIDUAL,
     check_independence,
     describe_misfit,
@@ -28,27 +21,13 @@ from impact_rig.core.estimation.identifiability import (
     find_undetermined,
 )
 from impact_rig.core.estimation.measured_model import OFFSETS, MeasuredModel
-from impact_rig.core.estimation.starting_values import StartingValues, find_starts
+from impact_rig.core.estimation.search import find_best_fit
+from impact_rig.core.estimation.starting_values import StartingValues
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import FloatArray, make_read_only
-
-GOOD_RESIDUAL = 0.02
-"""RMS residual over the peak below which no other start is tried [-], our choice: a minimum that
-is not the lowest leaves several times that."""
-STARTS = {ModelVariant.DRIVEN: 3, ModelVariant.PRINTED: 4}
-"""Starts that are tried at most [-], our choice."""
-FIRST_EVALUATIONS = 15
-"""Evaluations of the model from each start [-], our choice: a good one needs some ten."""
-MOST_EVALUATIONS = 50
-"""The same when the search goes on from the best [-], our choice."""
-ROUGH_TOLERANCE = 1e-4
-"""Relative change of cost or parameters at which the search on few points ends [-], our choice:
-the one on all points goes on from there."""
-EQUAL_COST = 1e-3
-"""Relative difference of cost below which two minima are one [-], our choice."""
 
 
 @dataclass(frozen=True)
@@ -204,55 +183,8 @@ def identify_model(
         else 1.0,
     )
     problem = FitProblem(mean.traces, find_raw_noise(mean), measured)
-    coarse = problem.thin()
-    starts = find_starts(coarse.measured, coarse.traces, start or StartingValues())
-    solution = _search(coarse, islice(starts, STARTS[variant]))
-    if coarse is not problem:
-        refined = problem.solve(solution.values, MOST_EVALUATIONS)
-        if refined is None or not refined.converged:
-            raise NotDeterminedError(_describe_failure(problem, refined))
-        solution = refined
+    solution = find_best_fit(problem, start or StartingValues())
     return _report(problem, solution, mean)
-
-
-def _search(problem: FitProblem, starts: Iterable[FloatArray]) -> FitSolution:
-    """Look a few steps from several starts, and go on from the best."""
-    best: FitSolution | None = None
-    for values in starts:
-        found = problem.solve(values, FIRST_EVALUATIONS, ROUGH_TOLERANCE)
-        if found is None:
-            continue
-        if best is None or found.cost < (1.0 - EQUAL_COST) * best.cost:
-            best = found
-        elif found.converged and found.cost < (1.0 + EQUAL_COST) * best.cost:
-            # Two ways lead to the same place.
-            break
-        if _is_good(problem, best):
-            return best
-    if best is not None and not best.converged:
-        best = problem.solve(best.values, MOST_EVALUATIONS, ROUGH_TOLERANCE)
-    if best is None or not best.converged:
-        raise NotDeterminedError(_describe_failure(problem, best))
-    return best
-
-
-def _describe_failure(problem: FitProblem, last: FitSolution | None) -> str:
-    text = f"identification: the search for the {problem.measured.variant.value} model "
-    if last is None:
-        return text + "failed from every start"
-    left = 100.0 * problem.find_residual_rms(last.values) / problem.peaks
-    return (
-        f"{text}did not converge, and leaves {left[0]:.2g} % of the hammer's and"
-        f" {left[1]:.2g} % of the sample's peak"
-    )
-
-
-def _is_good(problem: FitProblem, solution: FitSolution) -> bool:
-    """Whether no other start can do much better."""
-    rms = problem.find_residual_rms(solution.values)
-    by_peak = rms < GOOD_RESIDUAL * problem.peaks
-    by_noise = rms**2 < GOOD_CHI_SQUARE * problem.filtered_noise**2
-    return solution.converged and not solution.at_bounds and bool(np.all(by_peak | by_noise))
 
 
 def _report(problem: FitProblem, solution: FitSolution, mean: MeanHit) -> Identification:
