@@ -24,14 +24,16 @@ TRIED_DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 to gone after a few per cent of it."""
 TRIED_PARTS = (1.0, 0.3, 0.1, 0.03)
 """Parts of the tail over which the integral equation is solved [-], our choice."""
-PADDING = 4
-"""Length of the spectrum over that of the tail [-], our choice: a quarter of a line is near
-enough."""
+PADDING = 2
+"""Length of the spectrum over that of the tail [-], our choice: half a line is near enough."""
 LEAST_PERIODS = 0.5
 """Slowest oscillation looked for in the spectrum, in periods of the tail [-]: slower ones are
 offset."""
 UNKNOWNS = 5
 """Of the integral equation."""
+ENOUGH_POINTS = 400
+"""On about so many points of a longer tail the fit is found, before it is finished on all [-], our
+choice."""
 MOST_EVALUATIONS = 50
 """Of the model [-], our choice: a decay needs fewer than ten, noise never comes to rest."""
 
@@ -43,6 +45,8 @@ class DecayFit:
     ----------
     measured : ndarray, shape (n,)
         The tail, equidistant.
+    stride : int
+        Fit every so many points only; a and omega stay per point of `measured`.
 
     Attributes
     ----------
@@ -54,9 +58,9 @@ class DecayFit:
         Of the envelope at the first point.
     """
 
-    def __init__(self, measured: FloatArray) -> None:
-        self._measured = measured
-        self._points = np.arange(measured.size, dtype=np.float64)
+    def __init__(self, measured: FloatArray, stride: int = 1) -> None:
+        self._measured = measured = measured[::stride]
+        self._points = stride * np.arange(measured.size, dtype=np.float64)
         self._at: tuple[float, float] | None = None
         self.residual = measured
         self.oscillation = self._quadrature = np.zeros_like(measured)
@@ -66,14 +70,20 @@ class DecayFit:
     def solve(self, relative_cutoff: float) -> FloatArray:
         """Return the best (a, omega), and stay there; see `find_decay_candidates`."""
         candidates = find_decay_candidates(self._measured, relative_cutoff)
-        errors = [float(np.sum(self.find_residual(start) ** 2)) for start in candidates]
-        start = candidates[int(np.argmin(errors))]
+        stride = max(1, self._measured.size // ENOUGH_POINTS)
+        sparse = DecayFit(self._measured, stride) if stride > 1 else self
+        errors = [float(np.sum(sparse.find_residual(start) ** 2)) for start in candidates]
+        solution = sparse.descend(candidates[int(np.argmin(errors))])
+        return self.descend(solution) if stride > 1 else solution
+
+    def descend(self, start: FloatArray) -> FloatArray:
+        """Return the least-squares (a, omega) next to `start`, and stay there."""
         found = least_squares(
             self.find_residual,
             start,
             self.find_jacobian,
             method="lm",
-            x_scale=np.abs(start),
+            x_scale=np.abs(start) + np.finfo(float).tiny,
             max_nfev=MOST_EVALUATIONS,
         )
         solution = np.array([found.x[0], abs(found.x[1])])
@@ -99,7 +109,9 @@ class DecayFit:
             return
         self._at = decay, frequency
         # A growing trial step must not overflow.
-        wave = np.exp((-max(decay, -1.0 / self._points.size) + 1j * frequency) * self._points)
+        wave = np.exp(
+            (-max(decay, -1.0 / (self._points[-1] + 1.0)) + 1j * frequency) * self._points
+        )
         basis = np.stack((wave.real, wave.imag, np.ones_like(wave.real)), axis=1)
         self._orthonormal, triangle = np.linalg.qr(basis)
         onto = self._orthonormal.T @ self._measured
@@ -159,7 +171,8 @@ def _solve_integral_equation(tail: FloatArray) -> list[tuple[float, float]]:
     time = np.arange(count) / count
     once = _integrate(tail)
     columns = np.stack((once, _integrate(once), np.ones(count), time, time**2), axis=1)
-    solution = np.linalg.lstsq(columns, tail, rcond=None)[0]
+    some = slice(None, None, max(1, count // ENOUGH_POINTS))
+    solution = np.linalg.lstsq(columns[some], tail[some], rcond=None)[0]
     decay, stiffness = -solution[0] / 2.0, -solution[1]
     if decay <= 0.0 or stiffness <= 0.0:
         return []
