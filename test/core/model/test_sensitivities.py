@@ -1,0 +1,192 @@
+"""Closed-form derivatives against differences of the independently tested simulation."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, simulate_impact
+from impact_rig.core.model.sensitivities import compute_sensitivities, find_parameter_names
+from impact_rig.core.signals.filtering import low_pass
+
+RATE = 2.5e6
+COUNT = 2500
+TAU = 203.2e-6
+START = -1e-4 - 0.37 / RATE
+"""Between two points, as it always is."""
+
+
+def make_body(mass: float, stiffness: float, ratio: float) -> Body:
+    return Body(mass, stiffness, 2.0 * ratio * np.sqrt(stiffness * mass))
+
+
+def make_model(first_ratio: float = 0.64, second_ratio: float = 0.3) -> ImpactModel:
+    return ImpactModel(
+        make_body(0.1, 22.54e6, first_ratio), make_body(0.17, 45.29e6, second_ratio), TAU, 0.08, 60
+    )
+
+
+def change(model: ImpactModel, start: float, name: str, by: float) -> tuple[ImpactModel, float]:
+    """Change one parameter, whatever part of the model it belongs to."""
+    if name == "t0":
+        return model, start - by
+    if name == "tau_p":
+        return replace(model, contact_time=model.contact_time + by), start
+    if name == "F0":
+        return replace(model, peak_force=model.peak_force + by), start
+    part = {"1": "hammer", "2": "specimen"}[name[1]]
+    quantity = {"k": "stiffness", "c": "damping_coefficient"}[name[0]]
+    body = getattr(model, part)
+    body = replace(body, **{quantity: getattr(body, quantity) + by})
+    return replace(model, **{part: body}), start
+
+
+def find_size(model: ImpactModel, name: str) -> float:
+    return {
+        "tau_p": model.contact_time,
+        "t0": model.contact_time,
+        "F0": model.peak_force,
+        "k1": model.hammer.stiffness,
+        "c1": 2000.0,
+        "k2": model.specimen.stiffness,
+        "c2": 2000.0,
+    }[name]
+
+
+def differentiate(
+    model: ImpactModel,
+    name: str,
+    relative_step: float,
+    simulate: Callable[[ImpactModel, float], NDArray[np.float64]],
+) -> NDArray[np.float64]:
+    """Fourth-order central difference of both traces."""
+    step = relative_step * find_size(model, name)
+    at = [simulate(*change(model, START, name, n * step)) for n in (-2, -1, 1, 2)]
+    return (at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * step)
+
+
+def simulate_driven(model: ImpactModel, start: float) -> NDArray[np.float64]:
+    return np.stack(simulate_impact(model, RATE, COUNT, start=start, variant=ModelVariant.DRIVEN))
+
+
+RATIOS = [(0.64, 0.3), (0.05, 0.02), (1.0, 1.0), (2.0, 3.0)]
+
+
+@pytest.mark.parametrize(("first_ratio", "second_ratio"), RATIOS)
+def test_driven_traces_are_the_simulated_ones(first_ratio: float, second_ratio: float) -> None:
+    model = make_model(first_ratio, second_ratio)
+    found = compute_sensitivities(model, RATE, COUNT, start=START)
+    expected = simulate_driven(model, START)
+    np.testing.assert_allclose(found.traces, expected, rtol=0, atol=1e-11 * 600)
+
+
+@pytest.mark.parametrize("name", find_parameter_names(ModelVariant.DRIVEN))
+@pytest.mark.parametrize(("first_ratio", "second_ratio"), RATIOS)
+def test_driven_derivatives_are_those_of_the_simulation(
+    first_ratio: float, second_ratio: float, name: str
+) -> None:
+    model = make_model(first_ratio, second_ratio)
+    found = compute_sensitivities(model, RATE, COUNT, start=START)
+    expected = differentiate(model, name, 2e-4, simulate_driven)
+    ours = found.derivatives[:, found.names.index(name)]
+    # The force's second derivative jumps at both ends of the contact: differences in time are
+    # second order there only, (omega h)^2 of the peak.
+    atol = 2e-5 if name in ("tau_p", "t0") else 1e-7
+    np.testing.assert_allclose(ours, expected, rtol=0, atol=atol * np.abs(expected).max())
+
+
+def test_printed_traces_are_the_simulated_ones_but_beside_the_steps() -> None:
+    model = make_model()
+    found = compute_sensitivities(
+        model, RATE, COUNT, start=START, variant=ModelVariant.PRINTED
+    ).traces
+    expected = np.stack(simulate_impact(model, RATE, COUNT, start=START))
+    steps = [int(np.ceil((place - START) * RATE)) for place in (0.0, TAU)]
+    beside = np.isin(np.arange(COUNT), [p + n for p in steps for n in (-1, 0)])
+    np.testing.assert_allclose(found[:, ~beside], expected[:, ~beside], rtol=0, atol=1e-8)
+    assert np.abs(found[:, beside] - expected[:, beside]).max() > 10.0
+
+
+@pytest.mark.parametrize("part", [0.0, 0.2, 0.5, 0.8])
+def test_printed_steps_stand_where_they_are_between_the_points(part: float) -> None:
+    # The oracle: sampled so finely that the place of the step does not matter, then low-passed
+    # and thinned.
+    model, fine, start = make_model(), 32, -1e-4 - part / RATE
+    coarse = compute_sensitivities(
+        model, RATE, COUNT, start=start, variant=ModelVariant.PRINTED
+    ).traces
+    dense = np.stack(simulate_impact(model, fine * RATE, fine * COUNT, start=start))
+    ours = low_pass(coarse, 50e3, RATE)
+    expected = low_pass(dense, 50e3, fine * RATE)[:, ::fine]
+    naive = low_pass(np.stack(simulate_impact(model, RATE, COUNT, start=start)), 50e3, RATE)
+    inner = slice(100, -100)
+    peak = np.abs(expected).max()
+    # Half a fine point of the oracle, and the filter's own design at two rates: 0.1 % of the peak.
+    assert np.abs(ours - expected)[:, inner].max() < 1.5e-3 * peak
+    if part in (0.0, 0.8):
+        assert np.abs(naive - expected)[:, inner].max() > 3e-3 * peak
+
+
+@pytest.mark.parametrize("name", find_parameter_names(ModelVariant.PRINTED))
+@pytest.mark.parametrize(("first_ratio", "second_ratio"), RATIOS)
+def test_printed_derivatives_are_those_of_the_printed_traces(
+    first_ratio: float, second_ratio: float, name: str
+) -> None:
+    model = make_model(first_ratio, second_ratio)
+
+    def simulate(changed: ImpactModel, start: float) -> NDArray[np.float64]:
+        return compute_sensitivities(
+            changed, RATE, COUNT, start=start, variant=ModelVariant.PRINTED
+        ).traces
+
+    found = compute_sensitivities(model, RATE, COUNT, start=START, variant=ModelVariant.PRINTED)
+    expected = differentiate(model, name, 1e-4, simulate)
+    ours = found.derivatives[:, found.names.index(name)]
+    np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["tau_p", "t0"])
+def test_low_passed_printed_traces_are_differentiable_in_time(name: str) -> None:
+    # Over many points, across which the steps walk: what the derivative promises is what comes.
+    model = make_model()
+    steps = np.linspace(0.0, 3.0 / RATE, 31)
+    traces, slopes = [], []
+    for step in steps:
+        changed, start = change(model, START, name, float(step))
+        found = compute_sensitivities(
+            changed, RATE, COUNT, start=start, variant=ModelVariant.PRINTED
+        )
+        traces.append(low_pass(found.traces, 50e3, RATE))
+        slopes.append(low_pass(found.derivatives[:, found.names.index(name)], 50e3, RATE))
+    promised = np.trapezoid(slopes, steps, axis=0)
+    came = traces[-1] - traces[0]
+    np.testing.assert_allclose(promised, came, rtol=0, atol=1e-3 * np.abs(came).max())
+
+
+@given(
+    first=st.integers(0, 1500),
+    count=st.integers(1, 900),
+    variant=st.sampled_from(ModelVariant),
+)
+@settings(max_examples=30)
+def test_a_part_of_the_time_grid_gives_a_part_of_the_derivatives(
+    first: int, count: int, variant: ModelVariant
+) -> None:
+    model = make_model()
+    whole = compute_sensitivities(model, RATE, 2400, start=START, variant=variant)
+    part = compute_sensitivities(model, RATE, count, start=START + first / RATE, variant=variant)
+    expected = whole.derivatives[:, :, first : first + count]
+    scales = np.abs(whole.derivatives).max(axis=(0, 2))[:, np.newaxis] * np.ones(count)
+    assert np.all(np.abs(part.derivatives - expected) <= 1e-7 * scales)
+
+
+def test_impossible_grids_are_refused() -> None:
+    with pytest.raises(ParameterError, match="count is 0 points"):
+        compute_sensitivities(make_model(), RATE, 0)
+    with pytest.raises(ParameterError, match="sampling rate is -1"):
+        compute_sensitivities(make_model(), -1.0, 10)
