@@ -18,10 +18,23 @@ from impact_rig.study.statistics import Ratio
 TITLES = {
     Part.COVERAGE: "Coverage of the 95 % intervals, default disturbances",
     Part.EFFICIENCY: "Efficiency of one hit in white noise, part of each trace's peak",
-    Part.BIAS: "Bias of ten hits, default disturbances, one axis at a time",
 }
-SPEED_UPDATES = 120.0
-"""Over which the time left is estimated [s]."""
+NOTES = {
+    Part.COVERAGE: (
+        "Each campaign has its own masses and clock, drawn by their stated uncertainties; the"
+        " bound holds them as well as noise, steps and scatter of the hits."
+    ),
+    Part.EFFICIENCY: (
+        "The paper's τp is twice the half-amplitude width. The bound is Cramér and Rao's of both"
+        " traces, unknown start, gain and offsets included."
+    ),
+    Part.BIAS: (
+        "Ten hits on the plant `dynamics`; masses and clock are exact, so that the estimators"
+        " alone err. Mean and standard deviation of a campaign's result."
+    ),
+}
+SPEED_PERIOD = 120.0
+"""Over which the time left is estimated [s], our choice: units come in bursts."""
 
 
 class StudyProgress:
@@ -43,7 +56,7 @@ class StudyProgress:
             console=console,
             transient=True,
             disable=not console.is_terminal,
-            speed_estimate_period=SPEED_UPDATES,
+            speed_estimate_period=SPEED_PERIOD,
         )
         self._task = self._progress.add_task("campaigns", total=None)
 
@@ -72,13 +85,18 @@ def print_study(console: Console, results: StudyResults) -> None:
         rows = [row for row in results.rows if row.part is part]
         if rows:
             print_table(console, title, _make_columns(rows), _make_notes(part, results))
+    rows = [row for row in results.rows if row.part is Part.BIAS]
+    for quantity in dict.fromkeys(row.quantity for row in rows):
+        chosen = [row for row in rows if row.quantity == quantity]
+        title = f"Bias ± spread of {SYMBOLS[quantity]} [%], one axis at a time from the default"
+        print_table(console, title, _make_bias_columns(chosen))
+    if rows:
+        console.print("\n".join(_make_notes(Part.BIAS, results)) + "\n")
     _print_goals(console, judge_goals(results))
 
 
 def _make_columns(rows: Sequence[Row]) -> list[Column]:
-    conditions = [
-        f"{row.axis} {row.value}" if row.part is Part.BIAS else row.value for row in rows
-    ]
+    conditions = [row.value for row in rows]
     names = [ESTIMATOR_NAMES[row.estimator] for row in rows]
     both = list(zip(conditions, names, strict=True))
     columns = [
@@ -114,6 +132,39 @@ def _make_columns(rows: Sequence[Row]) -> list[Column]:
     ]
 
 
+def _make_bias_columns(rows: Sequence[Row]) -> list[Column]:
+    """Return one line per condition, the estimators side by side."""
+    conditions = list(dict.fromkeys((row.axis, row.value) for row in rows))
+    axes = [axis for axis, _ in conditions]
+    columns = [
+        Column("Axis", _leave_out_repeated(axes, axes), is_text=True),
+        Column("", [value for _, value in conditions]),
+    ]
+    for estimator in dict.fromkeys(row.estimator for row in rows):
+        found = {(row.axis, row.value): row for row in rows if row.estimator == estimator}
+        chosen = [found[condition] for condition in conditions]
+        columns += [
+            Column(ESTIMATOR_NAMES[estimator], [_format_bias(row) for row in chosen]),
+            Column(
+                "covers\n[%]",
+                [format_number(100.0 * row.coverage.value, 1) for row in chosen],
+                is_optional=True,
+            ),
+            Column(
+                "RMSE /\nbound",
+                [format_number(row.efficiency.value, 2) for row in chosen],
+                is_optional=True,
+            ),
+        ]
+    return columns
+
+
+def _format_bias(row: Row) -> str:
+    if not math.isfinite(row.bias.spread):
+        return format_number(100.0 * row.bias.bias, 3)
+    return f"{100.0 * row.bias.bias:z.3f} ± {100.0 * row.bias.spread:.3f}"
+
+
 def _leave_out_repeated(cells: Sequence[str], keys: Sequence[object]) -> list[str]:
     """Return the cells, empty where the row above has the same key."""
     return [
@@ -129,22 +180,15 @@ def _format_interval(ratio: Ratio, factor: float, digits: int) -> str:
 
 
 def _make_notes(part: Part, results: StudyResults) -> list[str]:
-    notes = []
-    if part is Part.EFFICIENCY:
-        notes.append(
-            "The paper's τp is twice the half-amplitude width. The bound: Cramér and Rao, of both"
-            " traces, unknown start, gain and offsets included."
-        )
-    else:
-        notes.append(
-            "Each campaign has its own masses and clock, drawn by their stated uncertainties. The"
-            " bound holds noise, steps, scatter of the hits, masses and clock."
-        )
-    total = sum(row.campaigns - row.determined for row in results.rows if row.part is part)
-    if total:
-        notes.append(f"Not determined, and said so: {total} results.")
+    notes = [NOTES[part]]
+    missing = sum(row.campaigns - row.determined for row in results.rows if row.part is part)
+    if missing:
+        notes.append(f"Not determined, and said so: {missing} results of this part.")
     if part is Part.COVERAGE and results.lost_campaigns:
-        notes.append(f"Given up, since good hits were rejected: {results.lost_campaigns}.")
+        notes.append(
+            "Campaigns given up in all parts, since good hits were rejected:"
+            f" {results.lost_campaigns}."
+        )
     return notes
 
 

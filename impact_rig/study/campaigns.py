@@ -92,7 +92,8 @@ def draw_truth(stated: RigSetup, generator: np.random.Generator) -> Truth:
     samples in their order.
     """
     samples = stated.samples
-    hammer, accelerometer, clock, *others = generator.standard_normal(3 + len(samples.samples))
+    draws = generator.standard_normal(3 + len(samples.samples)).tolist()
+    hammer, accelerometer, clock, *others = draws
     return Truth(
         setup=replace(
             stated,

@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from io import BytesIO
 from typing import Any
 
-from impact_rig.study.cases import FREE_DECAY, IDENTIFICATION, PAPER, Case, Part, list_cases
+import numpy as np
+
+from impact_rig.study.cases import FREE_DECAY, IDENTIFICATION, PAPER, Part, list_cases
 from impact_rig.study.estimators import (
     CONTACT_TIME,
     DAMPING_COEFFICIENT,
@@ -41,6 +43,15 @@ STYLE: dict[Any, Any] = {
 QUANTITIES = (CONTACT_TIME, STIFFNESS, DAMPING_COEFFICIENT, DAMPING_RATIO)
 LINEAR_RANGE = 0.1
 """Up to where the bias axis is linear [%]; beyond it is logarithmic."""
+LARGEST_BIAS = 100.0
+"""End of the bias axes, which are all alike [%]."""
+BIAS_TICKS = (-100, -10, -1, -0.1, 0, 0.1, 1, 10, 100)
+LOWEST_COVERAGE = 85.0
+"""Where the coverage axis begins [%]; what lies below is written there."""
+LEGEND_ROOM = 1.4
+"""Height of the efficiency axis over the highest point [-]."""
+LARGEST_RATIO = 20.0
+"""Largest error over its bound that is drawn [-]: beyond, it is all bias."""
 
 
 def draw_figure(results: StudyResults) -> dict[str, bytes]:
@@ -98,7 +109,7 @@ def _list_axes(results: StudyResults) -> list[str]:
 
 def _draw_bias(panel: Any, rows: Sequence[Row], axis: str, quantity: str) -> None:
     """Points with bars of one standard deviation of a campaign's result."""
-    cases: list[Case] = [case for case in list_cases(Part.BIAS) if case.axis == axis]
+    cases = [case for case in list_cases(Part.BIAS) if case.axis == axis]
     places = {case.value: place for place, case in enumerate(cases)}
     for estimator in COLOURS:
         chosen = [
@@ -112,30 +123,46 @@ def _draw_bias(panel: Any, rows: Sequence[Row], axis: str, quantity: str) -> Non
             panel.errorbar(
                 [places[row.value] + SHIFTS[estimator] for row in chosen],
                 [100.0 * row.bias.bias for row in chosen],
-                yerr=[100.0 * row.bias.spread for row in chosen],
+                yerr=[100.0 * np.nan_to_num(row.bias.spread) for row in chosen],
                 **_find_style(estimator),
             )
     panel.axhline(0.0, color="black", linewidth=0.8)
     panel.set_yscale("symlog", linthresh=LINEAR_RANGE)
+    panel.set_ylim(-LARGEST_BIAS, LARGEST_BIAS)
+    panel.set_yticks(BIAS_TICKS, [f"{tick:g}" for tick in BIAS_TICKS])
     panel.set_xticks(range(len(places)), list(places), rotation=20)
 
 
 def _draw_coverage(panel: Any, rows: Sequence[Row]) -> None:
     """Part of the intervals that cover the truth, each with its own interval."""
-    low, high = COVERAGE_RANGE
-    panel.axhspan(100.0 * low, 100.0 * high, color="0.85", label="goal")
+    low, high = (100.0 * limit for limit in COVERAGE_RANGE)
+    panel.axhspan(low, high, color="0.85")
     labels = []
+    last = ""
     for place, row in enumerate(rows):
-        labels.append(f"{SYMBOLS[row.quantity]}\n{row.value}")
+        # The plant is named once, below its first quantity.
+        labels.append(SYMBOLS[row.quantity] + ("" if row.value == last else f"\n{row.value}"))
+        last = row.value
         if not math.isfinite(row.coverage.value):
             continue
         value = 100.0 * row.coverage.value
+        if value < LOWEST_COVERAGE:
+            panel.annotate(
+                f"{value:.0f} %",
+                (place, LOWEST_COVERAGE),
+                ha="center",
+                va="bottom",
+                color=COLOURS[row.estimator],
+            )
+            continue
         panel.errorbar(
             [place],
             [value],
             yerr=[[value - 100.0 * row.coverage.low], [100.0 * row.coverage.high - value]],
             **_find_style(row.estimator),
         )
+    panel.set_ylim(LOWEST_COVERAGE, 100.5)
+    panel.set_xlim(-0.5, len(labels) - 0.5)
     panel.set_xticks(range(len(labels)), labels)
     panel.set_title("coverage of the 95 % intervals [%]; grey: the goal")
 
@@ -149,7 +176,7 @@ def _draw_efficiency(panel: Any, rows: Sequence[Row]) -> None:
                 row
                 for row in rows
                 if (row.estimator, row.quantity) == (estimator, quantity)
-                and math.isfinite(row.efficiency.value)
+                and row.efficiency.value <= LARGEST_RATIO
             ]
             if chosen:
                 panel.plot(
@@ -163,11 +190,13 @@ def _draw_efficiency(panel: Any, rows: Sequence[Row]) -> None:
                 )
     panel.axhline(LARGEST_EFFICIENCY_RATIO, color="black", linewidth=0.8)
     panel.set_xscale("log")
-    panel.set_yscale("log")
+    ticks = list(dict.fromkeys(row.position for row in rows))
+    panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
+    panel.set_xticks([], minor=True)
+    panel.set_ylim(0.0, LEGEND_ROOM * panel.get_ylim()[1])
     panel.set_xlabel("white noise [% of each trace's peak]")
     panel.set_title("RMS error over the Cramér-Rao bound; line: the goal")
-    if panel.get_legend_handles_labels()[0]:
-        panel.legend(fontsize=7, ncols=2)
+    panel.legend(fontsize=7, ncols=3, loc="upper center")
 
 
 def _find_style(estimator: str) -> dict[str, Any]:

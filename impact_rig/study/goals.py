@@ -1,7 +1,10 @@
 """What the estimators are held to, and how far the study found them to get."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from impact_rig.study.cases import FREE_DECAY, IDENTIFICATION, PAPER, Part
 from impact_rig.study.estimators import (
@@ -35,6 +38,7 @@ COVERAGE_GOALS: dict[str, dict[str, tuple[str, ...]]] = {
     },
 }
 """Where coverage is asked for: by plant and estimator, for which quantities."""
+UNDETERMINED = "not determined"
 SYMBOLS = {
     CONTACT_TIME: "τp",
     STIFFNESS: "k2",
@@ -60,8 +64,8 @@ class JudgedGoal:
         What it is about.
     goal : str
         What is asked, in words.
-    found : float
-        The figure, in the unit of the goal.
+    found : float or None
+        The figure, in the unit of the goal; None: not determined.
     low, high : float or None
         Its 95 % interval, where it has one.
     text : str
@@ -73,7 +77,7 @@ class JudgedGoal:
     part: str
     subject: str
     goal: str
-    found: float
+    found: float | None
     low: float | None
     high: float | None
     text: str
@@ -111,16 +115,22 @@ def _judge_efficiency(rows: Sequence[Row]) -> Iterator[JudgedGoal]:
         row for row in rows if row.part is Part.EFFICIENCY and row.estimator == IDENTIFICATION
     ]
     for quantity in dict.fromkeys(row.quantity for row in asked):
-        # Larger than any limit where it could not be determined at all.
+        # Nothing is worse than what could not be determined.
         worst = max(
             (row for row in asked if row.quantity == quantity),
-            key=lambda row: row.efficiency.value,
+            key=lambda row: np.nan_to_num(row.efficiency.value, nan=math.inf),
         )
         found = worst.efficiency
+        subject = f"{SYMBOLS[quantity]} by identification, worst at {worst.value} noise"
+        goal = f"at most {LARGEST_EFFICIENCY_RATIO:g} bounds"
+        part = Part.EFFICIENCY.value
+        if not math.isfinite(found.value):
+            yield JudgedGoal(part, subject, goal, None, None, None, UNDETERMINED, is_reached=False)
+            continue
         yield JudgedGoal(
-            part=Part.EFFICIENCY.value,
-            subject=f"{SYMBOLS[quantity]} by identification, worst at {worst.value} noise",
-            goal=f"at most {LARGEST_EFFICIENCY_RATIO:g} bounds",
+            part=part,
+            subject=subject,
+            goal=goal,
             found=found.value,
             low=found.low,
             high=found.high,
@@ -156,6 +166,10 @@ def _judge_selection(results: StudyResults) -> Iterator[JudgedGoal]:
 def _judge_percentage(
     part: Part, subject: str, goal: str, found: Ratio, *, is_reached: bool
 ) -> JudgedGoal:
+    if not math.isfinite(found.value):
+        return JudgedGoal(
+            part.value, subject, goal, None, None, None, UNDETERMINED, is_reached=False
+        )
     value, low, high = (100.0 * figure for figure in (found.value, found.low, found.high))
     return JudgedGoal(
         part=part.value,

@@ -108,7 +108,7 @@ def simulate_series(setup: RigSetup, entropy: tuple[int, ...], number: int) -> S
         label = HitLabel(sample, impact, impact)
         strike(rig, session, label, BLOCK_SIZE, rig.settings.digitizer.sampling_rate)
     # The selection among fellows runs when estimates are made.
-    return _count_verdicts(scheduled, session.estimate_all().rejected)
+    return count_verdicts(scheduled, session.estimate_all().rejected)
 
 
 def _draw_faults(generator: np.random.Generator) -> tuple[ScheduledFault, ...]:
@@ -120,9 +120,10 @@ def _draw_faults(generator: np.random.Generator) -> tuple[ScheduledFault, ...]:
     )
 
 
-def _count_verdicts(
+def count_verdicts(
     scheduled: tuple[ScheduledFault, ...], rejected: tuple[JudgedHit, ...]
 ) -> SelectionCount:
+    """Count what became of the hits of one series, given its faults and the rejected hits."""
     reasons: dict[int, set[Reason]] = {impact: set() for impact in range(1, SERIES_HITS + 1)}
     for hit in rejected:
         reasons[hit.label.impact].update(item.reason for item in hit.rejections)

@@ -11,13 +11,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.fitting import FitProblem, find_raw_noise
-from impact_rig.core.estimation.identification import (
-    MOST_EVALUATIONS,
-    Identification,
-    identify_model,
-)
+from impact_rig.core.estimation.filtered_noise import find_raw_noise
+from impact_rig.core.estimation.fitting import FitProblem
+from impact_rig.core.estimation.identification import Identification, identify_model
 from impact_rig.core.estimation.measured_model import MeasuredModel
+from impact_rig.core.estimation.search import MOST_EVALUATIONS
 from impact_rig.core.estimation.starting_values import StartingValues, find_starts
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import FilteredHit
@@ -144,27 +142,25 @@ def _fit_by_integration(mean: MeanHit) -> FloatArray:
 class IntegratedModel(MeasuredModel):
     """The driven model with an integrator in place of the closed form."""
 
-    def evaluate(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def evaluate(
+        self, values: FloatArray, points: slice = slice(None)
+    ) -> tuple[FloatArray, FloatArray]:
         """Compute the traces, and their derivatives as quotients of differences.
 
         Parameters and returned arrays as in `MeasuredModel.evaluate`.
         """
         traces = self._integrate(values)
-        steps = DIFFERENCE_STEP * np.abs(values)
-        # What may be zero has a natural size: tau_p for the start, the peaks for the offsets.
         given = dict(zip(self.names, values.tolist(), strict=True))
-        steps[self.names.index("t0")] = DIFFERENCE_STEP * given["tau_p"]
-        peaks = np.abs(traces).max(axis=1)
-        for channel, name in enumerate(("hammer offset", "sample offset")):
-            steps[self.names.index(name)] = DIFFERENCE_STEP * peaks[channel]
-        derivatives = np.stack(
-            [
-                (self._integrate(values + change) - traces) / step
-                for change, step in zip(np.diag(steps), steps, strict=True)
-            ],
-            axis=1,
-        )
-        return traces, derivatives
+        peaks = np.abs(traces).max(axis=1).tolist()
+        # What may be zero has a natural size all the same.
+        sizes = {**given, "t0": given["tau_p"]}
+        sizes["hammer offset"], sizes["sample offset"] = peaks
+        steps = DIFFERENCE_STEP * np.abs([sizes[name] for name in self.names])
+        derivatives = [
+            (self._integrate(values + change) - traces) / step
+            for change, step in zip(np.diag(steps), steps, strict=True)
+        ]
+        return traces[:, points], np.stack(derivatives, axis=1)[:, :, points]
 
     def _integrate(self, values: FloatArray) -> FloatArray:
         """Step both bodies of the driven model through time; low-passed, shape (2, n)."""

@@ -1,0 +1,118 @@
+"""`impact-rig study`."""
+
+import csv
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from impact_rig.cli.study import PARTS
+from impact_rig.study.cases import Part
+
+Run = Callable[..., Any]
+
+
+def test_the_parts_of_the_help_are_those_of_the_study() -> None:
+    assert tuple(part.value for part in Part) == PARTS
+
+
+def test_a_small_study_from_end_to_end(run: Run, tmp_path: Path) -> None:
+    folder = tmp_path / "small"
+    outcome = run("study", "--campaigns", 2, "--json", "--output", folder)
+    assert outcome.exit_code == 0
+    content = json.loads(outcome.stdout, parse_constant=pytest.fail)
+    assert content == json.loads((folder / "study.json").read_text("utf-8"))
+    assert content["parts"] == list(PARTS)
+    assert {row["part"] for row in content["rows"]} == {"coverage", "efficiency", "bias"}
+    found = {
+        (row["part"], row["value"], row["estimator"], row["quantity"]): row
+        for row in content["rows"]
+    }
+    paper = found["coverage", "published", "paper", "contact_time"]
+    assert (paper["campaigns"], paper["determined"]) == (2, 2)
+    # One campaign's tau_p scatters by 0.1 %.
+    assert abs(paper["bias_percent"]) < 0.5
+    # A half-sine read with F = 2: a third too long.
+    shape = found["bias", "half-sine", "paper", "contact_time"]
+    assert shape["bias_percent"] == pytest.approx(100 / 3, abs=0.5)
+    assert content["selection"]["good_rejected"] == 0
+    assert content["speed"]["agreement_percent"] < 1e-3
+    assert all(isinstance(goal["is_reached"], bool) for goal in content["goals"])
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "configuration.json",
+        "selection.csv",
+        "study.csv",
+        "study.json",
+        "study.png",
+        "study.svg",
+        "units.jsonl",
+    ]
+    with (folder / "study.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(content["rows"])
+    assert float(rows[0]["bias_percent"]) == content["rows"][0]["bias_percent"]
+
+
+def test_tables_and_goals_fit_a_terminal(run: Run, tmp_path: Path) -> None:
+    words = ("study", "coverage", "efficiency", "selection", "--campaigns", 12)
+    outcome = run(*words, "--output", tmp_path / "study")
+    assert outcome.exit_code == 0  # though twelve campaigns reach no coverage goal
+    assert max(map(len, outcome.stdout.splitlines())) <= 80
+    text = " ".join(outcome.stdout.split())
+    for words in (
+        "Coverage of the 95 % intervals",
+        "RMSE /",
+        "paper's method",
+        "identification",
+        "93 to 97 %",
+        "at most 1.15 bounds",
+        "rejected for the right reason",
+        "reached",
+    ):
+        assert words in text
+    assert outcome.stderr.startswith(f"in {tmp_path / 'study'}: study.json")
+
+
+def test_the_folder_of_another_study_is_refused(run: Run, tmp_path: Path) -> None:
+    words = ("study", "selection", "--output", tmp_path)
+    assert run(*words, "--campaigns", 2).exit_code == 0
+    outcome = run(*words, "--campaigns", 3)
+    assert outcome.exit_code == 2
+    assert outcome.stderr == (
+        f"error: the folder {tmp_path} holds another study: its campaigns is 2, here it is 3;"
+        " choose another --output\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("colour",), "'colour' is not one of 'coverage', 'efficiency', 'bias'"),
+        (("--campaigns", 0), "0 is not in the range x>=1"),
+        (("--jobs", 0), "0 is not in the range x>=1"),
+        (("--quick", "--campaigns", 3), "--quick and --campaigns exclude each other"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(
+    run: Run, tmp_path: Path, words: tuple[object, ...], message: str
+) -> None:
+    outcome = run("study", *words, "--output", tmp_path / "new")
+    assert outcome.exit_code == 2
+    assert message in outcome.stderr
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_study_without_matplotlib_lacks_its_figure_only(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    outcome = run("study", "coverage", "--campaigns", 1, "--output", tmp_path)
+    assert outcome.exit_code == 0
+    assert "no figure was drawn: Python finds no module 'matplotlib" in outcome.stderr
+    assert not (tmp_path / "study.svg").exists()
+    assert (tmp_path / "study.csv").exists()

@@ -1,0 +1,119 @@
+"""Units over processes: the numbers do not depend on how many, nor on being stopped."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+
+from impact_rig.study.cases import Configuration, Part
+from impact_rig.study.folder import UNITS_NAME, StudyFolder
+from impact_rig.study.run import THREAD_VARIABLES, run_units
+from impact_rig.study.units import plan_units
+
+SMALL = Configuration(parts=(Part.COVERAGE, Part.SELECTION), campaigns=21)
+COMMAND = (
+    sys.executable, "-m", "impact_rig.cli.main", "study", "coverage", "selection",
+    "--campaigns", "21", "--jobs", "1",
+)  # fmt: skip
+PATIENCE = 60.0
+"""For what takes a second or two on a machine at rest [s]."""
+
+
+def run_here(path, jobs):
+    steps = []
+    with StudyFolder(path, SMALL) as folder:
+        run_units(SMALL, folder, jobs, lambda done, total: steps.append((done, total)))
+        return folder.finished, steps
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Return what one process finds without being stopped, and its progress."""
+    return run_here(tmp_path_factory.mktemp("whole"), 1)
+
+
+def test_one_process_and_two_find_the_same(whole, tmp_path):
+    assert run_here(tmp_path, 2)[0] == whole[0]
+
+
+def test_progress_counts_campaigns_up_to_all(whole):
+    total = sum(unit.count for unit in plan_units(SMALL))
+    dones = [done for done, _ in whole[1]]
+    assert dones == sorted(dones)
+    assert (dones[0], dones[-1]) == (0, total)
+    assert {total for _, total in whole[1]} == {total}
+
+
+def test_what_is_finished_is_not_done_again(whole, tmp_path):
+    name = plan_units(SMALL)[0].name
+    with StudyFolder(tmp_path, SMALL) as folder:
+        folder.keep(name, {"kept": "from before"})
+    finished, steps = run_here(tmp_path, 2)
+    assert finished == {**whole[0], name: {"kept": "from before"}}
+    assert steps[0][0] == plan_units(SMALL)[0].count
+
+
+def test_the_environment_is_left_as_it_was(whole, monkeypatch, tmp_path):
+    monkeypatch.setenv(THREAD_VARIABLES[0], "7")
+    monkeypatch.delenv(THREAD_VARIABLES[1], raising=False)
+    with StudyFolder(tmp_path, SMALL) as folder:
+        for name, found in list(whole[0].items())[1:]:
+            folder.keep(name, found)
+        run_units(SMALL, folder, 1, lambda *_: None)
+    assert os.environ[THREAD_VARIABLES[0]] == "7"
+    assert THREAD_VARIABLES[1] not in os.environ
+
+
+def start_and_wait_for_a_unit(path):
+    process = subprocess.Popen(
+        [*COMMAND, "--output", str(path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    units = path / UNITS_NAME
+    end = time.monotonic() + PATIENCE
+    while not (units.exists() and b"\n" in units.read_bytes()):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end, "no unit was finished"
+        time.sleep(0.01)
+    return process
+
+
+def go_on(path):
+    done = subprocess.run(
+        [*COMMAND, "--output", str(path)], capture_output=True, text=True, check=True
+    )
+    assert "study.json" in done.stderr
+    with StudyFolder(path, SMALL) as folder:
+        return folder.finished
+
+
+def test_a_killed_study_leaves_no_process_and_goes_on_to_the_same_end(whole, tmp_path):
+    process = start_and_wait_for_a_unit(tmp_path)
+    workers = psutil.Process(process.pid).children(recursive=True)
+    assert workers
+    process.kill()
+    process.communicate()
+    _, alive = psutil.wait_procs(workers, timeout=PATIENCE)
+    assert not alive
+    assert go_on(tmp_path) == whole[0]
+
+
+def test_ctrl_c_keeps_what_is_done_and_the_study_goes_on(whole, tmp_path):
+    process = start_and_wait_for_a_unit(tmp_path)
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, output) == (130, "")
+    assert errors == (
+        f"stopped; what is done is kept: the same command with --output {tmp_path} goes on\n"
+    )
+    with StudyFolder(tmp_path, SMALL) as folder:
+        kept = dict(folder.finished)
+    assert kept
+    assert len(kept) < len(whole[0])
+    assert go_on(tmp_path) == whole[0]
