@@ -11,6 +11,7 @@ from impact_rig.core.estimation.uncertainty_contact import (
 )
 from impact_rig.core.estimation.uncertainty_inputs import RigNumbers, find_rig_numbers
 from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.hits.pulse_uncertainty import find_quantisation_error
 from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.setup.samples import RigSetup
 
@@ -69,9 +70,14 @@ def read_mean_hit(mean: MeanHit, setup: RigSetup, sample: str) -> MeanReading:
         if channel >= mean.traces.shape[0]:
             notes[channel] = "c2: the sample's trace was not measured"
             continue
+        # Steps that no noise smooths make peaks of their own.
+        step = find_quantisation_error(
+            max(float(hit.resolution[channel]) for hit in mean.hits),
+            min(float(hit.raw_noise[channel]) for hit in mean.hits),
+        )
         try:
             decrements[channel] = estimate_log_decrement(
-                mean.traces[channel], float(mean.noise[channel])
+                mean.traces[channel], max(float(mean.noise[channel]), step)
             )
         except RigError as error:
             notes[channel] = f"{DAMPING_NAMES[channel]}: {error}"

@@ -166,6 +166,11 @@ def _estimate_body(
         return replace(
             body, damping_ratio_uncertainty=missing, damping_coefficient_uncertainty=missing
         )
+    if channel in numbers.notes:
+        missing = make_undetermined(numbers.notes[channel])
+        return replace(
+            body, damping_ratio_uncertainty=missing, damping_coefficient_uncertainty=missing
+        )
     uncertain_ratio = estimate_damping_ratio(numbers.log_decrements[channel])
     body = replace(body, damping_ratio_uncertainty=find_uncertainty(uncertain_ratio))
     if number is None:

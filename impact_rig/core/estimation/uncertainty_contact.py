@@ -41,6 +41,9 @@ ONE_HIT = (
     "uncertainty: not determined, since one accepted hit shows no scatter; it takes"
     f" {LEAST_HITS} or more"
 )
+LARGEST_STEP = 0.1
+"""Quantisation error of the second peak, part of it, up to which its logarithm is taken as linear
+[-], our choice: without noise to smooth the converter's steps, a peak of three counts."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +55,14 @@ class ContactNumbers:
     contact_time : UncertainNumber
         tau_p [s], clock included.
     log_decrements : mapping of int to UncertainNumber
-        Delta [-] by channel.
+        Delta [-] by channel, where its uncertainty is determined.
+    notes : mapping of int to str
+        By channel, where not: why.
     """
 
     contact_time: UncertainNumber
     log_decrements: Mapping[int, UncertainNumber] = field(default_factory=dict)
+    notes: Mapping[int, str] = field(default_factory=dict)
 
 
 def estimate_contact_numbers(
@@ -106,14 +112,17 @@ def estimate_contact_numbers(
     )
     contact_time = contact_time + _make_common_errors(errors, factor, sample)
     clock = make_input("sampling clock", 1.0, clock_uncertainty)
-    return ContactNumbers(
-        contact_time=contact_time * clock,
-        log_decrements={
-            channel: change
-            + _make_decrement_errors(mean, decrements[channel], channel, settings, sample)
-            for channel, change in zip(channels, changes, strict=True)
-        },
-    )
+    numbers: dict[int, UncertainNumber] = {}
+    notes: dict[int, str] = {}
+    for channel, change in zip(channels, changes, strict=True):
+        quality = _describe_mean(mean, channel, settings.cutoff_frequency)
+        try:
+            numbers[channel] = change + _make_decrement_errors(
+                mean.traces[channel], decrements[channel], quality, f"{sample} {channel}"
+            )
+        except NotDeterminedError as error:
+            notes[channel] = str(error)
+    return ContactNumbers(contact_time * clock, numbers, notes)
 
 
 def estimate_contact_time_uncertainty(
@@ -216,15 +225,17 @@ def _read_decrements(mean: MeanHit, decrements: Mapping[int, LogDecrement]) -> l
 
 
 def _make_decrement_errors(
-    mean: MeanHit, peaks: LogDecrement, channel: int, settings: AnalysisSettings, sample: str
+    trace: FloatArray, peaks: LogDecrement, quality: TraceQuality, owner: str
 ) -> UncertainNumber:
     """Return what is wrong with Delta in all hits alike [-]."""
-    quality = _describe_mean(mean, channel, settings.cutoff_frequency)
-    trace: FloatArray = mean.traces[channel]
-    owner = f"{sample} {channel}"
-    quantisation = find_quantisation_error(quality.resolution, quality.dither) * math.hypot(
-        1.0 / peaks.first_peak, 1.0 / peaks.second_peak
-    )
+    step = find_quantisation_error(quality.resolution, quality.dither)
+    if step > LARGEST_STEP * peaks.second_peak:
+        raise NotDeterminedError(
+            "uncertainty of zeta and c: not determined, since the second peak is"
+            f" {peaks.second_peak / quality.resolution:.2g} counts high and no noise smooths the"
+            " converter's steps; use a smaller full scale"
+        )
+    quantisation = step * math.hypot(1.0 / peaks.first_peak, 1.0 / peaks.second_peak)
     start = (quality.baseline_points - 1) / 2.0
     trend = find_trend(trace, quality) * abs(
         (peaks.second_index - start) / peaks.second_peak

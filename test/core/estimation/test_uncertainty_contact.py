@@ -302,7 +302,7 @@ def test_a_converters_steps_count_where_no_noise_smooths_them() -> None:
     fine, _, _ = estimate("steel medium")
     assert contact.contact_time_uncertainty.standard > fine.contact_time_uncertainty.standard
     # Two crossings at pi A / tau, and a level at half a wrong peak.
-    step = 5.0 / (math.pi * math.sqrt(2))
+    step = 5.0 / math.sqrt(12)
     slope = math.pi * 700.0 / contact.contact_time
     expected = 2.0 * step / slope * math.sqrt(2.0 + 1.0)
     assert find_line(contact.contact_time_uncertainty, "quantisation") == pytest.approx(
@@ -311,6 +311,20 @@ def test_a_converters_steps_count_where_no_noise_smooths_them() -> None:
     assert "quantisation of the peaks" in {
         line.source for line in body.damping_ratio_uncertainty.budget
     }
+
+
+def test_a_second_peak_of_a_few_counts_has_no_uncertainty() -> None:
+    # The second peak is some 140 m/s^2: two counts of 70, and no noise.
+    coarse = [
+        replace(hit, resolution=np.array([1.0, 70.0])) for hit in make_mean("steel medium").hits
+    ]
+    contact, body, _ = estimate("steel medium", mean=average_hits(coarse))
+    assert math.isfinite(body.damping_coefficient)
+    for found in (body.damping_ratio_uncertainty, body.damping_coefficient_uncertainty):
+        assert not found.is_determined
+        assert "the second peak is 2 counts high" in found.notes[0]
+    assert contact.contact_time_uncertainty.is_determined
+    assert body.stiffness_uncertainty.is_determined
 
 
 def test_the_contact_time_needs_no_mass() -> None:
@@ -374,3 +388,14 @@ def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
         covered += abs(stiffness.x - truth[index]) <= find_uncertainty(stiffness).expanded
     # 2000 campaigns know 95 % to 0.5 %.
     assert 0.935 <= covered / campaigns <= 0.965
+
+
+def test_steps_that_no_noise_smooths_are_no_second_peak() -> None:
+    # The second peak is some 140 m/s^2, the first 700: half a count, and a staircase.
+    coarse = [
+        replace(hit, resolution=np.array([1.0, 300.0])) for hit in make_mean("steel medium").hits
+    ]
+    _, body, _ = estimate("steel medium", mean=average_hits(coarse))
+    assert math.isnan(body.damping_ratio)
+    assert "no second peak stands out" in body.notes[0]
+    assert not body.damping_ratio_uncertainty.is_determined
