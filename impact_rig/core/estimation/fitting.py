@@ -25,7 +25,7 @@ OVERSAMPLING = 3.0
 the noise beyond is 1e-4, so that nothing is lost by leaving out the points between."""
 COARSE_POINTS = 40
 """Points in a contact on which the search begins [-], our choice: the traces are smooth."""
-SMALLEST_NOISE = 1e-6
+SMALLEST_NOISE = 1e-5
 """Noise over the peak that is assumed at least [-], our choice: a trace without noise would
 weigh infinitely."""
 TOLERANCE = 1e-5

@@ -12,7 +12,7 @@ from impact_rig.core.estimation.starting_values import StartingValues, find_star
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.signals.record import FloatArray
 
-STARTS = {ModelVariant.DRIVEN: 3, ModelVariant.PRINTED: 4}
+STARTS = {ModelVariant.DRIVEN: 4, ModelVariant.PRINTED: 4}
 """Starts that are tried at most [-], our choice."""
 FIRST_EVALUATIONS = 15
 """Evaluations of the model from each start [-], our choice: a good one needs some ten."""

@@ -33,8 +33,15 @@ PRINTED_DAMPING_RATIOS = (0.2, 0.6)
 """Damping ratios of the hammer that are tried [-], our choice: the paper's is 0.64."""
 SPECIMEN_STIFFNESSES = (1.5, 4.0)
 """k2 that is tried with the printed model, over k_eq [-], our choice."""
-SPECIMEN_DAMPING_RATIO = 0.3
-"""And its damping ratio [-], our choice: in the middle of the paper's."""
+TYPICAL_DAMPING_RATIO = 0.3
+"""Of a sample of which nothing is known [-], our choice: in the middle of the paper's."""
+TYPICAL_FREQUENCY = 3.3
+"""Natural frequency of such a sample, times tau_p [rad]: in the middle of the paper's."""
+RINGING_DAMPING_RATIOS = (0.01, 0.05, 0.2)
+"""Damping ratios that are tried at the frequency at which the sample rings [-], our choice: the
+longer it rings, the better the frequency must be known from the start."""
+SHORTEST_TAIL = 8
+"""Points after the contact that show a ringing [-], our choice."""
 
 
 @dataclass(frozen=True)
@@ -106,14 +113,33 @@ class _Finder:
                 given.stiffness * tau**2 / mass,
                 given.damping_coefficient * tau / mass,
             )
-            yield self._make_driven(*pair, self._fit_oscillator(*pair)[1])
+        else:
+            # As if hammer and sample were alike: k2 = 2 k_eq, equation (6b).
+            equivalent = estimate_equivalent_mass(self.measured.hammer_mass, mass)
+            frequency = math.pi * math.sqrt(2.0 * equivalent / mass)
+            pair = (frequency**2, 2.0 * TYPICAL_DAMPING_RATIO * frequency)
+        yield self._make_driven(*pair, self._fit_oscillator(*pair)[1])
+        candidates = [
+            *product(FREQUENCIES.tolist(), DAMPING_RATIOS),
+            *product((self._find_ringing(),), RINGING_DAMPING_RATIOS),
+        ]
         tried = []
-        for frequency, ratio in product(FREQUENCIES.tolist(), DAMPING_RATIOS):
+        for frequency, ratio in candidates:
             scaled = (frequency**2, 2.0 * ratio * frequency)
             tried.append((*self._fit_oscillator(*scaled), *scaled))
         tried.sort()
         for _, height, stiffness, damping in tried:
             yield self._make_driven(stiffness, damping, height)
+
+    def _find_ringing(self) -> float:
+        """Return the strongest frequency of what follows the contact, times tau_p [rad]."""
+        first = math.ceil((self.start + self.contact_time) * self.sampling_rate)
+        tail = self.traces[1, first:]
+        if tail.size < SHORTEST_TAIL:
+            return TYPICAL_FREQUENCY
+        length = 4 * tail.size
+        strongest = max(int(np.argmax(np.abs(np.fft.rfft(tail, length)))), 1)
+        return 2.0 * math.pi * strongest / length * self.sampling_rate * self.contact_time
 
     def _fit_oscillator(self, stiffness: float, damping: float) -> tuple[float, float]:
         """Return what is left of the sample's trace, and the amplitude that leaves it."""
@@ -152,9 +178,8 @@ class _Finder:
             given.hammer_damping_coefficient
         ):
             hammers.insert(0, (given.hammer_stiffness, given.hammer_damping_coefficient))
-        ratio = SPECIMEN_DAMPING_RATIO
         specimens = [
-            (part * equivalent, 2.0 * ratio * math.sqrt(part * equivalent * mass))
+            (part * equivalent, 2.0 * TYPICAL_DAMPING_RATIO * math.sqrt(part * equivalent * mass))
             for part in SPECIMEN_STIFFNESSES
         ]
         if math.isfinite(given.stiffness) and math.isfinite(given.damping_coefficient):
