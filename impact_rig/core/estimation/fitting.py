@@ -94,8 +94,10 @@ class FitProblem:
         rate, cutoff, count = measured.sampling_rate, measured.cutoff_frequency, measured.count
         edge, thinning, independent = 0, 1, 1.0
         if cutoff > 0.0:
-            edge = min(math.ceil(EDGE * rate / cutoff), int(LARGEST_EDGE_PART * count))
             thinning = max(int(rate / (2.0 * cutoff * OVERSAMPLING)), 1)
+            edge = min(math.ceil(EDGE * rate / cutoff), int(LARGEST_EDGE_PART * count))
+            # Points that the thinned problem has as well: both then end at the same values.
+            edge = math.ceil(edge / thinning) * thinning
             independent = min(2.0 * cutoff / rate, 1.0)
         self.fitted = slice(edge, count - edge)
         self.points = slice(edge, count - edge, thinning)
@@ -156,7 +158,13 @@ class FitProblem:
         FitSolution or None
             None: the search ran into numbers that no float holds.
         """
-        names = self.measured.names
+        # Without bounds it is quicker, and as a rule they are not met.
+        free = self._minimise(start, evaluations, tolerance, bounded=False)
+        return free or self._minimise(start, evaluations, tolerance, bounded=True)
+
+    def _minimise(
+        self, start: FloatArray, evaluations: int, tolerance: float, *, bounded: bool
+    ) -> FitSolution | None:
         scales, low, high = self._find_scales_and_bounds(start)
 
         def find_residual(scaled: FloatArray) -> FloatArray:
@@ -170,7 +178,8 @@ class FitProblem:
                 find_residual,
                 np.clip(start, low, high) / scales,
                 jac=find_jacobian,
-                bounds=(low / scales, high / scales),
+                method="trf" if bounded else "lm",
+                bounds=(low / scales, high / scales) if bounded else (-np.inf, np.inf),
                 x_scale="jac",
                 ftol=tolerance,
                 xtol=tolerance,
@@ -178,13 +187,17 @@ class FitProblem:
                 max_nfev=evaluations,
             )
         except (RigError, ValueError, np.linalg.LinAlgError):
+            # It strayed to where the model has no meaning.
             return None
-        if not (np.all(np.isfinite(found.x)) and math.isfinite(found.cost)):
+        values = found.x * scales
+        if not (np.all(np.isfinite(values)) and math.isfinite(found.cost)):
+            return None
+        if not bounded and np.any((values <= low) | (values >= high)):
             return None
         at_bounds = tuple(
-            name for name, mark in zip(names, found.active_mask, strict=True) if mark
+            name for name, mark in zip(self.measured.names, found.active_mask, strict=True) if mark
         )
-        return FitSolution(found.x * scales, float(found.cost), found.status > 0, at_bounds)
+        return FitSolution(values, float(found.cost), found.status > 0, at_bounds)
 
     def _find_scales_and_bounds(
         self, start: FloatArray

@@ -24,7 +24,6 @@ from impact_rig.core.estimation.measured_model import OFFSETS, MeasuredModel
 from impact_rig.core.estimation.search import find_best_fit
 from impact_rig.core.estimation.starting_values import StartingValues
 from impact_rig.core.hits.averaging import MeanHit
-from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import FloatArray, make_read_only
@@ -168,7 +167,7 @@ def identify_model(
         raise NotDeterminedError(
             "identification: a trace is flat or has points that are no numbers"
         )
-    pulse = measure_pulse(mean.traces[0])
+    polarity = float(np.sign(mean.traces[0, np.argmax(np.abs(mean.traces[0]))]))
     measured = MeasuredModel(
         variant=variant,
         hammer_mass=setup.hammer_mass,
@@ -178,9 +177,7 @@ def identify_model(
         count=mean.traces.shape[1],
         cutoff_frequency=setup.analysis.cutoff_frequency,
         # In the printed model the sample pushes the hammer back; the driven one has F0 signed.
-        hammer_polarity=-math.copysign(1.0, pulse.peak)
-        if variant is ModelVariant.PRINTED
-        else 1.0,
+        hammer_polarity=-polarity if variant is ModelVariant.PRINTED else 1.0,
     )
     problem = FitProblem(mean.traces, find_raw_noise(mean), measured)
     solution = find_best_fit(problem, start or StartingValues())

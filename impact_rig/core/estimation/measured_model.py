@@ -115,11 +115,11 @@ class MeasuredModel:
         bodies = self._find_sensitivities(values)
         if self.variant is ModelVariant.DRIVEN:
             # Its traces are F0 times their derivatives in F0.
-            rows = self.low_pass(bodies.derivatives)[:, :, points]
+            rows = self.low_pass(bodies.derivatives, points)
             traces = float(values[FORCE]) * rows[:, FORCE]
         else:
             together = np.concatenate([bodies.derivatives, bodies.traces[:, np.newaxis]], axis=1)
-            filtered = self.low_pass(together)[:, :, points]
+            filtered = self.low_pass(together, points)
             rows, traces = filtered[:, :-1], filtered[:, -1]
         derivatives = np.zeros((2, len(self.names), traces.shape[1]))
         derivatives[0, :-3] = self.hammer_polarity * rows[0]
@@ -129,12 +129,13 @@ class MeasuredModel:
         scales = np.array([[self.hammer_polarity], [gain]])
         return scales * traces + values[-2:, np.newaxis], derivatives
 
-    def low_pass(self, rows: FloatArray) -> FloatArray:
-        """Low-pass rows, shape (..., n); rows of zeros stay as they are and cost nothing."""
+    def low_pass(self, rows: FloatArray, points: slice = ALL_POINTS) -> FloatArray:
+        """Low-pass rows, shape (..., n), and return `points` of them; zeros cost nothing."""
         if self.cutoff_frequency == 0.0:
-            return rows
-        filtered = np.zeros_like(rows)
+            return rows[..., points]
+        filtered = np.zeros_like(rows[..., points])
         # The driven hammer knows nothing of the sample.
         needed = rows.any(axis=-1)
-        filtered[needed] = low_pass(rows[needed], self.cutoff_frequency, self.sampling_rate)
+        chosen = low_pass(rows[needed], self.cutoff_frequency, self.sampling_rate)
+        filtered[needed] = chosen[..., points]
         return filtered
