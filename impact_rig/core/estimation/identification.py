@@ -44,7 +44,8 @@ class Identification:
     values : ndarray, shape (p,)
         [SI units]
     covariance : ndarray, shape (p, p)
-        Of the mean traces' noise [SI units]; scaled up where `noise_factors` are above 1.
+        Of the mean traces' noise [SI units]; scaled up where `noise_factors` are above 1. Start
+        and offsets scatter more: alignment and baseline have moved them before.
     noise_factors : ndarray, shape (2,)
         Birge ratio of each channel, 1 at least: residual over what white noise of the baseline's
         size would leave [-]. Above 1 the model does not describe the trace, or the noise is not
