@@ -38,6 +38,8 @@ COVERAGE_GOALS: dict[str, dict[str, tuple[str, ...]]] = {
     },
 }
 """Where coverage is asked for: by plant and estimator, for which quantities."""
+EFFICIENCY_GOALS = (CONTACT_TIME, STIFFNESS, DAMPING_COEFFICIENT)
+"""Quantities of the identification for which efficiency is asked."""
 UNDETERMINED = "not determined"
 SYMBOLS = {
     CONTACT_TIME: "τp",
@@ -112,7 +114,11 @@ def _judge_coverage(rows: Sequence[Row]) -> Iterator[JudgedGoal]:
 
 def _judge_efficiency(rows: Sequence[Row]) -> Iterator[JudgedGoal]:
     asked = [
-        row for row in rows if row.part is Part.EFFICIENCY and row.estimator == IDENTIFICATION
+        row
+        for row in rows
+        if row.part is Part.EFFICIENCY
+        and row.estimator == IDENTIFICATION
+        and row.quantity in EFFICIENCY_GOALS
     ]
     for quantity in dict.fromkeys(row.quantity for row in asked):
         # Nothing is worse than what could not be determined.

@@ -15,18 +15,20 @@ from impact_rig.study.run import THREAD_VARIABLES, run_units
 from impact_rig.study.units import plan_units
 
 SMALL = Configuration(parts=(Part.COVERAGE, Part.SELECTION), campaigns=21)
+STOPPED = Configuration(parts=(Part.SELECTION,), campaigns=240)
+"""Six units: the first finished, one running and one on its way leave some to be done."""
 COMMAND = (
-    sys.executable, "-m", "impact_rig.cli.main", "study", "coverage", "selection",
-    "--campaigns", "21", "--jobs", "1",
+    sys.executable, "-m", "impact_rig.cli.main", "study", "selection",
+    "--campaigns", "240", "--jobs", "1",
 )  # fmt: skip
 PATIENCE = 60.0
 """For what takes a second or two on a machine at rest [s]."""
 
 
-def run_here(path, jobs):
+def run_here(path, jobs, configuration=SMALL):
     steps = []
-    with StudyFolder(path, SMALL) as folder:
-        run_units(SMALL, folder, jobs, lambda done, total: steps.append((done, total)))
+    with StudyFolder(path, configuration) as folder:
+        run_units(configuration, folder, jobs, lambda done, total: steps.append((done, total)))
         return folder.finished, steps
 
 
@@ -34,6 +36,12 @@ def run_here(path, jobs):
 def whole(tmp_path_factory):
     """Return what one process finds without being stopped, and its progress."""
     return run_here(tmp_path_factory.mktemp("whole"), 1)
+
+
+@pytest.fixture(scope="module")
+def unstopped(tmp_path_factory):
+    """Return what the study that is stopped below finds when it is not."""
+    return run_here(tmp_path_factory.mktemp("unstopped"), 2, STOPPED)[0]
 
 
 def test_one_process_and_two_find_the_same(whole, tmp_path):
@@ -89,11 +97,11 @@ def go_on(path):
         [*COMMAND, "--output", str(path)], capture_output=True, text=True, check=True
     )
     assert "study.json" in done.stderr
-    with StudyFolder(path, SMALL) as folder:
+    with StudyFolder(path, STOPPED) as folder:
         return folder.finished
 
 
-def test_a_killed_study_leaves_no_process_and_goes_on_to_the_same_end(whole, tmp_path):
+def test_a_killed_study_leaves_no_process_and_goes_on_to_the_same_end(unstopped, tmp_path):
     process = start_and_wait_for_a_unit(tmp_path)
     workers = psutil.Process(process.pid).children(recursive=True)
     assert workers
@@ -101,10 +109,10 @@ def test_a_killed_study_leaves_no_process_and_goes_on_to_the_same_end(whole, tmp
     process.communicate()
     _, alive = psutil.wait_procs(workers, timeout=PATIENCE)
     assert not alive
-    assert go_on(tmp_path) == whole[0]
+    assert go_on(tmp_path) == unstopped
 
 
-def test_ctrl_c_keeps_what_is_done_and_the_study_goes_on(whole, tmp_path):
+def test_ctrl_c_keeps_what_is_done_and_the_study_goes_on(unstopped, tmp_path):
     process = start_and_wait_for_a_unit(tmp_path)
     process.send_signal(signal.SIGINT)
     output, errors = process.communicate(timeout=PATIENCE)
@@ -112,8 +120,8 @@ def test_ctrl_c_keeps_what_is_done_and_the_study_goes_on(whole, tmp_path):
     assert errors == (
         f"stopped; what is done is kept: the same command with --output {tmp_path} goes on\n"
     )
-    with StudyFolder(tmp_path, SMALL) as folder:
+    with StudyFolder(tmp_path, STOPPED) as folder:
         kept = dict(folder.finished)
     assert kept
-    assert len(kept) < len(whole[0])
-    assert go_on(tmp_path) == whole[0]
+    assert len(kept) < len(unstopped)
+    assert go_on(tmp_path) == unstopped
