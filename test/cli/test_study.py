@@ -2,6 +2,8 @@
 
 import csv
 import json
+import os
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +15,7 @@ from impact_rig.cli.study import PARTS
 from impact_rig.study.cases import Part
 
 Run = Callable[..., Any]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_the_parts_of_the_help_are_those_of_the_study() -> None:
@@ -103,6 +106,23 @@ def test_what_cannot_be_meant_is_refused(
     assert outcome.exit_code == 2
     assert message in outcome.stderr
     assert not (tmp_path / "new").exists()
+
+
+def test_the_script_that_is_on_the_path_can_start_processes(tmp_path: Path) -> None:
+    # They import the file that started their parent: it must not start the command once more.
+    words = ("study", "selection", "--campaigns", "1", "--output", str(tmp_path / "study"))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "launch_scripts" / "impact-rig"), *words],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (
+        0,
+        f"in {tmp_path / 'study'}: study.json, selection.csv\n",
+    )
 
 
 def test_a_study_without_matplotlib_lacks_its_figure_only(
