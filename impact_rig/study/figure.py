@@ -196,7 +196,8 @@ def _draw_efficiency(panel: Any, rows: Sequence[Row]) -> None:
     panel.set_ylim(0.0, LEGEND_ROOM * panel.get_ylim()[1])
     panel.set_xlabel("white noise [% of each trace's peak]")
     panel.set_title("RMS error over the Cramér-Rao bound; line: the goal")
-    panel.legend(fontsize=7, ncols=3, loc="upper center")
+    if panel.get_legend_handles_labels()[0]:
+        panel.legend(fontsize=7, ncols=3, loc="upper center")
 
 
 def _find_style(estimator: str) -> dict[str, Any]:
