@@ -30,9 +30,12 @@ NOTES = {
     ),
     Part.BIAS: (
         "Ten hits on the plant `dynamics`; masses and clock are exact, so that the estimators"
-        " alone err. Mean and standard deviation of a campaign's result."
+        " alone err. Mean and standard deviation of a campaign's result. Coverage and efficiency"
+        " stand beside them on a wider terminal, and in study.csv."
     ),
 }
+WIDE_TERMINAL = 130
+"""Where coverage and efficiency stand beside the bias [characters]."""
 SPEED_PERIOD = 120.0
 """Over which the time left is estimated [s], our choice: units come in bursts."""
 
@@ -89,7 +92,8 @@ def print_study(console: Console, results: StudyResults) -> None:
     for quantity in dict.fromkeys(row.quantity for row in rows):
         chosen = [row for row in rows if row.quantity == quantity]
         title = f"Bias ± spread of {SYMBOLS[quantity]} [%], one axis at a time from the default"
-        print_table(console, title, _make_bias_columns(chosen))
+        is_wide = console.width >= WIDE_TERMINAL
+        print_table(console, title, _make_bias_columns(chosen, is_wide=is_wide))
     if rows:
         console.print("\n".join(_make_notes(Part.BIAS, results)) + "\n")
     _print_goals(console, judge_goals(results))
@@ -132,8 +136,8 @@ def _make_columns(rows: Sequence[Row]) -> list[Column]:
     ]
 
 
-def _make_bias_columns(rows: Sequence[Row]) -> list[Column]:
-    """Return one line per condition, the estimators side by side."""
+def _make_bias_columns(rows: Sequence[Row], *, is_wide: bool) -> list[Column]:
+    """Return one line per condition, the estimators side by side; all of them the same."""
     conditions = list(dict.fromkeys((row.axis, row.value) for row in rows))
     axes = [axis for axis, _ in conditions]
     columns = [
@@ -143,19 +147,11 @@ def _make_bias_columns(rows: Sequence[Row]) -> list[Column]:
     for estimator in dict.fromkeys(row.estimator for row in rows):
         found = {(row.axis, row.value): row for row in rows if row.estimator == estimator}
         chosen = [found[condition] for condition in conditions]
-        columns += [
-            Column(ESTIMATOR_NAMES[estimator], [_format_bias(row) for row in chosen]),
-            Column(
-                "covers\n[%]",
-                [format_number(100.0 * row.coverage.value, 1) for row in chosen],
-                is_optional=True,
-            ),
-            Column(
-                "RMSE /\nbound",
-                [format_number(row.efficiency.value, 2) for row in chosen],
-                is_optional=True,
-            ),
-        ]
+        columns.append(Column(ESTIMATOR_NAMES[estimator], [_format_bias(row) for row in chosen]))
+        if is_wide:
+            coverage = [format_number(100.0 * row.coverage.value, 1) for row in chosen]
+            efficiency = [format_number(row.efficiency.value, 2) for row in chosen]
+            columns += [Column("covers\n[%]", coverage), Column("RMSE /\nbound", efficiency)]
     return columns
 
 
