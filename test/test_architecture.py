@@ -29,13 +29,14 @@ MAY_IMPORT = {
 virtual rig: it stands above the devices."""
 
 PURE = {
-    "abc", "collections", "dataclasses", "enum", "functools", "itertools", "math", "numbers",
-    "numpy", "operator", "scipy", "sys", "types", "typing",
+    "GTC", "abc", "collections", "dataclasses", "enum", "functools", "itertools", "math",
+    "numbers", "numpy", "operator", "scipy", "sys", "types", "typing",
 }  # fmt: skip
 """What the core may import: nothing here reads a file, a clock or the network."""
 
 ROS = {"rclpy", "rcl_interfaces", "std_srvs"}
 WRAPPED_BY = {
+    "GTC": {"core"},
     "click": {"cli"},
     "honcho": {"cli"},
     "lz4": {"recording"},
@@ -118,6 +119,13 @@ def test_the_core_is_arithmetic_only(path):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
     }
     assert not called & {"open", "print", "input", "eval", "exec", "__import__"}
+
+
+def test_only_the_modules_of_uncertainty_calculate_with_uncertain_numbers():
+    users = {path for path in MODULES if "GTC" in list_libraries(path)}
+    assert users
+    assert {path.parent.relative_to(PACKAGE) for path in users} == {Path("core/estimation")}
+    assert all(path.name.startswith("uncertainty") for path in users)
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name_module)

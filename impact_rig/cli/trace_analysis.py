@@ -5,24 +5,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
 from impact_rig.core.errors import ParameterError, RigError, SignalError
-from impact_rig.core.estimation.paper_method import BodyEstimate, ContactEstimate, estimate_hammer
-from impact_rig.core.estimation.sample import SampleEstimate, estimate_sample
+from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_hammer
+from impact_rig.core.estimation.pulse_shape import estimate_pulse_shape
+from impact_rig.core.estimation.sample import add_models, estimate_contact_alone, estimate_sample
+from impact_rig.core.estimation.uncertainty_contact import estimate_hit_uncertainty
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import Overrules, describe_overruled, overrule_hit
-from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.hits.selection import select_hits
 from impact_rig.core.hits.verdict import Reason
-from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY, RigSetup
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import find_pulse_start
 from impact_rig.core.signals.filtering import check_cutoff
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.recording.traces import TraceFormat, read_trace
-from impact_rig.reporting.flat_estimates import sample_results_from_estimate
+from impact_rig.reporting.flat_estimates import (
+    hammer_results_from_body,
+    sample_results_from_estimate,
+)
 from impact_rig.reporting.results import HammerResults, SampleResults
 from impact_rig.reporting.trace_results import HitResults, TraceResults, hit_results_from_judged
 
@@ -104,7 +106,7 @@ def analyze_traces(paths: Sequence[Path], task: TraceTask) -> AnalyzedTraces:
     # A file's number is the record of its hit.
     final = sorted(selection.kept + selection.left_out, key=lambda hit: hit.label.record)
     hits = [_flatten(paths[hit.label.record - 1], hit, task) for hit in final]
-    notes = tuple(
+    overruled = tuple(
         describe_overruled(hit, paths[hit.label.record - 1].name)
         for hit in selection.kept
         if hit.overruled
@@ -113,7 +115,7 @@ def analyze_traces(paths: Sequence[Path], task: TraceTask) -> AnalyzedTraces:
     samples: tuple[SampleResults, ...] = ()
     if selection.kept:
         try:
-            hammer, samples = _evaluate(selection.kept, len(selection.left_out), notes, task)
+            hammer, samples = _evaluate(selection.kept, len(selection.left_out), overruled, task)
         except RigError as error:
             errors.append(f"mean of {len(selection.kept)} hits: {error}")
     elif hits:
@@ -123,7 +125,26 @@ def analyze_traces(paths: Sequence[Path], task: TraceTask) -> AnalyzedTraces:
 
 def _flatten(path: Path, hit: JudgedHit, task: TraceTask) -> HitResults:
     flat = hit_results_from_judged(str(path), hit)
-    return flat if task.has_scale else replace(flat, hammer_peak_m_per_s2=NAN)
+    if not task.has_scale:
+        flat = replace(flat, hammer_peak_m_per_s2=NAN)
+    if hit.filtered is None:
+        return flat
+    clock = task.setup.clock_uncertainty if task.setup else DEFAULT_CLOCK_UNCERTAINTY
+    uncertainty = estimate_hit_uncertainty(hit.filtered, task.settings, clock)
+    try:
+        # A series of one: every hit is asked for its shape.
+        shape = estimate_pulse_shape(average_hits([hit.filtered]), task.settings.cutoff_frequency)
+    except RigError:
+        best_shape, residual = "", NAN
+    else:
+        best_shape, residual = shape.best_shape, shape.best_fit.residual_percent
+    return replace(
+        flat,
+        contact_time_u_s=uncertainty.standard,
+        contact_time_expanded_s=uncertainty.expanded,
+        best_shape=best_shape,
+        shape_residual_percent=residual,
+    )
 
 
 def _make_label(number: int, task: TraceTask) -> HitLabel:
@@ -178,25 +199,24 @@ def _judge_file(path: Path, number: int, task: TraceTask) -> JudgedHit:
 
 
 def _evaluate(
-    accepted: Sequence[JudgedHit], rejected: int, notes: tuple[str, ...], task: TraceTask
+    accepted: Sequence[JudgedHit], rejected: int, overruled: tuple[str, ...], task: TraceTask
 ) -> tuple[HammerResults, tuple[SampleResults, ...]]:
     mean = average_hits([hit.filtered for hit in accepted if hit.filtered])
     contact_times = tuple(hit.contact_time for hit in accepted)
     if task.setup is None:
-        estimate = _estimate_contact_only(mean, contact_times, rejected, task)
+        estimate = estimate_contact_alone(
+            task.sample, mean, contact_times, rejected, task.settings
+        )
+        estimate = replace(estimate, notes=(*estimate.notes, NO_MASS))
         hammer, control = BodyEstimate(task.hammer_stiffness), ""
+        if not task.has_scale:
+            estimate = replace(estimate, hammer_peak=NAN)
     else:
         hammer, control = _find_hammer(mean, task, task.setup)
         estimate = estimate_sample(task.sample, mean, contact_times, rejected, hammer, task.setup)
-    body = replace(estimate.body, notes=estimate.body.notes + notes)
-    flat = HammerResults(
-        control_sample=control,
-        stiffness_n_per_m=hammer.stiffness,
-        damping_coefficient_n_s_per_m=hammer.damping_coefficient,
-        damping_ratio=hammer.damping_ratio,
-        log_decrement=hammer.log_decrement,
-    )
-    return flat, (sample_results_from_estimate(replace(estimate, body=body)),)
+        estimate = add_models(estimate, mean, hammer, task.setup)
+    estimate = replace(estimate, warnings=estimate.warnings + overruled)
+    return hammer_results_from_body(hammer, control), (sample_results_from_estimate(estimate),)
 
 
 def _find_hammer(mean: MeanHit, task: TraceTask, setup: RigSetup) -> tuple[BodyEstimate, str]:
@@ -210,26 +230,3 @@ def _find_hammer(mean: MeanHit, task: TraceTask, setup: RigSetup) -> tuple[BodyE
         " hammer and sample are alike"
     )
     return BodyEstimate(notes=(note,)), ""
-
-
-def _estimate_contact_only(
-    mean: MeanHit, contact_times: Sequence[float], rejected: int, task: TraceTask
-) -> SampleEstimate:
-    pulse = measure_pulse(mean.traces[0])
-    width = pulse.half_amplitude_width / mean.sampling_rate
-    peaks = np.abs(mean.traces).max(axis=1)
-    return SampleEstimate(
-        name=task.sample,
-        impacts_accepted=mean.count,
-        impacts_rejected=rejected,
-        contact=ContactEstimate(
-            half_amplitude_width=width,
-            width_ratio=pulse.width_ratio,
-            contact_time=task.settings.pulse_factor * width,
-            equivalent_stiffness=NAN,
-        ),
-        contact_time_spread=float(np.std(contact_times, ddof=1)) if mean.count > 1 else NAN,
-        body=BodyEstimate(notes=(NO_MASS,)),
-        hammer_peak=float(peaks[0]) if task.has_scale else NAN,
-        specimen_peak=float(peaks[1]) if peaks.size > 1 else NAN,
-    )

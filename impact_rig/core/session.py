@@ -7,7 +7,7 @@ numbers.
 from dataclasses import dataclass, replace
 
 from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_hammer
-from impact_rig.core.estimation.sample import SampleEstimate, estimate_sample
+from impact_rig.core.estimation.sample import SampleEstimate, add_models, estimate_sample
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import (
@@ -61,6 +61,7 @@ class Session:
         self._hits: dict[str, list[JudgedHit]] = {}
         self._selections: dict[str, Selection] = {}
         self._means: dict[str, MeanHit] = {}
+        self._hammer: tuple[MeanHit, BodyEstimate] | None = None
 
     def feed(self, block: Block) -> tuple[JudgedHit, ...]:
         """Take the next block and return the hits that it completed, judged.
@@ -127,10 +128,12 @@ class Session:
         if mean is None:
             note = f"k1: the control sample {control!r} has no accepted hit yet"
             return BodyEstimate(notes=(note,))
-        return estimate_hammer(mean, self.setup)
+        if self._hammer is None or self._hammer[0] is not mean:
+            self._hammer = mean, estimate_hammer(mean, self.setup)
+        return self._hammer[1]
 
     def estimate_sample(self, name: str) -> SampleEstimate:
-        """Return what is known of one sample so far."""
+        """Return what is known of one sample so far, the model not fitted: after every hit."""
         return self._estimate_sample(name, self.estimate_hammer())
 
     def _estimate_sample(self, name: str, hammer: BodyEstimate) -> SampleEstimate:
@@ -139,23 +142,23 @@ class Session:
         mean = self._find_mean(name)
         if mean is None:
             note = f"{name}: not determined, none of {rejected} hits was accepted"
-            return SampleEstimate(name, 0, rejected, body=BodyEstimate(notes=(note,)))
+            return SampleEstimate(name, 0, rejected, notes=(note,))
         contact_times = tuple(hit.contact_time for hit in selection.kept)
         estimate = estimate_sample(name, mean, contact_times, rejected, hammer, self.setup)
-        notes = tuple(
+        warnings = tuple(
             describe_overruled(hit, f"hit {describe_label(hit.label)}")
             for hit in selection.kept
             if hit.overruled
         )
-        return replace(estimate, body=replace(estimate.body, notes=estimate.body.notes + notes))
+        return replace(estimate, warnings=estimate.warnings + warnings)
 
     def estimate_all(self) -> SessionResults:
-        """Return everything found so far."""
+        """Return everything found so far, the model fitted to every sample."""
         hammer = self.estimate_hammer()
         return SessionResults(
             setup=self.setup,
             hammer=hammer,
-            samples=tuple(self._estimate_sample(name, hammer) for name in self.names),
+            samples=tuple(self._estimate_with_models(name, hammer) for name in self.names),
             rejected=tuple(
                 sorted(
                     (hit for name in self._hits for hit in self._select(name).left_out),
@@ -163,6 +166,12 @@ class Session:
                 )
             ),
         )
+
+    def _estimate_with_models(self, name: str, hammer: BodyEstimate) -> SampleEstimate:
+        estimate, mean = self._estimate_sample(name, hammer), self._find_mean(name)
+        if mean is None:
+            return estimate
+        return add_models(estimate, mean, hammer, self.setup)
 
     def _find_mean(self, name: str) -> MeanHit | None:
         if name not in self._means:

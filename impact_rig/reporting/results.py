@@ -45,21 +45,24 @@ class ShapeFitResults:
     ----------
     shape : str
         Its name.
-    contact_time_s : float
-        tau_p of the fit [s].
-    asymmetry : float
-        Of the fit [-]: the rise takes (1 + asymmetry) / 2 of the contact.
     residual_percent : float
-        RMS of what is left, over the peak [%].
+        RMS of what the fit leaves, over the peak [%].
+    contact_time_s : float
+        tau_p = F w50 with this shape's F [s].
     stiffness_n_per_m : float
-        k2 if this were the shape [N/m]; NaN: not determined.
+        k2 with this tau_p, and k1 read in the same way [N/m].
+    duration_s : float
+        Of the fitted pulse [s].
+    asymmetry : float
+        Of the fitted pulse [-]: the rise takes (1 + asymmetry) / 2 of its duration.
     """
 
     shape: str
-    contact_time_s: float
-    asymmetry: float
     residual_percent: float
+    contact_time_s: float
     stiffness_n_per_m: float = NAN
+    duration_s: float = NAN
+    asymmetry: float = NAN
 
 
 @dataclass(frozen=True)
@@ -134,7 +137,7 @@ class FreeDecayResults:
 
 @dataclass(frozen=True)
 class IdentificationResults:
-    """The two-body model fitted to both mean traces; NaN: not determined, or not in the model.
+    """The two-body model fitted to both mean traces; NaN: the model does not describe them.
 
     `_u` is the standard uncertainty, `_expanded` the half-width of the 95 % interval.
 
@@ -144,7 +147,7 @@ class IdentificationResults:
         "driven": equation (4) on the hammer, the sample driven by F(t) alone; "printed":
         equations (1) and (2) as they stand.
     is_preferred : bool
-        Its `criterion` is the smallest.
+        It describes both traces, and of all that do its `criterion` is the smallest.
     criterion : float
         Bayesian information criterion [-]; ten less is very strong evidence.
     contact_time_s, stiffness_n_per_m, damping_coefficient_n_s_per_m, damping_ratio : float
@@ -164,6 +167,8 @@ class IdentificationResults:
         Of one mean trace's noise, row by row, as many rows as parameters.
     undetermined : tuple of str
         Which combinations the traces do not determine.
+    notes : tuple of str
+        What else must be known to read the values.
     """
 
     model: str
@@ -189,6 +194,7 @@ class IdentificationResults:
     values: tuple[float, ...] = ()
     covariance: tuple[float, ...] = ()
     undetermined: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from impact_rig.reporting.numbers import MISSING
+
 COLUMN_GAP = "  "
 NARROWEST_TEXT = 10
 """Down to where words may wrap so that numbers stay whole [characters]."""
@@ -55,7 +57,8 @@ def print_table(
 ) -> None:
     """Print a title, a table, notes below it, and an empty line.
 
-    Optional columns are left out from the right until the table fits.
+    Optional columns without a single number are left out, and then further ones from the right
+    until the table fits.
 
     Parameters
     ----------
@@ -77,6 +80,11 @@ def print_table(
 
 
 def _choose_columns(console: Console, columns: list[Column]) -> list[Column]:
+    columns = [
+        column
+        for column in columns
+        if not column.is_optional or any(cell not in ("", MISSING) for cell in column.cells)
+    ]
     while _find_natural_width(columns) > console.width:
         optional = [column for column in columns if column.is_optional]
         if not optional:

@@ -9,11 +9,16 @@ from typing import Any
 from rich.console import Console
 
 from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.reporting.numbers import MISSING, format_number
-from impact_rig.reporting.remarks import print_notes
+from impact_rig.reporting.model_tables import (
+    print_free_decays,
+    print_identifications,
+    print_pulse_shapes,
+)
+from impact_rig.reporting.numbers import MEGA, MICRO, MISSING, format_number, format_uncertain
+from impact_rig.reporting.remarks import print_notes, print_warnings
 from impact_rig.reporting.results import HammerResults, SampleResults
 from impact_rig.reporting.results_file import record_to_json
-from impact_rig.reporting.terminal import Column, print_table
+from impact_rig.reporting.terminal import Column, make_optional, print_table
 
 FORMAT_NAME = "impact-rig trace results"
 FORMAT_VERSION = 2
@@ -38,6 +43,13 @@ class HitResults:
         w10 / w50 [-].
     hammer_peak_m_per_s2, specimen_peak_m_per_s2 : float
         Largest |acceleration| after the low-pass [m/s^2].
+    contact_time_u_s, contact_time_expanded_s : float
+        Standard uncertainty of this hit's tau_p, as it was, and the half-width of its 95 %
+        interval [s]; the next hit may well differ by more.
+    best_shape : str
+        The pulse shape that leaves least; empty: not determined.
+    shape_residual_percent : float
+        What it leaves, RMS over the peak [%].
     """
 
     file: str
@@ -48,6 +60,10 @@ class HitResults:
     width_ratio: float = NAN
     hammer_peak_m_per_s2: float = NAN
     specimen_peak_m_per_s2: float = NAN
+    contact_time_u_s: float = NAN
+    contact_time_expanded_s: float = NAN
+    best_shape: str = ""
+    shape_residual_percent: float = NAN
 
 
 @dataclass(frozen=True)
@@ -94,10 +110,30 @@ def print_trace_results(console: Console, results: TraceResults) -> None:
     hits = results.hits
     columns = [
         Column("File", _shorten([hit.file for hit in hits]), is_text=True),
-        Column("w50 [µs]", [format_number(hit.half_amplitude_width_s * 1e6, 2) for hit in hits]),
-        Column("τp [µs]", [format_number(hit.contact_time_s * 1e6, 2) for hit in hits]),
-        Column("w10/w50", [format_number(hit.width_ratio, 3) for hit in hits]),
         Column(
+            "τp [µs]",
+            [
+                format_uncertain(
+                    hit.contact_time_s * MICRO, hit.contact_time_expanded_s * MICRO, 2
+                )
+                for hit in hits
+            ],
+        ),
+        Column("Verdict", ["\n".join(hit.reasons) or "accepted" for hit in hits], is_text=True),
+        make_optional(
+            "w50 [µs]", [format_number(hit.half_amplitude_width_s * MICRO, 2) for hit in hits]
+        ),
+        make_optional("w10/w50", [format_number(hit.width_ratio, 3) for hit in hits]),
+        Column(
+            "Best shape",
+            [hit.best_shape or MISSING for hit in hits],
+            is_text=True,
+            is_optional=True,
+        ),
+        make_optional(
+            "leaves\n[%]", [format_number(hit.shape_residual_percent, 1) for hit in hits]
+        ),
+        make_optional(
             "Peak\n[m/s²]",
             [
                 f"{hit.hammer_peak_m_per_s2:.4g}"
@@ -105,14 +141,17 @@ def print_trace_results(console: Console, results: TraceResults) -> None:
                 else MISSING
                 for hit in hits
             ],
-            is_optional=True,
         ),
-        Column("Verdict", ["\n".join(hit.reasons) or "accepted" for hit in hits], is_text=True),
     ]
-    print_table(console, "Hits", columns)
+    note = "±: of the one hit, 95 %. leaves: RMS of what the best shape leaves, over the peak."
+    print_table(console, "Hits", columns, [note])
     for sample in results.samples:
         _print_mean(console, sample, results.hammer)
-        print_notes(console, results.samples)
+    print_pulse_shapes(console, results.samples)
+    print_free_decays(console, results.samples)
+    print_identifications(console, results.samples)
+    print_warnings(console, results.samples)
+    print_notes(console, results.samples)
 
 
 def _shorten(files: Sequence[str]) -> Sequence[str]:
@@ -123,25 +162,66 @@ def _shorten(files: Sequence[str]) -> Sequence[str]:
 
 def _print_mean(console: Console, sample: SampleResults, hammer: HammerResults) -> None:
     rows = [
-        ("contact time τp", sample.contact_time_s * 1e6, 2, "µs"),
-        ("spread of τp over the hits", sample.contact_time_spread_s * 1e6, 2, "µs"),
-        ("width at half amplitude w50", sample.half_amplitude_width_s * 1e6, 2, "µs"),
-        ("w10/w50", sample.width_ratio, 3, ""),
-        ("stiffness in contact k_eq", sample.equivalent_stiffness_n_per_m / 1e6, 3, "MN/m"),
-        ("hammer stiffness k1", hammer.stiffness_n_per_m / 1e6, 3, "MN/m"),
-        ("hammer damping coefficient c1", hammer.damping_coefficient_n_s_per_m, 1, "N s/m"),
-        ("stiffness k2", sample.stiffness_n_per_m / 1e6, 3, "MN/m"),
-        ("damping coefficient c2", sample.damping_coefficient_n_s_per_m, 1, "N s/m"),
-        ("damping ratio ζ", sample.damping_ratio, 3, ""),
-        ("log decrement Δ", sample.log_decrement, 3, ""),
-        ("model MSE, hammer", sample.mse_hammer_percent, 3, "%"),
-        ("model MSE, sample", sample.mse_sample_percent, 2, "%"),
+        ("contact time τp", sample.contact_time_s, sample.contact_time_expanded_s, MICRO, 2, "µs"),
+        ("spread of τp over the hits", sample.contact_time_spread_s, NAN, MICRO, 2, "µs"),
+        ("width at half amplitude w50", sample.half_amplitude_width_s, NAN, MICRO, 2, "µs"),
+        ("w10/w50", sample.width_ratio, NAN, 1.0, 3, ""),
+        (
+            "stiffness in contact k_eq",
+            sample.equivalent_stiffness_n_per_m,
+            sample.equivalent_stiffness_expanded_n_per_m,
+            MEGA,
+            3,
+            "MN/m",
+        ),
+        (
+            "hammer stiffness k1",
+            hammer.stiffness_n_per_m,
+            hammer.stiffness_expanded_n_per_m,
+            MEGA,
+            3,
+            "MN/m",
+        ),
+        (
+            "hammer damping coefficient c1",
+            hammer.damping_coefficient_n_s_per_m,
+            hammer.damping_coefficient_expanded_n_s_per_m,
+            1.0,
+            1,
+            "N s/m",
+        ),
+        (
+            "stiffness k2",
+            sample.stiffness_n_per_m,
+            sample.stiffness_expanded_n_per_m,
+            MEGA,
+            3,
+            "MN/m",
+        ),
+        (
+            "damping coefficient c2",
+            sample.damping_coefficient_n_s_per_m,
+            sample.damping_coefficient_expanded_n_s_per_m,
+            1.0,
+            1,
+            "N s/m",
+        ),
+        ("damping ratio ζ", sample.damping_ratio, sample.damping_ratio_expanded, 1.0, 3, ""),
+        ("log decrement Δ", sample.log_decrement, NAN, 1.0, 3, ""),
+        ("model MSE, hammer", sample.mse_hammer_percent, NAN, 1.0, 3, "%"),
+        ("model MSE, sample", sample.mse_sample_percent, NAN, 1.0, 2, "%"),
     ]
     known = [row for row in rows if math.isfinite(row[1])]
     columns = [
-        Column("Quantity", [row[0] for row in known], is_text=True),
-        Column("Value", [format_number(row[1], row[2]) for row in known]),
-        Column("Unit", [row[3] for row in known], is_text=True),
+        Column("Quantity", [name for name, *_ in known], is_text=True),
+        Column(
+            "Value",
+            [
+                format_uncertain(value * scale, expanded * scale, digits)
+                for _, value, expanded, scale, digits, _ in known
+            ],
+        ),
+        Column("Unit", [unit for *_, unit in known], is_text=True),
     ]
     count = sample.impacts_accepted
     title = f"{sample.name}: mean of {count} hit{'s' if count != 1 else ''}"

@@ -9,6 +9,7 @@ import pytest
 from impact_rig.core.estimation.comparison import ModelComparison, TraceComparison
 from impact_rig.core.estimation.paper_method import BodyEstimate, ContactEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.estimation.uncertainty import BudgetLine, Uncertainty
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.verdict import Reason, Rejection
 from impact_rig.core.model.impact import ModelVariant
@@ -16,7 +17,7 @@ from impact_rig.core.session import SessionResults
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.reporting.flat_estimates import results_from_session, sample_results_from_estimate
-from impact_rig.reporting.results import Results, SampleResults
+from impact_rig.reporting.results import BudgetLineResults, Results, SampleResults
 
 
 def make_comparison(variant: ModelVariant, first: float) -> ModelComparison:
@@ -26,20 +27,29 @@ def make_comparison(variant: ModelVariant, first: float) -> ModelComparison:
     return ModelComparison(variant, 1e6, 0.0, 1e-4, hammer, specimen)
 
 
+def make_uncertainty(first: float) -> Uncertainty:
+    """Return an uncertainty whose figures are `first` and those after it."""
+    return Uncertainty(first, first + 1, 9.0, (BudgetLine("mass", "B", first + 2, first + 3),))
+
+
 def test_every_figure_lands_in_its_own_field() -> None:
     estimate = SampleEstimate(
         name="tin",
         impacts_accepted=1,
         impacts_rejected=2,
-        contact=ContactEstimate(3.0, 4.0, 5.0, 6.0),
+        contact=ContactEstimate(
+            3.0, 4.0, 5.0, 6.0, make_uncertainty(40.0), make_uncertainty(50.0)
+        ),
         contact_time_spread=7.0,
-        body=BodyEstimate(8.0, 9.0, 10.0, 11.0, ("a note",)),
+        body=BodyEstimate(8.0, 9.0, 10.0, 11.0, (), *map(make_uncertainty, (60.0, 70.0, 80.0))),
         hammer_peak=12.0,
         specimen_peak=13.0,
         comparisons=(
             make_comparison(ModelVariant.PRINTED, 30.0),
             make_comparison(ModelVariant.DRIVEN, 20.0),
         ),
+        warnings=("a warning",),
+        notes=("a note",),
     )
     assert sample_results_from_estimate(estimate) == SampleResults(
         name="tin",
@@ -54,6 +64,23 @@ def test_every_figure_lands_in_its_own_field() -> None:
         log_decrement=9.0,
         damping_ratio=10.0,
         damping_coefficient_n_s_per_m=11.0,
+        contact_time_u_s=40.0,
+        contact_time_expanded_s=41.0,
+        equivalent_stiffness_u_n_per_m=50.0,
+        equivalent_stiffness_expanded_n_per_m=51.0,
+        stiffness_u_n_per_m=60.0,
+        stiffness_expanded_n_per_m=61.0,
+        damping_ratio_u=70.0,
+        damping_ratio_expanded=71.0,
+        damping_coefficient_u_n_s_per_m=80.0,
+        damping_coefficient_expanded_n_s_per_m=81.0,
+        budget=(
+            BudgetLineResults("contact_time", "mass", "B", 42.0, 43.0),
+            BudgetLineResults("stiffness", "mass", "B", 62.0, 63.0),
+            BudgetLineResults("damping_ratio", "mass", "B", 72.0, 73.0),
+            BudgetLineResults("damping_coefficient", "mass", "B", 82.0, 83.0),
+        ),
+        warnings=("a warning",),
         notes=("a note",),
         hammer_peak_m_per_s2=12.0,
         specimen_peak_m_per_s2=13.0,

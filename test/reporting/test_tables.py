@@ -39,8 +39,10 @@ def test_eighty_columns_are_enough_and_every_name_keeps_its_line(results: Result
     text = render(results)
     assert max(map(len, text.splitlines())) <= 80
     for cell in PUBLISHED_SAMPLES:
-        rows = [line for line in text.splitlines() if line.startswith(cell.name)]
-        assert len(rows) == 4  # Tables 2, 3, 4 and Fig. 6
+        tables = text.partition("Not determined")[0]
+        rows = [line for line in tables.splitlines() if line.startswith(cell.name)]
+        # Tables 2 to 4, Fig. 6, pulse shape and free decay; no model describes this rig.
+        assert len(rows) == 6
 
 
 @pytest.mark.parametrize("width", [30, 40, 60, 79, 80, 120, 200])
@@ -99,7 +101,7 @@ def test_samples_without_reference_get_no_difference() -> None:
     tin, zinc = (make_sample(name, contact_time_s=2.1e-4) for name in ("tin", "zinc"))
     both = render(Results(HammerResults(), (tin, zinc), ()), samples)
     assert find_row(both, "tin", "Table 2")[:3] == ["200.00", "210.00", "+5.00"]
-    assert find_row(both, "zinc", "Table 2")[:2] == ["210.00", "-"]
+    assert find_row(both, "zinc", "Table 2") == ["210.00", "10", "2"]
     alone = render(Results(HammerResults(), (zinc,), ()), samples)
     assert "Diff." not in alone
     assert "Largest differences" not in alone

@@ -14,7 +14,19 @@ from impact_rig.reporting.trace_results import (
     trace_results_to_json,
 )
 
-GOOD = HitResults("lab/hit_1.npy", True, (), 100e-6, 200e-6, 1.59, 512.0)
+GOOD = HitResults(
+    "lab/hit_1.npy",
+    True,
+    (),
+    100e-6,
+    200e-6,
+    1.59,
+    512.0,
+    contact_time_u_s=0.6e-6,
+    contact_time_expanded_s=1.2e-6,
+    best_shape="versed-sine",
+    shape_residual_percent=0.31,
+)
 BAD = HitResults("lab/hit_2.npy", False, ("overload: 5 points at the rail",))
 SAMPLE = SampleResults("tin", 1, 1, contact_time_s=200e-6, notes=("k and c: no mass given",))
 RESULTS = TraceResults(HammerResults(), (SAMPLE,), (GOOD, BAD))
@@ -28,10 +40,13 @@ def render(results: TraceResults, width: int = 80) -> str:
 
 
 def test_each_hit_has_its_line_with_verdict_and_widths() -> None:
-    lines = render(RESULTS).splitlines()
+    lines = render(RESULTS, width=120).splitlines()
     good, bad = (next(line for line in lines if name in line) for name in ("hit_1", "hit_2"))
-    assert good.split() == ["hit_1.npy", "100.00", "200.00", "1.590", "512", "accepted"]
-    assert bad.split()[:5] == ["hit_2.npy", "-", "-", "-", "-"]
+    assert good.split() == [
+        "hit_1.npy", "200.0", "±", "1.2", "accepted", "100.00", "1.590", "versed-sine", "0.3",
+        "512",
+    ]  # fmt: skip
+    assert bad.split()[:2] == ["hit_2.npy", "-"]
     assert "overload: 5 points at the rail" in bad
 
 

@@ -1,20 +1,37 @@
-"""Everything known of one sample: the paper's method, and the model beside the measurement."""
+"""Everything known of one sample: the paper's method, and what stands beside it."""
 
 import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from impact_rig.core.errors import RigError
 from impact_rig.core.estimation.comparison import ModelComparison, compare_with_model
+from impact_rig.core.estimation.fits import (
+    FittedModel,
+    FreeDecayEstimate,
+    estimate_decay,
+    fit_models,
+)
 from impact_rig.core.estimation.paper_method import (
     NAN,
     BodyEstimate,
     ContactEstimate,
     estimate_bodies,
 )
+from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate, estimate_pulse_shape
+from impact_rig.core.estimation.starting_values import StartingValues
+from impact_rig.core.estimation.uncertainty_contact import estimate_contact_time_uncertainty
 from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant
-from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY, RigSetup
+from impact_rig.core.setup.settings import AnalysisSettings
+
+DAMPING_WARNING = (
+    "damping by the log decrement and by the free decay differ by more than their uncertainties:"
+    " the body is still driven at its largest peak, and the free decay is to be preferred"
+)
 
 
 @dataclass(frozen=True)
@@ -37,6 +54,16 @@ class SampleEstimate:
         Of the mean traces [m/s^2].
     comparisons : tuple of ModelComparison
         One per model variant; empty: not possible, see the notes.
+    shape : PulseShapeEstimate or None
+        Of the hammer's mean pulse; None: not determined.
+    free_decay : FreeDecayEstimate or None
+        Of the sample after the contact; None: not determined.
+    models : tuple of FittedModel
+        One for each variant that could be fitted; empty: none, or not asked for.
+    warnings : tuple of str
+        What a reader of the numbers must know.
+    notes : tuple of str
+        What could not be determined, and why.
     """
 
     name: str
@@ -48,6 +75,11 @@ class SampleEstimate:
     hammer_peak: float = NAN
     specimen_peak: float = NAN
     comparisons: tuple[ModelComparison, ...] = ()
+    shape: PulseShapeEstimate | None = None
+    free_decay: FreeDecayEstimate | None = None
+    models: tuple[FittedModel, ...] = ()
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def find_comparison(self, variant: ModelVariant) -> ModelComparison | None:
         """Return the comparison with one model variant, if there is one."""
@@ -62,7 +94,9 @@ def estimate_sample(
     hammer: BodyEstimate,
     setup: RigSetup,
 ) -> SampleEstimate:
-    """Estimate tau_p, k2 and c2 of one sample, and compare it with the model.
+    """Estimate tau_p, k2 and c2 of one sample, with pulse shape, free decay and comparison.
+
+    The model is not fitted: see `add_models`.
 
     Parameters
     ----------
@@ -80,20 +114,133 @@ def estimate_sample(
         Masses and settings.
     """
     contact, body = estimate_bodies(mean, setup, name, hammer)
-    peaks = np.abs(mean.traces).max(axis=1)
+    shape, shape_notes = _look_at_shape(mean, setup.analysis)
+    decay, decay_notes = _look_at_decay(mean, setup, name, contact.contact_time)
     estimate = SampleEstimate(
         name=name,
         impacts_accepted=mean.count,
         impacts_rejected=impacts_rejected,
         contact=contact,
-        contact_time_spread=float(np.std(contact_times, ddof=1))
-        if len(contact_times) > 1
-        else NAN,
+        contact_time_spread=_find_spread(contact_times),
         body=body,
-        hammer_peak=float(peaks[0]),
-        specimen_peak=float(peaks[1]) if peaks.size > 1 else NAN,
+        hammer_peak=float(np.abs(mean.traces[0]).max()),
+        specimen_peak=_find_specimen_peak(mean),
+        shape=shape,
+        free_decay=decay,
+        warnings=_warn(shape, decay, body),
+        notes=_gather_notes(contact, body) + shape_notes + decay_notes,
     )
     return _add_comparisons(estimate, mean, hammer, setup)
+
+
+def estimate_contact_alone(
+    name: str,
+    mean: MeanHit,
+    contact_times: tuple[float, ...],
+    impacts_rejected: int,
+    settings: AnalysisSettings,
+) -> SampleEstimate:
+    """Estimate what needs no mass: tau_p and the pulse's shape; parameters as above."""
+    pulse = measure_pulse(mean.traces[0])
+    width = pulse.half_amplitude_width / mean.sampling_rate
+    uncertainty = estimate_contact_time_uncertainty(
+        mean, settings, DEFAULT_CLOCK_UNCERTAINTY, name
+    )
+    shape, shape_notes = _look_at_shape(mean, settings)
+    return SampleEstimate(
+        name=name,
+        impacts_accepted=mean.count,
+        impacts_rejected=impacts_rejected,
+        contact=ContactEstimate(
+            half_amplitude_width=width,
+            width_ratio=pulse.width_ratio,
+            contact_time=settings.pulse_factor * width,
+            equivalent_stiffness=NAN,
+            contact_time_uncertainty=uncertainty,
+        ),
+        contact_time_spread=_find_spread(contact_times),
+        hammer_peak=float(np.abs(mean.traces[0]).max()),
+        specimen_peak=_find_specimen_peak(mean),
+        shape=shape,
+        warnings=_warn(shape, None, BodyEstimate()),
+        notes=uncertainty.notes + shape_notes,
+    )
+
+
+def _find_spread(contact_times: tuple[float, ...]) -> float:
+    return float(np.std(contact_times, ddof=1)) if len(contact_times) > 1 else NAN
+
+
+def _find_specimen_peak(mean: MeanHit) -> float:
+    return float(np.abs(mean.traces[1]).max()) if mean.traces.shape[0] > 1 else NAN
+
+
+def _look_at_shape(
+    mean: MeanHit, settings: AnalysisSettings
+) -> tuple[PulseShapeEstimate | None, tuple[str, ...]]:
+    """Return the pulse's shape, or why it is not determined."""
+    try:
+        return estimate_pulse_shape(mean, settings.cutoff_frequency), ()
+    except RigError as error:
+        return None, (str(error),)
+
+
+def _look_at_decay(
+    mean: MeanHit, setup: RigSetup, name: str, contact_time: float
+) -> tuple[FreeDecayEstimate | None, tuple[str, ...]]:
+    """Return the free decay, or why it is not determined."""
+    if mean.traces.shape[0] <= 1:
+        return None, ()
+    try:
+        return estimate_decay(mean, setup, name, contact_time), ()
+    except RigError as error:
+        return None, (str(error),)
+
+
+def _warn(
+    shape: PulseShapeEstimate | None, decay: FreeDecayEstimate | None, body: BodyEstimate
+) -> tuple[str, ...]:
+    """Return which assumptions of the paper's method do not hold."""
+    warnings = (shape.warning,) if shape is not None and shape.warning else ()
+    if decay is None:
+        return warnings
+    difference = abs(body.damping_ratio - decay.damping_ratio)
+    # Both come from the same hits: the sum is more than the uncertainty of the difference.
+    together = body.damping_ratio_uncertainty.expanded + decay.uncertainties.damping_ratio.expanded
+    return (*warnings, DAMPING_WARNING) if difference > together else warnings
+
+
+def _gather_notes(contact: ContactEstimate, body: BodyEstimate) -> tuple[str, ...]:
+    """Return the notes of all results, each once."""
+    uncertainties = (
+        contact.contact_time_uncertainty,
+        contact.equivalent_stiffness_uncertainty,
+        body.stiffness_uncertainty,
+        body.damping_ratio_uncertainty,
+        body.damping_coefficient_uncertainty,
+    )
+    notes = body.notes + tuple(note for item in uncertainties for note in item.notes)
+    return tuple(dict.fromkeys(notes))
+
+
+def add_models(
+    estimate: SampleEstimate, mean: MeanHit, hammer: BodyEstimate, setup: RigSetup
+) -> SampleEstimate:
+    """Fit the model to the mean traces that `estimate` was made from; parameters as there.
+
+    A tenth of a second's work: for a series that is complete, not after every hit.
+    """
+    if mean.traces.shape[0] <= 1:
+        return estimate
+    body, decay = estimate.body, estimate.free_decay
+    start = StartingValues(
+        stiffness=decay.stiffness if decay else body.stiffness,
+        damping_coefficient=decay.damping_coefficient if decay else body.damping_coefficient,
+        hammer_stiffness=hammer.stiffness,
+        hammer_damping_coefficient=hammer.damping_coefficient,
+    )
+    models, notes = fit_models(mean, setup, estimate.name, start)
+    return replace(estimate, models=models, notes=estimate.notes + notes)
 
 
 def _add_comparisons(

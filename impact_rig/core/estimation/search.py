@@ -7,7 +7,7 @@ import numpy as np
 
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.estimation.fitting import FitProblem, FitSolution
-from impact_rig.core.estimation.identifiability import GOOD_CHI_SQUARE
+from impact_rig.core.estimation.identifiability import GOOD_CHI_SQUARE, LARGEST_RESIDUAL
 from impact_rig.core.estimation.starting_values import StartingValues, find_starts
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.signals.record import FloatArray
@@ -21,6 +21,9 @@ MOST_EVALUATIONS = 50
 ROUGH_TOLERANCE = 1e-4
 """Relative change of cost or parameters at which the search on few points ends [-], our choice:
 the one on all points goes on from there."""
+HOPELESS_RESIDUAL = 2.0 * LARGEST_RESIDUAL
+"""RMS residual over the peak that no search goes on from [-], our choice: of traces that a model
+describes, a few steps from one of the starts leave less."""
 EQUAL_COST = 1e-3
 """Relative difference of cost below which two minima are one [-], our choice."""
 GOOD_RESIDUAL = 0.02
@@ -70,11 +73,17 @@ def _search(problem: FitProblem, starts: Iterable[FloatArray]) -> FitSolution:
             break
         if _is_good(problem, best):
             return best
-    if best is not None and not best.converged:
+    if best is not None and not best.converged and not _is_hopeless(problem, best):
         best = problem.solve(best.values, MOST_EVALUATIONS, ROUGH_TOLERANCE)
     if best is None or not best.converged:
         raise NotDeterminedError(_describe_failure(problem, best))
     return best
+
+
+def _is_hopeless(problem: FitProblem, solution: FitSolution) -> bool:
+    """Whether the model is too far from a trace to come near it."""
+    rms = problem.find_residual_rms(solution.values)
+    return bool(np.any(rms > HOPELESS_RESIDUAL * problem.peaks))
 
 
 def _describe_failure(problem: FitProblem, last: FitSolution | None) -> str:
