@@ -1,21 +1,20 @@
 """What each estimator makes of a campaign, beside the truth: the one place that calls them."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.free_decay import estimate_free_decay
+from impact_rig.core.estimation.fits import add_uncertainties, estimate_decay
 from impact_rig.core.estimation.identification import identify_model
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.estimation.uncertainty_arithmetic import UncertainNumber
-from impact_rig.core.estimation.uncertainty_inputs import RigNumbers, find_rig_numbers
-from impact_rig.core.estimation.uncertainty_propagation import Formula, propagate_parameters
+from impact_rig.core.estimation.paper_method import (
+    BodyEstimate,
+    ContactEstimate,
+    estimate_bodies,
+)
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.selection import select_hits
-from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.record import FloatArray
 from impact_rig.study.bounds import find_bounds
 from impact_rig.study.campaigns import Campaign
 from impact_rig.study.cases import FREE_DECAY, IDENTIFICATION, PAPER
@@ -57,47 +56,49 @@ class _Estimate:
     expanded: float = math.nan
 
 
-Estimator = Callable[[SampleEstimate, MeanHit, RigSetup], dict[str, _Estimate]]
+@dataclass(frozen=True)
+class _Evidence:
+    """What the estimators are given: the mean hit, and the paper's estimates from it."""
+
+    mean: MeanHit
+    setup: RigSetup
+    sample: str
+    contact: ContactEstimate
+    body: BodyEstimate
+
+
+Estimator = Callable[[_Evidence], dict[str, _Estimate]]
 
 
 def evaluate(campaign: Campaign) -> tuple[Outcome, ...]:
     """Return every estimate of a campaign beside its truth."""
-    sample, setup = campaign.sample, campaign.session.setup
+    case, sample, setup = campaign.case, campaign.sample, campaign.session.setup
     truth = campaign.truth.find_parameters(sample)
-    bounds = find_bounds(campaign.case, campaign.rig, setup, sample)
-    estimate = campaign.session.estimate_sample(sample)
-    filtered = [hit.filtered for hit in select_hits(campaign.hits).kept if hit.filtered]
-    mean = average_hits(filtered)
+    bounds = find_bounds(case, campaign.rig, setup, sample)
+    selected = select_hits(campaign.hits, setup.analysis.keep_hits).kept
+    mean = average_hits([hit.filtered for hit in selected if hit.filtered])
+    bodies = estimate_bodies(mean, setup, sample, campaign.session.estimate_hammer())
+    evidence = _Evidence(mean, setup, sample, *bodies)
     outcomes = []
-    for name in campaign.case.estimators:
+    for name in case.estimators:
         try:
-            found = _ESTIMATORS[name](estimate, mean, setup)
+            found = _ESTIMATORS[name](evidence)
         except NotDeterminedError:
             found = {}
         for quantity in ESTIMATED[name]:
-            if name == PAPER and quantity in NEEDS_CONTROL and not campaign.case.has_control:
+            if name == PAPER and quantity in NEEDS_CONTROL and not case.has_control:
                 continue
-            value = found.get(quantity, _Estimate())
             is_paper_stiffness = (name, quantity) == (PAPER, STIFFNESS)
             true = truth["paper_stiffness" if is_paper_stiffness else quantity]
-            outcomes.append(
-                Outcome(
-                    name,
-                    quantity,
-                    value.value / true - 1.0,
-                    value.expanded / true,
-                    math.nan if is_paper_stiffness else bounds.get(quantity, math.nan),
-                )
-            )
+            value = found.get(quantity, _Estimate())
+            bound = math.nan if is_paper_stiffness else bounds.get(quantity, math.nan)
+            error, half_width = value.value / true - 1.0, value.expanded / true
+            outcomes.append(Outcome(name, quantity, error, half_width, bound))
     return tuple(outcomes)
 
 
-def _estimate_by_paper(
-    estimate: SampleEstimate, _mean: MeanHit, _setup: RigSetup
-) -> dict[str, _Estimate]:
-    contact, body = estimate.contact, estimate.body
-    if contact is None:
-        return {}
+def _estimate_by_paper(evidence: _Evidence) -> dict[str, _Estimate]:
+    contact, body = evidence.contact, evidence.body
     return {
         CONTACT_TIME: _Estimate(contact.contact_time, contact.contact_time_uncertainty.expanded),
         STIFFNESS: _Estimate(body.stiffness, body.stiffness_uncertainty.expanded),
@@ -108,83 +109,37 @@ def _estimate_by_paper(
     }
 
 
-def _estimate_by_free_decay(
-    estimate: SampleEstimate, mean: MeanHit, setup: RigSetup
-) -> dict[str, _Estimate]:
-    if estimate.contact is None:
-        return {}
-    found = estimate_free_decay(
-        mean, 1, estimate.contact.contact_time, setup.analysis.cutoff_frequency
-    )
-
-    def derive(fitted: Sequence[UncertainNumber], rig: RigNumbers) -> list[UncertainNumber]:
-        decay_rate, frequency = (value / rig.clock for value in fitted)
-        squared = decay_rate**2 + frequency**2
-        return [
-            rig.moving_mass * squared,
-            2.0 * rig.moving_mass * decay_rate,
-            decay_rate / squared**0.5,
-        ]
-
-    mass = setup.samples.find_moving_mass(estimate.name)
-    values = (
-        found.find_stiffness(mass),
-        found.find_damping_coefficient(mass),
-        found.damping_ratio,
-    )
-    fitted = (found.decay_rate, found.angular_frequency)
-    return _propagate(FREE_DECAY, values, fitted, found.hit_values, derive, estimate.name, setup)
-
-
-def _identify(estimate: SampleEstimate, mean: MeanHit, setup: RigSetup) -> dict[str, _Estimate]:
-    found = identify_model(mean, setup, estimate.name, ModelVariant.DRIVEN)
-    stated_mass = setup.samples.find_moving_mass(estimate.name)
-
-    def derive(fitted: Sequence[UncertainNumber], rig: RigNumbers) -> list[UncertainNumber]:
-        # The fit knows k2 / m2 and c2 / m2 in the clock's time.
-        contact_time, stiffness, damping = fitted
-        mass = rig.moving_mass / stated_mass
-        return [
-            contact_time * rig.clock,
-            stiffness * mass / rig.clock**2,
-            damping * mass / rig.clock,
-        ]
-
-    columns = [found.names.index(name) for name in ("tau_p", "k2", "c2")]
-    values = found.values[columns].tolist()
-    per_hit = found.hit_values[:, columns]
-    return _propagate(IDENTIFICATION, values, values, per_hit, derive, estimate.name, setup)
-
-
-def _propagate(
-    estimator: str,
-    values: Sequence[float],
-    fitted: Sequence[float],
-    per_hit: FloatArray,
-    derive: Formula,
-    sample: str,
-    setup: RigSetup,
-) -> dict[str, _Estimate]:
-    """Put the hits' scatter, masses and clock into the uncertainties of `values`."""
-    uncertainties = propagate_parameters(
-        f"scatter of the hits on {sample}",
-        per_hit,
-        derive,
-        find_rig_numbers(setup, sample),
-        estimates=fitted,
+def _estimate_by_free_decay(evidence: _Evidence) -> dict[str, _Estimate]:
+    found = estimate_decay(
+        evidence.mean, evidence.setup, evidence.sample, evidence.contact.contact_time
     )
     return {
-        name: _Estimate(value, uncertainty.expanded)
-        for name, value, uncertainty in zip(
-            ESTIMATED[estimator], values, uncertainties, strict=True
-        )
+        STIFFNESS: _Estimate(found.stiffness, found.uncertainties.stiffness.expanded),
+        DAMPING_COEFFICIENT: _Estimate(
+            found.damping_coefficient, found.uncertainties.damping_coefficient.expanded
+        ),
+        DAMPING_RATIO: _Estimate(found.damping_ratio, found.uncertainties.damping_ratio.expanded),
+    }
+
+
+def _identify(evidence: _Evidence) -> dict[str, _Estimate]:
+    mean, setup, sample = evidence.mean, evidence.setup, evidence.sample
+    fitted = identify_model(mean, setup, sample)
+    found = add_uncertainties(fitted, setup, sample)
+    return {
+        CONTACT_TIME: _Estimate(fitted.contact_time, found.uncertainties.contact_time.expanded),
+        STIFFNESS: _Estimate(fitted.stiffness, found.uncertainties.stiffness.expanded),
+        DAMPING_COEFFICIENT: _Estimate(
+            fitted.damping_coefficient, found.uncertainties.damping_coefficient.expanded
+        ),
+        DAMPING_RATIO: _Estimate(found.damping_ratio, found.uncertainties.damping_ratio.expanded),
     }
 
 
 ESTIMATED = {
-    PAPER: (CONTACT_TIME, STIFFNESS, DAMPING_RATIO, DAMPING_COEFFICIENT),
+    PAPER: (CONTACT_TIME, STIFFNESS, DAMPING_COEFFICIENT, DAMPING_RATIO),
     FREE_DECAY: (STIFFNESS, DAMPING_COEFFICIENT, DAMPING_RATIO),
-    IDENTIFICATION: (CONTACT_TIME, STIFFNESS, DAMPING_COEFFICIENT),
+    IDENTIFICATION: (CONTACT_TIME, STIFFNESS, DAMPING_COEFFICIENT, DAMPING_RATIO),
 }
 """What each estimator determines."""
 NEEDS_CONTROL = (STIFFNESS, DAMPING_COEFFICIENT)
