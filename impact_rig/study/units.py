@@ -7,7 +7,6 @@ from typing import Any
 from zlib import crc32
 
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.uncertainty import make_input
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.study.campaigns import CampaignSource
 from impact_rig.study.cases import Configuration, Part, find_case, list_cases
@@ -74,9 +73,6 @@ def run_unit(unit: Unit, seed: int) -> Json:
         Plain values, all that is kept of the unit. The same unit and seed give the same values,
         times apart.
     """
-    # Inputs that are kept from one estimate to the next would come in another order than in a
-    # fresh process, and their variances would be added up to another last bit.
-    make_input.cache_clear()
     entropy = (seed, crc32(unit.key.encode()))
     numbers = range(unit.first, unit.first + unit.count)
     if unit.part is Part.SPEED:

@@ -306,7 +306,7 @@ def test_a_person_goes_before_the_verdict(run: Run, save: Callable[..., Path]) -
     assert find_reasons(by_hand) == {"hit_1.npy": ["operator"]}
     (sample,) = by_hand["samples"]
     assert sample["impacts_accepted"] == 2
-    (note,) = [note for note in sample["notes"] if "by hand" in note]
+    (note,) = [text for text in sample["warnings"] if "by hand" in text]
     assert note.startswith(
         "double.npy accepted by hand, although double_hit: a second pulse of 50"
     )

@@ -85,8 +85,10 @@ def setup_fields(**changes: Any) -> dict[str, Any]:
         "record_duration": 2e-3,
         "detection_level": 0.03,
         "minimum_peak": 0.15,
+        "maximum_peak": 0.95,
         "overload_run": 3,
         "double_hit_level": 0.05,
+        "keep_hits": 0,
     }
     fields = {
         "header": header(),

@@ -113,7 +113,7 @@ def make_input(
         If the uncertainty is not a finite number of zero or more.
     """
     check_not_negative(f"standard uncertainty of {source}", standard, "")
-    number: UncertainNumber = GTC.ureal(value, standard, label=f"B{source}")
+    number: UncertainNumber = GTC.ureal(value, standard, label=_make_label(source, math.inf))
     return number
 
 
@@ -176,35 +176,61 @@ def _make_errors(
     """
     if count == 0:
         return ()
-    kind = "A" if math.isfinite(degrees_of_freedom) else "B"
-    labels = [f"{kind}{source}"] * count
+    labels = [_make_label(source, degrees_of_freedom)] * count
     return tuple(GTC.multiple_ureal([0.0] * count, [1.0] * count, degrees_of_freedom, labels))
+
+
+def _make_label(source: str, degrees_of_freedom: float) -> str:
+    """Name an input, so that its contribution can be told from others of other freedom."""
+    return f"{degrees_of_freedom!r} {source}"
 
 
 def find_uncertainty(number: UncertainNumber, notes: tuple[str, ...] = ()) -> Uncertainty:
     """Return standard and expanded uncertainty of a number, with its budget.
 
-    Inputs of one source make one line: their variances are added.
+    Inputs of one source make one line: their variances are added. All sums are exact before they
+    are rounded, so that the order in which inputs were made, which differs between a live rig and
+    its recording, changes no bit.
     """
-    standard = float(number.u)
-    if not math.isfinite(standard):
+    if not math.isfinite(float(number.u)):
         return make_undetermined("uncertainty: not determined, it has no finite value")
-    if standard == 0.0:
-        return Uncertainty(0.0, 0.0, math.inf, (), notes)
-    variances: dict[str, float] = {}
+    parts: dict[str, list[float]] = {}
     for influence in GTC.reporting.budget(number, trim=0.0):
-        variances[influence.label] = variances.get(influence.label, 0.0) + influence.u**2
-    largest = max(variances.values())
-    kept = [item for item in variances.items() if item[1] > NEGLIGIBLE_SHARE * largest]
-    total = math.fsum(variance for _, variance in kept)
-    budget = tuple(
-        BudgetLine(label[1:], label[0], math.sqrt(variance), variance / total)
-        for label, variance in sorted(kept, key=lambda item: (-item[1], item[0]))
+        parts.setdefault(influence.label, []).append(influence.u**2)
+    variances = {label: math.fsum(squares) for label, squares in parts.items()}
+    total = math.fsum(variances.values())
+    if total == 0.0:
+        return Uncertainty(0.0, 0.0, math.inf, (), notes)
+    standard = math.sqrt(total)
+    freedom = _find_effective_freedom(variances, total)
+    factor = float(GTC.reporting.k_factor(freedom, COVERAGE_PERCENT))
+    return Uncertainty(standard, factor * standard, freedom, _make_budget(variances), notes)
+
+
+def _find_effective_freedom(variances: dict[str, float], total: float) -> float:
+    """Return the effective degrees of freedom by Welch and Satterthwaite (GUM G.4.1)."""
+    spread = math.fsum(
+        (variance / total) ** 2 / float(label.partition(" ")[0])
+        for label, variance in variances.items()
     )
     # Rounding may bring one degree of freedom to just below one, which GTC refuses.
-    freedom = max(float(number.df), 1.0)
-    factor = float(GTC.reporting.k_factor(freedom, COVERAGE_PERCENT))
-    return Uncertainty(standard, factor * standard, freedom, budget, notes)
+    return max(1.0 / spread, 1.0) if spread > 0.0 else math.inf
+
+
+def _make_budget(variances: dict[str, float]) -> tuple[BudgetLine, ...]:
+    largest = max(variances.values())
+    kept = {
+        label: variance
+        for label, variance in variances.items()
+        if variance > NEGLIGIBLE_SHARE * largest
+    }
+    total = math.fsum(kept.values())
+    lines = []
+    for label, variance in sorted(kept.items(), key=lambda item: (-item[1], item[0])):
+        freedom, _, source = label.partition(" ")
+        kind = "A" if math.isfinite(float(freedom)) else "B"
+        lines.append(BudgetLine(source, kind, math.sqrt(variance), variance / total))
+    return tuple(lines)
 
 
 def make_undetermined(*reasons: str) -> Uncertainty:
