@@ -124,8 +124,7 @@ def test_the_core_is_arithmetic_only(path):
 def test_only_the_modules_of_uncertainty_calculate_with_uncertain_numbers():
     users = {path for path in MODULES if "GTC" in list_libraries(path)}
     assert users
-    assert {path.parent.relative_to(PACKAGE) for path in users} == {Path("core/estimation")}
-    assert all(path.name.startswith("uncertainty") for path in users)
+    assert {path.parent.relative_to(PACKAGE) for path in users} == {Path("core/uncertainty")}
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name_module)

@@ -1,6 +1,7 @@
 """`impact-rig analyze`: recordings and plain traces, without ROS."""
 
 from collections.abc import Sequence
+from enum import Enum, auto
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from impact_rig.cli.settings_changes import SettingsChanges
 from impact_rig.cli.trace_analysis import analyze_traces
 from impact_rig.cli.trace_options import TraceOptions
 from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.reporting.budget_tables import print_budgets
 from impact_rig.reporting.results_file import format_json, results_to_json
 from impact_rig.reporting.tables import print_results
 from impact_rig.reporting.terminal import make_console
@@ -20,6 +22,16 @@ from impact_rig.reporting.trace_results import print_trace_results, trace_result
 
 MCAP_SUFFIX = ".mcap"
 RECORDING_NAME = "session.mcap"
+
+
+class Form(Enum):
+    """What is printed."""
+
+    TABLES = auto()
+    BUDGETS = auto()
+    JSON = auto()
+
+
 TRACE_ONLY = {
     "columns": "--columns",
     "rate": "--rate",
@@ -58,6 +70,7 @@ TRACE_ONLY = {
     "files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
+@click.option("--budget", is_flag=True, help="Print where each uncertainty comes from, too.")
 @click.option(
     "--cutoff",
     type=Cutoff(),
@@ -136,6 +149,7 @@ def command(
     /,
     files: tuple[Path, ...],
     as_json: bool,
+    budget: bool,
     cutoff: float | None,
     pulse_factor: float | None,
     double_hit_level: float | None,
@@ -157,6 +171,7 @@ def command(
             f"{recordings[0]} is a recording and {traces[0]} a plain trace: analyze them apart"
         )
 
+    form = Form.JSON if as_json else Form.BUDGETS if budget else Form.TABLES
     changes = SettingsChanges(cutoff, pulse_factor, double_hit_level, keep)
     if recordings:
         for name, option in TRACE_ONLY.items():
@@ -166,7 +181,7 @@ def command(
             raise ParameterError(
                 "--accept and --reject name hits of one recording: analyze recordings one by one"
             )
-        errors = _report_recordings(recordings, changes, accept, reject, as_json=as_json)
+        errors = _report_recordings(recordings, changes, accept, reject, form)
     else:
         task = TraceOptions(**trace_options, accept=accept, reject=reject).make_task(changes)
         analyzed = analyze_traces(traces, task)
@@ -174,7 +189,10 @@ def command(
         if as_json:
             click.echo(format_json(trace_results_to_json(analyzed.results)), nl=False)
         elif analyzed.results.hits:
-            print_trace_results(make_console(), analyzed.results)
+            console = make_console()
+            print_trace_results(console, analyzed.results)
+            if form is Form.BUDGETS:
+                print_budgets(console, analyzed.results.samples, analyzed.results.hammer)
     for error in errors[:-1]:
         click.echo(f"error: {error}", err=True)
     if errors:
@@ -194,8 +212,7 @@ def _report_recordings(
     changes: SettingsChanges,
     accept: Sequence[str],
     reject: Sequence[str],
-    *,
-    as_json: bool,
+    form: Form,
 ) -> list[str]:
     console = make_console()
     errors: list[str] = []
@@ -209,15 +226,17 @@ def _report_recordings(
         for warning in recording.warnings:
             click.echo(f"warning: {warning}", err=True)
         found += recording.campaigns
-        if as_json:
+        if form is Form.JSON:
             continue
         for number, campaign in enumerate(recording.campaigns, start=1):
             if len(recording.campaigns) > 1:
                 console.print(f"{path}, campaign {number}\n", style="bold underline")
             elif len(paths) > 1:
                 console.print(f"{path}\n", style="bold underline")
+            if form is Form.BUDGETS:
+                print_budgets(console, campaign.results.samples, campaign.results.hammer)
             print_results(console, campaign.results, campaign.setup.samples)
-    if as_json and found:
+    if form is Form.JSON and found:
         contents = [results_to_json(campaign.results) for campaign in found]
         single = len(paths) == 1 and len(contents) == 1
         click.echo(format_json(contents[0] if single else contents), nl=False)

@@ -9,7 +9,6 @@ from impact_rig.core.errors import ParameterError, RigError, SignalError
 from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_hammer
 from impact_rig.core.estimation.pulse_shape import estimate_pulse_shape
 from impact_rig.core.estimation.sample import add_models, estimate_contact_alone, estimate_sample
-from impact_rig.core.estimation.uncertainty_contact import estimate_hit_uncertainty
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import Overrules, describe_overruled, overrule_hit
@@ -20,6 +19,7 @@ from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import find_pulse_start
 from impact_rig.core.signals.filtering import check_cutoff
 from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.uncertainty.contact import estimate_hit_uncertainty
 from impact_rig.recording.traces import TraceFormat, read_trace
 from impact_rig.reporting.flat_estimates import (
     hammer_results_from_body,

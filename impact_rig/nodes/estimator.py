@@ -90,6 +90,9 @@ class EstimatorNode(RigNode):
             results.hammer, results.setup.samples.control_sample, stamp
         )
         response.samples = messages.estimate_to_msgs(results.samples, stamp)
+        for estimate in response.samples:
+            # Now with the model fitted: recorder and view want to know.
+            self._estimate.publish(estimate)
         response.rejected = [messages.hit_to_msg(hit) for hit in results.rejected]
         return response
 

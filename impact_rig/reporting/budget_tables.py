@@ -9,7 +9,6 @@ from impact_rig.reporting.numbers import MEGA, MICRO, format_uncertain
 from impact_rig.reporting.results import (
     BudgetLineResults,
     HammerResults,
-    Results,
     SampleResults,
 )
 from impact_rig.reporting.terminal import Column, print_table
@@ -43,16 +42,13 @@ _SHOWN = {
 }
 
 
-def print_budgets(console: Console, results: Results) -> None:
+def print_budgets(
+    console: Console, samples: Sequence[SampleResults], hammer: HammerResults
+) -> None:
     """Print the uncertainty budget of every sample, and of the hammer."""
-    for sample in results.samples:
+    for sample in samples:
         _print_budget(console, sample.name, sample, sample.budget)
-    _print_budget(console, "hammer", results.hammer, results.hammer.budget)
-
-
-def print_sample_budget(console: Console, sample: SampleResults) -> None:
-    """Print the uncertainty budget of one sample."""
-    _print_budget(console, sample.name, sample, sample.budget)
+    _print_budget(console, "hammer", hammer, hammer.budget)
 
 
 def _print_budget(

@@ -8,10 +8,10 @@ from impact_rig.core.estimation.comparison import ModelComparison
 from impact_rig.core.estimation.fits import FittedModel, FreeDecayEstimate
 from impact_rig.core.estimation.paper_method import BodyEstimate, ContactEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.estimation.uncertainty import Uncertainty
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import SessionResults
+from impact_rig.core.uncertainty.results import Uncertainty
 from impact_rig.reporting.results import (
     NAN,
     BudgetLineResults,

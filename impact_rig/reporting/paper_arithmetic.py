@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from impact_rig.core.estimation.log_decrement import (
+from impact_rig.core.damping.log_decrement import (
     compute_log_decrement,
     estimate_damping_ratio_from_coefficient,
 )

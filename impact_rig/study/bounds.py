@@ -11,7 +11,7 @@ from functools import lru_cache
 from types import MappingProxyType
 
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.cramer_rao import compute_model_bound
+from impact_rig.core.identification.cramer_rao import compute_model_bound
 from impact_rig.core.model.pulses import VERSED_SINE
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.devices.virtual.digitizer import find_scale

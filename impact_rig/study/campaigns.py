@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.log_decrement import (
+from impact_rig.core.damping.log_decrement import (
     estimate_damping_coefficient,
     estimate_damping_ratio_from_coefficient,
 )
+from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.estimation.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.estimation.fits import add_uncertainties, estimate_decay
-from impact_rig.core.estimation.identification import identify_model
 from impact_rig.core.estimation.paper_method import (
     BodyEstimate,
     ContactEstimate,
@@ -14,6 +13,7 @@ from impact_rig.core.estimation.paper_method import (
 )
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.selection import select_hits
+from impact_rig.core.identification.identification import identify_model
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.study.bounds import find_bounds
 from impact_rig.study.campaigns import Campaign

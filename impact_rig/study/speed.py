@@ -10,14 +10,14 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from impact_rig.core.estimation.filtered_noise import find_raw_noise
-from impact_rig.core.estimation.fitting import FitProblem
-from impact_rig.core.estimation.identification import Identification, identify_model
-from impact_rig.core.estimation.measured_model import MeasuredModel
-from impact_rig.core.estimation.search import find_best_fit
-from impact_rig.core.estimation.starting_values import StartingValues
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import FilteredHit
+from impact_rig.core.identification.filtered_noise import find_raw_noise
+from impact_rig.core.identification.fitting import FitProblem
+from impact_rig.core.identification.identification import Identification, identify_model
+from impact_rig.core.identification.measured_model import MeasuredModel
+from impact_rig.core.identification.search import find_best_fit
+from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP

@@ -154,8 +154,8 @@ def test_a_person_accepts_and_rejects_hits_by_number_or_place(run: Run, campaign
     assert double.record not in rejections
     by_hand = [number for number, reasons in rejections.items() if "operator" in reasons]
     assert len(by_hand) == 2
-    (warnings,) = [item["warnings"] for item in content["samples"] if item["name"] == double.sample]
-    (note,) = [text for text in warnings if "by hand" in text]
+    (struck,) = [item for item in content["samples"] if item["name"] == double.sample]
+    (note,) = [text for text in struck["warnings"] if "by hand" in text]
     assert note.startswith(f"hit {double.record} ({double.sample}/")
     assert "although double_hit: a second pulse of" in note
     # What nobody spoke of stays as it was.

@@ -19,7 +19,6 @@ from impact_rig.reporting.results import (
     HammerResults,
     IdentificationResults,
     PulseShapeResults,
-    Results,
     SampleResults,
     ShapeFitResults,
 )
@@ -122,7 +121,7 @@ def test_tables_keep_to_the_terminal(function, width):
 
 
 def test_a_budget_names_each_source_and_sums_up_what_is_small():
-    text = render(print_budgets, Results(HammerResults(), (SAMPLE,), ()))
+    text = render(lambda *args: print_budgets(*args, HammerResults()), [SAMPLE])
     assert "steel medium: k = 45.0 ± 1.2 MN/m" in text
     assert find_row(text, "mass of the accelerometer") == ["B", "0.5", "80.0"]
     assert "below 0.05 %: sampling clock." in text

@@ -9,13 +9,13 @@ import pytest
 from impact_rig.core.estimation.comparison import ModelComparison, TraceComparison
 from impact_rig.core.estimation.paper_method import BodyEstimate, ContactEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.estimation.uncertainty import BudgetLine, Uncertainty
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.verdict import Reason, Rejection
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import SessionResults
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.uncertainty.results import BudgetLine, Uncertainty
 from impact_rig.reporting.flat_estimates import results_from_session, sample_results_from_estimate
 from impact_rig.reporting.results import BudgetLineResults, Results, SampleResults
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from impact_rig.core.estimation.cramer_rao import compute_model_bound
+from impact_rig.core.identification.cramer_rao import compute_model_bound
 from impact_rig.core.model.pulses import HERTZ
 from impact_rig.core.setup.paper import HAMMER_DAMPING_COEFFICIENT, PAPER_SETUP
 from impact_rig.devices.virtual.plants import Plant, find_nominal_model

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from impact_rig.core.estimation.measured_model import MeasuredModel
+from impact_rig.core.identification.measured_model import MeasuredModel
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.study.speed import IntegratedModel, Speed, measure_speed
 

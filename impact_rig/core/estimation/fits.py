@@ -2,21 +2,21 @@
 
 from dataclasses import dataclass
 
+from impact_rig.core.damping.free_decay import FreeDecay, estimate_free_decay
+from impact_rig.core.damping.log_decrement import estimate_damping_ratio_from_coefficient
 from impact_rig.core.errors import RigError
-from impact_rig.core.estimation.free_decay import FreeDecay, estimate_free_decay
-from impact_rig.core.estimation.identifiability import GOOD_CHI_SQUARE, LARGEST_RESIDUAL
-from impact_rig.core.estimation.identification import Identification, identify_model
-from impact_rig.core.estimation.log_decrement import estimate_damping_ratio_from_coefficient
-from impact_rig.core.estimation.starting_values import StartingValues
-from impact_rig.core.estimation.uncertainty_inputs import find_rig_numbers
-from impact_rig.core.estimation.uncertainty_propagation import (
+from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.identification.identifiability import GOOD_CHI_SQUARE, LARGEST_RESIDUAL
+from impact_rig.core.identification.identification import Identification, identify_model
+from impact_rig.core.identification.starting_values import StartingValues
+from impact_rig.core.model.impact import ModelVariant
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.uncertainty.inputs import find_rig_numbers
+from impact_rig.core.uncertainty.propagation import (
     BodyUncertainties,
     propagate_free_decay,
     propagate_identification,
 )
-from impact_rig.core.hits.averaging import MeanHit
-from impact_rig.core.model.impact import ModelVariant
-from impact_rig.core.setup.samples import RigSetup
 
 SPECIMEN_CHANNEL = 1
 NO_MODEL = (

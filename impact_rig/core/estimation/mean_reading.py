@@ -3,17 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from impact_rig.core.damping.log_decrement import LogDecrement, estimate_log_decrement
 from impact_rig.core.errors import NotDeterminedError, RigError
-from impact_rig.core.estimation.log_decrement import LogDecrement, estimate_log_decrement
-from impact_rig.core.estimation.uncertainty_contact import (
-    ContactNumbers,
-    estimate_contact_numbers,
-)
-from impact_rig.core.estimation.uncertainty_inputs import RigNumbers, find_rig_numbers
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.pulse_uncertainty import find_quantisation_error
 from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.uncertainty.contact import (
+    ContactNumbers,
+    estimate_contact_numbers,
+)
+from impact_rig.core.uncertainty.inputs import RigNumbers, find_rig_numbers
 
 DAMPING_NAMES = ("c1", "c2")
 """Of hammer and sample, for what is said about them."""

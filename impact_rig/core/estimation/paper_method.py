@@ -8,11 +8,11 @@ uncertainties and their correlations.
 import math
 from dataclasses import dataclass, field, replace
 
-from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.log_decrement import (
+from impact_rig.core.damping.log_decrement import (
     estimate_damping_coefficient,
     estimate_damping_ratio,
 )
+from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.estimation.mean_reading import MeanReading, read_mean_hit
 from impact_rig.core.estimation.stiffness import (
     estimate_equivalent_mass,
@@ -20,16 +20,16 @@ from impact_rig.core.estimation.stiffness import (
     estimate_hammer_stiffness,
     estimate_sample_stiffness,
 )
-from impact_rig.core.estimation.uncertainty import (
+from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.uncertainty.arithmetic import UncertainNumber
+from impact_rig.core.uncertainty.results import (
     NOT_DETERMINED,
     Uncertainty,
     find_uncertainty,
     make_input,
     make_undetermined,
 )
-from impact_rig.core.estimation.uncertainty_arithmetic import UncertainNumber
-from impact_rig.core.hits.averaging import MeanHit
-from impact_rig.core.setup.samples import RigSetup
 
 NAN = math.nan
 

@@ -20,14 +20,22 @@ from impact_rig.core.estimation.paper_method import (
     estimate_bodies,
 )
 from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate, estimate_pulse_shape
-from impact_rig.core.estimation.starting_values import StartingValues
-from impact_rig.core.estimation.uncertainty_contact import estimate_contact_time_uncertainty
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.pulse_width import measure_pulse
+from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant
 from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY, RigSetup
 from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.uncertainty.contact import estimate_contact_time_uncertainty
 
+DITHER = 0.4
+"""Noise over one count below which the converter's steps show in the mean [-]: their remainder
+exp(-2 pi^2 0.4^2) is 4 % of that of a noiseless converter."""
+STEP_WARNING = (
+    "the noise is smaller than the converter's steps and does not average them out: the"
+    " uncertainties of free decay and identification leave that out; amplify the signals, or use"
+    " more bits"
+)
 DAMPING_WARNING = (
     "damping by the log decrement and by the free decay differ by more than their uncertainties:"
     " the body is still driven at its largest peak, and the free decay is to be preferred"
@@ -127,7 +135,7 @@ def estimate_sample(
         specimen_peak=_find_specimen_peak(mean),
         shape=shape,
         free_decay=decay,
-        warnings=_warn(shape, decay, body),
+        warnings=_warn(shape, decay, body) + _check_steps(mean),
         notes=_gather_notes(contact, body) + shape_notes + decay_notes,
     )
     return _add_comparisons(estimate, mean, hammer, setup)
@@ -208,6 +216,15 @@ def _warn(
     # Both come from the same hits: the sum is more than the uncertainty of the difference.
     together = body.damping_ratio_uncertainty.expanded + decay.uncertainties.damping_ratio.expanded
     return (*warnings, DAMPING_WARNING) if difference > together else warnings
+
+
+def _check_steps(mean: MeanHit) -> tuple[str, ...]:
+    """Return a warning if the converter's steps are not dithered."""
+    is_stepped = any(
+        np.any((hit.resolution > 0.0) & (hit.raw_noise < DITHER * hit.resolution))
+        for hit in mean.hits
+    )
+    return (STEP_WARNING,) if is_stepped else ()
 
 
 def _gather_notes(contact: ContactEstimate, body: BodyEstimate) -> tuple[str, ...]:

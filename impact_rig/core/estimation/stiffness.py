@@ -4,7 +4,7 @@ import math
 
 from impact_rig.core.checks import check_positive
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.uncertainty_arithmetic import (
+from impact_rig.core.uncertainty.arithmetic import (
     Quantity,
     find_square_root,
     get_value,

@@ -11,8 +11,8 @@ from enum import Enum
 
 import numpy as np
 
+from impact_rig.core.damping.log_decrement import estimate_damping_ratio_from_coefficient
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.estimation.log_decrement import estimate_damping_ratio_from_coefficient
 from impact_rig.core.estimation.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import StateSpace, impulse
 
-from impact_rig.core.estimation.log_decrement import estimate_damping_coefficient
+from impact_rig.core.damping.log_decrement import estimate_damping_coefficient
 from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_contact, estimate_hammer
 from impact_rig.core.estimation.sample import estimate_sample
 from impact_rig.core.hits.averaging import MeanHit

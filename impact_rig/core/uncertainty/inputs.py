@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from impact_rig.core.estimation.uncertainty import make_input
-from impact_rig.core.estimation.uncertainty_arithmetic import UncertainNumber
 from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.uncertainty.arithmetic import UncertainNumber
+from impact_rig.core.uncertainty.results import make_input
 
 
 @dataclass(frozen=True)

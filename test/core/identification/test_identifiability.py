@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.identifiability import (
+from impact_rig.core.identification.identifiability import (
     check_independence,
     describe_misfit,
     explain_covariance,

@@ -9,9 +9,9 @@ from scipy.optimize import least_squares
 from scipy.signal import fftconvolve
 
 from impact_rig.core.errors import RigError
-from impact_rig.core.estimation.filtered_noise import find_noise_correlation
-from impact_rig.core.estimation.measured_model import MeasuredModel
 from impact_rig.core.hits.pulse_width import measure_pulse
+from impact_rig.core.identification.filtered_noise import find_noise_correlation
+from impact_rig.core.identification.measured_model import MeasuredModel
 from impact_rig.core.model.pulses import VERSED_SINE
 from impact_rig.core.signals.record import FloatArray
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import curve_fit
 
 from impact_rig.core.errors import NotDeterminedError, ParameterError
-from impact_rig.core.estimation.cramer_rao import (
+from impact_rig.core.identification.cramer_rao import (
     CramerRaoBound,
     compute_model_bound,
     compute_pulse_bound,

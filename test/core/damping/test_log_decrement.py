@@ -6,14 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import StateSpace, impulse
 
-from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
-from impact_rig.core.estimation.log_decrement import (
+from impact_rig.core.damping.log_decrement import (
     compute_log_decrement,
     estimate_damping_coefficient,
     estimate_damping_ratio,
     estimate_damping_ratio_from_coefficient,
     estimate_log_decrement,
 )
+from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
 from impact_rig.core.setup.paper import PUBLISHED_SAMPLES
 
 RATE = 2.5e6

@@ -6,9 +6,9 @@ from itertools import islice
 import numpy as np
 
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.fitting import FitProblem, FitSolution
-from impact_rig.core.estimation.identifiability import GOOD_CHI_SQUARE, LARGEST_RESIDUAL
-from impact_rig.core.estimation.starting_values import StartingValues, find_starts
+from impact_rig.core.identification.fitting import FitProblem, FitSolution
+from impact_rig.core.identification.identifiability import GOOD_CHI_SQUARE, LARGEST_RESIDUAL
+from impact_rig.core.identification.starting_values import StartingValues, find_starts
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.signals.record import FloatArray
 

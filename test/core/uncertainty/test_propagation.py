@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.estimation.uncertainty import Uncertainty
-from impact_rig.core.estimation.uncertainty_inputs import find_rig_numbers
-from impact_rig.core.estimation.uncertainty_propagation import (
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.uncertainty.inputs import find_rig_numbers
+from impact_rig.core.uncertainty.propagation import (
     BodyUncertainties,
     propagate_free_decay,
     propagate_identification,
     propagate_parameters,
 )
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.uncertainty.results import Uncertainty
 
 RIG = find_rig_numbers(PAPER_SETUP, "steel medium")
 DECAY, FREQUENCY = 3456.0, 15900.0

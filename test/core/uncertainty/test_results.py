@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.estimation.uncertainty import (
+from impact_rig.core.uncertainty.arithmetic import UncertainNumber
+from impact_rig.core.uncertainty.results import (
     NOT_DETERMINED,
     find_uncertainty,
     make_ensemble,
     make_input,
     make_undetermined,
 )
-from impact_rig.core.estimation.uncertainty_arithmetic import UncertainNumber
 
 VOLTAGE = [5.007, 4.994, 5.005, 4.990, 4.999]
 CURRENT = [19.663e-3, 19.639e-3, 19.640e-3, 19.685e-3, 19.678e-3]

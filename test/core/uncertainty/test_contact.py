@@ -16,17 +16,17 @@ from impact_rig.core.estimation.stiffness import (
     estimate_hammer_stiffness,
     estimate_sample_stiffness,
 )
-from impact_rig.core.estimation.uncertainty import Uncertainty, find_uncertainty, make_ensemble
-from impact_rig.core.estimation.uncertainty_contact import (
-    estimate_contact_time_uncertainty,
-    estimate_hit_uncertainty,
-)
-from impact_rig.core.estimation.uncertainty_inputs import find_rig_numbers
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.uncertainty.contact import (
+    estimate_contact_time_uncertainty,
+    estimate_hit_uncertainty,
+)
+from impact_rig.core.uncertainty.inputs import find_rig_numbers
+from impact_rig.core.uncertainty.results import Uncertainty, find_uncertainty, make_ensemble
 
 RATE = 2.5e6
 SETUP = replace(PAPER_SETUP, analysis=replace(PAPER_SETUP.analysis, cutoff_frequency=0.0))

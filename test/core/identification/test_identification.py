@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from impact_rig.core.errors import NotDeterminedError, SignalError
-from impact_rig.core.estimation.cramer_rao import compute_model_bound
-from impact_rig.core.estimation.identification import Identification, identify_model
-from impact_rig.core.estimation.starting_values import StartingValues
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import FilteredHit, judge_hit
+from impact_rig.core.identification.cramer_rao import compute_model_bound
+from impact_rig.core.identification.identification import Identification, identify_model
+from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, simulate_impact
 from impact_rig.core.setup.paper import (
     HAMMER_DAMPING_COEFFICIENT,

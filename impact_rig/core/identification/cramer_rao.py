@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from impact_rig.core.checks import check_positive
-from impact_rig.core.estimation.identifiability import check_independence
-from impact_rig.core.estimation.measured_model import MeasuredModel
+from impact_rig.core.identification.identifiability import check_independence
+from impact_rig.core.identification.measured_model import MeasuredModel
 from impact_rig.core.model.impact import ImpactModel, ModelVariant
 from impact_rig.core.signals.record import FloatArray, make_read_only
 

@@ -5,22 +5,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from impact_rig.core.damping.log_decrement import estimate_damping_ratio_from_coefficient
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.estimation.log_decrement import estimate_damping_ratio_from_coefficient
-from impact_rig.core.estimation.uncertainty import (
+from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.uncertainty.arithmetic import (
+    UncertainNumber,
+    find_square_root,
+)
+from impact_rig.core.uncertainty.contact import LEAST_HITS, ONE_HIT
+from impact_rig.core.uncertainty.inputs import RigNumbers
+from impact_rig.core.uncertainty.results import (
     NOT_DETERMINED,
     Uncertainty,
     find_uncertainty,
     make_ensemble,
     make_undetermined,
 )
-from impact_rig.core.estimation.uncertainty_arithmetic import (
-    UncertainNumber,
-    find_square_root,
-)
-from impact_rig.core.estimation.uncertainty_contact import LEAST_HITS, ONE_HIT
-from impact_rig.core.estimation.uncertainty_inputs import RigNumbers
-from impact_rig.core.signals.record import FloatArray
 
 Formula = Callable[[Sequence[UncertainNumber], RigNumbers], Sequence[UncertainNumber]]
 """Fitted parameters, masses and clock to results; written with + - * / ** and

@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 from scipy.signal import find_peaks
 from scipy.stats import t as student
 
+from impact_rig.core.damping.decay_fit import DecayFit
+from impact_rig.core.damping.free_decay import FreeDecay, estimate_free_decay
 from impact_rig.core.errors import NotDeterminedError, ParameterError
-from impact_rig.core.estimation.decay_fit import DecayFit
-from impact_rig.core.estimation.free_decay import FreeDecay, estimate_free_decay
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import measure_pulse

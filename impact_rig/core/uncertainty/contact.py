@@ -11,16 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from impact_rig.core.damping.log_decrement import LogDecrement
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.log_decrement import LogDecrement
-from impact_rig.core.estimation.uncertainty import (
-    Uncertainty,
-    find_uncertainty,
-    make_ensemble,
-    make_input,
-    make_undetermined,
-)
-from impact_rig.core.estimation.uncertainty_arithmetic import UncertainNumber
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_uncertainty import (
@@ -34,6 +26,14 @@ from impact_rig.core.hits.pulse_uncertainty import (
 from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.uncertainty.arithmetic import UncertainNumber
+from impact_rig.core.uncertainty.results import (
+    Uncertainty,
+    find_uncertainty,
+    make_ensemble,
+    make_input,
+    make_undetermined,
+)
 
 LEAST_HITS = 2
 """Hits that have a scatter [-]."""

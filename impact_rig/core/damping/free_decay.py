@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from impact_rig.core.checks import check_not_negative, check_positive
+from impact_rig.core.damping.decay_fit import DecayFit
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.decay_fit import DecayFit
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.signals.record import FloatArray, make_read_only
 

@@ -11,19 +11,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.filtered_noise import find_raw_noise
-from impact_rig.core.estimation.fitting import SMALLEST_NOISE, FitProblem, FitSolution
-from impact_rig.core.estimation.identifiability import (
+from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.identification.filtered_noise import find_raw_noise
+from impact_rig.core.identification.fitting import SMALLEST_NOISE, FitProblem, FitSolution
+from impact_rig.core.identification.identifiability import (
     LARGEST_RESIDUAL,
     check_independence,
     describe_misfit,
     explain_covariance,
     find_undetermined,
 )
-from impact_rig.core.estimation.measured_model import OFFSETS, MeasuredModel
-from impact_rig.core.estimation.search import find_best_fit
-from impact_rig.core.estimation.starting_values import StartingValues
-from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.identification.measured_model import OFFSETS, MeasuredModel
+from impact_rig.core.identification.search import find_best_fit
+from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import FloatArray, make_read_only

@@ -1,0 +1,1 @@
+"""Damping of one body, by the log decrement and by the free decay."""

@@ -1,0 +1,1 @@
+"""Uncertainty by the GUM: inputs, propagation, budgets."""
