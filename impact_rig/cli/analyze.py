@@ -174,13 +174,7 @@ def command(
     form = Form.JSON if as_json else Form.BUDGETS if budget else Form.TABLES
     changes = SettingsChanges(cutoff, pulse_factor, double_hit_level, keep)
     if recordings:
-        for name, option in TRACE_ONLY.items():
-            if context.get_parameter_source(name) is not ParameterSource.DEFAULT:
-                raise ParameterError(f"{option} is for plain traces: a recording explains itself")
-        if len(recordings) > 1 and (accept or reject):
-            raise ParameterError(
-                "--accept and --reject name hits of one recording: analyze recordings one by one"
-            )
+        _check_recording_options(context, [*accept, *reject] if len(recordings) > 1 else [])
         errors = _report_recordings(recordings, changes, accept, reject, form)
     else:
         task = TraceOptions(**trace_options, accept=accept, reject=reject).make_task(changes)
@@ -197,6 +191,17 @@ def command(
         click.echo(f"error: {error}", err=True)
     if errors:
         raise RigError(errors[-1])
+
+
+def _check_recording_options(context: click.Context, ambiguous: Sequence[str]) -> None:
+    """Refuse options that a recording has no use for, and hits that may be any recording's."""
+    for name, option in TRACE_ONLY.items():
+        if context.get_parameter_source(name) is not ParameterSource.DEFAULT:
+            raise ParameterError(f"{option} is for plain traces: a recording explains itself")
+    if ambiguous:
+        raise ParameterError(
+            "--accept and --reject name hits of one recording: analyze recordings one by one"
+        )
 
 
 def _is_recording(path: Path) -> bool:
