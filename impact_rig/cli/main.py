@@ -38,6 +38,7 @@ COMMANDS = {
 PROVIDERS = {
     "rclpy": "ROS 2",
     "impact_rig_msgs": "the rig's ROS 2 interfaces",
+    "GTC": "GTC",
     "rosbags": "rosbags",
     "mcap": "mcap",
     "honcho": "honcho",

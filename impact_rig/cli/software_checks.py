@@ -58,6 +58,13 @@ LIBRARIES = (
     Library("rosbags", ("rosbags",), "reading recordings"),
     Library("mcap", ("mcap",), "reading and writing recordings"),
     Library(
+        "matplotlib",
+        ("matplotlib",),
+        "the figure of `study`",
+        is_needed=False,
+        advice="pip install matplotlib; all else works without it",
+    ),
+    Library(
         "rerun",
         ("rerun-sdk",),
         "the visualizer",

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -163,7 +164,7 @@ def test_low_passed_printed_traces_are_differentiable_in_time(name: str) -> None
         )
         traces.append(low_pass(found.traces, 50e3, RATE))
         slopes.append(low_pass(found.derivatives[:, found.names.index(name)], 50e3, RATE))
-    promised = np.trapezoid(slopes, steps, axis=0)
+    promised = trapezoid(slopes, steps, axis=0)
     came = traces[-1] - traces[0]
     np.testing.assert_allclose(promised, came, rtol=0, atol=1e-3 * np.abs(came).max())
 
