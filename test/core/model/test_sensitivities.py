@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import trapezoid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, simulate_impact
