@@ -217,12 +217,17 @@ def _evaluate_free(
 
 
 def propagate(matrix: FloatArray, initial: FloatArray, count: int) -> FloatArray:
-    """Compute e^(n M) y for n = 0 ... count - 1 by doubling.
+    """Compute e^(n M) y for n = 0 ... count - 1; M, shape (d, d), is system matrix times step."""
+    return propagate_power(expm(matrix), initial, count)
+
+
+def propagate_power(power: FloatArray, initial: FloatArray, count: int) -> FloatArray:
+    """Compute P^n y for n = 0 ... count - 1 by doubling.
 
     Parameters
     ----------
-    matrix : ndarray, shape (d, d)
-        M, the system matrix times the step [-].
+    power : ndarray, shape (d, d)
+        P, which takes the state over one step.
     initial : ndarray, shape (d,)
         y.
     count : int
@@ -234,7 +239,6 @@ def propagate(matrix: FloatArray, initial: FloatArray, count: int) -> FloatArray
     """
     result = np.empty((initial.size, count))
     result[:, 0] = initial
-    power = expm(matrix)
     done = 1
     while done < count:
         more = min(done, count - done)

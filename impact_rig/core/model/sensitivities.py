@@ -16,7 +16,7 @@ from scipy.linalg import expm
 
 from impact_rig.core.checks import check_positive
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.model.impact import ImpactModel, ModelVariant
+from impact_rig.core.model.impact import ImpactModel, ModelVariant, propagate_power
 from impact_rig.core.model.printed_sensitivities import compute_printed_sensitivities
 from impact_rig.core.signals.record import FloatArray
 
@@ -171,30 +171,3 @@ def _differentiate_oscillator(
     out[1] = -stiffness * speed - damping * out[0]
     out[2] = -stiffness * change - damping * change_rate - position
     out[3] = -stiffness * change_rate - damping * out[2] - speed
-
-
-def propagate_power(power: FloatArray, initial: FloatArray, count: int) -> FloatArray:
-    """Compute P^n y for n = 0 ... count - 1 by doubling.
-
-    Parameters
-    ----------
-    power : ndarray, shape (d, d)
-        P, which takes the state over one step.
-    initial : ndarray, shape (d,)
-        y.
-    count : int
-        Number of columns.
-
-    Returns
-    -------
-    ndarray, shape (d, count)
-    """
-    result = np.empty((initial.size, count))
-    result[:, 0] = initial
-    done = 1
-    while done < count:
-        more = min(done, count - done)
-        np.matmul(power, result[:, :more], out=result[:, done : done + more])
-        done += more
-        power = power @ power
-    return result
