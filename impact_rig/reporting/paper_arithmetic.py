@@ -7,7 +7,7 @@ from impact_rig.core.damping.log_decrement import (
     compute_log_decrement,
     estimate_damping_ratio_from_coefficient,
 )
-from impact_rig.core.estimation.stiffness import (
+from impact_rig.core.model.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
     estimate_hammer_stiffness,

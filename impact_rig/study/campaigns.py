@@ -15,13 +15,13 @@ from impact_rig.core.damping.log_decrement import (
     estimate_damping_ratio_from_coefficient,
 )
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.stiffness import (
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.model.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
     estimate_hammer_stiffness,
     estimate_sample_stiffness,
 )
-from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup, Sample
 from impact_rig.core.signals.record import Block, HitLabel

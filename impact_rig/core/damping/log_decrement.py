@@ -6,16 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import find_peaks
 
-from impact_rig.core.checks import check_not_negative, check_positive
-from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.hits.pulse_width import measure_pulse
-from impact_rig.core.signals.record import FloatArray
-from impact_rig.core.uncertainty.arithmetic import (
+from impact_rig.core.arithmetic import (
     Quantity,
     find_hypotenuse,
     find_square_root,
     get_value,
 )
+from impact_rig.core.checks import check_not_negative, check_positive
+from impact_rig.core.errors import NotDeterminedError
+from impact_rig.core.hits.pulse_width import measure_pulse
+from impact_rig.core.signals.record import FloatArray
 
 PEAK_PROMINENCE = 4.0
 """How far U2 must stand out of the noise, in its standard deviations [-], our choice: of some

@@ -8,21 +8,21 @@ uncertainties and their correlations.
 import math
 from dataclasses import dataclass, field, replace
 
+from impact_rig.core.arithmetic import UncertainNumber
 from impact_rig.core.damping.log_decrement import (
     estimate_damping_coefficient,
     estimate_damping_ratio,
 )
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.estimation.mean_reading import MeanReading, read_mean_hit
-from impact_rig.core.estimation.stiffness import (
+from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.model.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
     estimate_hammer_stiffness,
     estimate_sample_stiffness,
 )
-from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.uncertainty.arithmetic import UncertainNumber
 from impact_rig.core.uncertainty.results import (
     NOT_DETERMINED,
     Uncertainty,

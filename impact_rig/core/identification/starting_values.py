@@ -7,15 +7,15 @@ from itertools import product
 
 import numpy as np
 
-from impact_rig.core.estimation.stiffness import (
-    estimate_equivalent_mass,
-    estimate_equivalent_stiffness,
-)
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.identification.measured_model import MeasuredModel
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, compute_peak_force
 from impact_rig.core.model.pulses import VERSED_SINE
 from impact_rig.core.model.sensitivities import compute_sensitivities, respond_to_versed_sine
+from impact_rig.core.model.stiffness import (
+    estimate_equivalent_mass,
+    estimate_equivalent_stiffness,
+)
 from impact_rig.core.signals.record import FloatArray
 
 NAN = math.nan

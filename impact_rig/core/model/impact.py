@@ -16,7 +16,7 @@ from scipy.linalg import expm
 
 from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.estimation.stiffness import estimate_equivalent_mass
+from impact_rig.core.model.stiffness import estimate_equivalent_mass
 from impact_rig.core.signals.record import FloatArray
 
 

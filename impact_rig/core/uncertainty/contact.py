@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from impact_rig.core.arithmetic import UncertainNumber
 from impact_rig.core.damping.log_decrement import LogDecrement
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.hits.averaging import MeanHit
@@ -26,7 +27,6 @@ from impact_rig.core.hits.pulse_uncertainty import (
 from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import FloatArray
-from impact_rig.core.uncertainty.arithmetic import UncertainNumber
 from impact_rig.core.uncertainty.results import (
     Uncertainty,
     find_uncertainty,

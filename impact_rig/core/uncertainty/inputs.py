@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from impact_rig.core.arithmetic import UncertainNumber
 from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.uncertainty.arithmetic import UncertainNumber
 from impact_rig.core.uncertainty.results import make_input
 
 

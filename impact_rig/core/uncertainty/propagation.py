@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impact_rig.core.damping.log_decrement import estimate_damping_ratio_from_coefficient
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.signals.record import FloatArray
-from impact_rig.core.uncertainty.arithmetic import (
+from impact_rig.core.arithmetic import (
     UncertainNumber,
     find_square_root,
 )
+from impact_rig.core.damping.log_decrement import estimate_damping_ratio_from_coefficient
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.signals.record import FloatArray
 from impact_rig.core.uncertainty.contact import LEAST_HITS, ONE_HIT
 from impact_rig.core.uncertainty.inputs import RigNumbers
 from impact_rig.core.uncertainty.results import (
@@ -24,7 +24,7 @@ from impact_rig.core.uncertainty.results import (
 
 Formula = Callable[[Sequence[UncertainNumber], RigNumbers], Sequence[UncertainNumber]]
 """Fitted parameters, masses and clock to results; written with + - * / ** and
-`uncertainty_arithmetic` alone."""
+`core.arithmetic` alone."""
 
 
 def propagate_parameters(

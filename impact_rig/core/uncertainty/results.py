@@ -13,10 +13,10 @@ from functools import lru_cache
 import GTC
 import numpy as np
 
+from impact_rig.core.arithmetic import UncertainNumber
 from impact_rig.core.checks import check_not_negative
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.signals.record import FloatArray
-from impact_rig.core.uncertainty.arithmetic import UncertainNumber
 
 COVERAGE_PERCENT = 95.0
 """Coverage probability of the expanded uncertainty [%], the usual one (GUM 6.3)."""

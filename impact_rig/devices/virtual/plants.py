@@ -13,11 +13,6 @@ import numpy as np
 
 from impact_rig.core.damping.log_decrement import estimate_damping_ratio_from_coefficient
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.estimation.stiffness import (
-    estimate_equivalent_mass,
-    estimate_equivalent_stiffness,
-    estimate_hammer_stiffness,
-)
 from impact_rig.core.model.impact import (
     Body,
     ImpactModel,
@@ -30,6 +25,11 @@ from impact_rig.core.model.pulses import (
     VERSED_SINE,
     PulseShape,
     compute_pulse,
+)
+from impact_rig.core.model.stiffness import (
+    estimate_equivalent_mass,
+    estimate_equivalent_stiffness,
+    estimate_hammer_stiffness,
 )
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import FloatArray

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from impact_rig.core.estimation.stiffness import (
+from impact_rig.core.model.stiffness import (
     estimate_contact_time,
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,

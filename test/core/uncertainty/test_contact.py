@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from impact_rig.core.estimation.paper_method import BodyEstimate, ContactEstimate, estimate_hammer
 from impact_rig.core.estimation.sample import SampleEstimate, estimate_sample
-from impact_rig.core.estimation.stiffness import (
+from impact_rig.core.hits.averaging import MeanHit, average_hits
+from impact_rig.core.hits.hit import FilteredHit
+from impact_rig.core.hits.pulse_width import measure_pulse
+from impact_rig.core.model.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
     estimate_hammer_stiffness,
     estimate_sample_stiffness,
 )
-from impact_rig.core.hits.averaging import MeanHit, average_hits
-from impact_rig.core.hits.hit import FilteredHit
-from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.uncertainty.contact import (

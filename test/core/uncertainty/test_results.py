@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from impact_rig.core.arithmetic import UncertainNumber
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.uncertainty.arithmetic import UncertainNumber
 from impact_rig.core.uncertainty.results import (
     NOT_DETERMINED,
     find_uncertainty,

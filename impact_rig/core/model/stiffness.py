@@ -2,13 +2,13 @@
 
 import math
 
-from impact_rig.core.checks import check_positive
-from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.uncertainty.arithmetic import (
+from impact_rig.core.arithmetic import (
     Quantity,
     find_square_root,
     get_value,
 )
+from impact_rig.core.checks import check_positive
+from impact_rig.core.errors import NotDeterminedError
 
 
 def estimate_equivalent_mass(hammer_mass: Quantity, moving_mass: Quantity) -> Quantity:

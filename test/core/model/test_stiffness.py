@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from impact_rig.core.errors import NotDeterminedError, ParameterError
-from impact_rig.core.estimation.stiffness import (
+from impact_rig.core.model.stiffness import (
     estimate_contact_time,
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
