@@ -36,3 +36,18 @@ def check_between(name: str, value: float, low: float, high: float) -> None:
     """Require a finite number in the closed interval [low, high]; raises `ParameterError`."""
     if not (math.isfinite(value) and low <= value <= high):
         raise ParameterError(f"{name} is {value!r}: it must lie between {low:g} and {high:g}")
+
+
+def check_mass_uncertainty(name: str, uncertainty: float, mass: float) -> None:
+    """Require a standard uncertainty [kg] that leaves something of its mass [kg].
+
+    Raises
+    ------
+    ParameterError
+        If it is no finite number of zero or more, or not below the mass.
+    """
+    check_not_negative(name, uncertainty, "kg")
+    if uncertainty > 0.0 and uncertainty >= mass:
+        raise ParameterError(
+            f"{name} is {uncertainty!r} kg: it must be less than the mass, which is {mass!r} kg"
+        )

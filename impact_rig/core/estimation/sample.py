@@ -6,6 +6,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from impact_rig.core.errors import RigError
+from impact_rig.core.estimation.assumptions import (
+    check_balance,
+    check_control,
+    check_damping,
+    check_shape,
+    check_steps,
+)
 from impact_rig.core.estimation.comparison import ModelComparison, compare_with_model
 from impact_rig.core.estimation.fits import (
     FittedModel,
@@ -27,19 +34,6 @@ from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant
 from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY, RigSetup
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.uncertainty.contact import estimate_contact_time_uncertainty
-
-DITHER = 0.4
-"""Noise over one count below which the converter's steps show in the mean [-]: their remainder
-exp(-2 pi^2 0.4^2) is 4 % of that of a noiseless converter."""
-STEP_WARNING = (
-    "the noise is smaller than the converter's steps and does not average them out: the"
-    " uncertainties of free decay and identification leave that out; amplify the signals, or use"
-    " more bits"
-)
-DAMPING_WARNING = (
-    "damping by the log decrement and by the free decay differ by more than their uncertainties:"
-    " the body is still driven at its largest peak, and the free decay is to be preferred"
-)
 
 
 @dataclass(frozen=True)
@@ -135,7 +129,10 @@ def estimate_sample(
         specimen_peak=_find_specimen_peak(mean),
         shape=shape,
         free_decay=decay,
-        warnings=_warn(shape, decay, body) + _check_steps(mean),
+        warnings=check_shape(shape)
+        + check_damping(decay, body)
+        + check_steps(mean)
+        + check_control(setup),
         notes=_gather_notes(contact, body) + shape_notes + decay_notes,
     )
     return _add_comparisons(estimate, mean, hammer, setup)
@@ -170,7 +167,7 @@ def estimate_contact_alone(
         hammer_peak=float(np.abs(mean.traces[0]).max()),
         specimen_peak=_find_specimen_peak(mean),
         shape=shape,
-        warnings=_warn(shape, None, BodyEstimate()),
+        warnings=check_shape(shape),
         notes=uncertainty.notes + shape_notes,
     )
 
@@ -205,28 +202,6 @@ def _look_at_decay(
         return None, (str(error),)
 
 
-def _warn(
-    shape: PulseShapeEstimate | None, decay: FreeDecayEstimate | None, body: BodyEstimate
-) -> tuple[str, ...]:
-    """Return which assumptions of the paper's method do not hold."""
-    warnings = (shape.warning,) if shape is not None and shape.warning else ()
-    if decay is None:
-        return warnings
-    difference = abs(body.damping_ratio - decay.damping_ratio)
-    # Both come from the same hits: the sum is more than the uncertainty of the difference.
-    together = body.damping_ratio_uncertainty.expanded + decay.uncertainties.damping_ratio.expanded
-    return (*warnings, DAMPING_WARNING) if difference > together else warnings
-
-
-def _check_steps(mean: MeanHit) -> tuple[str, ...]:
-    """Return a warning if the converter's steps are not dithered."""
-    is_stepped = any(
-        np.any((hit.resolution > 0.0) & (hit.raw_noise < DITHER * hit.resolution))
-        for hit in mean.hits
-    )
-    return (STEP_WARNING,) if is_stepped else ()
-
-
 def _gather_notes(contact: ContactEstimate, body: BodyEstimate) -> tuple[str, ...]:
     """Return the notes of all results, each once."""
     uncertainties = (
@@ -257,7 +232,12 @@ def add_models(
         hammer_damping_coefficient=hammer.damping_coefficient,
     )
     models, notes = fit_models(mean, setup, estimate.name, start)
-    return replace(estimate, models=models, notes=estimate.notes + notes)
+    return replace(
+        estimate,
+        models=models,
+        warnings=estimate.warnings + check_balance(models),
+        notes=estimate.notes + notes,
+    )
 
 
 def _add_comparisons(

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
-from impact_rig.core.checks import check_not_negative, check_positive
+from impact_rig.core.checks import check_mass_uncertainty, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup.settings import AnalysisSettings
 
@@ -44,8 +44,8 @@ class Sample:
         if not self.name.strip():
             raise ParameterError("a sample has an empty name: every sample needs its own name")
         check_positive(f"mass of sample {self.name!r}", self.mass, "kg")
-        check_not_negative(
-            f"mass uncertainty of sample {self.name!r}", self.mass_uncertainty, "kg"
+        check_mass_uncertainty(
+            f"mass uncertainty of sample {self.name!r}", self.mass_uncertainty, self.mass
         )
         for quantity, value, unit in (
             ("reference contact time", self.reference_contact_time, "s"),
@@ -81,8 +81,10 @@ class SampleSet:
     def __post_init__(self) -> None:
         """Refuse an empty set, double names and a control sample that is not in the set."""
         check_not_negative("accelerometer mass", self.accelerometer_mass, "kg")
-        check_not_negative(
-            "accelerometer mass uncertainty", self.accelerometer_mass_uncertainty, "kg"
+        check_mass_uncertainty(
+            "accelerometer mass uncertainty",
+            self.accelerometer_mass_uncertainty,
+            self.accelerometer_mass,
         )
         if not self.samples:
             raise ParameterError("the sample set is empty: it needs at least one sample")
@@ -156,5 +158,7 @@ class RigSetup:
         """Refuse impossible numbers."""
         check_positive("hammer mass", self.hammer_mass, "kg")
         check_positive("impact speed", self.impact_speed, "m/s")
-        check_not_negative("hammer mass uncertainty", self.hammer_mass_uncertainty, "kg")
+        check_mass_uncertainty(
+            "hammer mass uncertainty", self.hammer_mass_uncertainty, self.hammer_mass
+        )
         check_not_negative("clock uncertainty", self.clock_uncertainty, "of the sampling rate")

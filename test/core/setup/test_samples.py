@@ -105,3 +105,12 @@ def test_the_accelerometer_may_weigh_nothing_but_not_less() -> None:
 def test_an_impossible_rig_is_refused(mass: float, speed: float, message: str) -> None:
     with pytest.raises(RigError, match=message):
         RigSetup(SampleSet((STEEL,), ""), mass, speed)
+
+
+def test_an_uncertainty_that_leaves_nothing_of_its_mass_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"must be less than the mass, which is 0\.1 kg"):
+        Sample("oak", 0.1, mass_uncertainty=0.1)
+    with pytest.raises(ParameterError, match=r"accelerometer mass uncertainty is 0\.001 kg"):
+        SampleSet((Sample("oak", 0.1),), "oak", accelerometer_mass_uncertainty=1e-3)
+    with pytest.raises(ParameterError, match=r"hammer mass uncertainty is 0\.3 kg"):
+        RigSetup(SampleSet((Sample("oak", 0.1),), "oak"), 0.1, 0.3, hammer_mass_uncertainty=0.3)
