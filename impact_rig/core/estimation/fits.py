@@ -8,6 +8,7 @@ from impact_rig.core.errors import RigError
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.identification.identifiability import GOOD_CHI_SQUARE, LARGEST_RESIDUAL
 from impact_rig.core.identification.identification import Identification, identify_model
+from impact_rig.core.identification.search import MisfitError
 from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.setup.samples import RigSetup
@@ -138,10 +139,13 @@ def fit_models(
         Why there is no preferred one.
     """
     found: list[Identification] = []
-    notes = []
+    notes: list[str] = []
     for variant in ModelVariant:
         try:
             found.append(identify_model(mean, setup, sample, variant, start))
+        except MisfitError:
+            notes.append(NO_MODEL)
+            continue
         except RigError as error:
             notes.append(str(error))
             continue
@@ -155,7 +159,7 @@ def fit_models(
     if best is not None:
         # What else could not be fitted is of no concern where one variant fits.
         return models, ()
-    return models, (NO_MODEL,) if found else tuple(dict.fromkeys(notes))
+    return models, tuple(dict.fromkeys([*notes, NO_MODEL] if found else notes))
 
 
 def add_uncertainties(

@@ -31,6 +31,10 @@ GOOD_RESIDUAL = 0.02
 is not the lowest leaves several times that."""
 
 
+class MisfitError(NotDeterminedError):
+    """The search found no parameters that come near the traces."""
+
+
 def find_best_fit(problem: FitProblem, given: StartingValues) -> FitSolution:
     """Search on every few points from several starts, then on all from the best.
 
@@ -43,7 +47,7 @@ def find_best_fit(problem: FitProblem, given: StartingValues) -> FitSolution:
 
     Raises
     ------
-    NotDeterminedError
+    MisfitError
         If the search does not converge.
     SignalError
         If the hammer's trace has no whole pulse.
@@ -55,7 +59,7 @@ def find_best_fit(problem: FitProblem, given: StartingValues) -> FitSolution:
         return solution
     refined = problem.solve(solution.values, MOST_EVALUATIONS)
     if refined is None or not refined.converged:
-        raise NotDeterminedError(_describe_failure(problem, refined))
+        raise MisfitError(_describe_failure(problem, refined))
     return refined
 
 
@@ -76,7 +80,7 @@ def _search(problem: FitProblem, starts: Iterable[FloatArray]) -> FitSolution:
     if best is not None and not best.converged and not _is_hopeless(problem, best):
         best = problem.solve(best.values, MOST_EVALUATIONS, ROUGH_TOLERANCE)
     if best is None or not best.converged:
-        raise NotDeterminedError(_describe_failure(problem, best))
+        raise MisfitError(_describe_failure(problem, best))
     return best
 
 
