@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_hammer
 from impact_rig.core.estimation.sample import SampleEstimate, add_models, estimate_sample
+from impact_rig.core.estimation.traces import TraceEstimates, estimate_traces
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import (
@@ -62,6 +63,7 @@ class Session:
         self._selections: dict[str, Selection] = {}
         self._means: dict[str, MeanHit] = {}
         self._hammer: tuple[MeanHit, BodyEstimate] | None = None
+        self._traces: dict[str, tuple[MeanHit, TraceEstimates]] = {}
 
     def feed(self, block: Block) -> tuple[JudgedHit, ...]:
         """Take the next block and return the hits that it completed, judged.
@@ -144,7 +146,12 @@ class Session:
             note = f"{name}: not determined, none of {rejected} hits was accepted"
             return SampleEstimate(name, 0, rejected, notes=(note,))
         contact_times = tuple(hit.contact_time for hit in selection.kept)
-        estimate = estimate_sample(name, mean, contact_times, rejected, hammer, self.setup)
+        # Another k1, as each hit on the control sample brings one, changes nothing in these.
+        if name not in self._traces or self._traces[name][0] is not mean:
+            self._traces[name] = mean, estimate_traces(name, mean, self.setup)
+        estimate = estimate_sample(
+            name, mean, contact_times, rejected, hammer, self.setup, self._traces[name][1]
+        )
         warnings = tuple(
             describe_overruled(hit, f"hit {describe_label(hit.label)}")
             for hit in selection.kept

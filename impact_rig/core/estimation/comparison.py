@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.interpolate import CubicSpline
 
 from impact_rig.core.errors import SignalError
 from impact_rig.core.hits.averaging import MeanHit
@@ -121,9 +121,7 @@ def find_best_shift(measured: FloatArray, model: FloatArray, largest: int) -> fl
 
 def shift_trace(trace: FloatArray, shift: float) -> FloatArray:
     """Shift a trace, shape (n,), later by `shift` points, zeros coming in from beyond its ends."""
-    points = np.arange(trace.size)
-    spline = CubicSpline(points, trace, extrapolate=False)
-    shifted: FloatArray = np.nan_to_num(spline(points - shift), nan=0.0)
+    shifted: FloatArray = ndimage.shift(trace, shift, order=3, mode="constant", cval=0.0)
     return shifted
 
 

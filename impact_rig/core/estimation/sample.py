@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from impact_rig.core.errors import RigError
 from impact_rig.core.estimation.assumptions import (
     check_balance,
     check_control,
@@ -17,7 +16,6 @@ from impact_rig.core.estimation.comparison import ModelComparison, compare_with_
 from impact_rig.core.estimation.fits import (
     FittedModel,
     FreeDecayEstimate,
-    estimate_decay,
     fit_models,
 )
 from impact_rig.core.estimation.paper_method import (
@@ -26,7 +24,8 @@ from impact_rig.core.estimation.paper_method import (
     ContactEstimate,
     estimate_bodies,
 )
-from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate, estimate_pulse_shape
+from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate
+from impact_rig.core.estimation.traces import TraceEstimates, estimate_traces, look_at_shape
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.identification.starting_values import StartingValues
@@ -95,6 +94,7 @@ def estimate_sample(
     impacts_rejected: int,
     hammer: BodyEstimate,
     setup: RigSetup,
+    traces: TraceEstimates | None = None,
 ) -> SampleEstimate:
     """Estimate tau_p, k2 and c2 of one sample, with pulse shape, free decay and comparison.
 
@@ -114,10 +114,11 @@ def estimate_sample(
         Of the control experiment; k1 NaN: not known yet, and then k2 and c2 are neither.
     setup : RigSetup
         Masses and settings.
+    traces : TraceEstimates or None
+        Of this mean hit, where they are known already.
     """
     contact, body = estimate_bodies(mean, setup, name, hammer)
-    shape, shape_notes = _look_at_shape(mean, setup.analysis)
-    decay, decay_notes = _look_at_decay(mean, setup, name, contact.contact_time)
+    traces = traces or estimate_traces(name, mean, setup)
     estimate = SampleEstimate(
         name=name,
         impacts_accepted=mean.count,
@@ -127,13 +128,13 @@ def estimate_sample(
         body=body,
         hammer_peak=float(np.abs(mean.traces[0]).max()),
         specimen_peak=_find_specimen_peak(mean),
-        shape=shape,
-        free_decay=decay,
-        warnings=check_shape(shape)
-        + check_damping(decay, body)
+        shape=traces.shape,
+        free_decay=traces.free_decay,
+        warnings=check_shape(traces.shape)
+        + check_damping(traces.free_decay, body)
         + check_steps(mean)
         + check_control(setup),
-        notes=_gather_notes(contact, body) + shape_notes + decay_notes,
+        notes=_gather_notes(contact, body) + traces.notes,
     )
     return _add_comparisons(estimate, mean, hammer, setup)
 
@@ -151,7 +152,7 @@ def estimate_contact_alone(
     uncertainty = estimate_contact_time_uncertainty(
         mean, settings, DEFAULT_CLOCK_UNCERTAINTY, name
     )
-    shape, shape_notes = _look_at_shape(mean, settings)
+    shape, shape_notes = look_at_shape(mean, settings)
     return SampleEstimate(
         name=name,
         impacts_accepted=mean.count,
@@ -178,28 +179,6 @@ def _find_spread(contact_times: tuple[float, ...]) -> float:
 
 def _find_specimen_peak(mean: MeanHit) -> float:
     return float(np.abs(mean.traces[1]).max()) if mean.traces.shape[0] > 1 else NAN
-
-
-def _look_at_shape(
-    mean: MeanHit, settings: AnalysisSettings
-) -> tuple[PulseShapeEstimate | None, tuple[str, ...]]:
-    """Return the pulse's shape, or why it is not determined."""
-    try:
-        return estimate_pulse_shape(mean, settings.cutoff_frequency), ()
-    except RigError as error:
-        return None, (str(error),)
-
-
-def _look_at_decay(
-    mean: MeanHit, setup: RigSetup, name: str, contact_time: float
-) -> tuple[FreeDecayEstimate | None, tuple[str, ...]]:
-    """Return the free decay, or why it is not determined."""
-    if mean.traces.shape[0] <= 1:
-        return None, ()
-    try:
-        return estimate_decay(mean, setup, name, contact_time), ()
-    except RigError as error:
-        return None, (str(error),)
 
 
 def _gather_notes(contact: ContactEstimate, body: BodyEstimate) -> tuple[str, ...]:
