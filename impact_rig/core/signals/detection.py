@@ -26,8 +26,8 @@ RELATIVE_LEVEL = 0.1
 """Where full scale is unknown, the part of the largest deviation that starts a pulse [-], our
 choice: a hit recorded as a whole always has one."""
 PULSE_NOISE = 6.0
-"""Where full scale is unknown, the least height of a pulse, in standard deviations of the trace
-[-], our choice: noise alone reaches it in one record of 100 000."""
+"""Least height of a pulse, in standard deviations of the noise [-], our choice: noise alone
+reaches it in one record of 100 000."""
 SPREAD_OF_MEDIAN = 1.4826
 """Standard deviation over median absolute deviation of normal noise [-]."""
 QUIET_RECORDS = 10
@@ -68,6 +68,7 @@ class ImpactDetector:
         self._expected = 0
         self._resume = 0
         self._baseline: float | None = None
+        self._noise = 0.0
         self._pulse: int | None = None
         self._found = False
         self._gaps: list[_Gap] = []
@@ -163,12 +164,15 @@ class ImpactDetector:
             return None
         baseline = self._baseline
         if baseline is None:
-            baseline = float(np.median(stretch.read(stretch.start, stretch.start + before)[0]))
+            quiet = stretch.read(stretch.start, stretch.start + before)[0]
+            baseline = float(np.median(quiet))
+            self._noise = SPREAD_OF_MEDIAN * float(np.median(np.abs(quiet - baseline)))
             self._baseline = baseline if complete else None
         # Without a full scale the level is a part of the largest pulse: of the whole stretch.
         from_point = stretch.searched if full_scale > 0.0 else stretch.start
         deviation = np.abs(stretch.read(from_point, stretch.stop)[0] - baseline)
-        level = max(_find_level(deviation, full_scale, self._settings), 1.0)
+        least = max(PULSE_NOISE * self._noise, 1.0)
+        level = max(_find_level(deviation, full_scale, self._settings), least)
         above = deviation[stretch.searched - from_point :] >= level
         index = int(np.argmax(above))
         if above[index]:

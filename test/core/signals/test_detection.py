@@ -37,6 +37,19 @@ def test_one_impact_is_cut_out_with_its_pre_trigger(
     assert record.flaws == ()
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_that_often_reaches_the_level_starts_no_hit(
+    make_counts: Make, make_blocks: Make, detect: Make, seed: int
+) -> None:
+    # A standard deviation of half the level of 61 counts: 2000 points hold some ninety above it.
+    hammer = make_counts([(2000, 900.0)], 6000, noise=30.0, seed=seed)
+    specimen = make_counts([(2000, 400.0)], 6000, noise=30.0, seed=seed + 100)
+    (record,) = detect(make_blocks(hammer, specimen, [500]))
+    first = 2000 - (record.stamp - 1_000) // 1_000
+    # 900 sin^2 stands above six times the noise from point 30 on; noise comes atop, either way.
+    assert BEFORE - 60 < first < BEFORE
+
+
 @given(
     sizes=st.lists(st.integers(1, 3000), min_size=1, max_size=8),
     starts=st.lists(st.integers(250, 2000), min_size=1, max_size=4),
