@@ -14,8 +14,8 @@ READINESS_TIMEOUT = 1.0
 """How long a release may wait for the word of accelerometers and recorder [s], our choice: their
 states travel by other topics than the request."""
 DISCOVERY_TIMEOUT = 10.0
-"""The same while one of them has not been heard of at all [s], our choice: nodes that have just
-started take a while to find each other."""
+"""The same while one of them has not been heard of at all, or the recorder still looks for its
+topics [s], our choice: nodes that have just started take a while to find each other."""
 
 
 class HammerNode(RigNode):
@@ -86,7 +86,7 @@ class HammerNode(RigNode):
         self, request: Release.Request, response: Release.Response
     ) -> Release.Response:
         if not self._find_own_obstacle():
-            await self.wait_until(self._has_heard_all, DISCOVERY_TIMEOUT)
+            await self.wait_until(self._has_found_all, DISCOVERY_TIMEOUT)
             await self.wait_until(lambda: not self._find_obstacle(request), READINESS_TIMEOUT)
         # The same request again: the hammer went, and the first answer was lost.
         if self._released != request:
@@ -118,9 +118,13 @@ class HammerNode(RigNode):
     def _catch(self) -> None:
         self._change(HammerState.HELD, armed=self._armed, message="back in the holder")
 
-    def _has_heard_all(self) -> bool:
-        needs_recorder = self.get_value("require_recorder")
-        return self._acquisition is not None and (self._recorder is not None or not needs_recorder)
+    def _has_found_all(self) -> bool:
+        """Whether nodes that are just starting have found each other, for good or ill."""
+        recorder = self._recorder
+        return self._acquisition is not None and (
+            not self.get_value("require_recorder")
+            or (recorder is not None and not recorder.waiting)
+        )
 
     def _find_own_obstacle(self) -> str:
         """Return why the hammer itself may not go now; empty: it may."""

@@ -269,6 +269,7 @@ class RecorderNode(RigNode):
         writer = self._writer
         state = RecorderState(
             recording=self._is_recording and self._is_connected,
+            waiting=self._is_recording and not self._is_connected,
             uri=str(writer.path) if writer else "",
             messages=writer.messages if writer else 0,
             size=writer.size if writer else 0,

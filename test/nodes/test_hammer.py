@@ -100,6 +100,27 @@ def test_waits_for_accelerometers_and_recorder_that_it_has_not_heard_of_yet(harn
     assert harness.wait(answer).success
 
 
+def test_waits_for_a_recorder_that_still_looks_for_its_topics(harness, states, monkeypatch):
+    # So short that the wait for a word alone would be over at once.
+    monkeypatch.setattr("impact_rig.nodes.hammer.READINESS_TIMEOUT", 0.0)
+    hammer = harness.add(HammerNode, swing_time=0.01)
+    acquisition, recorder = states
+    acquisition.publish(
+        AcquisitionState(state=AcquisitionState.ARMED, record=4, sample="steel small")
+    )
+    recorder.publish(RecorderState(waiting=True, uri="a.mcap", message="waiting for topics"))
+    assert harness.call(Trigger, interfaces.ARM_HAMMER).success
+    harness.wait_until(lambda: hammer._recorder is not None and hammer._acquisition is not None)
+    client = harness.peer.create_client(Release, interfaces.RELEASE_HAMMER)
+    harness.wait_until(client.service_is_ready)
+    answer = client.call_async(Release.Request(**HIT))
+    # An answer to a later request would come after the refusal that must not come.
+    assert harness.call(Trigger, interfaces.ARM_HAMMER).success
+    assert not answer.done()
+    recorder.publish(RecorderState(recording=True, uri="a.mcap"))
+    assert harness.wait(answer).success
+
+
 def test_cannot_go_twice_in_one_swing(harness, states):
     harness.add(HammerNode, swing_time=60.0)
     make_ready(harness, states)
