@@ -4,10 +4,16 @@ The node and the analysis of files run this same code, so that the same hits giv
 numbers.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_hammer
-from impact_rig.core.estimation.sample import SampleEstimate, add_models, estimate_sample
+from impact_rig.core.estimation.sample import (
+    SampleEstimate,
+    add_models,
+    estimate_contact_alone,
+    estimate_sample,
+)
 from impact_rig.core.estimation.traces import TraceEstimates, estimate_traces
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
@@ -123,6 +129,8 @@ class Session:
 
     def estimate_hammer(self) -> BodyEstimate:
         """Return what the control experiment says of the hammer so far."""
+        if math.isfinite(self.setup.hammer_stiffness):
+            return BodyEstimate(self.setup.hammer_stiffness)
         control = self.setup.samples.control_sample
         if not control:
             return BodyEstimate(notes=("k1: the sample set has no control sample",))
@@ -130,6 +138,8 @@ class Session:
         if mean is None:
             note = f"k1: the control sample {control!r} has no accepted hit yet"
             return BodyEstimate(notes=(note,))
+        if unknown := self.setup.find_unknown_masses(control):
+            return BodyEstimate(notes=(f"k1: the mass of {' and '.join(unknown)} is not known",))
         if self._hammer is None or self._hammer[0] is not mean:
             self._hammer = mean, estimate_hammer(mean, self.setup)
         return self._hammer[1]
@@ -146,18 +156,43 @@ class Session:
             note = f"{name}: not determined, none of {rejected} hits was accepted"
             return SampleEstimate(name, 0, rejected, notes=(note,))
         contact_times = tuple(hit.contact_time for hit in selection.kept)
-        # Another k1, as each hit on the control sample brings one, changes nothing in these.
-        if name not in self._traces or self._traces[name][0] is not mean:
-            self._traces[name] = mean, estimate_traces(name, mean, self.setup)
-        estimate = estimate_sample(
-            name, mean, contact_times, rejected, hammer, self.setup, self._traces[name][1]
-        )
+        if unknown := self.setup.find_unknown_masses(name):
+            estimate = self._estimate_without_masses(name, mean, contact_times, unknown)
+        else:
+            estimate = self._estimate_with_masses(name, mean, contact_times, hammer)
         warnings = tuple(
             describe_overruled(hit, f"hit {describe_label(hit.label)}")
             for hit in selection.kept
             if hit.overruled
         )
         return replace(estimate, warnings=estimate.warnings + warnings)
+
+    def _estimate_without_masses(
+        self,
+        name: str,
+        mean: MeanHit,
+        contact_times: tuple[float, ...],
+        unknown: tuple[str, ...],
+    ) -> SampleEstimate:
+        rejected = len(self._select(name).left_out)
+        estimate = estimate_contact_alone(name, mean, contact_times, rejected, self.setup.analysis)
+        note = f"k and c: the mass of {' and '.join(unknown)} is not known"
+        return replace(estimate, notes=(*estimate.notes, note))
+
+    def _estimate_with_masses(
+        self,
+        name: str,
+        mean: MeanHit,
+        contact_times: tuple[float, ...],
+        hammer: BodyEstimate,
+    ) -> SampleEstimate:
+        # Another k1, as each hit on the control sample brings one, changes nothing in these.
+        if name not in self._traces or self._traces[name][0] is not mean:
+            self._traces[name] = mean, estimate_traces(name, mean, self.setup)
+        rejected = len(self._select(name).left_out)
+        return estimate_sample(
+            name, mean, contact_times, rejected, hammer, self.setup, self._traces[name][1]
+        )
 
     def estimate_all(self) -> SessionResults:
         """Return everything found so far, the model fitted to every sample."""
@@ -176,7 +211,7 @@ class Session:
 
     def _estimate_with_models(self, name: str, hammer: BodyEstimate) -> SampleEstimate:
         estimate, mean = self._estimate_sample(name, hammer), self._find_mean(name)
-        if mean is None:
+        if mean is None or self.setup.find_unknown_masses(name):
             return estimate
         return add_models(estimate, mean, hammer, self.setup)
 

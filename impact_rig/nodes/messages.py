@@ -6,6 +6,7 @@ What a recording holds too is read by `impact_rig.recording.messages`.
 from array import array
 from collections.abc import Sequence
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from impact_rig_msgs.msg import (
     AccelerationBlock,
@@ -43,8 +44,11 @@ def stamp_to_msg(nanoseconds: int) -> Time:
 
 def _channel_to_msg(channel: record.ChannelBlock) -> Channel:
     # An array.array is taken over as it is; numpy would be checked item by item.
+    output = channel.output
+    is_counted = output.dtype == np.int32
     return Channel(
-        counts=array("i", channel.counts.tobytes()),
+        counts=array("i", output.tobytes() if is_counted else b""),
+        values=array("d", b"" if is_counted else output.tobytes()),
         scale=channel.scale,
         offset=channel.offset,
         full_scale=channel.full_scale,
@@ -93,6 +97,7 @@ def setup_to_msg(setup: samples.RigSetup, stamp: Time) -> RigSetup:
         software_version=__version__,
         hammer_mass=float(setup.hammer_mass),
         hammer_mass_uncertainty=float(setup.hammer_mass_uncertainty),
+        hammer_stiffness=float(setup.hammer_stiffness),
         accelerometer_mass=float(setup.samples.accelerometer_mass),
         accelerometer_mass_uncertainty=float(setup.samples.accelerometer_mass_uncertainty),
         clock_uncertainty=float(setup.clock_uncertainty),

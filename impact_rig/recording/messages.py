@@ -4,6 +4,7 @@ Only attributes are read, so that the same functions serve a node and a recordin
 bit-identical numbers.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -34,8 +35,12 @@ def label_from_msg(message: Any) -> HitLabel:
 
 
 def _channel_from_msg(message: Any) -> ChannelBlock:
+    # Recordings made before this field existed hold counts only.
+    values = np.frombuffer(memoryview(getattr(message, "values", b"")), dtype=np.float64)
     return ChannelBlock(
-        counts=np.frombuffer(memoryview(message.counts), dtype=np.int32),
+        output=values
+        if values.size
+        else np.frombuffer(memoryview(message.counts), dtype=np.int32),
         scale=float(message.scale),
         offset=float(message.offset),
         full_scale=float(message.full_scale),
@@ -113,5 +118,6 @@ def setup_from_msg(message: Any) -> RigSetup:
         name=str(message.name),
         description=str(message.description),
         hammer_mass_uncertainty=float(getattr(message, "hammer_mass_uncertainty", 0.0)),
+        hammer_stiffness=float(getattr(message, "hammer_stiffness", math.nan)),
         clock_uncertainty=float(getattr(message, "clock_uncertainty", DEFAULT_CLOCK_UNCERTAINTY)),
     )

@@ -49,7 +49,7 @@ class TraceAssembler:
             self._blocks, self._length = [], 0
         if self._length < LARGEST_RECORD:
             self._blocks.append(block)
-            self._length += block.hammer.counts.size
+            self._length += block.hammer.output.size
         if not block.last:
             return None
         blocks, self._blocks, self._length = self._blocks, [], 0
@@ -62,7 +62,7 @@ def _join(blocks: list[Block]) -> HitTraces:
     origin = blocks[0].first_sample
     expected = None
     for block in blocks:
-        count = block.hammer.counts.size
+        count = block.hammer.output.size
         if count == 0:
             continue
         first = block.first_sample - origin
@@ -81,4 +81,4 @@ def _join(blocks: list[Block]) -> HitTraces:
 
 def _scale(channel: ChannelBlock) -> Float32Array:
     # Calibrated in double, rounded once: a peak is right to six digits.
-    return (channel.counts * channel.scale + channel.offset).astype(np.float32)
+    return (channel.output * channel.scale + channel.offset).astype(np.float32)

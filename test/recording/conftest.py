@@ -96,6 +96,7 @@ def setup_fields(**changes: Any) -> dict[str, Any]:
         "description": "of the test",
         "software_version": "0",
         "hammer_mass": 0.3,
+        "hammer_stiffness": NAN,
         "accelerometer_mass": 0.003,
         "impact_speed": 0.0819,
         "control_sample": "steel, large",
@@ -119,8 +120,8 @@ def block_fields(record: int, points: int = 100, **changes: Any) -> dict[str, An
         "sampling_rate": 2.5e6,
         "triggered": True,
         "last": True,
-        "hammer": {"counts": (counts + record).tolist(), **channel},
-        "specimen": {"counts": (-counts - record).tolist(), **channel},
+        "hammer": {"counts": (counts + record).tolist(), "values": [], **channel},
+        "specimen": {"counts": (-counts - record).tolist(), "values": [], **channel},
     }
     return fields | changes
 

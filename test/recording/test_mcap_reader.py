@@ -48,8 +48,8 @@ def test_blocks_come_back_bit_by_bit(make_recording):
     assert (block.first_sample, block.sampling_rate) == (2**40, 2.5e6)
     assert (block.triggered, block.last) == (False, False)
     assert block.stamp == 1_700_000_000_000_000_250
-    assert block.hammer.counts.dtype == np.int32
-    assert block.hammer.counts.tolist() == extremes
+    assert block.hammer.output.dtype == np.int32
+    assert block.hammer.output.tolist() == extremes
     assert (block.hammer.scale, block.hammer.offset, block.hammer.full_scale) == (0.1, -0.3, 7.0)
 
 
@@ -58,7 +58,7 @@ def test_an_empty_block_comes_back(make_recording):
     maker.add_setup()
     maker.add_block(1, points=0, triggered=False)
     *_, block = read_recording(maker.close()).events()
-    assert block.hammer.counts.shape == (0,)
+    assert block.hammer.output.shape == (0,)
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])

@@ -21,7 +21,7 @@ class Sample:
     name : str
         Unique in the set.
     mass : float
-        Without accelerometer [kg].
+        Without accelerometer [kg]; NaN: not known, and then neither k2 nor c2 is.
     material : str
         In words; may be empty.
     reference_contact_time, reference_stiffness, reference_damping_coefficient : float
@@ -43,7 +43,8 @@ class Sample:
         """Refuse a nameless sample and impossible numbers."""
         if not self.name.strip():
             raise ParameterError("a sample has an empty name: every sample needs its own name")
-        check_positive(f"mass of sample {self.name!r}", self.mass, "kg")
+        if not math.isnan(self.mass):
+            check_positive(f"mass of sample {self.name!r}", self.mass, "kg")
         check_mass_uncertainty(
             f"mass uncertainty of sample {self.name!r}", self.mass_uncertainty, self.mass
         )
@@ -132,7 +133,7 @@ class RigSetup:
     samples : SampleSet
         What is struck.
     hammer_mass : float
-        Effective seismic mass m1 [kg].
+        Effective seismic mass m1 [kg]; NaN: not known, and then neither k nor c is.
     impact_speed : float
         Hammer speed at contact v1 [m/s].
     analysis : AnalysisSettings
@@ -143,6 +144,8 @@ class RigSetup:
         Standard uncertainty of m1 [kg]; 0: not stated.
     clock_uncertainty : float
         Relative standard uncertainty of the sampling rate [-].
+    hammer_stiffness : float
+        k1 from an earlier control experiment [N/m]; NaN: from the control sample of this set.
     """
 
     samples: SampleSet
@@ -153,12 +156,21 @@ class RigSetup:
     description: str = ""
     hammer_mass_uncertainty: float = 0.0
     clock_uncertainty: float = DEFAULT_CLOCK_UNCERTAINTY
+    hammer_stiffness: float = math.nan
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
-        check_positive("hammer mass", self.hammer_mass, "kg")
+        if not math.isnan(self.hammer_mass):
+            check_positive("hammer mass", self.hammer_mass, "kg")
+        if not math.isnan(self.hammer_stiffness):
+            check_positive("hammer stiffness", self.hammer_stiffness, "N/m")
         check_positive("impact speed", self.impact_speed, "m/s")
         check_mass_uncertainty(
             "hammer mass uncertainty", self.hammer_mass_uncertainty, self.hammer_mass
         )
         check_not_negative("clock uncertainty", self.clock_uncertainty, "of the sampling rate")
+
+    def find_unknown_masses(self, name: str) -> tuple[str, ...]:
+        """Return whose mass, of hammer and sample called `name`, is not known."""
+        masses = (("hammer", self.hammer_mass), (name, self.samples.find(name).mass))
+        return tuple(body for body, mass in masses if math.isnan(mass))

@@ -14,8 +14,8 @@ from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import (
     Block,
     ChannelBlock,
-    CountArray,
     FloatArray,
+    RawArray,
     Record,
     Trace,
 )
@@ -83,8 +83,8 @@ class ImpactDetector:
             return (*records, self._make_record(block, triggered=False))
         records += self._follow(block)
         self._previous = block
-        self._expected = block.first_sample + block.hammer.counts.size
-        if block.hammer.counts.size:
+        self._expected = block.first_sample + block.hammer.output.size
+        if block.hammer.output.size:
             if self._stretch is None:
                 self._stretch = Stretch(block, search_from=self._resume)
             self._stretch.append(block)
@@ -171,7 +171,7 @@ class ImpactDetector:
         # Without a full scale the level is a part of the largest pulse: of the whole stretch.
         from_point = stretch.searched if full_scale > 0.0 else stretch.start
         deviation = np.abs(stretch.read(from_point, stretch.stop)[0] - baseline)
-        least = max(PULSE_NOISE * self._noise, 1.0)
+        least = max(PULSE_NOISE * self._noise, channel.resolution / abs(channel.scale))
         level = max(_find_level(deviation, full_scale, self._settings), least)
         above = deviation[stretch.searched - from_point :] >= level
         index = int(np.argmax(above))
@@ -187,7 +187,7 @@ class ImpactDetector:
         return self._make_record(
             block,
             hammer=_to_acceleration(block.hammer, hammer),
-            specimen=_to_acceleration(block.specimen, specimen),
+            specimen=_to_acceleration(block.specimen, specimen) if block.has_specimen else None,
             pulse_index=None if self._pulse is None else self._pulse - first,
             gaps=gaps,
             delay=round((first - stretch.start) / rate * 1e9),
@@ -207,7 +207,7 @@ class ImpactDetector:
         block: Block,
         *,
         hammer: FloatArray = EMPTY,
-        specimen: FloatArray = EMPTY,
+        specimen: FloatArray | None = EMPTY,
         pulse_index: int | None = None,
         triggered: bool = True,
         gaps: Iterable[_Gap] = (),
@@ -216,8 +216,10 @@ class ImpactDetector:
         return Record(
             label=block.label,
             sampling_rate=block.sampling_rate,
-            hammer=Trace(hammer, block.hammer.full_scale, abs(block.hammer.scale)),
-            specimen=Trace(specimen, block.specimen.full_scale, abs(block.specimen.scale)),
+            hammer=Trace(hammer, block.hammer.full_scale, block.hammer.resolution),
+            specimen=None
+            if specimen is None
+            else Trace(specimen, block.specimen.full_scale, block.specimen.resolution),
             pulse_index=pulse_index,
             triggered=triggered,
             flaws=tuple(gap.description for gap in gaps),
@@ -226,15 +228,18 @@ class ImpactDetector:
 
 
 def _is_alike(block: Block, other: Block) -> bool:
-    """Whether two blocks may be joined: equal rate and calibration."""
-    return block.sampling_rate == other.sampling_rate and all(
+    """Whether two blocks may be joined: equal rate, channels and calibration."""
+    return (block.sampling_rate, block.has_specimen) == (
+        other.sampling_rate,
+        other.has_specimen,
+    ) and all(
         (a.scale, a.offset, a.full_scale) == (b.scale, b.offset, b.full_scale)
         for a, b in ((block.hammer, other.hammer), (block.specimen, other.specimen))
     )
 
 
-def _to_acceleration(channel: ChannelBlock, counts: CountArray) -> FloatArray:
-    acceleration: FloatArray = channel.scale * counts.astype(np.float64) + channel.offset
+def _to_acceleration(channel: ChannelBlock, output: RawArray) -> FloatArray:
+    acceleration: FloatArray = channel.scale * output.astype(np.float64) + channel.offset
     return acceleration
 
 

@@ -1,4 +1,4 @@
-"""What the accelerometers deliver: blocks of counts, and records of one hit in m/s^2."""
+"""What the accelerometers deliver: blocks of raw output, and records of one hit in m/s^2."""
 
 import math
 from dataclasses import dataclass
@@ -10,7 +10,8 @@ from impact_rig.core.checks import check_not_negative, check_positive
 from impact_rig.core.errors import SignalError
 
 FloatArray = NDArray[np.float64]
-CountArray = NDArray[np.int32]
+RawArray = NDArray[np.int32] | NDArray[np.float64]
+"""A channel before its calibration: counts of a digitizer, or numbers of any other source."""
 
 
 def make_read_only(values: FloatArray) -> FloatArray:
@@ -44,39 +45,45 @@ class HitLabel:
 
 @dataclass(frozen=True)
 class ChannelBlock:
-    """One channel over one block: acceleration = scale * counts + offset.
+    """One channel over one block: acceleration = scale * output + offset.
 
     Attributes
     ----------
-    counts : ndarray of int32, shape (n,)
-        Raw digitizer output [counts]; read-only.
+    output : ndarray of int32 or float64, shape (n,)
+        Counts of a digitizer, or the numbers of a source that does not count; read-only.
     scale, offset : float
-        Acceleration per count and at zero counts [m/s^2].
+        Acceleration per unit of the output and at zero output [m/s^2].
     full_scale : float
         Largest acceleration the channel can show, either sign [m/s^2]; 0: not known.
     """
 
-    counts: CountArray
+    output: RawArray
     scale: float
     offset: float
     full_scale: float
 
     def __post_init__(self) -> None:
-        """Copy the counts, make them read-only, and refuse what cannot be meant."""
-        counts = np.asarray(self.counts)
-        if counts.ndim != 1 or not np.can_cast(counts.dtype, np.int32):
+        """Copy the output, make it read-only, and refuse what cannot be meant."""
+        output = np.asarray(self.output)
+        is_counted = np.can_cast(output.dtype, np.int32)
+        if output.ndim != 1 or not (is_counted or output.dtype in (np.float32, np.float64)):
             raise SignalError(
-                f"counts of shape {counts.shape} and type {counts.dtype}: they must be one row of"
-                " whole numbers of 32 bits at most"
+                f"output of shape {output.shape} and type {output.dtype}: it must be one row of"
+                " whole numbers of 32 bits at most, or of floating-point numbers of 64"
             )
-        counts = counts.astype(np.int32)
-        counts.setflags(write=False)
-        object.__setattr__(self, "counts", counts)
+        output = output.astype(np.int32 if is_counted else np.float64)
+        output.setflags(write=False)
+        object.__setattr__(self, "output", output)
         if not (math.isfinite(self.scale) and self.scale != 0):
-            raise SignalError(f"scale is {self.scale!r} m/s^2 per count: it must not be zero")
+            raise SignalError(f"scale is {self.scale!r} m/s^2 per unit: it must not be zero")
         if not math.isfinite(self.offset):
             raise SignalError(f"offset is {self.offset!r} m/s^2: it must be a finite number")
         check_not_negative("full scale", self.full_scale, "m/s^2")
+
+    @property
+    def resolution(self) -> float:
+        """Acceleration of one count [m/s^2]; 0: the source does not count."""
+        return abs(self.scale) if self.output.dtype == np.int32 else 0.0
 
 
 @dataclass(frozen=True)
@@ -92,7 +99,7 @@ class Block:
     sampling_rate : float
         [Hz]
     hammer, specimen : ChannelBlock
-        Of equal length.
+        Of equal length; the specimen's without points: not measured.
     triggered : bool
         False: the arming ended without a trigger and the block is empty.
     last : bool
@@ -113,12 +120,17 @@ class Block:
     def __post_init__(self) -> None:
         """Refuse channels of different length and a rate that is none."""
         check_positive("sampling rate", self.sampling_rate, "Hz")
-        if self.hammer.counts.shape != self.specimen.counts.shape:
+        if self.specimen.output.size not in (0, self.hammer.output.size):
             raise SignalError(
                 f"block at point {self.first_sample} of record {self.label.record} has"
-                f" {self.hammer.counts.size} hammer points and {self.specimen.counts.size}"
+                f" {self.hammer.output.size} hammer points and {self.specimen.output.size}"
                 " sample points: both channels must be equally long"
             )
+
+    @property
+    def has_specimen(self) -> bool:
+        """Whether the sample's acceleration was measured."""
+        return self.specimen.output.size == self.hammer.output.size
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,12 @@
 """A stretch of the stream without a gap, kept as long as a hit may still need it."""
 
 from collections import deque
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from impact_rig.core.signals.record import Block, CountArray
+from impact_rig.core.signals.record import Block, RawArray
 
 
 class Stretch:
@@ -31,19 +33,20 @@ class Stretch:
         self.block = block
         self.start = self.stop = block.first_sample
         self.searched = max(search_from, self.start)
-        self._chunks: deque[tuple[int, CountArray, CountArray]] = deque()
+        self._chunks: deque[tuple[int, RawArray, RawArray]] = deque()
 
     def append(self, block: Block) -> None:
         """Take the block that follows."""
-        self._chunks.append((self.stop, block.hammer.counts, block.specimen.counts))
-        self.stop += block.hammer.counts.size
+        self._chunks.append((self.stop, block.hammer.output, block.specimen.output))
+        self.stop += block.hammer.output.size
 
-    def read(self, first: int, last: int) -> tuple[CountArray, CountArray]:
+    def read(self, first: int, last: int) -> tuple[RawArray, RawArray]:
         """Return hammer and sample from point `first` up to `last`, as far as they are there.
 
         At least one such point must be there, and none of them forgotten.
         """
-        hammers, specimens = [], []
+        hammers: list[NDArray[Any]] = []
+        specimens: list[NDArray[Any]] = []
         for start, hammer, specimen in reversed(self._chunks):
             if start + hammer.size <= first:
                 break

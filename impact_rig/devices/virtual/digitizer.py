@@ -4,11 +4,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.signals.record import CountArray, FloatArray
+from impact_rig.core.signals.record import FloatArray
+
+CountArray = NDArray[np.int32]
 
 SHORTEST_RECORD = 100
 """Least points of a record [-], our choice: fewer show no pulse and its baseline."""

@@ -107,6 +107,8 @@ def find_nominal_model(setup: RigSetup, sample: str, hammer_damping: float) -> I
             " contact time gives the hammer's stiffness"
         )
     control = setup.samples.find(control_name)
+    for body in (*setup.find_unknown_masses(sample), *setup.find_unknown_masses(control_name)):
+        raise ParameterError(f"the virtual rig needs the mass of {body}: it is not known")
     for owner, quantity, value in (
         (control, "contact time", control.reference_contact_time),
         (chosen, "contact time", chosen.reference_contact_time),

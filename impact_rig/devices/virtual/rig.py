@@ -11,7 +11,7 @@ from impact_rig.core.model.impact import ImpactModel
 from impact_rig.core.model.pulses import VERSED_SINE, PulseShape
 from impact_rig.core.setup.paper import HAMMER_DAMPING_COEFFICIENT
 from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.record import Block, ChannelBlock, CountArray, FloatArray, HitLabel
+from impact_rig.core.signals.record import Block, ChannelBlock, FloatArray, HitLabel
 from impact_rig.devices.virtual.digitizer import DigitizerSettings, digitize, find_scale
 from impact_rig.devices.virtual.faults import Fault, FaultPlan
 from impact_rig.devices.virtual.plants import (
@@ -128,7 +128,7 @@ class VirtualHit:
             raise ParameterError(f"block size is {block_size} points: it must be 1 or more")
         if Fault.MISSED_TRIGGER in self.faults:
             return (self._cut(0, 0, stamp, triggered=False, last=True),)
-        count = self.hammer.counts.size
+        count = self.hammer.output.size
         starts = list(range(0, count, block_size))
         blocks = [
             self._cut(start, min(start + block_size, count), stamp, last=start == starts[-1])
@@ -145,8 +145,8 @@ class VirtualHit:
             label=self.label,
             first_sample=start,
             sampling_rate=self.sampling_rate,
-            hammer=replace(self.hammer, counts=self.hammer.counts[start:stop]),
-            specimen=replace(self.specimen, counts=self.specimen.counts[start:stop]),
+            hammer=replace(self.hammer, output=self.hammer.output[start:stop]),
+            specimen=replace(self.specimen, output=self.specimen.output[start:stop]),
             triggered=triggered,
             last=last,
             stamp=stamp + round(start / self.sampling_rate * 1e9),
@@ -252,9 +252,9 @@ class VirtualRig:
     def _make_channel(
         self, acceleration: FloatArray, full_scale: float, generator: np.random.Generator
     ) -> ChannelBlock:
-        counts: CountArray = digitize(acceleration, full_scale, self.settings.digitizer, generator)
+        counts = digitize(acceleration, full_scale, self.settings.digitizer, generator)
         return ChannelBlock(
-            counts=counts,
+            output=counts,
             scale=find_scale(full_scale, self.settings.digitizer.bits),
             offset=0.0,
             full_scale=full_scale,

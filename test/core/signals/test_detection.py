@@ -173,8 +173,8 @@ def test_an_empty_block_changes_nothing(
     block, none = blocks[2], np.empty(0, np.int32)
     empty = replace(
         block,
-        hammer=replace(block.hammer, counts=none),
-        specimen=replace(block.specimen, counts=none),
+        hammer=replace(block.hammer, output=none),
+        specimen=replace(block.specimen, output=none),
     )
     records = detect([*blocks[:2], empty, *blocks[2:]])
     assert [describe(item) for item in records] == [describe(item) for item in detect(blocks)]

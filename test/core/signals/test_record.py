@@ -18,9 +18,9 @@ def test_what_a_block_holds_is_its_own() -> None:
     counts = np.arange(4, dtype=np.int32)
     channel = ChannelBlock(counts, 0.5, 0.0, 2000.0)
     counts[0] = 99
-    assert channel.counts[0] == 0
+    assert channel.output[0] == 0
     with pytest.raises(ValueError, match="read-only"):
-        channel.counts[0] = 99
+        channel.output[0] = 99
 
 
 def test_what_a_trace_holds_is_its_own() -> None:
@@ -35,10 +35,10 @@ def test_what_a_trace_holds_is_its_own() -> None:
 
 @pytest.mark.parametrize("dtype", [np.int16, np.uint8, np.int32])
 def test_counts_of_any_fitting_type_are_taken(dtype: type) -> None:
-    assert ChannelBlock(np.ones(3, dtype), 1.0, 0.0, 0.0).counts.dtype == np.int32
+    assert ChannelBlock(np.ones(3, dtype), 1.0, 0.0, 0.0).output.dtype == np.int32
 
 
-@pytest.mark.parametrize("counts", [np.ones(3), np.ones(3, np.int64), np.ones((2, 3), np.int32)])
+@pytest.mark.parametrize("counts", [np.ones(3, complex), np.ones(3, np.int64), np.ones((2, 3), np.int32)])
 def test_counts_that_would_be_bent_are_refused(counts: np.ndarray) -> None:
     with pytest.raises(SignalError, match="one row of whole numbers of 32 bits at most"):
         ChannelBlock(counts, 1.0, 0.0, 0.0)
@@ -47,7 +47,7 @@ def test_counts_that_would_be_bent_are_refused(counts: np.ndarray) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"scale": 0.0}, "scale is 0.0 m/s^2 per count: it must not be zero"),
+        ({"scale": 0.0}, "scale is 0.0 m/s^2 per unit: it must not be zero"),
         ({"scale": np.nan}, "scale is nan"),
         ({"offset": np.inf}, "offset is inf"),
         ({"full_scale": -1.0}, "full scale is -1.0 m/s^2"),

@@ -54,15 +54,15 @@ class TestHit:
         rig.strike(HitLabel(NAMES[0]))
         other = rig.strike(replace(label, record=label.record + 1))
         assert one.model == other.model
-        np.testing.assert_array_equal(one.hammer.counts, other.hammer.counts)
-        np.testing.assert_array_equal(one.specimen.counts, other.specimen.counts)
+        np.testing.assert_array_equal(one.hammer.output, other.hammer.output)
+        np.testing.assert_array_equal(one.specimen.output, other.specimen.output)
 
     @pytest.mark.parametrize("field", ["impact", "attempt"])
     def test_is_another_one_each_time(self, field: str) -> None:
         label = HitLabel("steel small")
         other = replace(label, **{field: 2})
         assert strike(label).model != strike(other).model
-        assert np.any(strike(label).hammer.counts != strike(other).hammer.counts)
+        assert np.any(strike(label).hammer.output != strike(other).hammer.output)
 
     def test_is_another_one_with_each_seed(self) -> None:
         label = HitLabel("steel small")
@@ -89,14 +89,14 @@ class TestHit:
         plain = strike(label)
         plan = FaultPlan(1.0, (Fault.LOST_BLOCK, Fault.MISSED_TRIGGER))
         faulty = strike(label, faults=plan)
-        np.testing.assert_array_equal(faulty.hammer.counts, plain.hammer.counts)
+        np.testing.assert_array_equal(faulty.hammer.output, plain.hammer.output)
         assert faulty.model == plain.model
 
     def test_uses_the_digitizers_range(self) -> None:
         for name in NAMES:
             hit = strike(HitLabel(name))
             for channel in (hit.hammer, hit.specimen):
-                used = np.abs(channel.counts).max() * abs(channel.scale) / channel.full_scale
+                used = np.abs(channel.output).max() * abs(channel.scale) / channel.full_scale
                 assert 0.05 < used < 0.95
 
 
@@ -114,15 +114,15 @@ class TestStream:
             block.first_sample * 400 for block in blocks
         ]
         for name in ("hammer", "specimen"):
-            joined = np.concatenate([getattr(block, name).counts for block in blocks])
-            np.testing.assert_array_equal(joined, getattr(hit, name).counts)
+            joined = np.concatenate([getattr(block, name).output for block in blocks])
+            np.testing.assert_array_equal(joined, getattr(hit, name).output)
 
     def test_of_a_missed_trigger_is_one_empty_block(self) -> None:
         hit = strike(HitLabel("steel small"), faults=FaultPlan(1.0, (Fault.MISSED_TRIGGER,)))
         (block,) = hit.split(BLOCK_SIZE, stamp=5)
         assert not block.triggered
         assert block.last
-        assert block.hammer.counts.size == block.specimen.counts.size == 0
+        assert block.hammer.output.size == block.specimen.output.size == 0
 
     @pytest.mark.parametrize("size", [100, 1000, 2500, 4999])
     def test_lacks_a_lost_block(self, size: int) -> None:
