@@ -40,6 +40,10 @@ setup(
         "develop": {"script_dir": EXECUTABLES},
         "install": {"install_scripts": EXECUTABLES},
     },
+    extras_require={
+        "formats": ["h5py>=3.10", "lvm_read>=1.24", "npTDMS>=1.9", "pyuff>=2.4"],
+        "batch": ["dask>=2024.5", "distributed>=2024.5"],
+    },
     python_requires=">=3.11",
     zip_safe=False,
     license="Apache-2.0",

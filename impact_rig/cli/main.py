@@ -29,8 +29,14 @@ COMMANDS = {
     "up": _Entry("Start the nodes of a rig, real or virtual.", "impact_rig.cli.up"),
     "campaign": _Entry("Run a campaign on a rig that is up.", "impact_rig.cli.campaign"),
     "analyze": _Entry("Estimate from recordings or plain traces.", "impact_rig.cli.analyze"),
+    "info": _Entry("See what a recording holds, and whether it is sound.", "impact_rig.cli.info"),
+    "replay": _Entry("Publish a recording again.", "impact_rig.cli.replay"),
+    "recover": _Entry("Make a good recording of a damaged one.", "impact_rig.cli.recover"),
+    "import": _Entry("Make a recording of other instruments' files.", "impact_rig.cli.import_"),
+    "export": _Entry("Write hits, mean traces and results for others.", "impact_rig.cli.export"),
     "paper": _Entry("Check the arithmetic of the paper.", "impact_rig.cli.paper"),
     "study": _Entry("Hold the estimators against a known truth.", "impact_rig.cli.study"),
+    "bench": _Entry("Measure what is claimed, on this machine.", "impact_rig.cli.bench"),
     "doctor": _Entry("See what is installed and what is broken.", "impact_rig.cli.doctor"),
 }
 """Known by name, so that the help needs none of their modules."""
@@ -45,6 +51,12 @@ PROVIDERS = {
     "domain_coordinator": "ROS 2's domain_coordinator",
     "pint": "pint",
     "rerun": "rerun-sdk",
+    "dask": "Dask",
+    "distributed": "Dask's distributed",
+    "nptdms": "npTDMS",
+    "pyuff": "pyuff",
+    "h5py": "h5py",
+    "lvm_read": "lvm_read",
 }
 """Modules that may be absent, and what brings them."""
 

@@ -57,6 +57,28 @@ LIBRARIES = (
     Library("pint", ("pint",), "rig files"),
     Library("rosbags", ("rosbags",), "reading recordings"),
     Library("mcap", ("mcap",), "reading and writing recordings"),
+    *(
+        Library(
+            module,
+            (name,),
+            f"importing and exporting {kind}",
+            is_needed=False,
+            advice=f"pip install {name}; all else works without it",
+        )
+        for module, name, kind in (
+            ("lvm_read", "lvm_read", ".lvm"),
+            ("nptdms", "npTDMS", ".tdms"),
+            ("pyuff", "pyuff", ".uff"),
+            ("h5py", "h5py", ".h5 and .mat of version 7.3"),
+        )
+    ),
+    Library(
+        "distributed",
+        ("distributed",),
+        "many recordings at once",
+        is_needed=False,
+        advice="pip install distributed; recordings are then analyzed one after the other",
+    ),
     Library(
         "matplotlib",
         ("matplotlib",),

@@ -12,7 +12,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 @pytest.fixture
 def nothing_to_install(copy):
     """Return a copy that needs no package: no download, and no colcon."""
-    for path in copy.get_requirements("ros", "colcon", "scientific", "rig", "test"):
+    for path in copy.get_requirements("ros", "colcon", "scientific", "rig", "formats", "test"):
         path.write_text("# nothing\n")
     return copy
 

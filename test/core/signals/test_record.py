@@ -38,7 +38,9 @@ def test_counts_of_any_fitting_type_are_taken(dtype: type) -> None:
     assert ChannelBlock(np.ones(3, dtype), 1.0, 0.0, 0.0).output.dtype == np.int32
 
 
-@pytest.mark.parametrize("counts", [np.ones(3, complex), np.ones(3, np.int64), np.ones((2, 3), np.int32)])
+@pytest.mark.parametrize(
+    "counts", [np.ones(3, complex), np.ones(3, np.int64), np.ones((2, 3), np.int32)]
+)
 def test_counts_that_would_be_bent_are_refused(counts: np.ndarray) -> None:
     with pytest.raises(SignalError, match="one row of whole numbers of 32 bits at most"):
         ChannelBlock(counts, 1.0, 0.0, 0.0)
