@@ -1,4 +1,4 @@
-"""Files that appear under their name only when they are complete, and never in place of another."""
+"""Files that get their name when they are complete, and never take the place of another."""
 
 import contextlib
 import os

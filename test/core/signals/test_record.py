@@ -39,7 +39,7 @@ def test_counts_of_any_fitting_type_are_taken(dtype: type) -> None:
 
 
 @pytest.mark.parametrize(
-    "counts", [np.ones(3, complex), np.ones(3, np.int64), np.ones((2, 3), np.int32)]
+    "counts", [np.ones(3, complex), np.ones(3, np.int64), np.ones((2, 3), int)]
 )
 def test_counts_that_would_be_bent_are_refused(counts: np.ndarray) -> None:
     with pytest.raises(SignalError, match="one row of whole numbers of 32 bits at most"):
