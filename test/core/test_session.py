@@ -267,3 +267,42 @@ def test_a_hit_without_a_pulse_cannot_be_taken_in(make_counts: Make, make_blocks
     with pytest.raises(ParameterError, match=r"hit 7 .* no pulse that could be measured"):
         session.overrule(Overrules(accepted=frozenset(session.labels)))
     assert describe_rejected(session) == [(7, [Reason.NO_PULSE])]
+
+
+def test_without_masses_contact_times_remain_and_a_note_says_why(strike: Strike) -> None:
+    known = Session(SETUP)
+    strike(known, "heavy", 1)
+    (heavy,) = (sample for sample in SETUP.samples.samples if sample.name == "heavy")
+    samples = tuple(
+        replace(sample, mass=np.nan) if sample == heavy else sample
+        for sample in SETUP.samples.samples
+    )
+    session = Session(replace(SETUP, samples=replace(SETUP.samples, samples=samples)))
+    strike(session, "heavy", 1)
+    (estimate,) = session.estimate_all().samples
+    assert estimate.contact is not None
+    expected = known.estimate_sample("heavy").contact
+    assert expected is not None
+    assert estimate.contact.contact_time == expected.contact_time
+    assert np.isnan(estimate.contact.equivalent_stiffness)
+    assert "k and c: the mass of heavy is not known" in estimate.notes
+
+
+def test_without_the_hammers_mass_the_control_sample_says_nothing_of_it(strike: Strike) -> None:
+    session = Session(replace(SETUP, hammer_mass=np.nan))
+    strike(session, "alike", 1)
+    results = session.estimate_all()
+    assert results.hammer.notes == ("k1: the mass of hammer is not known",)
+    assert results.samples[0].contact is not None
+
+
+def test_a_stated_stiffness_of_the_hammer_takes_the_control_samples_place(strike: Strike) -> None:
+    measured = Session(SETUP)
+    strike(measured, "alike", 1)
+    strike(measured, "heavy", 2)
+    k1 = measured.estimate_hammer().stiffness
+    samples = replace(SETUP.samples, control_sample="")
+    session = Session(replace(SETUP, samples=samples, hammer_stiffness=k1))
+    strike(session, "heavy", 2)
+    expected = measured.estimate_sample("heavy").body.stiffness
+    assert session.estimate_sample("heavy").body.stiffness == pytest.approx(expected, rel=1e-12)

@@ -113,7 +113,7 @@ class ImpactDetector:
         elif start < expected:
             what = f"{expected - start} points repeated at point {start}"
         elif self._previous is not None and not _is_alike(self._previous, block):
-            what = f"sampling rate or calibration changed at point {start}"
+            what = f"sampling rate, channels or calibration changed at point {start}"
         else:
             return []
         self._gaps.append(_Gap(min(expected, start), max(expected, start), what))

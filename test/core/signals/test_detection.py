@@ -16,6 +16,7 @@ from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, Trace
 # At the 1 MHz of these streams: 200 points of pre-trigger, 2000 of record.
 SETTINGS = AnalysisSettings()
 BEFORE, LENGTH = 200, 2000
+FULL_SCALE, SCALE = 2000.0, 2000.0 / 2048
 Make = Callable[..., Any]
 
 
@@ -178,6 +179,42 @@ def test_an_empty_block_changes_nothing(
     )
     records = detect([*blocks[:2], empty, *blocks[2:]])
     assert [describe(item) for item in records] == [describe(item) for item in detect(blocks)]
+
+
+def test_numbers_of_a_source_that_does_not_count_are_taken_as_they_are(
+    make_counts: Make, make_blocks: Make, detect: Make
+) -> None:
+    counts = make_counts([(500, 900.0)], 2500)
+    (counted,) = detect(make_blocks(counts, counts, [400]))
+    volts = counts * 1e-7
+    blocks = [
+        replace(
+            block,
+            hammer=ChannelBlock(volts[start : start + 400], SCALE * 1e7, 0.0, FULL_SCALE),
+            specimen=ChannelBlock(np.empty(0), 1.0, 0.0, 0.0),
+        )
+        for start, block in zip(
+            range(0, 2500, 400), make_blocks(counts, counts, [400]), strict=True
+        )
+    ]
+    (record,) = detect(blocks)
+    assert record.pulse_index == counted.pulse_index
+    # One product and its inverse: two roundings.
+    np.testing.assert_allclose(
+        record.hammer.acceleration, counted.hammer.acceleration, rtol=1e-15, atol=0.0
+    )
+    assert record.hammer.resolution == 0.0
+    assert record.specimen is None
+
+
+def test_a_channel_that_comes_and_goes_is_a_gap(
+    make_counts: Make, make_blocks: Make, detect: Make
+) -> None:
+    counts = make_counts([(500, 900.0)], 2500)
+    first, *rest = make_blocks(counts, counts, [400])
+    first = replace(first, specimen=replace(first.specimen, output=np.empty(0, np.int32)))
+    flaws = [flaw for record in detect([first, *rest]) for flaw in record.flaws]
+    assert flaws == ["sampling rate, channels or calibration changed at point 400"]
 
 
 class TestPulseStart:

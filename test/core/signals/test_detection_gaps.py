@@ -119,7 +119,7 @@ def test_a_change_of_calibration_is_never_bridged(
     blocks = make_blocks(hammer, hammer, [1500])
     changed = [replace(b, hammer=replace(b.hammer, scale=0.5)) for b in blocks[1:]]
     record, *_ = detect([blocks[0], *changed])
-    assert record.flaws == ("sampling rate or calibration changed at point 1500",)
+    assert record.flaws == ("sampling rate, channels or calibration changed at point 1500",)
     assert record.hammer.acceleration.size < LENGTH
 
 
