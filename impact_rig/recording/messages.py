@@ -4,19 +4,19 @@ Only attributes are read, so that the same functions serve a node and a recordin
 bit-identical numbers.
 """
 
-import math
 from typing import Any
 
 import numpy as np
 
-from impact_rig.core.setup.samples import (
-    DEFAULT_CLOCK_UNCERTAINTY,
-    RigSetup,
-    Sample,
-    SampleSet,
-)
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
+from impact_rig.recording.absent_fields import read_field
+
+_CHANNEL = "impact_rig_msgs/msg/Channel"
+_SAMPLE = "impact_rig_msgs/msg/Sample"
+_SETUP = "impact_rig_msgs/msg/RigSetup"
+_ANALYSIS = "impact_rig_msgs/msg/AnalysisSettings"
 
 
 def stamp_from_msg(stamp: Any) -> int:
@@ -35,8 +35,7 @@ def label_from_msg(message: Any) -> HitLabel:
 
 
 def _channel_from_msg(message: Any) -> ChannelBlock:
-    # Recordings made before this field existed hold counts only.
-    values = np.frombuffer(memoryview(getattr(message, "values", b"")), dtype=np.float64)
+    values = np.asarray(read_field(message, _CHANNEL, "values"), dtype=np.float64)
     return ChannelBlock(
         output=values
         if values.size
@@ -72,7 +71,7 @@ def block_from_msg(message: Any) -> Block:
 def setup_from_msg(message: Any) -> RigSetup:
     """Return a `RigSetup` message as a `RigSetup`.
 
-    Recordings older than the stated uncertainties lack those fields: then nothing is stated.
+    What a recording of an older version lacks is filled up from `ABSENT_FIELDS`.
 
     Raises
     ------
@@ -86,7 +85,7 @@ def setup_from_msg(message: Any) -> RigSetup:
                 Sample(
                     name=str(sample.name),
                     mass=float(sample.mass),
-                    mass_uncertainty=float(getattr(sample, "mass_uncertainty", 0.0)),
+                    mass_uncertainty=float(read_field(sample, _SAMPLE, "mass_uncertainty")),
                     material=str(sample.material),
                     reference_contact_time=float(sample.reference_contact_time),
                     reference_stiffness=float(sample.reference_stiffness),
@@ -97,7 +96,7 @@ def setup_from_msg(message: Any) -> RigSetup:
             control_sample=str(message.control_sample),
             accelerometer_mass=float(message.accelerometer_mass),
             accelerometer_mass_uncertainty=float(
-                getattr(message, "accelerometer_mass_uncertainty", 0.0)
+                read_field(message, _SETUP, "accelerometer_mass_uncertainty")
             ),
         ),
         hammer_mass=float(message.hammer_mass),
@@ -109,15 +108,14 @@ def setup_from_msg(message: Any) -> RigSetup:
             record_duration=float(analysis.record_duration),
             detection_level=float(analysis.detection_level),
             minimum_peak=float(analysis.minimum_peak),
-            # Recordings made before these settings existed were judged without them.
-            maximum_peak=float(getattr(analysis, "maximum_peak", 1.0)),
+            maximum_peak=float(read_field(analysis, _ANALYSIS, "maximum_peak")),
             overload_run=int(analysis.overload_run),
             double_hit_level=float(analysis.double_hit_level),
-            keep_hits=int(getattr(analysis, "keep_hits", 0)),
+            keep_hits=int(read_field(analysis, _ANALYSIS, "keep_hits")),
         ),
         name=str(message.name),
         description=str(message.description),
-        hammer_mass_uncertainty=float(getattr(message, "hammer_mass_uncertainty", 0.0)),
-        hammer_stiffness=float(getattr(message, "hammer_stiffness", math.nan)),
-        clock_uncertainty=float(getattr(message, "clock_uncertainty", DEFAULT_CLOCK_UNCERTAINTY)),
+        hammer_mass_uncertainty=float(read_field(message, _SETUP, "hammer_mass_uncertainty")),
+        hammer_stiffness=float(read_field(message, _SETUP, "hammer_stiffness")),
+        clock_uncertainty=float(read_field(message, _SETUP, "clock_uncertainty")),
     )

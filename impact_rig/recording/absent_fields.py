@@ -1,0 +1,44 @@
+"""What stands for the fields that recordings made by older versions do not have.
+
+One place for all who read them: the analysis of a file and the replay through a fresh estimator
+must see the same.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY
+
+ABSENT_FIELDS: Mapping[str, Mapping[str, Any]] = {
+    "impact_rig_msgs/msg/Channel": {
+        "values": (),  # they hold counts only
+    },
+    "impact_rig_msgs/msg/Sample": {
+        "mass_uncertainty": 0.0,  # not stated
+    },
+    "impact_rig_msgs/msg/RigSetup": {
+        "hammer_mass_uncertainty": 0.0,
+        "hammer_stiffness": math.nan,  # from the control experiment
+        "accelerometer_mass_uncertainty": 0.0,
+        "clock_uncertainty": DEFAULT_CLOCK_UNCERTAINTY,
+    },
+    "impact_rig_msgs/msg/AnalysisSettings": {
+        "maximum_peak": 1.0,  # hits were judged without these
+        "keep_hits": 0,
+    },
+}
+"""Values by type and field, in the types of the messages."""
+
+
+def read_field(message: Any, type_name: str, field: str) -> Any:
+    """Return a field of a decoded message, or what stands for it if the message is older.
+
+    Parameters
+    ----------
+    message : object
+        With its fields as attributes.
+    type_name, field : str
+        Which field of which type, as in `ABSENT_FIELDS`.
+    """
+    return getattr(message, field, ABSENT_FIELDS[type_name][field])
