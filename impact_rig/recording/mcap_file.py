@@ -11,8 +11,9 @@ from typing import Any, BinaryIO, NamedTuple
 
 from mcap.exceptions import McapError
 from mcap.reader import SeekingReader
+from mcap.records import Attachment as AttachmentRecord
 from mcap.records import Channel as ChannelRecord
-from mcap.records import Chunk, DataEnd, Footer, Header, McapRecord, Message, Schema
+from mcap.records import Chunk, DataEnd, Footer, Header, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from zstandard import ZstdError
 
@@ -71,6 +72,40 @@ class RawMessage(NamedTuple):
     data: bytes
 
 
+class MetadataRecord(NamedTuple):
+    """What was noted beside the messages.
+
+    Attributes
+    ----------
+    name : str
+        What it is about; the same name may come again.
+    fields : dict
+        Texts by their names.
+    """
+
+    name: str
+    fields: dict[str, str]
+
+
+class Attachment(NamedTuple):
+    """A file kept inside the recording.
+
+    Attributes
+    ----------
+    name, media_type : str
+        Its name, for example `rig.toml`, and its kind, for example `application/toml`.
+    log_time : int
+        When it was attached, nanoseconds since the epoch.
+    data : bytes
+        Its content.
+    """
+
+    name: str
+    media_type: str
+    log_time: int
+    data: bytes
+
+
 class McapFile:
     """An MCAP file, checked to be one of ROS 2.
 
@@ -98,8 +133,24 @@ class McapFile:
         """Whether the recording was closed; if not, its end is missing."""
         return self._is_complete
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The file itself."""
+        return (self.path,)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the reader should know, in words; empty: nothing."""
+        if self._is_complete:
+            return ()
+        return (f"{self.path} was never closed: it is read up to the last message that is whole",)
+
     def read_messages(
-        self, wanted: Callable[[Channel], bool] = lambda _: True
+        self,
+        wanted: Callable[[Channel], bool] = lambda _: True,
+        *,
+        start_time: int | None = None,
+        end_time: int | None = None,
     ) -> Iterator[RawMessage]:
         """Yield messages in file order, one chunk in memory at a time.
 
@@ -107,6 +158,8 @@ class McapFile:
         ----------
         wanted : callable
             Tells whether a channel's messages are to be yielded.
+        start_time, end_time : int, optional
+            Only messages logged from the one to before the other, nanoseconds since the epoch.
 
         Raises
         ------
@@ -121,7 +174,7 @@ class McapFile:
                 if record.channel_id not in channels:
                     raise self._make_error("a message belongs to a channel that is not announced")
                 channel = channels[record.channel_id]
-                if channel is not None:
+                if channel is not None and lies_between(record.log_time, start_time, end_time):
                     yield RawMessage(
                         channel,
                         record.sequence,
@@ -157,6 +210,22 @@ class McapFile:
         for _ in self.read_messages(note):
             pass
         return tuple(channels)
+
+    def read_metadata(self) -> tuple[MetadataRecord, ...]:
+        """Return what was noted beside the messages; raises as `read_messages`."""
+        return tuple(
+            MetadataRecord(record.name, dict(record.metadata))
+            for record in self._read_records()
+            if isinstance(record, Metadata)
+        )
+
+    def read_attachments(self) -> tuple[Attachment, ...]:
+        """Return the files kept inside the recording; raises as `read_messages`."""
+        return tuple(
+            Attachment(record.name, record.media_type, record.log_time, record.data)
+            for record in self._read_records()
+            if isinstance(record, AttachmentRecord)
+        )
 
     def _open(self) -> BinaryIO:
         try:
@@ -237,3 +306,8 @@ class McapFile:
 
     def _make_error(self, reason: str) -> FileError:
         return FileError(f"{self.path} is damaged: {reason}")
+
+
+def lies_between(time: int, start_time: int | None, end_time: int | None) -> bool:
+    """Return whether a time lies from the one to before the other; None: no limit."""
+    return (start_time is None or time >= start_time) and (end_time is None or time < end_time)

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple, TypeVar
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block, HitLabel
-from impact_rig.recording.mcap_file import Channel, McapFile, RawMessage
+from impact_rig.recording.mcap_file import Channel, RawMessage
 from impact_rig.recording.messages import block_from_msg, label_from_msg, setup_from_msg
 from impact_rig.recording.schema_decoder import SchemaDecoder
+from impact_rig.recording.source import RecordingSource, open_source
 
 SETUP_TYPE = "impact_rig_msgs/msg/RigSetup"
 BLOCK_TYPE = "impact_rig_msgs/msg/AccelerationBlock"
@@ -49,7 +50,7 @@ class Recording:
     Attributes
     ----------
     path : Path
-        Of the file.
+        Of the file, or of the folder.
     namespace : str
         Of the rig, "/" for none.
     setup : RigSetup
@@ -58,17 +59,13 @@ class Recording:
         What the reader should know, in words; empty: nothing.
     """
 
-    def __init__(self, file: McapFile, namespace: str) -> None:
+    def __init__(self, file: RecordingSource, namespace: str) -> None:
         self._file = file
         self._decoder = SchemaDecoder()
         self._faults: dict[HitLabel, tuple[str, ...]] = {}
         self.path = file.path
         self.namespace = namespace
-        self.warnings: tuple[str, ...] = ()
-        if not file.is_complete:
-            self.warnings = (
-                f"{file.path} was never closed: it is read up to the last message that is whole",
-            )
+        self.warnings = file.warnings
         self.setup = self._find_setup()
 
     @property
@@ -174,7 +171,7 @@ def read_recording(path: Path, namespace: str | None = None) -> Recording:
     Parameters
     ----------
     path : Path
-        Of the `.mcap` file.
+        As `find_recording` takes it.
     namespace : str, optional
         Of the rig; found in the file by default.
 
@@ -188,7 +185,7 @@ def read_recording(path: Path, namespace: str | None = None) -> Recording:
         If there is no such file, it is no recording of ROS 2, holds no set-up, or holds several
         rigs of which none was chosen.
     """
-    file = McapFile(Path(path))
+    file = open_source(Path(path))
     if namespace is None:
         namespaces = find_namespaces(file)
         if len(namespaces) > 1:
@@ -199,8 +196,8 @@ def read_recording(path: Path, namespace: str | None = None) -> Recording:
     return Recording(file, "/" + namespace.strip("/"))
 
 
-def find_namespaces(file: McapFile) -> tuple[str, ...]:
-    """Return the namespaces of the rigs in a file, by the topics of its blocks.
+def find_namespaces(file: RecordingSource) -> tuple[str, ...]:
+    """Return the namespaces of the rigs in a recording, by the topics of its blocks.
 
     A set-up stands in for the blocks where there are none.
     """
