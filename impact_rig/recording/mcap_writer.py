@@ -1,7 +1,9 @@
-"""Writes messages that are already serialised to an MCAP file of profile `ros2`."""
+"""Writes messages that are already serialised to one MCAP file of profile `ros2`."""
 
+import contextlib
 import errno
 import os
+import time
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -9,47 +11,26 @@ from typing import Self
 from mcap.writer import CompressionType, Writer
 
 from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.recording.disk_file import DiskFile, DiskFullError
 from impact_rig.recording.message_definitions import MessageDefinition
 from impact_rig.recording.qos_profiles import OfferedQos, format_offered_qos
 
 COMPRESSIONS = ("zstd", "lz4", "none")
 """How chunks may be compressed."""
 ROOM_FOR_ENDING = 4 << 20
-"""What is left free on the disk, beside one chunk, for the end of the file [byte], our choice:
-the index of some ten thousand chunks."""
+"""What is left free on the disk for the end of the file [byte], our choice: what is said at the
+end, and the topics."""
+ROOM_FOR_INDEX = 0.01
+"""Part of the size of the file that is left free beside it, our choice: the index at the end has
+300 byte for a chunk, and a chunk with a hit at least 30 kB."""
 DEFAULT_CHUNK_SIZE = 1 << 20
 """Uncompressed size at which a chunk is finished [byte]; what other MCAP writers use."""
-
-
-class _RawFile:
-    """A new file, unbuffered, so that a finished chunk is on its way to the disk at once."""
-
-    def __init__(self, path: Path) -> None:
-        self.file = path.open("xb", buffering=0)
-        self.size = 0
-
-    def write(self, data: bytes) -> int:
-        """Write all of `data`, or leave the file as it was."""
-        rest = memoryview(data)
-        try:
-            while rest:
-                rest = rest[self.file.write(rest) :]
-        except OSError:
-            self.file.truncate(self.size)
-            raise
-        self.size += len(data)
-        return len(data)
-
-    def tell(self) -> int:
-        """Return where the next bytes go."""
-        return self.size
-
-    def flush(self) -> None:
-        """Do nothing: there is no buffer."""
+MESSAGE_OVERHEAD = 64
+"""What a message takes beside its own bytes [byte]: 31 in its record, 16 in the chunk's index."""
 
 
 class McapWriter:
-    """A recording in the making.
+    """A recording of one file in the making.
 
     Finished chunks are on their way to the disk at once; before the disk is full the file is
     refused more, so that it can still be finished.
@@ -64,11 +45,22 @@ class McapWriter:
         Uncompressed size at which a chunk is finished [byte].
     library : str
         What wrote the file, kept in it.
+    keep_free : int
+        What is left free on the disk for others [byte].
+
+    Attributes
+    ----------
+    path : Path
+        As given.
+    messages : int
+        How many were added.
+    start_time, end_time : int
+        Earliest and latest time of reception of a message [ns]; 0 as long as there is none.
 
     Raises
     ------
     ParameterError
-        If the compression is unknown or the chunk size is not positive.
+        If the compression is unknown, or a size negative or the chunk's zero.
     FileError
         If the file exists already or cannot be created.
     """
@@ -80,47 +72,56 @@ class McapWriter:
         compression: str = "zstd",
         chunk_size: int = DEFAULT_CHUNK_SIZE,
         library: str = "impact_rig",
+        keep_free: int = 0,
     ) -> None:
         kind = _find_compression(compression)
         if chunk_size < 1:
             raise ParameterError(f"chunk size is {chunk_size} byte: it must be positive")
+        if keep_free < 0:
+            raise ParameterError(f"keep_free is {keep_free} byte: it must not be negative")
         self.path = path
         self.messages = 0
-        self._chunk_size = chunk_size
-        self._unchecked = 0
-        self._has_failed = False
-        self._schemas: dict[str, int] = {}
+        self.start_time = 0
+        self.end_time = 0
+        self._keep_free = keep_free
+        self._error: FileError | None = None
+        self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[str, int] = {}
-        self._sequences: dict[int, int] = {}
-        try:
-            self._output = _RawFile(path)
-        except FileExistsError:
-            raise FileError(
-                f"{path} exists already: a recording is never overwritten, name another file"
-            ) from None
-        except OSError as error:
-            raise FileError(f"{path} cannot be created: {error.strerror}") from None
-        self._writer = Writer(self._output, chunk_size=chunk_size, compression=kind)  # type: ignore[arg-type]
+        self._counts: dict[int, int] = {}
+        self._file = DiskFile(path)
+        self._writer = Writer(self._file, chunk_size=chunk_size, compression=kind)  # type: ignore[arg-type]
         try:
             self._writer.start("ros2", library)
+            self._note_finished_chunk()
         except OSError as error:
-            self._output.file.close()
+            with contextlib.suppress(OSError):
+                self._file.close()
             path.unlink(missing_ok=True)
             raise self._make_error(error) from None
 
     @property
     def size(self) -> int:
         """Bytes written so far, the unfinished chunk not included."""
-        return self._output.size
+        return self._file.size
 
     @property
     def closed(self) -> bool:
         """Whether the file is finished."""
-        return self._output.file.closed
+        return self._file.closed
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether it takes nothing more, because something could not be written."""
+        return self._error is not None
+
+    @property
+    def free_space(self) -> int:
+        """Bytes that may still be added before the disk counts as full; 0 of a closed file."""
+        return 0 if self.closed else max(0, self._measure_room() - self._pending)
 
     def count_messages(self, topic: str) -> int:
         """Return how many messages of a topic were added."""
-        return self._sequences.get(self._channels.get(topic, 0), 0)
+        return self._counts.get(self._channels.get(topic, 0), 0)
 
     def add_channel(
         self, topic: str, definition: MessageDefinition, qos: tuple[OfferedQos, ...]
@@ -139,22 +140,39 @@ class McapWriter:
         Returns
         -------
         int
-            Number of the channel, for `add_message`.
+            Number of the channel, for `add_message`; they are counted from 1.
+
+        Raises
+        ------
+        FileError
+            If a chunk could not be written, now or before.
         """
-        name = definition.type_name
-        if name not in self._schemas:
-            text = definition.text.encode()
-            self._schemas[name] = self._writer.register_schema(name, "ros2msg", text)
+        self._check_state()
+        key = (definition.type_name, definition.text)
         metadata = {
             "offered_qos_profiles": format_offered_qos(qos),
             "topic_type_hash": definition.type_hash,
         }
-        self._channels[topic] = self._writer.register_channel(
-            topic, "cdr", self._schemas[name], metadata
-        )
-        return self._channels[topic]
+        try:
+            if key not in self._schemas:
+                self._schemas[key] = self._writer.register_schema(
+                    definition.type_name, "ros2msg", definition.text.encode()
+                )
+            channel = self._writer.register_channel(topic, "cdr", self._schemas[key], metadata)
+        except OSError as error:
+            raise self._fail(error) from None
+        self._channels[topic] = channel
+        self._counts[channel] = 0
+        return channel
 
-    def add_message(self, channel: int, data: bytes, log_time: int, publish_time: int) -> None:
+    def add_message(
+        self,
+        channel: int,
+        data: bytes,
+        log_time: int,
+        publish_time: int,
+        sequence: int | None = None,
+    ) -> None:
         """Add a message; it reaches the disk when its chunk is finished.
 
         Parameters
@@ -165,22 +183,81 @@ class McapWriter:
             Serialised message.
         log_time, publish_time : int
             When it was received and sent, nanoseconds since the epoch.
+        sequence : int, optional
+            Its number in its channel; by default they are counted from 0.
+
+        Raises
+        ------
+        DiskFullError
+            If the disk is about to be full: the message is not taken, and the file can still be
+            closed well.
+        FileError
+            If a chunk could not be written, now or before: the chunks before it stay.
+        """
+        self._check_room(len(data) + MESSAGE_OVERHEAD)
+        count = self._counts[channel]
+        number = (count if sequence is None else sequence) & 0xFFFFFFFF
+        before = self._file.size
+        try:
+            self._writer.add_message(channel, log_time, data, publish_time, number)
+        except OSError as error:
+            raise self._fail(error) from None
+        self._pending += len(data) + MESSAGE_OVERHEAD
+        if self._file.size != before:
+            self._note_finished_chunk()
+        if self.messages == 0:
+            self.start_time = self.end_time = log_time
+        elif log_time > self.end_time:
+            self.end_time = log_time
+        elif log_time < self.start_time:
+            self.start_time = log_time
+        self._counts[channel] = count + 1
+        self.messages += 1
+
+    def add_metadata(self, name: str, fields: dict[str, str]) -> None:
+        """Add a record of names and texts; it may take of the room that is left for the ending.
 
         Raises
         ------
         FileError
-            If the disk is about to be full: the message is not taken, and the file can still be
-            closed well. Or if a chunk could not be written: chunks before it stay.
+            If it could not be written.
+        """
+        self._check_state()
+        try:
+            self._writer.add_metadata(name, fields)
+        except OSError as error:
+            raise self._fail(error) from None
+
+    def add_attachment(
+        self, name: str, media_type: str, data: bytes, log_time: int | None = None
+    ) -> None:
+        """Add a file.
+
+        Parameters
+        ----------
+        name : str
+            Of the file.
+        media_type : str
+            What it is, for example "text/plain".
+        data : bytes
+            All of it.
+        log_time : int, optional
+            When it was taken, nanoseconds since the epoch; by default now.
+
+        Raises
+        ------
+        DiskFullError
+            If the disk is about to be full: the file is not taken.
+        FileError
+            If it could not be written.
         """
         self._check_room(len(data))
-        sequence = self._sequences.get(channel, 0)
+        moment = time.time_ns() if log_time is None else log_time
         try:
-            self._writer.add_message(channel, log_time, data, publish_time, sequence)
+            self._writer.add_attachment(moment, moment, name, media_type, data)
         except OSError as error:
-            self._has_failed = True
-            raise self._make_error(error) from None
-        self._sequences[channel] = (sequence + 1) & 0xFFFFFFFF
-        self.messages += 1
+            raise self._fail(error) from None
+        self._room -= len(data)
 
     def flush(self) -> None:
         """Finish the chunk in progress, if it holds a message.
@@ -190,10 +267,25 @@ class McapWriter:
         FileError
             If the chunk could not be written: chunks before it stay.
         """
+        self._check_state()
         try:
             self._writer.flush()
         except OSError as error:
-            self._has_failed = True
+            raise self._fail(error) from None
+        self._note_finished_chunk()
+
+    def sync(self) -> None:
+        """Finish the chunk in progress and return when all messages are on the disk itself.
+
+        Raises
+        ------
+        FileError
+            If that could not be done: chunks before stay.
+        """
+        self.flush()
+        try:
+            self._file.sync()
+        except OSError as error:
             raise self._make_error(error) from None
 
     def close(self) -> None:
@@ -204,17 +296,16 @@ class McapWriter:
         FileError
             If the last chunk or the index could not be written; all chunks before are kept.
         """
-        file = self._output.file
-        if file.closed:
+        if self.closed:
             return
         try:
-            if not self._has_failed:
+            if self._error is None:
                 self._writer.finish()
-            os.fsync(file.fileno())
         except OSError as error:
-            raise self._make_error(error) from None
+            raise self._fail(error) from None
         finally:
-            file.close()
+            self._close_file()
+            self._error = self._error or FileError(f"{self.path} is closed already")
 
     def __enter__(self) -> Self:
         """Return the writer itself."""
@@ -229,18 +320,39 @@ class McapWriter:
         """Finish the file, whatever happened."""
         self.close()
 
+    def _check_state(self) -> None:
+        if self._error is not None:
+            raise self._error
+
     def _check_room(self, length: int) -> None:
-        """Look at the free space now and then: at least four times for each chunk."""
-        self._unchecked += length
-        if self._unchecked < self._chunk_size // 4:
-            return
-        self._unchecked = 0
-        state = os.fstatvfs(self._output.file.fileno())
-        if state.f_bavail * state.f_frsize < ROOM_FOR_ENDING + 2 * self._chunk_size + length:
+        """Refuse what does not fit; the disk is asked after each chunk only."""
+        self._check_state()
+        if self._pending + length > self._room:
             raise self._make_error(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
 
+    def _note_finished_chunk(self) -> None:
+        self._pending = 0
+        self._room = self._measure_room()
+
+    def _measure_room(self) -> int:
+        """Return what may be added, beside the ending, to what is written [byte]."""
+        ending = ROOM_FOR_ENDING + int(ROOM_FOR_INDEX * self._file.size)
+        return self._file.measure_free_space() - self._keep_free - ending
+
+    def _close_file(self) -> None:
+        try:
+            self._file.close()
+        except OSError as error:
+            raise self._make_error(error) from None
+
+    def _fail(self, error: OSError) -> FileError:
+        """Take nothing more: half a chunk is lost, and the index in memory no longer right."""
+        self._error = self._make_error(error)
+        return self._error
+
     def _make_error(self, error: OSError) -> FileError:
-        return FileError(
+        kind = DiskFullError if error.errno in {errno.ENOSPC, errno.EDQUOT} else FileError
+        return kind(
             f"{self.path} cannot be written: {error.strerror}; it keeps what was written before"
         )
 
