@@ -1,31 +1,54 @@
-"""A new file that is written whole pieces at a time, and knows how much more the disk takes."""
+"""A new file that is written whole pieces at a time, and leaves the disk room for its end."""
 
 import contextlib
+import errno
 import os
 from pathlib import Path
 
 from impact_rig.core.errors import FileError
 
+ROOM_FOR_ENDING = 4 << 20
+"""What is left free on the disk for the end of the file [byte], our choice: what is said at the
+end, and the topics."""
+ROOM_FOR_INDEX = 0.01
+"""Part of the size of the file that is left free beside it, our choice: the index at the end has
+300 byte for a chunk, and a chunk with a hit at least 30 kB."""
+
 
 class DiskFullError(FileError):
-    """The disk takes no more, or may not: what was written before is kept."""
+    """The disk takes no more, or should not: what was written before is kept."""
 
 
 class DiskFile:
     """A new file, unbuffered, so that what is written is on its way to the disk at once.
 
+    After a write that failed it takes nothing more.
+
     Parameters
     ----------
     path : Path
         Of the new file; it must not exist, its folder must.
+    keep_free : int
+        What is left free on the disk for others [byte].
+
+    Attributes
+    ----------
+    path : Path
+        As given.
+    size : int
+        Bytes written so far.
+    failure : FileError or None
+        Why nothing can be written any more.
 
     Raises
     ------
+    DiskFullError
+        If there is no room for any file.
     FileError
         If the file exists already or cannot be created.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, keep_free: int = 0) -> None:
         try:
             self._file = path.open("xb", buffering=0)
         except FileExistsError:
@@ -34,23 +57,69 @@ class DiskFile:
             ) from None
         except OSError as error:
             raise FileError(f"{path} cannot be created: {error.strerror}") from None
+        self.path = path
         self.size = 0
+        self.failure: FileError | None = None
+        self._keep_free = keep_free
+        self._planned = 0
+        self._room = self._measure_room()
+        if self._room <= 0:
+            self.close()
+            path.unlink()
+            raise DiskFullError(
+                f"{path} cannot be begun: its disk should have at least"
+                f" {(keep_free + ROOM_FOR_ENDING) / 1e6:.0f} MB free"
+            )
         sync_folder(path.parent)
 
     @property
     def closed(self) -> bool:
-        """Whether nothing can be written any more."""
+        """Whether the file is closed."""
         return self._file.closed
 
+    @property
+    def free_space(self) -> int:
+        """Bytes that may still be planned; 0 of a closed file."""
+        return 0 if self.closed else max(0, self._measure_room() - self._planned)
+
+    def check(self) -> None:
+        """Raise the FileError that tells why nothing can be written any more, if so."""
+        if self.failure is not None:
+            raise self.failure
+
+    def plan(self, length: int) -> None:
+        """Count on writing some bytes before the next `settle`.
+
+        Raises
+        ------
+        DiskFullError
+            If they would leave too little room for the end of the file, or for others.
+        FileError
+            If nothing can be written any more.
+        """
+        if self.failure is not None:
+            raise self.failure
+        planned = self._planned + length
+        if planned > self._room:
+            raise self._make_error(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+        self._planned = planned
+
+    def settle(self) -> None:
+        """Ask the disk for its room again, when all that was planned is written."""
+        self._planned = 0
+        self._room = self._measure_room()
+
     def write(self, data: bytes) -> int:
-        """Write all of `data`, or leave the file as it was and raise OSError."""
+        """Write all of `data`, or leave the file as it was and raise FileError from now on."""
+        self.check()
         rest = memoryview(data)
         try:
             while rest:
                 rest = rest[self._file.write(rest) :]
-        except OSError:
+        except OSError as error:
             self._file.truncate(self.size)
-            raise
+            self.failure = self._make_error(error)
+            raise self.failure from None
         self.size += len(data)
         return len(data)
 
@@ -62,22 +131,38 @@ class DiskFile:
         """Do nothing: there is no buffer."""
 
     def sync(self) -> None:
-        """Return when everything written is on the disk itself; a power cut loses none of it."""
-        os.fdatasync(self._file.fileno())
+        """Return when everything written is on the disk itself: a power cut loses none of it.
+
+        Raises
+        ------
+        FileError
+            If the disk fails.
+        """
+        try:
+            os.fdatasync(self._file.fileno())
+        except OSError as error:
+            raise self._make_error(error) from None
 
     def close(self) -> None:
-        """Sync and close; safe to call twice."""
-        if self._file.closed:
+        """Sync and close; safe to call twice; raises as `sync`."""
+        if self.closed:
             return
         try:
             self.sync()
         finally:
             self._file.close()
+            self.failure = self.failure or FileError(f"{self.path} is closed already")
 
-    def measure_free_space(self) -> int:
-        """Return what is free on the file's disk for such as us [byte]."""
+    def _measure_room(self) -> int:
         state = os.fstatvfs(self._file.fileno())
-        return state.f_bavail * state.f_frsize
+        ending = ROOM_FOR_ENDING + int(ROOM_FOR_INDEX * self.size)
+        return state.f_bavail * state.f_frsize - self._keep_free - ending
+
+    def _make_error(self, error: OSError) -> FileError:
+        is_full = error.errno in {errno.ENOSPC, errno.EDQUOT}
+        return (DiskFullError if is_full else FileError)(
+            f"{self.path} cannot be written: {error.strerror}; it keeps what was written before"
+        )
 
 
 def sync_folder(folder: Path) -> None:

@@ -1,8 +1,5 @@
 """Writes messages that are already serialised to one MCAP file of profile `ros2`."""
 
-import contextlib
-import errno
-import os
 import time
 from pathlib import Path
 from types import TracebackType
@@ -11,18 +8,12 @@ from typing import Self
 from mcap.writer import CompressionType, Writer
 
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.recording.disk_file import DiskFile, DiskFullError
+from impact_rig.recording.disk_file import DiskFile
 from impact_rig.recording.message_definitions import MessageDefinition
 from impact_rig.recording.qos_profiles import OfferedQos, format_offered_qos
 
 COMPRESSIONS = ("zstd", "lz4", "none")
 """How chunks may be compressed."""
-ROOM_FOR_ENDING = 4 << 20
-"""What is left free on the disk for the end of the file [byte], our choice: what is said at the
-end, and the topics."""
-ROOM_FOR_INDEX = 0.01
-"""Part of the size of the file that is left free beside it, our choice: the index at the end has
-300 byte for a chunk, and a chunk with a hit at least 30 kB."""
 DEFAULT_CHUNK_SIZE = 1 << 20
 """Uncompressed size at which a chunk is finished [byte]; what other MCAP writers use."""
 MESSAGE_OVERHEAD = 64
@@ -83,21 +74,17 @@ class McapWriter:
         self.messages = 0
         self.start_time = 0
         self.end_time = 0
-        self._keep_free = keep_free
-        self._error: FileError | None = None
         self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[str, int] = {}
         self._counts: dict[int, int] = {}
-        self._file = DiskFile(path)
+        self._file = DiskFile(path, keep_free)
         self._writer = Writer(self._file, chunk_size=chunk_size, compression=kind)  # type: ignore[arg-type]
         try:
             self._writer.start("ros2", library)
-            self._note_finished_chunk()
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                self._file.close()
+        except FileError:
+            self._file.close()
             path.unlink(missing_ok=True)
-            raise self._make_error(error) from None
+            raise
 
     @property
     def size(self) -> int:
@@ -111,13 +98,13 @@ class McapWriter:
 
     @property
     def has_failed(self) -> bool:
-        """Whether it takes nothing more, because something could not be written."""
-        return self._error is not None
+        """Whether it takes nothing more, since something could not be written."""
+        return self._file.failure is not None and not self.closed
 
     @property
     def free_space(self) -> int:
         """Bytes that may still be added before the disk counts as full; 0 of a closed file."""
-        return 0 if self.closed else max(0, self._measure_room() - self._pending)
+        return self._file.free_space
 
     def count_messages(self, topic: str) -> int:
         """Return how many messages of a topic were added."""
@@ -147,20 +134,17 @@ class McapWriter:
         FileError
             If a chunk could not be written, now or before.
         """
-        self._check_state()
         key = (definition.type_name, definition.text)
         metadata = {
             "offered_qos_profiles": format_offered_qos(qos),
             "topic_type_hash": definition.type_hash,
         }
-        try:
-            if key not in self._schemas:
-                self._schemas[key] = self._writer.register_schema(
-                    definition.type_name, "ros2msg", definition.text.encode()
-                )
-            channel = self._writer.register_channel(topic, "cdr", self._schemas[key], metadata)
-        except OSError as error:
-            raise self._fail(error) from None
+        self._file.plan(len(definition.text))
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(
+                definition.type_name, "ros2msg", definition.text.encode()
+            )
+        channel = self._writer.register_channel(topic, "cdr", self._schemas[key], metadata)
         self._channels[topic] = channel
         self._counts[channel] = 0
         return channel
@@ -194,22 +178,17 @@ class McapWriter:
         FileError
             If a chunk could not be written, now or before: the chunks before it stay.
         """
-        self._check_room(len(data) + MESSAGE_OVERHEAD)
+        file = self._file
+        file.plan(len(data) + MESSAGE_OVERHEAD)
         count = self._counts[channel]
         number = (count if sequence is None else sequence) & 0xFFFFFFFF
-        before = self._file.size
-        try:
-            self._writer.add_message(channel, log_time, data, publish_time, number)
-        except OSError as error:
-            raise self._fail(error) from None
-        self._pending += len(data) + MESSAGE_OVERHEAD
-        if self._file.size != before:
-            self._note_finished_chunk()
-        if self.messages == 0:
-            self.start_time = self.end_time = log_time
-        elif log_time > self.end_time:
+        before = file.size
+        self._writer.add_message(channel, log_time, data, publish_time, number)
+        if file.size != before:
+            file.settle()
+        if log_time > self.end_time:
             self.end_time = log_time
-        elif log_time < self.start_time:
+        if log_time < self.start_time or self.messages == 0:
             self.start_time = log_time
         self._counts[channel] = count + 1
         self.messages += 1
@@ -222,11 +201,8 @@ class McapWriter:
         FileError
             If it could not be written.
         """
-        self._check_state()
-        try:
-            self._writer.add_metadata(name, fields)
-        except OSError as error:
-            raise self._fail(error) from None
+        self._file.check()
+        self._writer.add_metadata(name, fields)
 
     def add_attachment(
         self, name: str, media_type: str, data: bytes, log_time: int | None = None
@@ -251,13 +227,9 @@ class McapWriter:
         FileError
             If it could not be written.
         """
-        self._check_room(len(data))
+        self._file.plan(len(data))
         moment = time.time_ns() if log_time is None else log_time
-        try:
-            self._writer.add_attachment(moment, moment, name, media_type, data)
-        except OSError as error:
-            raise self._fail(error) from None
-        self._room -= len(data)
+        self._writer.add_attachment(moment, moment, name, media_type, data)
 
     def flush(self) -> None:
         """Finish the chunk in progress, if it holds a message.
@@ -267,12 +239,9 @@ class McapWriter:
         FileError
             If the chunk could not be written: chunks before it stay.
         """
-        self._check_state()
-        try:
-            self._writer.flush()
-        except OSError as error:
-            raise self._fail(error) from None
-        self._note_finished_chunk()
+        self._file.check()
+        self._writer.flush()
+        self._file.settle()
 
     def sync(self) -> None:
         """Finish the chunk in progress and return when all messages are on the disk itself.
@@ -283,10 +252,7 @@ class McapWriter:
             If that could not be done: chunks before stay.
         """
         self.flush()
-        try:
-            self._file.sync()
-        except OSError as error:
-            raise self._make_error(error) from None
+        self._file.sync()
 
     def close(self) -> None:
         """Finish the file and put it on disk; safe to call twice.
@@ -299,13 +265,10 @@ class McapWriter:
         if self.closed:
             return
         try:
-            if self._error is None:
+            if not self.has_failed:
                 self._writer.finish()
-        except OSError as error:
-            raise self._fail(error) from None
         finally:
-            self._close_file()
-            self._error = self._error or FileError(f"{self.path} is closed already")
+            self._file.close()
 
     def __enter__(self) -> Self:
         """Return the writer itself."""
@@ -319,42 +282,6 @@ class McapWriter:
     ) -> None:
         """Finish the file, whatever happened."""
         self.close()
-
-    def _check_state(self) -> None:
-        if self._error is not None:
-            raise self._error
-
-    def _check_room(self, length: int) -> None:
-        """Refuse what does not fit; the disk is asked after each chunk only."""
-        self._check_state()
-        if self._pending + length > self._room:
-            raise self._make_error(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
-
-    def _note_finished_chunk(self) -> None:
-        self._pending = 0
-        self._room = self._measure_room()
-
-    def _measure_room(self) -> int:
-        """Return what may be added, beside the ending, to what is written [byte]."""
-        ending = ROOM_FOR_ENDING + int(ROOM_FOR_INDEX * self._file.size)
-        return self._file.measure_free_space() - self._keep_free - ending
-
-    def _close_file(self) -> None:
-        try:
-            self._file.close()
-        except OSError as error:
-            raise self._make_error(error) from None
-
-    def _fail(self, error: OSError) -> FileError:
-        """Take nothing more: half a chunk is lost, and the index in memory no longer right."""
-        self._error = self._make_error(error)
-        return self._error
-
-    def _make_error(self, error: OSError) -> FileError:
-        kind = DiskFullError if error.errno in {errno.ENOSPC, errno.EDQUOT} else FileError
-        return kind(
-            f"{self.path} cannot be written: {error.strerror}; it keeps what was written before"
-        )
 
 
 def _find_compression(name: str) -> CompressionType:

@@ -2,64 +2,28 @@
 
 import contextlib
 import functools
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.recording.bag_metadata import (
-    METADATA_NAME,
-    FileSummary,
-    TopicSummary,
-    format_bag_metadata,
-    write_bag_metadata,
-)
-from impact_rig.recording.disk_file import sync_folder
+from impact_rig.recording.bag_metadata import write_bag_metadata
 from impact_rig.recording.mcap_writer import DEFAULT_CHUNK_SIZE, McapWriter
 from impact_rig.recording.message_definitions import MessageDefinition
 from impact_rig.recording.qos_profiles import OfferedQos
+from impact_rig.recording.recording_folder import (
+    RECORDING_SUFFIX,
+    make_folders,
+    refuse_existing_recording,
+)
+from impact_rig.recording.split_contents import SplitContents, summarize_file
 
 DEFAULT_KEEP_FREE = 64 << 20
 """What is left free on the disk for others [byte], our choice: a computer without any space on
 its disk is hard to help."""
-HEALTH_RECORD = "impact_rig/health"
-"""Metadata record that tells how one file ended; the only one that is not repeated in the next."""
-RECORDING_SUFFIX = ".mcap"
-"""Of each file."""
-BAG_SUFFIXES = frozenset({RECORDING_SUFFIX, ".db3"})
-"""Of the files that make a folder one of rosbag2."""
 LONGEST_SPLIT = 1e9
 """Longest time after which a recording may be split [s], our choice: thirty years."""
-
-
-@dataclass
-class _Topic:
-    """One topic, over all files.
-
-    Attributes
-    ----------
-    name, definition, offers
-        As announced.
-    count : int
-        How many of its messages were added.
-    last : tuple, optional
-        Data, publish time and sequence of its last message, if the next file repeats it.
-    """
-
-    name: str
-    definition: MessageDefinition
-    offers: tuple[OfferedQos, ...]
-    count: int = 0
-    last: tuple[bytes, int, int] | None = None
-
-    def __post_init__(self) -> None:
-        """Find out whether its last message holds until the next comes."""
-        self.is_state = any(
-            offer.durability == "transient_local" and offer.depth == 1 for offer in self.offers
-        )
 
 
 class RecordingWriter:
@@ -131,24 +95,19 @@ class RecordingWriter:
             library=library,
             keep_free=keep_free,
         )
-        self._topics: dict[int, _Topic] = {}
-        self._metadata: dict[str, dict[str, str]] = {}
-        self._attachments: dict[str, tuple[str, bytes, int]] = {}
+        self._contents = SplitContents()
         self._finished: list[McapWriter] = []
         self._repeated = 0
         self._has_synced = False
         self._described_topics = 0
-        made = _make_folders(self._folder or output.parent)
+        made = make_folders(self._folder or output.parent)
         try:
-            if self._folder is not None:
-                _refuse_existing_recording(self._folder)
-            self._file = self._open(self._name_file(0))
+            self._begin()
         except (FileError, ParameterError):
             for folder in made:
                 with contextlib.suppress(OSError):
                     folder.rmdir()
             raise
-        self._describe_folder()
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -172,23 +131,17 @@ class RecordingWriter:
 
     def count_messages(self, topic: str) -> int:
         """Return how many messages of a topic were added; repeated ones do not count."""
-        return sum(item.count for item in self._topics.values() if item.name == topic)
+        return sum(item.count for item in self._contents.topics.values() if item.name == topic)
 
     def add_channel(
         self, topic: str, definition: MessageDefinition, offers: tuple[OfferedQos, ...]
     ) -> int:
         """Announce a topic; as `McapWriter.add_channel`, for all files to come."""
-        channel = self._file.add_channel(topic, definition, offers)
-        self._topics[channel] = _Topic(topic, definition, offers)
-        return channel
+        return self._contents.add_channel(self._file, topic, definition, offers)
 
     def add_message(self, channel: int, data: bytes, log_time: int, publish_time: int) -> None:
         """Add a message; as `McapWriter.add_message`."""
-        topic = self._topics[channel]
-        self._file.add_message(channel, data, log_time, publish_time, topic.count)
-        if topic.is_state:
-            topic.last = (data, publish_time, topic.count)
-        topic.count += 1
+        self._contents.add_message(self._file, channel, data, log_time, publish_time)
         self.messages += 1
 
     def add_metadata(self, name: str, fields: dict[str, str]) -> None:
@@ -196,15 +149,11 @@ class RecordingWriter:
 
         The last one of each name is repeated in the files to come, except `HEALTH_RECORD`.
         """
-        self._file.add_metadata(name, fields)
-        if name != HEALTH_RECORD:
-            self._metadata[name] = dict(fields)
+        self._contents.add_metadata(self._file, name, fields)
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
         """Add a file; as `McapWriter.add_attachment`; the last of each name is repeated."""
-        moment = time.time_ns()
-        self._file.add_attachment(name, media_type, data, moment)
-        self._attachments[name] = (media_type, data, moment)
+        self._contents.add_attachment(self._file, name, media_type, data)
 
     def flush(self) -> None:
         """Finish the chunk in progress; it is safe from the end of this process.
@@ -248,7 +197,7 @@ class RecordingWriter:
         if self.closed:
             return
         try:
-            self._finish(self._file)
+            self._contents.finish(self._file)
         finally:
             self._describe_folder()
 
@@ -264,6 +213,17 @@ class RecordingWriter:
     ) -> None:
         """Finish the recording, whatever happened."""
         self.close()
+
+    def _begin(self) -> None:
+        if self._folder is not None:
+            refuse_existing_recording(self._folder)
+        self._file = self._open(self._name_file(0))
+        try:
+            self._describe_folder()
+        except FileError:
+            self._file.close()
+            self._file.path.unlink()
+            raise
 
     def _name_file(self, number: int) -> Path:
         if self._folder is None:
@@ -283,60 +243,28 @@ class RecordingWriter:
         if self._before_split is not None:
             self._before_split()
         old, new = self._file, self._open(self._name_file(len(self._finished) + 1))
-        for topic in self._topics.values():
-            new.add_channel(topic.name, topic.definition, topic.offers)
+        self._contents.announce(new)
         self._finished.append(old)
         self._file = new
         self._has_synced = False
         try:
-            self._finish(old)
-            self._repeat(new, old.end_time)
+            self._contents.finish(old)
+            self._contents.repeat(new, old.end_time)
+            self._repeated = new.messages
         finally:
             self._describe_folder()
-
-    def _repeat(self, file: McapWriter, moment: int) -> None:
-        for name, fields in self._metadata.items():
-            file.add_metadata(name, fields)
-        for name, (media_type, data, taken) in self._attachments.items():
-            file.add_attachment(name, media_type, data, taken)
-        for channel, topic in self._topics.items():
-            if topic.last is not None:
-                data, publish_time, sequence = topic.last
-                file.add_message(channel, data, moment, publish_time, sequence)
-        self._repeated = file.messages
-
-    def _finish(self, file: McapWriter) -> None:
-        """Close a file, with what rosbag2 looks for in it."""
-        try:
-            if not file.has_failed:
-                text = format_bag_metadata([_summarize(file)], self._summarize_topics([file]))
-                file.add_metadata("rosbag2", {"serialized_metadata": text})
-        finally:
-            file.close()
 
     def _keep_folder_described(self) -> None:
         """Name new topics at once: readers of a recording that was killed know no others."""
-        if len(self._topics) != self._described_topics:
+        if len(self._contents.topics) != self._described_topics:
             self._describe_folder()
 
     def _describe_folder(self) -> None:
-        self._described_topics = len(self._topics)
+        self._described_topics = len(self._contents.topics)
         if self._folder is not None:
             files = (*self._finished, self._file)
-            summaries = [_summarize(file) for file in files]
-            write_bag_metadata(self._folder, summaries, self._summarize_topics(files))
-
-    def _summarize_topics(self, files: Sequence[McapWriter]) -> list[TopicSummary]:
-        return [
-            TopicSummary(
-                name=topic.name,
-                type_name=topic.definition.type_name,
-                type_hash=topic.definition.type_hash,
-                offers=topic.offers,
-                messages=sum(file.count_messages(topic.name) for file in files),
-            )
-            for topic in self._topics.values()
-        ]
+            summaries = [summarize_file(file) for file in files]
+            write_bag_metadata(self._folder, summaries, self._contents.summarize(files))
 
 
 def _check_limits(output: Path, split_size: int, split_duration: float) -> None:
@@ -351,34 +279,3 @@ def _check_limits(output: Path, split_size: int, split_duration: float) -> None:
             f"{output} is to be one file, which cannot be split: name a folder, without"
             f" {RECORDING_SUFFIX}"
         )
-
-
-def _make_folders(folder: Path) -> list[Path]:
-    """Make a folder and those above it; return those that were not there, innermost first."""
-    missing = [item for item in (folder, *folder.parents) if not item.exists()]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError):
-        raise FileError(f"folder {folder} cannot be made: a file is in its way") from None
-    except OSError as error:
-        raise FileError(f"folder {folder} cannot be made: {error.strerror}") from None
-    for item in missing:
-        sync_folder(item.parent)
-    return missing
-
-
-def _refuse_existing_recording(folder: Path) -> None:
-    try:
-        names = sorted(item.name for item in folder.iterdir())
-    except OSError as error:
-        raise FileError(f"folder {folder} cannot be read: {error.strerror}") from None
-    for name in names:
-        if name == METADATA_NAME or Path(name).suffix in BAG_SUFFIXES:
-            raise FileError(
-                f"folder {folder} holds a recording already ({name}): none is overwritten, name"
-                " another folder"
-            )
-
-
-def _summarize(file: McapWriter) -> FileSummary:
-    return FileSummary(file.path.name, file.messages, file.start_time, file.end_time)

@@ -236,7 +236,7 @@ def test_a_failing_disk_is_told_to_everybody_and_keeps_what_was_written(
     def fail(self, length):
         raise FileError("disk full")
 
-    monkeypatch.setattr("impact_rig.recording.mcap_writer.McapWriter._check_room", fail)
+    monkeypatch.setattr("impact_rig.recording.disk_file.DiskFile.plan", fail)
     publish(harness, publisher, make_block(2))
 
     state = wait_for_state(states, lambda state: not state.recording)

@@ -14,8 +14,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 
 from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.recording.disk_file import ROOM_FOR_ENDING
 from impact_rig.recording.mcap_file import McapFile
-from impact_rig.recording.mcap_writer import COMPRESSIONS, ROOM_FOR_ENDING, McapWriter
+from impact_rig.recording.mcap_writer import COMPRESSIONS, McapWriter
 from impact_rig.recording.message_definitions import find_message_definition
 from impact_rig.recording.qos_profiles import OfferedQos
 
