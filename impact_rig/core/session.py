@@ -134,7 +134,7 @@ class Session:
         control = self.setup.samples.control_sample
         if not control:
             return BodyEstimate(notes=("k1: the sample set has no control sample",))
-        mean = self._find_mean(control)
+        mean = self.find_mean(control)
         if mean is None:
             note = f"k1: the control sample {control!r} has no accepted hit yet"
             return BodyEstimate(notes=(note,))
@@ -149,9 +149,9 @@ class Session:
         return self._estimate_sample(name, self.estimate_hammer())
 
     def _estimate_sample(self, name: str, hammer: BodyEstimate) -> SampleEstimate:
-        selection = self._select(name)
+        selection = self.find_selection(name)
         rejected = len(selection.left_out)
-        mean = self._find_mean(name)
+        mean = self.find_mean(name)
         if mean is None:
             note = f"{name}: not determined, none of {rejected} hits was accepted"
             return SampleEstimate(name, 0, rejected, notes=(note,))
@@ -174,7 +174,7 @@ class Session:
         contact_times: tuple[float, ...],
         unknown: tuple[str, ...],
     ) -> SampleEstimate:
-        rejected = len(self._select(name).left_out)
+        rejected = len(self.find_selection(name).left_out)
         estimate = estimate_contact_alone(name, mean, contact_times, rejected, self.setup.analysis)
         note = f"k and c: the mass of {' and '.join(unknown)} is not known"
         return replace(estimate, notes=(*estimate.notes, note))
@@ -189,7 +189,7 @@ class Session:
         # Another k1, as each hit on the control sample brings one, changes nothing in these.
         if name not in self._traces or self._traces[name][0] is not mean:
             self._traces[name] = mean, estimate_traces(name, mean, self.setup)
-        rejected = len(self._select(name).left_out)
+        rejected = len(self.find_selection(name).left_out)
         return estimate_sample(
             name, mean, contact_times, rejected, hammer, self.setup, self._traces[name][1]
         )
@@ -203,27 +203,29 @@ class Session:
             samples=tuple(self._estimate_with_models(name, hammer) for name in self.names),
             rejected=tuple(
                 sorted(
-                    (hit for name in self._hits for hit in self._select(name).left_out),
+                    (hit for name in self._hits for hit in self.find_selection(name).left_out),
                     key=lambda hit: hit.label.record,
                 )
             ),
         )
 
     def _estimate_with_models(self, name: str, hammer: BodyEstimate) -> SampleEstimate:
-        estimate, mean = self._estimate_sample(name, hammer), self._find_mean(name)
+        estimate, mean = self._estimate_sample(name, hammer), self.find_mean(name)
         if mean is None or self.setup.find_unknown_masses(name):
             return estimate
         return add_models(estimate, mean, hammer, self.setup)
 
-    def _find_mean(self, name: str) -> MeanHit | None:
+    def find_mean(self, name: str) -> MeanHit | None:
+        """Return the mean hit of one sample so far; None: no hit was accepted."""
         if name not in self._means:
-            filtered = [hit.filtered for hit in self._select(name).kept if hit.filtered]
+            filtered = [hit.filtered for hit in self.find_selection(name).kept if hit.filtered]
             if not filtered:
                 return None
             self._means[name] = average_hits(filtered)
         return self._means[name]
 
-    def _select(self, name: str) -> Selection:
+    def find_selection(self, name: str) -> Selection:
+        """Return which hits of one sample are averaged so far, and which are left out."""
         if name not in self._selections:
             hits = [overrule_hit(hit, self._overrules) for hit in self._hits.get(name, [])]
             self._selections[name] = select_hits(hits, self.setup.analysis.keep_hits)
