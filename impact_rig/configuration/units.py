@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.setup.calibration import Sensitivity
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
+
+_NUMBER_AND_UNIT = re.compile(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(\S.*?)\s*")
 
 
 @lru_cache(maxsize=1)
@@ -62,3 +66,38 @@ def parse_quantity(what: str, value: Any, unit: str, example: str) -> float:
             f'{what} is "{value}", which cannot be read as number and unit: write it like'
             f' "{example}"'
         ) from None
+
+
+def parse_sensitivity(what: str, value: Any) -> Sensitivity:
+    """Convert a text like "10 mV/g" or "2.25 mV/N"; parameters and errors as `parse_quantity`.
+
+    Behind the stroke stands a unit as instruments write it: g is the standard gravity, no gram.
+    """
+    example = "10 mV/g"
+    voltage, stroke, unit = value.partition("/") if isinstance(value, str) else ("", "", "")
+    if not stroke:
+        raise ParameterError(
+            f'{what} is {value!r}: it must be a voltage per unit, written like "{example}"'
+        )
+    return Sensitivity(
+        parse_quantity(what, voltage.strip(), "V", "10 mV"), unit.strip().strip("()")
+    )
+
+
+def parse_reading(what: str, value: Any) -> tuple[float, str]:
+    """Split a text like "500 g" or "10 V" into its number and its unit as it stands.
+
+    The unit is one of instruments: g is the standard gravity, no gram.
+
+    Raises
+    ------
+    ParameterError
+        If the text is no number with a unit.
+    """
+    match = _NUMBER_AND_UNIT.fullmatch(value) if isinstance(value, str) else None
+    try:
+        if match is not None:
+            return float(match[1]), match[2]
+    except ValueError:
+        pass
+    raise ParameterError(f'{what} is {value!r}: write it with a unit, like "500 g" or "10 V"')
