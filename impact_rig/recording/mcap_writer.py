@@ -186,9 +186,11 @@ class McapWriter:
         self._writer.add_message(channel, log_time, data, publish_time, number)
         if file.size != before:
             file.settle()
-        if log_time > self.end_time:
+        if self.messages == 0:
+            self.start_time = self.end_time = log_time
+        elif log_time > self.end_time:
             self.end_time = log_time
-        if log_time < self.start_time or self.messages == 0:
+        elif log_time < self.start_time:
             self.start_time = log_time
         self._counts[channel] = count + 1
         self.messages += 1

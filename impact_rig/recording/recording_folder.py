@@ -25,8 +25,8 @@ def make_folders(folder: Path) -> list[Path]:
     FileError
         If one cannot be made.
     """
-    missing = [item for item in (folder, *folder.parents) if not item.exists()]
     try:
+        missing = [item for item in (folder, *folder.parents) if not item.exists()]
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
         raise FileError(f"folder {folder} cannot be made: a file is in its way") from None
