@@ -15,11 +15,15 @@ from impact_rig_msgs.msg import (
     Impact,
     ModelComparison,
     RecorderState,
+    RecordStored,
+    ReplayerState,
     RigSetup,
     SampleEstimate,
     VirtualImpact,
 )
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 
 RESULT_DEPTH = 256
 """How many results are kept for who comes late [messages], our choice: two of the paper's
@@ -67,6 +71,14 @@ COMPARISON = Topic("comparison", ModelComparison, _make_qos(COMPARISON_DEPTH, la
 HAMMER_STATE = Topic("hammer/state", HammerState, _make_qos(1, latched=True))
 ACQUISITION_STATE = Topic("accelerometer/state", AcquisitionState, _make_qos(1, latched=True))
 RECORDER_STATE = Topic("recorder/state", RecorderState, _make_qos(1, latched=True))
+RECORD_STORED = Topic("recorder/stored", RecordStored, _make_qos(RESULT_DEPTH, latched=True))
+"""A record is on the recorder's disk. The stamp is that of its last block in the file; of a record
+that goes on for long, this comes several times, each time with the blocks so far."""
+NOTE = Topic("note", String, _make_qos(10, latched=False))
+"""What an operator has to say while the rig runs."""
+REPLAYER_STATE = Topic("replayer/state", ReplayerState, _make_qos(1, latched=True))
+CLOCK = Topic("/clock", Clock, _make_qos(1, latched=False))
+"""Of a replay, for nodes that use simulated time: one for all namespaces."""
 
 RECORDED_TOPICS = (
     SETUP,
@@ -80,6 +92,8 @@ RECORDED_TOPICS = (
     HAMMER_STATE,
     ACQUISITION_STATE,
     RECORDER_STATE,
+    RECORD_STORED,
+    NOTE,
 )
 """Every topic of the rig; what else lies under its namespace is recorded as it is discovered."""
 
@@ -91,6 +105,9 @@ RELEASE_HAMMER = "hammer/release"
 CONFIRM_SAMPLE = "campaign/confirm_sample"
 GET_RESULTS = "estimator/get_results"
 RUN_CAMPAIGN = "campaign/run"
+PAUSE_REPLAYER = "replayer/pause"
+RESUME_REPLAYER = "replayer/resume"
+STEP_REPLAYER = "replayer/step"
 
 VIRTUAL_SOURCE = "virtual rig"
 """`AcquisitionState.source` of accelerometers whose hits are simulated."""

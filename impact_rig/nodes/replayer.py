@@ -3,35 +3,30 @@
 from pathlib import Path
 from typing import Any
 
-from impact_rig_msgs.msg import Impact
+from impact_rig_msgs.msg import Impact, ReplayerState
+from rclpy.clock import Clock, ClockType
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock as ClockMessage
+from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.playback import Playback, Window
+from impact_rig.nodes.messages import stamp_to_msg
+from impact_rig.nodes.playback import Playback
 from impact_rig.nodes.process import run_node
+from impact_rig.nodes.replay_pace import NANOSECONDS, Pace
+from impact_rig.nodes.replay_parameters import SELECTIONS, declare_parameters
+from impact_rig.nodes.replay_recording import RecordingToReplay, open_recording
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.nodes.topics import import_type, make_qos, name_type
-from impact_rig.recording.mcap_file import Channel, McapFile, RawMessage
-from impact_rig.recording.mcap_reader import BLOCK_TYPE, find_namespaces, make_relative
-from impact_rig.recording.message_definitions import find_message_definition, is_same_definition
-from impact_rig.recording.qos_profiles import DEFAULT_DEPTH, choose_qos, parse_offered_qos
-from impact_rig.recording.schema_decoder import SchemaDecoder
 
-INPUTS = {
-    name_type(topic.type): topic
-    for topic in (
-        interfaces.SETUP,
-        interfaces.ACCELERATION,
-        interfaces.RELEASE,
-        interfaces.VIRTUAL_IMPACT,
-    )
-}
-"""What an estimator works from, by type: all else in a recording are results and states."""
 CONNECTION_PERIOD = 0.05
 """How often it is looked whether the subscribers are connected [s], our choice."""
-SELECTIONS = ("inputs", "all")
-"""Which topics may be asked for."""
+STATE_PERIOD = 1.0
+"""How often the state is published while it does not change but in its numbers [s]."""
+STEP_TIMEOUT = 60.0
+"""How long a step may take before its service answers that it is still under way [s], our
+choice: the longest records take seconds."""
 
 
 class ReplayerNode(RigNode):
@@ -39,87 +34,97 @@ class ReplayerNode(RigNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("replayer", **options)
-        self.declare("file", "", "path of the recording (.mcap)")
-        self.declare(
-            "rate", 1.0,
-            "speed, part of the original's [-]; 0: as fast as the subscribers take it",
-            low=0.0, high=1000.0,
-        )  # fmt: skip
-        self.declare(
-            "topics", "inputs",
-            "inputs: set-up, blocks, releases and virtual impacts, for a fresh estimator; all:"
-            " everything that was recorded",
-        )  # fmt: skip
-        self.declare(
-            "required_subscribers", "estimator",
-            "nodes of this namespace, by commas, that must be connected before the start",
-        )  # fmt: skip
-        self.declare("recorded_namespace", "", "of the rig in the recording; empty: found there")
-        self.declare("exit_when_done", False, "end the process at the end of the recording")
-        self._file: McapFile | None = None
-        self._outputs: dict[int, Any] = {}
-        self._gates: list[Any] = []
+        declare_parameters(self)
+        self._recording: RecordingToReplay | None = None
+        self._outputs: dict[str, Any] = {}
+        self._pace = Pace(0.0)
         self._playback: Playback | None = None
         self._watch: Any = None
-        self._end = self.create_guard_condition(self._finish)
-        self._decoder = SchemaDecoder()
         self._verdicts: Any = None
-        self._progress = "no recording"
+        self._clock_output: Any = None
+        self._phase = ReplayerState.IDLE
+        self._message = "no recording"
+        self._numbers: dict[str, Any] = {}
+        # Of a clock that this node itself may drive, its timers would stand still.
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._changed = self.create_guard_condition(self._follow)
+        self._publish = self.advertise_state(interfaces.REPLAYER_STATE)
+        self.create_timer(STATE_PERIOD, self._publish_state, clock=self._steady)
+        self.add_post_set_parameters_callback(self._take_parameters)
+        for name, answer in (
+            (interfaces.PAUSE_REPLAYER, self._pause),
+            (interfaces.RESUME_REPLAYER, self._resume),
+            (interfaces.STEP_REPLAYER, self._step),
+        ):
+            self.create_service(Trigger, name, answer, callback_group=self.waiting_group)
 
     def configure(self) -> None:
         """Open the recording and announce its topics."""
+        self._recording = recording = self._open()
+        for topic in recording.topics.values():
+            if topic.name not in self._outputs:
+                self._outputs[topic.name] = self.create_publisher(
+                    topic.type, topic.name, topic.qos
+                )
+        if self.get_value("publish_clock"):
+            self._clock_output = self.advertise(interfaces.CLOCK)
+        self._set_state(ReplayerState.WAITING, "ready")
+
+    def _open(self) -> RecordingToReplay:
         if not self.get_value("file"):
-            raise ParameterError("file is empty: it must be the path of a recording (.mcap)")
+            raise ParameterError("file is empty: it must be the path of a recording")
         selection = self.get_value("topics")
         if selection not in SELECTIONS:
             raise ParameterError(f"topics is {selection!r}: it must be {' or '.join(SELECTIONS)}")
-        file = McapFile(Path(self.get_value("file")).expanduser())
-        if not file.is_complete:
-            self.get_logger().warning(f"{file.path} was never closed: its end is missing")
-        namespace = self._choose_namespace(file)
-        try:
-            for channel in file.read_channels():
-                self._announce(file, channel, namespace, is_everything=selection == "all")
-        except FileError:
-            self.cleanup()
-            raise
-        if not self._outputs:
-            names = ", ".join(topic.name for topic in INPUTS.values())
-            raise FileError(f"{file.path} holds nothing to replay: no topic of {names}")
-        self._file = file
-        self._progress = "ready"
+        return open_recording(
+            Path(self.get_value("file")).expanduser(),
+            namespace=self.get_value("recorded_namespace"),
+            is_everything=selection == "all",
+            samples=[name for name in self.get_value("samples") if name],
+            hits=[name for name in self.get_value("hits") if name],
+            warn=self.get_logger().warning,
+        )
 
     def activate(self) -> None:
         """Start as soon as the subscribers are there."""
-        file = self._file
-        if file is None:
+        recording = self._recording
+        if recording is None:
             raise FileError("no recording is open: configure the node first")
+        self._pace = Pace(
+            float(self.get_value("rate")), is_paused=bool(self.get_value("start_paused"))
+        )
         verdicts = self.resolve_topic_name(interfaces.IMPACT.name)
-        is_judged = self.get_value("topics") == "inputs"
-        window = Window(lambda: is_judged and self.count_publishers(verdicts) > 0)
-        self._playback = Playback(
-            file.read_messages(lambda channel: channel.id in self._outputs),
-            self._outputs,
-            float(self.get_value("rate")),
-            window,
-            self._find_record,
-            self._end.trigger,
+        is_judged = interfaces.IMPACT.name not in self._outputs
+        clock_rate = float(self.get_value("publish_clock"))
+        self._playback = playback = Playback(
+            recording.make_plan(float(self.get_value("start")), float(self.get_value("end"))),
+            {number: self._outputs[topic.name] for number, topic in recording.topics.items()},
+            self._pace,
+            int(self.get_value("loop")),
+            lambda: is_judged and self.count_publishers(verdicts) > 0,
+            self._publish_clock,
+            1.0 / clock_rate if clock_rate else STATE_PERIOD,
+            self._changed.trigger,
         )
         # Volatile: what was judged before this replay does not count.
         self._verdicts = self.create_subscription(
             Impact,
             interfaces.IMPACT.name,
-            lambda message: window.note_verdict(message.record),
+            lambda message: playback.window.note_verdict(message.record),
             QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE),
         )
-        self._progress = "waiting for subscribers"
-        self._watch = self.create_timer(CONNECTION_PERIOD, self._start_if_ready)
+        self._set_state(ReplayerState.WAITING, "waiting for subscribers")
+        self._watch = self.create_timer(
+            CONNECTION_PERIOD, self._start_if_ready, clock=self._steady
+        )
 
     def deactivate(self) -> None:
         """Stop publishing."""
         self._stop_watching()
         if self._playback is not None:
             self._playback.stop()
+            if self._phase != ReplayerState.DONE:
+                self._set_state(ReplayerState.DONE, "stopped")
             self._playback = None
         if self._verdicts is not None:
             self.destroy_subscription(self._verdicts)
@@ -127,11 +132,14 @@ class ReplayerNode(RigNode):
 
     def cleanup(self) -> None:
         """Withdraw the topics."""
-        for publisher in set(self._outputs.values()):
+        for publisher in self._outputs.values():
             self.destroy_publisher(publisher)
         self._outputs.clear()
-        self._gates.clear()
-        self._progress = "no recording"
+        if self._clock_output is not None:
+            self.destroy_publisher(self._clock_output)
+            self._clock_output = None
+        self._recording = None
+        self._set_state(ReplayerState.IDLE, "no recording")
 
     def autostart(self) -> None:
         """Start; a process that is to end with its recording ends at once if there is none."""
@@ -139,88 +147,102 @@ class ReplayerNode(RigNode):
         if self.get_value("exit_when_done") and self.fault:
             raise FileError(self.fault)
 
+    def report_fault(self, text: str) -> None:
+        """Say in the state, too, what is wrong."""
+        super().report_fault(text)
+        self._set_state(self._phase, text)
+
     def diagnose(self) -> dict[str, Any]:
         """Return how far the replay has come."""
         playback = self._playback
         return {
-            "file": self._file.path if self._file else "",
-            "progress": self._progress,
+            "file": self._recording.source.path if self._recording else "",
+            "progress": self._message,
             "messages": playback.published if playback else 0,
-            "recorded time [s]": f"{playback.recorded_time:.3f}" if playback else "",
+            "recorded time [s]": f"{self._find_position():.3f}" if playback else "",
         }
-
-    def _choose_namespace(self, file: McapFile) -> str:
-        chosen = self.get_value("recorded_namespace")
-        found = (chosen,) if chosen else find_namespaces(file)
-        if len(found) > 1:
-            raise FileError(
-                f"{file.path} holds several rigs, in the namespaces {', '.join(found)}: choose one"
-                " by the parameter recorded_namespace"
-            )
-        return "/" + (found[0] if found else "").strip("/")
-
-    def _announce(
-        self, file: McapFile, channel: Channel, namespace: str, *, is_everything: bool
-    ) -> None:
-        """Create the publisher of a recorded topic, if it is to be replayed."""
-        name = make_relative(channel.topic, namespace)
-        known = INPUTS.get(channel.type_name) if not name.startswith("/") else None
-        if known is None and not is_everything:
-            return
-        try:
-            kind = import_type(channel.type_name)
-            installed = find_message_definition(channel.type_name)
-            if not is_same_definition(installed.text, channel.schema):
-                raise FileError(
-                    f"{channel.topic} was recorded with another version of {channel.type_name}"
-                    " than is installed"
-                )
-        except FileError as error:
-            if known is not None:
-                raise FileError(f"{file.path}: {error}") from None
-            self.get_logger().warning(f"{channel.topic} is not replayed: {error}")
-            return
-        offer = choose_qos(parse_offered_qos(channel.metadata.get("offered_qos_profiles", "")))
-        qos = make_qos(offer, known.qos.depth if known else DEFAULT_DEPTH)
-        publisher = self.create_publisher(
-            kind,
-            known.name if known else name,
-            qos,
-        )
-        self._outputs[channel.id] = publisher
-        if channel.type_name == BLOCK_TYPE:
-            self._gates.append(publisher)
 
     def _start_if_ready(self) -> None:
         """Begin once the blocks have their subscribers."""
-        if self._playback is None or self._progress != "waiting for subscribers":
+        playback, recording = self._playback, self._recording
+        if playback is None or recording is None or self._watch is None:
             return
         required = self.get_value("required_subscribers")
-        gates = self._gates or list(self._outputs.values())
-        if any(self.find_missing_subscribers(gate, required) for gate in gates):
+        gates = recording.block_names or tuple(self._outputs)
+        if any(self.find_missing_subscribers(self._outputs[name], required) for name in gates):
             return
         self._stop_watching()
-        self._progress = "replaying"
-        self.get_logger().info("replaying")
-        self._playback.start()
+        self._show_playing()
+        playback.start()
 
     def _stop_watching(self) -> None:
         if self._watch is not None:
             self.destroy_timer(self._watch)
             self._watch = None
 
-    def _find_record(self, message: RawMessage) -> int | None:
-        if message.channel.type_name != BLOCK_TYPE:
-            return None
-        return int(self._decoder.decode(message.channel, message.data).record)
+    def _pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._find_playback(response) is not None:
+            self._pace.pause()
+            self._show_playing()
+        return response
 
-    def _finish(self) -> None:
-        """End what the playback's thread has finished, in the executor's thread."""
+    def _resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._find_playback(response) is not None:
+            self._pace.resume()
+            self._show_playing()
+        return response
+
+    async def _step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Answer when the step is done."""
+        playback, pace = self._find_playback(response), self._pace
+        if playback is None:
+            return response
+        self.step()
+        response.success = await self.wait_until(
+            lambda: pace.is_paused or playback is not self._playback, STEP_TIMEOUT
+        )
+        if not response.success:
+            response.message = f"the step takes longer than {STEP_TIMEOUT:g} s: {self._message}"
+        elif playback is not self._playback:
+            response.message = "the replay is at its end"
+        else:
+            response.message = f"record {playback.record} is replayed"
+        return response
+
+    def step(self) -> None:
+        """Replay up to and including the end of the next record."""
+        self._pace.step()
+        self._show_playing()
+
+    def _find_playback(self, response: Trigger.Response) -> Playback | None:
+        """Return what is being replayed; if that is nothing, say so in the response."""
+        response.success = self._playback is not None
+        if not response.success:
+            response.message = "nothing is being replayed: activate the node first"
+        return self._playback
+
+    def _take_parameters(self, parameters: list[Parameter]) -> None:
+        """Change the speed of what is being replayed."""
+        for parameter in parameters:
+            if parameter.name == "rate":
+                self._pace.set_rate(float(parameter.value))
+
+    def _follow(self) -> None:
+        """Take in what the playback's thread has done, in the executor's thread."""
         playback = self._playback
         if playback is None:
             return
+        if not playback.is_finished:
+            self._show_playing()
+        elif not self._pace.is_stopped:
+            self._finish(playback)
+        self.wake_waiters()
+
+    def _finish(self, playback: Playback) -> None:
         self.get_logger().info(f"{playback.published} messages replayed")
-        self._progress = f"done: {playback.published} messages"
+        self._set_state(
+            ReplayerState.DONE, playback.problem or f"done: {playback.published} messages"
+        )
         if self.get_value("exit_when_done"):
             if playback.problem:
                 raise FileError(playback.problem)
@@ -229,6 +251,47 @@ class ReplayerNode(RigNode):
         self.trigger_deactivate()
         if playback.problem:
             self.report_fault(playback.problem)
+
+    def _show_playing(self) -> None:
+        if self._watch is not None:
+            return
+        if self._pace.is_paused:
+            self._set_state(ReplayerState.PAUSED, "paused")
+        else:
+            self._set_state(ReplayerState.PLAYING, "replaying")
+
+    def _set_state(self, state: int, message: str) -> None:
+        if (state, message) != (self._phase, self._message):
+            self.get_logger().info(message)
+        self._phase, self._message = state, message
+        self._publish_state()
+
+    def _publish_state(self) -> None:
+        recording, playback = self._recording, self._playback
+        if playback is not None:
+            self._numbers = {
+                "position": self._find_position(),
+                "messages": playback.published,
+                "record": playback.record,
+            }
+        self._publish(
+            state=self._phase,
+            uri=str(recording.source.path) if recording else "",
+            duration=recording.duration if recording else 0.0,
+            message=self._message,
+            **self._numbers,
+        )
+
+    def _find_position(self) -> float:
+        """Return the recorded time of the last message since the recording's start [s]."""
+        playback, recording = self._playback, self._recording
+        if playback is None or recording is None or not playback.position:
+            return 0.0
+        return (playback.position - recording.first_time) / NANOSECONDS
+
+    def _publish_clock(self, moment: int) -> None:
+        if self._clock_output is not None:
+            self._clock_output.publish(ClockMessage(clock=stamp_to_msg(moment)))
 
 
 def main() -> int:
