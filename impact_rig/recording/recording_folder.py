@@ -3,12 +3,11 @@
 from pathlib import Path
 
 from impact_rig.core.errors import FileError
+from impact_rig.recording.bag_files import SUFFIX
 from impact_rig.recording.bag_metadata import METADATA_NAME
 from impact_rig.recording.disk_file import sync_folder
 
-RECORDING_SUFFIX = ".mcap"
-"""Of each file."""
-BAG_SUFFIXES = frozenset({RECORDING_SUFFIX, ".db3"})
+BAG_SUFFIXES = frozenset({SUFFIX, ".db3"})
 """Of the files that make a folder one of rosbag2."""
 
 

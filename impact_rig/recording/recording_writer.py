@@ -8,15 +8,12 @@ from types import TracebackType
 from typing import Self
 
 from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.recording.bag_files import SUFFIX
 from impact_rig.recording.bag_metadata import write_bag_metadata
 from impact_rig.recording.mcap_writer import DEFAULT_CHUNK_SIZE, McapWriter
 from impact_rig.recording.message_definitions import MessageDefinition
 from impact_rig.recording.qos_profiles import OfferedQos
-from impact_rig.recording.recording_folder import (
-    RECORDING_SUFFIX,
-    make_folders,
-    refuse_existing_recording,
-)
+from impact_rig.recording.recording_folder import make_folders, refuse_existing_recording
 from impact_rig.recording.split_contents import SplitContents, summarize_file
 
 DEFAULT_KEEP_FREE = 64 << 20
@@ -83,7 +80,7 @@ class RecordingWriter:
     ) -> None:
         self.path = output
         self.messages = 0
-        self._folder = None if output.suffix == RECORDING_SUFFIX else output
+        self._folder = None if output.suffix == SUFFIX else output
         _check_limits(output, split_size, split_duration)
         self._split_size = split_size
         self._split_duration = int(split_duration * 1e9)
@@ -228,7 +225,7 @@ class RecordingWriter:
     def _name_file(self, number: int) -> Path:
         if self._folder is None:
             return self.path
-        return self._folder / f"{self._folder.name}_{number}{RECORDING_SUFFIX}"
+        return self._folder / f"{self._folder.absolute().name}_{number}{SUFFIX}"
 
     def _is_due(self) -> bool:
         """Tell whether the file is full; one that only repeats what others say never is."""
@@ -274,8 +271,7 @@ def _check_limits(output: Path, split_size: int, split_duration: float) -> None:
         raise ParameterError(
             f"split_duration is {split_duration} s: it must be from 0 to {LONGEST_SPLIT:g} s"
         )
-    if (split_size or split_duration) and output.suffix == RECORDING_SUFFIX:
+    if (split_size or split_duration) and output.suffix == SUFFIX:
         raise ParameterError(
-            f"{output} is to be one file, which cannot be split: name a folder, without"
-            f" {RECORDING_SUFFIX}"
+            f"{output} is to be one file, which cannot be split: name a folder, without {SUFFIX}"
         )

@@ -44,11 +44,13 @@ def begin(output: Path, **options) -> tuple[RecordingWriter, int]:
     return writer, writer.add_channel("/acceleration", TEXT, ())
 
 
-def add_until_refused(writer: RecordingWriter, channel: int) -> FileError:
+def add_until_refused(writer: RecordingWriter, channel: int, *, sync: bool = False) -> FileError:
     """Add blocks, at most twice what the disk holds."""
     for number in range(2 * DISK_SIZE // len(BLOCK)):
         try:
             writer.add_message(channel, BLOCK, number, number)
+            if sync:
+                writer.sync()
         except FileError as error:
             return error
     raise AssertionError("the disk never filled up")
@@ -90,6 +92,17 @@ def test_what_does_not_fit_is_refused_in_time_for_a_good_end(disk, name):
     if name == "session":
         content = yaml.safe_load((disk / name / "metadata.yaml").read_text())
         assert content["rosbag2_bagfile_information"]["message_count"] == writer.messages
+
+
+def test_a_disk_that_fills_up_while_files_are_split_loses_no_message(disk):
+    writer, channel = begin(disk / "session", split_size=150_000)
+    writer.add_attachment("rig.toml", "application/toml", bytes(90_000))
+    error = add_until_refused(writer, channel, sync=True)
+    assert isinstance(error, DiskFullError)
+    writer.close()
+    assert len(writer.files) > 10
+    times = [time for path in writer.files for time in read_times(path)]
+    assert times == list(range(writer.messages))
 
 
 def test_what_is_kept_free_stays_free(disk):

@@ -17,7 +17,7 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.recording.disk_file import ROOM_FOR_ENDING
 from impact_rig.recording.mcap_file import McapFile
 from impact_rig.recording.mcap_writer import COMPRESSIONS, McapWriter
-from impact_rig.recording.message_definitions import find_message_definition
+from impact_rig.recording.message_definitions import MessageDefinition, find_message_definition
 from impact_rig.recording.qos_profiles import OfferedQos
 
 LATCHED = OfferedQos("reliable", "transient_local", "keep_last", 16)
@@ -115,6 +115,34 @@ def test_topics_without_messages_and_empty_recordings_are_sound(tmp_path):
             summary = mcap.reader.make_reader(file).get_summary()
             assert [channel.topic for channel in summary.channels.values()] == topics
             assert summary.statistics.message_count == 0
+
+
+def test_two_versions_of_a_type_keep_their_own_schemas(tmp_path):
+    old = MessageDefinition("rig_msgs/msg/Note", "string data\n")
+    new = MessageDefinition("rig_msgs/msg/Note", "string data\nuint8 level\n")
+    with McapWriter(tmp_path / "both.mcap") as writer:
+        for topic, definition in (("/old", old), ("/new", new), ("/more", old)):
+            writer.add_channel(topic, definition, ())
+    with (tmp_path / "both.mcap").open("rb") as file:
+        summary = mcap.reader.make_reader(file).get_summary()
+    texts = {
+        item.topic: summary.schemas[item.schema_id].data.decode()
+        for item in summary.channels.values()
+    }
+    assert texts == {"/old": old.text, "/new": new.text, "/more": old.text}
+    assert len(summary.schemas) == 2
+
+
+def test_the_free_space_shrinks_by_what_waits_to_be_written(make_recording, monkeypatch):
+    free = SimpleNamespace(f_bavail=ROOM_FOR_ENDING + 1_000_000, f_frsize=1)
+    monkeypatch.setattr(os, "fstatvfs", lambda descriptor: free)
+    maker = make_recording(keep_free=100_000)
+    before = maker.writer.free_space
+    assert 899_000 < before <= 900_000
+    data = maker.add("/text", "std_msgs/msg/String", {"data": "x" * 1000})
+    assert 0 <= before - maker.writer.free_space - len(data) < 200
+    maker.close()
+    assert maker.writer.free_space == 0
 
 
 def test_an_existing_file_is_never_overwritten(tmp_path):
