@@ -74,7 +74,7 @@ def _read_list(folder: Path) -> list[str]:
 
 
 def _find_sequence(text: bytes, key: str) -> Iterator[str]:
-    """Yield the texts in the list after a key; what nests deep or refers to itself is no danger."""
+    """Yield the texts in the list after a key; deep nesting and references do no harm."""
     events = yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
     for event in events:
         if isinstance(event, yaml.ScalarEvent) and event.value == key:

@@ -1,53 +1,39 @@
 """Reads an MCAP file of profile `ros2` from front to back, as far as it goes.
 
-The index at the end is not needed, so that a recording that was never closed reads as well.
+The index at the end is not needed, so that a recording that was never closed reads as well; where
+there is one, it tells which chunks need not be read.
 """
 
+import contextlib
 import os
-import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
+from functools import cached_property
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 
-from mcap.exceptions import McapError
-from mcap.reader import SeekingReader
+from mcap.opcode import Opcode
 from mcap.records import Attachment as AttachmentRecord
-from mcap.records import Channel as ChannelRecord
-from mcap.records import Chunk, DataEnd, Footer, Header, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
-from zstandard import ZstdError
+from mcap.records import Header, Metadata
 
 from impact_rig.core.errors import FileError
+from impact_rig.recording.mcap_records import (
+    FRAME_HEAD,
+    MAGIC,
+    MESSAGE_HEAD,
+    DamageError,
+    SmallT,
+    find_records,
+    read_small,
+)
+from impact_rig.recording.mcap_summary import Summary, read_summary
+from impact_rig.recording.mcap_topics import Channel, TopicTable, Wanted
+from impact_rig.recording.mcap_walk import McapWalk
 
-MAGIC = b"\x89MCAP0\r\n"
-"""First and last bytes of every file."""
-_DAMAGE = (ValueError, RuntimeError, OverflowError, MemoryError)
-"""What the container's and the compressors' libraries raise on bytes that make no sense, beside
-their own errors."""
+__all__ = ["MAGIC", "Attachment", "Channel", "McapFile", "MetadataRecord", "RawMessage"]
 
-
-class Channel(NamedTuple):
-    """One topic of a file.
-
-    Attributes
-    ----------
-    id : int
-        Unique in the file.
-    topic : str
-        Full name.
-    type_name : str
-        For example `impact_rig_msgs/msg/Impact`.
-    schema : str
-        Definition of the type, as `ros2msg`.
-    metadata : dict
-        `offered_qos_profiles` and `topic_type_hash` for ROS 2.
-    """
-
-    id: int
-    topic: str
-    type_name: str
-    schema: str
-    metadata: dict[str, str]
+_MESSAGE = int(Opcode.MESSAGE)
+_MAX_HEADER = 1 << 20
+"""Longest header [byte], our choice: it holds two short texts."""
 
 
 class RawMessage(NamedTuple):
@@ -126,7 +112,7 @@ class McapFile:
             self._size = os.fstat(file.fileno()).st_size
             self._check_start(file)
             file.seek(max(0, self._size - len(MAGIC)))
-            self._is_complete = file.read() == MAGIC
+            self._is_complete = self._size > len(MAGIC) and file.read() == MAGIC
 
     @property
     def is_complete(self) -> bool:
@@ -145,14 +131,34 @@ class McapFile:
             return ()
         return (f"{self.path} was never closed: it is read up to the last message that is whole",)
 
+    def read_channels(self) -> tuple[Channel, ...]:
+        """Return all topics of the file: from its index, or else by reading all of it.
+
+        Raises
+        ------
+        FileError
+            If the file is damaged (other than cut off at its end).
+        """
+        table = TopicTable(self.path, lambda _: False)
+        with self._walk() as walk:
+            if self._summary is not None:
+                table.add_summary(self._summary)
+            if not table.channels:
+                for _ in _find_messages(walk, table, {}):
+                    pass
+        return tuple(table.channels.values())
+
     def read_messages(
         self,
-        wanted: Callable[[Channel], bool] = lambda _: True,
+        wanted: Wanted = lambda _: True,
         *,
         start_time: int | None = None,
         end_time: int | None = None,
     ) -> Iterator[RawMessage]:
         """Yield messages in file order, one chunk in memory at a time.
+
+        The checksum of each chunk that is read is checked. A chunk is not read where the index
+        of the file, if its checksum vouches for it, tells that nothing wanted is in it.
 
         Parameters
         ----------
@@ -167,65 +173,60 @@ class McapFile:
             If the file is damaged (other than cut off at its end), or a wanted channel is not
             in `cdr`.
         """
-        schemas: dict[int, Schema] = {}
-        channels: dict[int, Channel | None] = {}
-        for record in self._read_records():
-            if isinstance(record, Message):
-                if record.channel_id not in channels:
-                    raise self._make_error("a message belongs to a channel that is not announced")
-                channel = channels[record.channel_id]
-                if channel is not None and lies_between(record.log_time, start_time, end_time):
-                    yield RawMessage(
-                        channel,
-                        record.sequence,
-                        record.log_time,
-                        record.publish_time,
-                        record.data,
-                    )
-            elif isinstance(record, Schema):
-                schemas.setdefault(record.id, record)
-            elif isinstance(record, ChannelRecord) and record.id not in channels:
-                channel = self._make_channel(record, schemas.get(record.schema_id))
-                channels[record.id] = channel if wanted(channel) else None
-                if channels[record.id] is not None:
-                    self._check_encoding(record, schemas.get(record.schema_id))
-
-    def read_channels(self) -> tuple[Channel, ...]:
-        """Return all topics of the file: from its index, or else by reading all of it.
-
-        Raises as `read_messages`.
-        """
-        summary = self._read_summary()
-        if summary is not None:
-            return tuple(
-                self._make_channel(channel, summary.schemas.get(channel.schema_id))
-                for channel in summary.channels.values()
-            )
-        channels: list[Channel] = []
-
-        def note(channel: Channel) -> bool:
-            channels.append(channel)
-            return False
-
-        for _ in self.read_messages(note):
-            pass
-        return tuple(channels)
+        table = TopicTable(self.path, wanted)
+        with self._walk() as walk:
+            leaps = self._find_leaps(table, start_time, end_time)
+            for message in _find_messages(walk, table, leaps):
+                if lies_between(message.log_time, start_time, end_time):
+                    yield message
 
     def read_metadata(self) -> tuple[MetadataRecord, ...]:
-        """Return what was noted beside the messages; raises as `read_messages`."""
-        return tuple(
-            MetadataRecord(record.name, dict(record.metadata))
-            for record in self._read_records()
-            if isinstance(record, Metadata)
-        )
+        """Return what was noted beside the messages; raises as `read_channels`."""
+        records = self._read_beside(Opcode.METADATA, Metadata)
+        return tuple(MetadataRecord(record.name, dict(record.metadata)) for record in records)
 
     def read_attachments(self) -> tuple[Attachment, ...]:
-        """Return the files kept inside the recording; raises as `read_messages`."""
+        """Return the files kept inside the recording; raises as `read_channels`."""
+        records = self._read_beside(Opcode.ATTACHMENT, AttachmentRecord)
         return tuple(
             Attachment(record.name, record.media_type, record.log_time, record.data)
-            for record in self._read_records()
-            if isinstance(record, AttachmentRecord)
+            for record in records
         )
+
+    @cached_property
+    def _summary(self) -> Summary | None:
+        if not self._is_complete:
+            return None
+        with self._open() as file:
+            return read_summary(file, self._size)
+
+    def _find_leaps(
+        self, table: TopicTable, start_time: int | None, end_time: int | None
+    ) -> dict[int, int]:
+        """Return from where to where chunks lie that hold nothing wanted."""
+        if self._summary is None or not self._summary.chunks:
+            return {}
+        table.add_summary(self._summary)
+        chosen = {number for number, channel in table.chosen.items() if channel is not None}
+        return {
+            chunk.start: chunk.end
+            for chunk in self._summary.chunks.values()
+            # Without channels it is not known what the chunk holds.
+            if chunk.channels
+            and (
+                chosen.isdisjoint(chunk.channels)
+                or (start_time is not None and chunk.end_time < start_time)
+                or (end_time is not None and chunk.start_time >= end_time)
+            )
+        }
+
+    def _read_beside(self, kind: int, record_class: type[SmallT]) -> Iterator[SmallT]:
+        """Yield the records of a kind that stand between the chunks."""
+        chunks = self._summary.chunks.values() if self._summary is not None else ()
+        with self._walk() as walk:
+            for frame in walk.find_frames({chunk.start: chunk.end for chunk in chunks}):
+                if frame.kind == kind:
+                    yield walk.read_small(frame, record_class)
 
     def _open(self) -> BinaryIO:
         try:
@@ -242,70 +243,56 @@ class McapFile:
             raise FileError(f"{self.path} is empty: it should be an MCAP recording")
         if file.read(len(MAGIC)) != MAGIC:
             raise FileError(f"{self.path} is no MCAP recording: it does not begin like one")
-        file.seek(0)
-        try:
-            header = next(StreamReader(file, record_size_limit=self._size).records)
-        except (McapError, StopIteration):
-            raise FileError(
-                f"{self.path} holds no more than the beginning of an MCAP recording"
-            ) from None
-        except (struct.error, UnicodeDecodeError, ValueError):
-            raise FileError(f"{self.path} is damaged: its header cannot be read") from None
-        if not isinstance(header, Header):
+        head = file.read(FRAME_HEAD.size)
+        kind, length = FRAME_HEAD.unpack(head) if len(head) == FRAME_HEAD.size else (0, 0)
+        content = file.read(min(length, _MAX_HEADER))
+        if not head or len(content) < length:
+            raise FileError(f"{self.path} holds no more than the beginning of an MCAP recording")
+        if kind != Opcode.HEADER:
             raise FileError(f"{self.path} is damaged: it has no header")
+        header = read_small(Header, content)
+        if header is None:
+            raise FileError(f"{self.path} is damaged: its header cannot be read")
         if header.profile != "ros2":
             raise FileError(
                 f"{self.path} is an MCAP file of profile {header.profile!r}: it should be 'ros2'"
             )
 
-    def _read_summary(self) -> Any:
-        """Return the index at the end, if there is one that can be read and names topics."""
-        if not self._is_complete:
-            return None
+    @contextlib.contextmanager
+    def _walk(self) -> Iterator[McapWalk]:
+        """Open the file, and give every problem with it the file's name."""
         try:
             with self._open() as file:
-                reader = SeekingReader(file, validate_crcs=True, record_size_limit=self._size)
-                summary = reader.get_summary()
-        except (McapError, OSError, struct.error, ValueError, MemoryError):
-            return None
-        return summary if summary is not None and summary.channels else None
-
-    def _read_records(self) -> Iterator[McapRecord]:
-        with self._open() as file:
-            reader = StreamReader(file, emit_chunks=True, record_size_limit=self._size)
-            try:
-                for record in reader.records:
-                    if isinstance(record, (DataEnd, Footer)):
-                        return
-                    if isinstance(record, Chunk):
-                        yield from breakup_chunk(record, validate_crc=True)
-                    else:
-                        yield record
-            except (McapError, ZstdError, struct.error, *_DAMAGE) as error:
-                # What breaks at the very end of a file that was never closed was cut off there.
-                if self._is_complete or file.tell() < self._size:
-                    raise self._make_error(str(error) or type(error).__name__) from None
-
-    def _make_channel(self, record: Any, schema: Any) -> Channel:
-        if schema is None:
-            raise self._make_error(f"topic {record.topic!r} has no schema")
-        return Channel(
-            id=record.id,
-            topic=record.topic,
-            type_name=schema.name,
-            schema=schema.data.decode(errors="replace"),
-            metadata=dict(record.metadata),
-        )
-
-    def _check_encoding(self, record: Any, schema: Any) -> None:
-        if record.message_encoding != "cdr" or schema.encoding != "ros2msg":
+                yield McapWalk(file, self._size, is_complete=self._is_complete)
+        except DamageError as error:
             raise FileError(
-                f"{self.path}: topic {record.topic!r} is in {record.message_encoding!r} with a"
-                f" schema in {schema.encoding!r}: 'cdr' and 'ros2msg' can be read"
-            )
+                f"{self.path} is damaged: {error}; `impact-rig recover` saves what is left of it"
+            ) from None
+        except MemoryError:
+            raise FileError(f"{self.path} cannot be read: it asks for too much memory") from None
+        except OSError as error:
+            raise FileError(f"{self.path} cannot be read: {error.strerror}") from None
 
-    def _make_error(self, reason: str) -> FileError:
-        return FileError(f"{self.path} is damaged: {reason}")
+
+def _find_messages(
+    walk: McapWalk, table: TopicTable, leaps: Mapping[int, int]
+) -> Iterator[RawMessage]:
+    chosen, unpack, head_size = table.chosen, MESSAGE_HEAD.unpack_from, MESSAGE_HEAD.size
+    for frame in walk.find_frames(leaps):
+        data = walk.read_records(frame)
+        for kind, start, end in find_records(data):
+            if kind == _MESSAGE:
+                number, sequence, log_time, publish_time = unpack(data, start)
+                if number not in chosen:
+                    raise DamageError("a message belongs to a channel that is not announced")
+                channel = chosen[number]
+                if channel is not None:
+                    content = data[start + head_size : end]
+                    yield RawMessage(channel, sequence, log_time, publish_time, content)
+            elif kind == Opcode.SCHEMA:
+                table.add_schema(data[start:end])
+            elif kind == Opcode.CHANNEL:
+                table.add_channel(data[start:end])
 
 
 def lies_between(time: int, start_time: int | None, end_time: int | None) -> bool:

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Protocol
 
 from impact_rig.core.errors import FileError
-from impact_rig.recording.bag_files import SUFFIX as SUFFIX
-from impact_rig.recording.bag_files import is_bag_folder
+from impact_rig.recording.bag_files import SUFFIX, is_bag_folder
 from impact_rig.recording.bag_folder import BagFolder
 from impact_rig.recording.mcap_file import (
     MAGIC,
@@ -16,6 +15,14 @@ from impact_rig.recording.mcap_file import (
     MetadataRecord,
     RawMessage,
 )
+
+__all__ = [
+    "SUFFIX",
+    "RecordingSource",
+    "find_recording",
+    "is_recording",
+    "open_source",
+]
 
 RUN_NAME = "session"
 """What a run's folder calls its recording: a file of this name and `.mcap`, or a folder."""
