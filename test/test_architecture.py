@@ -23,10 +23,12 @@ MAY_IMPORT = {
     **{name: {"core", name} for name in SIDE_BY_SIDE},
     "study": {"core", "devices", "study"},
     "nodes": {"core", "nodes", *SIDE_BY_SIDE},
-    "cli": {"core", "nodes", "study", "cli", *SIDE_BY_SIDE},
+    "cli": {"core", "nodes", "study", "bench", "cli", *SIDE_BY_SIDE},
+    "bench": {"core", "nodes", "study", "bench", "cli", *SIDE_BY_SIDE},
 }
 """Imports run one way; those side by side know nothing of each other. The study strikes the
-virtual rig: it stands above the devices."""
+virtual rig: it stands above the devices. The bench measures what the command line does: it may
+know everything, and of the command line only its own command knows it."""
 
 PURE = {
     "GTC", "abc", "collections", "dataclasses", "enum", "functools", "itertools", "math",
@@ -38,6 +40,8 @@ ROS = {"rclpy", "rcl_interfaces", "std_srvs"}
 WRAPPED_BY = {
     "GTC": {"core"},
     "click": {"cli"},
+    "dask": {"cli"},
+    "distributed": {"cli"},
     "honcho": {"cli"},
     "lz4": {"recording"},
     "matplotlib": {"study"},

@@ -1,7 +1,6 @@
 """`impact-rig analyze`: recordings and plain traces, without ROS."""
 
 from collections.abc import Sequence
-from enum import Enum, auto
 from pathlib import Path
 from typing import Any
 
@@ -9,28 +8,17 @@ import click
 from click.core import ParameterSource
 
 from impact_rig.cli.quantity import Cutoff, Quantity
-from impact_rig.cli.recording_analysis import AnalyzedCampaign, analyze_recording
+from impact_rig.cli.recording_report import Form, report_batch, report_recording
+from impact_rig.cli.repeated_files import find_repeated_files
 from impact_rig.cli.settings_changes import SettingsChanges
 from impact_rig.cli.trace_analysis import analyze_traces
 from impact_rig.cli.trace_options import TraceOptions
-from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.recording.source import find_recording, is_recording
 from impact_rig.reporting.budget_tables import print_budgets
-from impact_rig.reporting.results_file import format_json, results_to_json
-from impact_rig.reporting.tables import print_results
+from impact_rig.reporting.results_file import format_json
 from impact_rig.reporting.terminal import make_console
 from impact_rig.reporting.trace_results import print_trace_results, trace_results_to_json
-
-MCAP_SUFFIX = ".mcap"
-RECORDING_NAME = "session.mcap"
-
-
-class Form(Enum):
-    """What is printed."""
-
-    TABLES = auto()
-    BUDGETS = auto()
-    JSON = auto()
-
 
 TRACE_ONLY = {
     "columns": "--columns",
@@ -55,6 +43,8 @@ TRACE_ONLY = {
     Examples:
       impact-rig analyze runs/2025-01-31T12-00-00/session.mcap
       impact-rig analyze session.mcap --json > results.json
+      impact-rig analyze runs/* --json > all.json
+      impact-rig analyze --scheduler tcp://cluster:8786 /data/*.mcap
       impact-rig analyze session.mcap --reject 17 --accept "steel small/3.1"
       impact-rig analyze --cutoff off hit_1.npy hit_2.npy hit_3.npy
       impact-rig analyze --columns time,skip,hammer --hammer-unit g hit.csv
@@ -62,8 +52,9 @@ TRACE_ONLY = {
 
     \b
     Plain traces (.npy, .csv, .txt) hold one hit of one sample each. Columns by default: hammer;
-    time, hammer; time, hammer, specimen. Exit code: 2 if a file could not be used, which the
-    others do not suffer from.
+    time, hammer; time, hammer, specimen. Many recordings make one table, or one JSON list, in
+    the order given. Exit code: 2 if a file could not be used or is named twice, which the others
+    do not suffer from.
     """,
 )
 @click.argument(
@@ -143,6 +134,17 @@ TRACE_ONLY = {
     help="k1, from an earlier control experiment.",
 )
 @click.option("--control", is_flag=True, help="Hammer and sample are alike: k1 = k2 = 2 k_eq.")
+@click.option(
+    "--workers",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Processes for many recordings. [one per core; one for a few small ones]",
+)
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Use this Dask cluster; its workers must find the recordings under the same paths.",
+)
 @click.pass_context
 def command(
     context: click.Context,
@@ -156,16 +158,19 @@ def command(
     keep: int | None,
     accept: tuple[str, ...],
     reject: tuple[str, ...],
+    workers: int | None,
+    scheduler: str | None,
     **trace_options: Any,
 ) -> None:
     """Estimate contact time, stiffness and damping from recordings or plain traces.
 
     A recording (.mcap, or the folder of a run) gives the numbers of the live run, bit by bit, and
-    needs no further options. Plain traces of any laboratory give contact times, and with masses
-    stiffness and damping as well. No ROS is needed.
+    needs no further options; many are analyzed side by side. Plain traces of any laboratory give
+    contact times, and with masses stiffness and damping as well. No ROS is needed.
     """
-    recordings = [_find_recording(path) for path in files if _is_recording(path)]
-    traces = [path for path in files if not _is_recording(path)]
+    paths, errors = _find_files(files)
+    recordings = [path for path in paths if is_recording(path)]
+    traces = [path for path in paths if not is_recording(path)]
     if recordings and traces:
         raise ParameterError(
             f"{recordings[0]} is a recording and {traces[0]} a plain trace: analyze them apart"
@@ -174,12 +179,17 @@ def command(
     form = Form.JSON if as_json else Form.BUDGETS if budget else Form.TABLES
     changes = SettingsChanges(cutoff, pulse_factor, double_hit_level, keep)
     if recordings:
-        _check_recording_options(context, [*accept, *reject] if len(recordings) > 1 else [])
-        errors = _report_recordings(recordings, changes, accept, reject, form)
-    else:
+        is_batch = len(files) > 1
+        _check_recording_options(context)
+        if is_batch:
+            _check_batch_options(accept, reject, form)
+            errors += report_batch(recordings, changes, form, workers, scheduler)
+        else:
+            report_recording(recordings[0], changes, accept, reject, form)
+    elif traces:
         task = TraceOptions(**trace_options, accept=accept, reject=reject).make_task(changes)
         analyzed = analyze_traces(traces, task)
-        errors = list(analyzed.errors)
+        errors += analyzed.errors
         if as_json:
             click.echo(format_json(trace_results_to_json(analyzed.results)), nl=False)
         elif analyzed.results.hits:
@@ -193,56 +203,35 @@ def command(
         raise RigError(errors[-1])
 
 
-def _check_recording_options(context: click.Context, ambiguous: Sequence[str]) -> None:
-    """Refuse options that a recording has no use for, and hits that may be any recording's."""
+def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:
+    """Return the files and recordings that are meant, each once, and what is wrong with others."""
+    found: list[Path] = []
+    errors: list[str] = []
+    for path in named:
+        try:
+            found.append(find_recording(path) if path.is_dir() else path)
+        except FileError as error:
+            errors.append(str(error))
+    repeated = find_repeated_files(found)
+    paths = [path for place, path in enumerate(found) if place not in repeated]
+    return paths, errors + list(repeated.values())
+
+
+def _check_recording_options(context: click.Context) -> None:
+    """Refuse options that a recording has no use for."""
     for name, option in TRACE_ONLY.items():
         if context.get_parameter_source(name) is not ParameterSource.DEFAULT:
             raise ParameterError(f"{option} is for plain traces: a recording explains itself")
-    if ambiguous:
+
+
+def _check_batch_options(accept: Sequence[str], reject: Sequence[str], form: Form) -> None:
+    """Refuse what speaks of one recording's hits, and what one table has no room for."""
+    if accept or reject:
         raise ParameterError(
             "--accept and --reject name hits of one recording: analyze recordings one by one"
         )
-
-
-def _is_recording(path: Path) -> bool:
-    return path.suffix.lower() == MCAP_SUFFIX or path.is_dir()
-
-
-def _find_recording(path: Path) -> Path:
-    return path / RECORDING_NAME if path.is_dir() else path
-
-
-def _report_recordings(
-    paths: Sequence[Path],
-    changes: SettingsChanges,
-    accept: Sequence[str],
-    reject: Sequence[str],
-    form: Form,
-) -> list[str]:
-    console = make_console()
-    errors: list[str] = []
-    found: list[AnalyzedCampaign] = []
-    for path in paths:
-        try:
-            recording = analyze_recording(path, changes, accept, reject)
-        except RigError as error:
-            errors.append(str(error))
-            continue
-        for warning in recording.warnings:
-            click.echo(f"warning: {warning}", err=True)
-        found += recording.campaigns
-        if form is Form.JSON:
-            continue
-        for number, campaign in enumerate(recording.campaigns, start=1):
-            if len(recording.campaigns) > 1:
-                console.print(f"{path}, campaign {number}\n", style="bold underline")
-            elif len(paths) > 1:
-                console.print(f"{path}\n", style="bold underline")
-            if form is Form.BUDGETS:
-                print_budgets(console, campaign.results.samples, campaign.results.hammer)
-            print_results(console, campaign.results, campaign.setup.samples)
-    if form is Form.JSON and found:
-        contents = [results_to_json(campaign.results) for campaign in found]
-        single = len(paths) == 1 and len(contents) == 1
-        click.echo(format_json(contents[0] if single else contents), nl=False)
-    return errors
+    if form is Form.BUDGETS:
+        raise ParameterError(
+            "--budget is for one recording: analyze recordings one by one, or take --json, which"
+            " has all budgets"
+        )

@@ -116,7 +116,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> RecordedCampaign:
     return record_campaigns(folder / "session.mcap", settings, PAPER_SETUP.samples.names, 3)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def record() -> Callable[..., RecordedCampaign]:
     """Return the function that strikes and records."""
     return record_campaigns

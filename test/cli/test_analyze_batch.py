@@ -1,0 +1,289 @@
+"""`impact-rig analyze` on many recordings, side by side."""
+
+import importlib
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import psutil
+import pytest
+
+from impact_rig.cli import batch
+from impact_rig.devices.virtual.rig import VirtualRigSettings
+from impact_rig.reporting.results_file import results_to_json
+
+Run = Callable[..., Any]
+
+SAMPLES = ("steel small", "steel large")
+PATIENCE = 30.0
+"""How long anything may take before a test fails [s]."""
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory, record: Callable[..., Any]) -> list[Any]:
+    """Return three recordings, each in the folder of its run."""
+    folder = tmp_path_factory.mktemp("runs")
+    recorded = []
+    for seed in (1, 2, 3):
+        run_folder = folder / f"2025-01-0{seed}"
+        run_folder.mkdir()
+        path = run_folder / "session.mcap"
+        recorded.append(record(path, VirtualRigSettings(seed=seed), SAMPLES, 2))
+    return recorded
+
+
+@pytest.fixture
+def folders(runs: list[Any]) -> list[Path]:
+    """Return the folders of the runs, the last first."""
+    return [recorded.path.parent for recorded in reversed(runs)]
+
+
+@pytest.fixture
+def expected(runs: list[Any]) -> list[Any]:
+    """Return the JSON for `folders`: what each live run found."""
+    return [
+        {
+            "recording": str(recorded.path),
+            "campaign": 1,
+            "results": results_to_json(recorded.results),
+        }
+        for recorded in reversed(runs)
+    ]
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Any:
+    """Return a Dask cluster of somebody else."""
+    from distributed import LocalCluster
+
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=":0", silence_logs=50
+    ) as running:
+        yield running
+
+
+def test_workers_without_the_software_are_refused(
+    run: Run, folders: list[Path], tmp_path: Path
+) -> None:
+    script = tmp_path / "cluster.py"
+    script.write_text(
+        "import sys\n"
+        "from distributed import LocalCluster\n"
+        "sys.modules['impact_rig'] = None\n"
+        "with LocalCluster(n_workers=1, processes=False, protocol='tcp',\n"
+        "                  dashboard_address=':0') as cluster:\n"
+        "    print(cluster.scheduler_address, flush=True)\n"
+        "    sys.stdin.read()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        outcome = run("analyze", *folders, "--scheduler", process.stdout.readline().strip())
+        process.stdin.close()
+    assert outcome.exit_code == 2
+    (line,) = outcome.stderr.splitlines()
+    assert "install the same version on every worker" in line
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_each_recording_gives_what_its_live_run_found_in_the_order_given(
+    run: Run, folders: list[Path], expected: list[Any], workers: int
+) -> None:
+    outcome = run("analyze", *folders, "--json", "--workers", workers)
+    assert outcome.exit_code == 0
+    assert json.loads(outcome.stdout) == expected
+    assert "3 of 3: " in outcome.stderr
+
+
+def test_a_cluster_that_is_there_already_gives_the_same(
+    run: Run, folders: list[Path], expected: list[Any], cluster: Any, monkeypatch: Any
+) -> None:
+    # Paths that are relative here mean nothing to workers elsewhere.
+    monkeypatch.chdir(folders[0].parent)
+    names = [folder.name for folder in folders]
+    outcome = run("analyze", *names, "--json", "--scheduler", cluster.scheduler_address)
+    assert outcome.exit_code == 0
+    assert [entry["results"] for entry in json.loads(outcome.stdout)] == [
+        entry["results"] for entry in expected
+    ]
+
+
+def test_one_table_shows_every_recording_and_the_spread_between_them(
+    run: Run, folders: list[Path]
+) -> None:
+    outcome = run("analyze", *folders)
+    assert outcome.exit_code == 0
+    assert max(map(len, outcome.stdout.splitlines())) <= 80
+    assert outcome.stdout.count("steel small") == 4
+    places = [outcome.stdout.index(folder.name) for folder in folders]
+    assert places == sorted(places)
+    assert "Between the recordings" in outcome.stdout
+    assert "Between the recordings" not in run("analyze", *folders[:2]).stdout
+
+
+def test_broken_recordings_are_named_and_the_others_analyzed(
+    run: Run, folders: list[Path], expected: list[Any], tmp_path: Path
+) -> None:
+    bad, empty = tmp_path / "bad.mcap", tmp_path / "empty"
+    bad.write_bytes((folders[0] / "session.mcap").read_bytes()[:1000])
+    empty.mkdir()
+    outcome = run("analyze", folders[0], bad, empty, folders[1], "--workers", 2, "--json")
+    assert outcome.exit_code == 2
+    assert json.loads(outcome.stdout) == expected[:2]
+    errors = [line for line in outcome.stderr.splitlines() if line.startswith("error: ")]
+    assert len(errors) == 2
+    assert str(bad) in outcome.stderr
+    assert str(empty) in outcome.stderr
+
+
+def test_a_recording_named_twice_is_used_once_and_said_so(
+    run: Run, folders: list[Path], expected: list[Any], tmp_path: Path
+) -> None:
+    copy = tmp_path / "copy.mcap"
+    shutil.copy(folders[0] / "session.mcap", copy)
+    again = folders[1] / "session.mcap"
+    outcome = run("analyze", *folders, copy, again, "--workers", 1, "--json")
+    assert outcome.exit_code == 2
+    assert json.loads(outcome.stdout) == expected
+    assert f"error: {copy} is left out: it is a copy of" in outcome.stderr
+    assert f"error: {again} is named twice" in outcome.stderr
+
+
+def test_without_dask_the_recordings_are_analyzed_one_after_the_other(
+    run: Run, folders: list[Path], expected: list[Any], monkeypatch: Any
+) -> None:
+    for name in ("distributed", "dask", "impact_rig.cli.dask_workers"):
+        monkeypatch.setitem(sys.modules, name, None)
+    outcome = run("analyze", *folders, "--json", "--workers", 2)
+    assert outcome.exit_code == 0
+    assert json.loads(outcome.stdout) == expected
+    assert "one after the other" in outcome.stderr
+
+
+@pytest.mark.parametrize(("size", "count"), [(1_000, 1), (2_000_000, 2)])
+def test_few_small_recordings_start_no_workers(
+    tmp_path: Path, monkeypatch: Any, size: int, count: int
+) -> None:
+    started: list[int] = []
+
+    def start(number: int) -> Any:
+        started.append(number)
+        raise KeyboardInterrupt
+
+    paths = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
+    for path in paths:
+        path.write_bytes(bytes(size))
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1, 2})
+    monkeypatch.setattr("impact_rig.cli.dask_workers.start_workers", start)
+    tasks = [SimpleNamespace(path=path, run=lambda: None) for path in paths]
+    if count == 1:
+        batch.analyze_batch(tasks, None, None, lambda _: None)
+    else:
+        with pytest.raises(KeyboardInterrupt):
+            batch.analyze_batch(tasks, None, None, lambda _: None)
+    assert started == [count] * (count > 1)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense"])
+def test_a_scheduler_that_is_not_there_is_one_sentence_soon(
+    run: Run, folders: list[Path], monkeypatch: Any, address: str
+) -> None:
+    monkeypatch.setattr("impact_rig.cli.dask_workers.CONNECT_TIMEOUT", 0.5)
+    started = time.monotonic()
+    outcome = run("analyze", *folders, "--scheduler", address)
+    assert time.monotonic() - started < PATIENCE / 3
+    assert outcome.exit_code == 2
+    (line,) = outcome.stderr.splitlines()
+    assert line.startswith(f"error: no Dask scheduler answers at '{address}'")
+
+
+def test_a_scheduler_without_workers_is_named(
+    run: Run, folders: list[Path], monkeypatch: Any
+) -> None:
+    from distributed import LocalCluster
+
+    monkeypatch.setattr("impact_rig.cli.dask_workers.CONNECT_TIMEOUT", 0.5)
+    with LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as idle:
+        outcome = run("analyze", *folders, "--scheduler", idle.scheduler_address)
+    assert outcome.exit_code == 2
+    assert "has no workers" in outcome.stderr
+
+
+DEADLY_TASK = """
+import os, signal
+
+class DeadlyTask:
+    def __init__(self, path):
+        self.path = path
+
+    def run(self):
+        if self.path.name == "deadly":
+            os.kill(os.getpid(), signal.SIGKILL)
+        return self.path.name
+"""
+"""In place of a recording; what is called deadly kills its worker each time."""
+
+
+def test_a_recording_that_kills_its_worker_costs_no_other(
+    tmp_path: Path, monkeypatch: Any
+) -> None:
+    from impact_rig.cli.dask_workers import run_on_workers, start_workers
+
+    (tmp_path / "deadly_task.py").write_text(DEADLY_TASK)
+    monkeypatch.syspath_prepend(tmp_path)  # the workers inherit it
+    make_task = importlib.import_module("deadly_task").DeadlyTask
+    tasks = [make_task(Path(name)) for name in ("a", "deadly", "b", "c", "d")]
+    reported: list[str] = []
+    with start_workers(2) as client:
+        outcomes = run_on_workers(client, tasks, lambda path: reported.append(path.name))
+    assert [item for item in outcomes if isinstance(item, str)] == ["a", "b", "c", "d"]
+    assert outcomes[1].recording is None
+    assert outcomes[1].error.startswith("deadly killed the process that analyzed it")
+    assert sorted(reported) == ["a", "b", "c", "d", "deadly"]
+
+
+def test_ctrl_c_ends_all_processes_at_once(campaign: Any, tmp_path: Path) -> None:
+    # Different enough to be different recordings: the bytes after the end are no part of it.
+    paths = [tmp_path / f"{number}.mcap" for number in range(4)]
+    for number, path in enumerate(paths):
+        path.write_bytes(campaign.path.read_bytes()[: -8 - number])
+    words = [sys.executable, "-m", "impact_rig.cli.main", "analyze", *paths, "--workers", "2"]
+    process = subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    process.stderr.readline()  # the first recording is done, the next are being analyzed
+    helpers = psutil.Process(process.pid).children(recursive=True)
+    assert helpers
+    started = time.monotonic()
+    # As a terminal does: to all processes of the foreground.
+    for each in (psutil.Process(process.pid), *helpers):
+        each.send_signal(signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130
+    assert time.monotonic() - started < PATIENCE / 3
+    assert "Traceback" not in stderr
+    assert stdout == ""
+    assert psutil.wait_procs(helpers, timeout=PATIENCE)[1] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--budget"], "--budget is for one recording"),
+        (["--reject", "1"], "analyze recordings one by one"),
+        (["--sample", "steel"], "a recording explains itself"),
+    ],
+)
+def test_what_means_nothing_for_many_recordings_is_refused(
+    run: Run, folders: list[Path], words: list[str], message: str
+) -> None:
+    outcome = run("analyze", *folders, *words)
+    assert outcome.exit_code == 2
+    assert message in outcome.stderr
