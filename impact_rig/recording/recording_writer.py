@@ -82,6 +82,7 @@ class RecordingWriter:
         self.messages = 0
         self._folder = None if output.suffix == SUFFIX else output
         _check_limits(output, split_size, split_duration)
+        self._is_split = bool(split_size or split_duration)
         self._split_size = split_size
         self._split_duration = int(split_duration * 1e9)
         self._before_split = before_split
@@ -137,9 +138,16 @@ class RecordingWriter:
         return self._contents.add_channel(self._file, topic, definition, offers)
 
     def add_message(self, channel: int, data: bytes, log_time: int, publish_time: int) -> None:
-        """Add a message; as `McapWriter.add_message`."""
+        """Add a message; as `McapWriter.add_message`.
+
+        In continuous streaming, where nobody calls `sync`, the next file is begun when a chunk
+        is finished.
+        """
+        before = self._file.size if self._is_split else 0
         self._contents.add_message(self._file, channel, data, log_time, publish_time)
         self.messages += 1
+        if self._is_split and self._file.size != before:
+            self._split_stream()
 
     def add_metadata(self, name: str, fields: dict[str, str]) -> None:
         """Add a record of names and texts; as `McapWriter.add_metadata`.
@@ -155,7 +163,7 @@ class RecordingWriter:
     def flush(self) -> None:
         """Finish the chunk in progress; it is safe from the end of this process.
 
-        In continuous streaming, where nobody calls `sync`, the next file is begun here.
+        As in `add_message`, the next file may be begun here.
 
         Raises
         ------
@@ -164,8 +172,7 @@ class RecordingWriter:
         """
         self._file.flush()
         self._keep_folder_described()
-        if not self._has_synced and self._is_due():
-            self._split()
+        self._split_stream()
 
     def sync(self) -> None:
         """Finish the chunk and return when it is on the disk, safe from a power cut.
@@ -234,6 +241,11 @@ class RecordingWriter:
             return False
         is_large = 0 < self._split_size <= file.size
         return is_large or 0 < self._split_duration <= file.end_time - file.start_time
+
+    def _split_stream(self) -> None:
+        """Begin the next file if it is time; where hits are synced, only between them."""
+        if not self._has_synced and self._is_due():
+            self._split()
 
     def _split(self) -> None:
         """Begin the next file, and only then finish the one before."""

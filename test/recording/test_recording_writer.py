@@ -150,6 +150,15 @@ def test_in_continuous_streaming_the_next_file_begins_with_a_chunk(make):
     assert [list_hits(path) for path in recording.writer.files] == [[1, 2, 3], [4, 5, 6], [7]]
 
 
+def test_a_stream_that_is_never_flushed_is_split_too(make):
+    recording = make(split_size=8000, chunk_size=4000)
+    recording.add_hits(*range(1, 12))
+    recording.writer.close()
+    hits = [list_hits(path) for path in recording.writer.files]
+    assert [number for part in hits for number in part] == list(range(1, 12))
+    assert {len(part) for part in hits[:-1]} == {4}
+
+
 def test_a_flush_does_not_cut_a_hit_in_two(make):
     recording = make(split_size=10_000)
     recording.add_hits(1)
@@ -335,6 +344,19 @@ def test_a_sync_returns_when_the_disk_has_the_hit(make, monkeypatch):
     recording.writer.sync()
     assert sizes == [recording.writer.size]
     assert len(HIT) * 2 < sizes[0] == recording.writer.files[0].stat().st_size
+
+
+def test_each_chunk_is_sent_to_the_disk_when_it_is_finished(make, monkeypatch):
+    """Else a sync, or the end of a file in a stream, waits for seconds of data."""
+    sent = []
+    monkeypatch.setattr(
+        os, "posix_fadvise", lambda file, start, length, advice: sent.append((start, length))
+    )
+    recording = make("session.mcap", chunk_size=4000)
+    recording.add_hits(1, 2, 3, 4, 5)
+    assert len(sent) == 2
+    assert sum(length for _, length in sent) == recording.writer.size
+    assert [start for start, _ in sent] == [0, sent[0][1]]
 
 
 @pytest.mark.parametrize(
