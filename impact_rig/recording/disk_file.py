@@ -127,7 +127,9 @@ class DiskFile:
             while rest:
                 rest = rest[self._file.write(rest) :]
         except OSError as error:
-            self._file.truncate(self.size)
+            # A disk that fails altogether keeps the piece; readers stop before it.
+            with contextlib.suppress(OSError):
+                self._file.truncate(self.size)
             self.failure = self._make_error(error)
             raise self.failure from None
         self.size += len(data)
@@ -164,7 +166,10 @@ class DiskFile:
             self.failure = self.failure or FileError(f"{self.path} is closed already")
 
     def _measure_room(self) -> int:
-        state = os.fstatvfs(self._file.fileno())
+        try:
+            state = os.fstatvfs(self._file.fileno())
+        except OSError as error:
+            raise self._make_error(error) from None
         ending = ROOM_FOR_ENDING + int(ROOM_FOR_INDEX * self.size)
         return state.f_bavail * state.f_frsize - self._keep_free - ending
 
