@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import Impact
+from impact_rig_msgs.msg import Impact, RecorderState, RecordStored
 from impact_rig_msgs.srv import Arm, ConfirmSample, GetResults, Release
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
@@ -71,8 +71,12 @@ class CampaignNode(RigNode):
         self._verdicts: dict[int, Impact] = {}
         self._confirmed = ""
         self._recording = ""
+        self._stored: set[int] = set()
+        self._recorder = RecorderState()
         self._setup = self.advertise(interfaces.SETUP)
         self.listen(interfaces.IMPACT, self._keep_verdict)
+        self.listen(interfaces.RECORD_STORED, self._note_stored)
+        self.listen(interfaces.RECORDER_STATE, self._keep_recorder)
         self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._confirm)
         self._arm = self.create_client(Arm, interfaces.ARM_ACCELEROMETER)
         self._disarm = self.create_client(Trigger, interfaces.DISARM_ACCELEROMETER)
@@ -119,6 +123,12 @@ class CampaignNode(RigNode):
 
     def _keep_verdict(self, message: Impact) -> None:
         self._verdicts[message.record] = message
+
+    def _note_stored(self, message: RecordStored) -> None:
+        self._stored.add(message.record)
+
+    def _keep_recorder(self, message: RecorderState) -> None:
+        self._recorder = message
 
     def _confirm(
         self, request: ConfirmSample.Request, response: ConfirmSample.Response
@@ -245,6 +255,7 @@ class CampaignNode(RigNode):
     async def _strike(self, progress: _Progress, sample: str, impact: int, attempt: int) -> Impact:
         hit = {"sample": sample, "impact": impact, "attempt": attempt}
         self._verdicts.clear()
+        self._stored.clear()
         armed = await self.call(self._arm, Arm.Request(**hit))
         if not armed.success:
             raise DeviceError(f"the accelerometers cannot be armed: {armed.message}")
@@ -255,12 +266,35 @@ class CampaignNode(RigNode):
         self._recording = released.recording
         timeout = float(self.get_value("verdict_timeout"))
         await self.wait_until(
-            lambda: record in self._verdicts or progress.handle.is_cancel_requested, timeout
+            lambda: (
+                record in self._verdicts
+                or progress.handle.is_cancel_requested
+                or self._has_lost(record)
+            ),
+            timeout,
         )
         if record not in self._verdicts:
             _check_cancel(progress)
-            raise DeviceError(f"no verdict on record {record} came within {timeout:g} s")
+            raise DeviceError(self._explain_silence(record, timeout))
         return self._verdicts[record]
+
+    def _has_lost(self, record: int) -> bool:
+        """Whether the recorder has stopped before it stored a record."""
+        recorder = self._recorder
+        return (
+            recorder.uri == self._recording != ""
+            and not (recorder.recording or recorder.waiting)
+            and record not in self._stored
+        )
+
+    def _explain_silence(self, record: int, timeout: float) -> str:
+        """Return why there is no verdict on a record, as far as it can be known here."""
+        if self._has_lost(record):
+            return f"the recorder has stopped: {self._recorder.message}"
+        cause = f"no verdict on record {record} came within {timeout:g} s"
+        if self._recording and record not in self._stored:
+            cause += f": the recorder has not said that record {record} is stored"
+        return cause
 
     async def _settle(self, result: RunCampaign.Result) -> None:
         """Disarm everything and collect what there is, whatever ended the campaign."""

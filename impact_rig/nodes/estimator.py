@@ -4,15 +4,17 @@ from collections import deque
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from impact_rig_msgs.msg import AccelerationBlock, RigSetup
+from impact_rig_msgs.msg import AccelerationBlock, RecorderState, RecordStored, RigSetup
 from impact_rig_msgs.srv import GetResults
 
+from impact_rig.core.errors import RigError
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.session import Session
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.storage_gate import StorageGate
 from impact_rig.recording.messages import block_from_msg, setup_from_msg
 
 WAITING_BLOCKS = 1000
@@ -20,41 +22,97 @@ WAITING_BLOCKS = 1000
 
 
 class EstimatorNode(RigNode):
-    """Feeds the core's session with what the accelerometers publish."""
+    """Feeds the core's session with what the accelerometers publish.
+
+    While a recorder records, a block is evaluated when the recorder has stored it: whatever dies
+    at whatever moment, the hit of a published verdict is on the disk.
+    """
 
     def __init__(self, **options: Any) -> None:
         super().__init__("estimator", **options)
         self._session: Session | None = None
         self._setup_stamp = Time()
         self._early: deque[AccelerationBlock] = deque(maxlen=WAITING_BLOCKS)
+        self._gate = StorageGate()
+        self._recorder: RecorderState | None = None
         self._impact = self.advertise(interfaces.IMPACT)
         self._estimate = self.advertise(interfaces.ESTIMATE)
         self._hammer_estimate = self.advertise(interfaces.HAMMER_ESTIMATE)
         self._comparison = self.advertise(interfaces.COMPARISON)
         self._counts = {"impacts accepted": 0, "impacts rejected": 0, "blocks": 0}
-        self.listen(interfaces.SETUP, self._begin)
-        self.listen(interfaces.ACCELERATION, self._take)
+        self.listen(interfaces.SETUP, self._take_setup)
+        # The executor asks in this order: a record that was stored is not taken for one that was
+        # not, nor a block for one of nobody's recording.
+        self.listen(interfaces.RECORD_STORED, self._take_stored)
+        self.listen(interfaces.RECORDER_STATE, self._follow_recorder)
+        self.listen(interfaces.ACCELERATION, self._take_block)
         self.create_service(GetResults, interfaces.GET_RESULTS, self._answer)
 
+    def deactivate(self) -> None:
+        """Forget what waits."""
+        self._warn(self._gate.drop())
+
     def diagnose(self) -> dict[str, Any]:
-        """Return how much has been judged."""
-        return dict(self._counts)
+        """Return how much has been judged, and what a record waits for."""
+        return {**self._counts, "waiting for": self._gate.find_obstacle()}
+
+    def _take_setup(self, message: RigSetup) -> None:
+        self._gate.add_setup(message)
+        self._work_off()
+
+    def _take_block(self, message: AccelerationBlock) -> None:
+        if not self.is_active:
+            return
+        self._gate.is_open = not self._is_recorded()
+        self._gate.add_block(message)
+        self._work_off()
+
+    def _take_stored(self, message: RecordStored) -> None:
+        self._warn(self._gate.add_stored(message))
+        self._work_off()
+
+    def _follow_recorder(self, message: RecorderState) -> None:
+        previous, self._recorder = self._recorder, message
+        goes_on = message.recording and previous and message.uri == previous.uri
+        if previous is not None and previous.recording and not goes_on:
+            # What one recording did not store, the next one will not.
+            self._warn(self._gate.drop())
+        self._gate.is_open = not message.recording
+        self._work_off()
+
+    def _is_recorded(self) -> bool:
+        """Whether a recorder records; one that is there and has not been heard of may well do."""
+        if self._recorder is None:
+            return self.count_publishers(interfaces.RECORDER_STATE.name) > 0
+        return self._recorder.recording
+
+    def _warn(self, text: str) -> None:
+        if text:
+            self.get_logger().warning(text)
+
+    def _work_off(self) -> None:
+        """Evaluate what may be evaluated now."""
+        for message in self._gate.pass_on():
+            try:
+                if isinstance(message, RigSetup):
+                    self._begin(message)
+                elif self._session is None:
+                    self._early.append(message)
+                else:
+                    self._evaluate(self._session, message)
+            except RigError as error:
+                self.report_fault(str(error))
 
     def _begin(self, message: RigSetup) -> None:
         self._session = Session(setup_from_msg(message))
         self._setup_stamp = message.header.stamp
         while self._early:
-            self._take(self._early.popleft())
+            self._evaluate(self._session, self._early.popleft())
 
-    def _take(self, message: AccelerationBlock) -> None:
-        if not self.is_active:
-            return
-        if self._session is None:
-            self._early.append(message)
-            return
+    def _evaluate(self, session: Session, message: AccelerationBlock) -> None:
         self._counts["blocks"] += 1
-        for hit in self._session.feed(block_from_msg(message)):
-            self._publish(self._session, hit)
+        for hit in session.feed(block_from_msg(message)):
+            self._publish(session, hit)
 
     def _publish(self, session: Session, hit: JudgedHit) -> None:
         self._impact.publish(messages.hit_to_msg(hit))

@@ -2,7 +2,13 @@
 
 from typing import Any
 
-from impact_rig_msgs.msg import AcquisitionState, HammerRelease, HammerState, RecorderState
+from impact_rig_msgs.msg import (
+    AcquisitionState,
+    HammerRelease,
+    HammerState,
+    RecorderState,
+    RecordStored,
+)
 from impact_rig_msgs.srv import Release
 from std_srvs.srv import Trigger
 
@@ -15,7 +21,8 @@ READINESS_TIMEOUT = 1.0
 states travel by other topics than the request."""
 DISCOVERY_TIMEOUT = 10.0
 """The same while one of them has not been heard of at all, or the recorder still looks for its
-topics [s], our choice: nodes that have just started take a while to find each other."""
+topics [s], our choice: nodes that have just started take a while to find each other. And while the
+record before is on its way to the disk: a busy one takes seconds."""
 
 
 class HammerNode(RigNode):
@@ -34,10 +41,12 @@ class HammerNode(RigNode):
         self._released: Release.Request | None = None
         self._acquisition: AcquisitionState | None = None
         self._recorder: RecorderState | None = None
+        self._unstored = 0
         self._publish_state = self.advertise_state(interfaces.HAMMER_STATE)
         self._release = self.advertise(interfaces.RELEASE)
         self.listen(interfaces.ACQUISITION_STATE, self._keep_acquisition)
         self.listen(interfaces.RECORDER_STATE, self._keep_recorder)
+        self.listen(interfaces.RECORD_STORED, self._note_stored)
         self.create_service(Trigger, interfaces.ARM_HAMMER, self._arm)
         self.create_service(Trigger, interfaces.DISARM_HAMMER, self._disarm)
         self.create_service(
@@ -64,7 +73,14 @@ class HammerNode(RigNode):
             self._released = None
 
     def _keep_recorder(self, message: RecorderState) -> None:
-        self._recorder = message
+        previous, self._recorder = self._recorder, message
+        if not message.recording or (previous and previous.uri != message.uri):
+            # What one recording did not store, the next one will not.
+            self._unstored = 0
+
+    def _note_stored(self, message: RecordStored) -> None:
+        if message.record == self._unstored:
+            self._unstored = 0
 
     def _change(self, state: int, *, armed: bool, message: str) -> None:
         self._state, self._armed = state, armed
@@ -86,7 +102,7 @@ class HammerNode(RigNode):
         self, request: Release.Request, response: Release.Response
     ) -> Release.Response:
         if not self._find_own_obstacle():
-            await self.wait_until(self._has_found_all, DISCOVERY_TIMEOUT)
+            await self.wait_until(lambda: self._is_settled(request), DISCOVERY_TIMEOUT)
             await self.wait_until(lambda: not self._find_obstacle(request), READINESS_TIMEOUT)
         # The same request again: the hammer went, and the first answer was lost.
         if self._released != request:
@@ -102,6 +118,8 @@ class HammerNode(RigNode):
 
     def _swing(self, request: Release.Request) -> None:
         self._released = request
+        if self._recorder is not None and self._recorder.recording:
+            self._unstored = request.record
         swing_time = float(self.get_value("swing_time"))
         release = HammerRelease(
             record=request.record,
@@ -118,13 +136,18 @@ class HammerNode(RigNode):
     def _catch(self) -> None:
         self._change(HammerState.HELD, armed=self._armed, message="back in the holder")
 
-    def _has_found_all(self) -> bool:
-        """Whether nodes that are just starting have found each other, for good or ill."""
+    def _is_settled(self, request: Release.Request) -> bool:
+        """Whether nodes that are just starting have found each other, and the disk is quiet."""
+        if self._acquisition is None:
+            return False
+        if not self.get_value("require_recorder"):
+            return True
         recorder = self._recorder
-        return self._acquisition is not None and (
-            not self.get_value("require_recorder")
-            or (recorder is not None and not recorder.waiting)
-        )
+        return recorder is not None and not recorder.waiting and not self._is_unstored(request)
+
+    def _is_unstored(self, request: Release.Request) -> bool:
+        """Whether the record before this one is still on its way to the disk."""
+        return self._unstored not in (0, request.record)
 
     def _find_own_obstacle(self) -> str:
         """Return why the hammer itself may not go now; empty: it may."""
@@ -150,6 +173,11 @@ class HammerNode(RigNode):
         if self.get_value("require_recorder") and not (recorder and recorder.recording):
             why = recorder.message if recorder else "no recorder has reported"
             return f"nothing is being recorded ({why}): start the recorder first"
+        if self.get_value("require_recorder") and self._is_unstored(request):
+            return (
+                f"the recorder has not said that record {self._unstored} is stored: wait for it,"
+                " or start the recorder anew"
+            )
         return ""
 
 

@@ -1,50 +1,68 @@
 """The recorder: writes every topic of the rig to MCAP, as received."""
 
 import contextlib
-import time
-from collections.abc import Mapping
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from impact_rig_msgs.msg import RecorderState
 from rclpy.duration import Duration
-from rclpy.qos import QoSProfile
-from rclpy.topic_endpoint_info import TopicEndpointInfo
-from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
+from rclpy.parameter import Parameter
 
 from impact_rig import __version__
 from impact_rig.configuration.processes import RECORDING_NAME, make_run_folder_name
-from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
+from impact_rig.nodes.record_storage import SYNC_CHUNK, SYNC_HIT, SYNCS
+from impact_rig.nodes.recording_run import RecordingRun
 from impact_rig.nodes.rig_node import RigNode, split_names
-from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, name_type
-from impact_rig.recording.mcap_writer import COMPRESSIONS, DEFAULT_CHUNK_SIZE, McapWriter
+from impact_rig.nodes.topics import name_type
+from impact_rig.recording.disk_file import DiskFullError
+from impact_rig.recording.mcap_writer import COMPRESSIONS, DEFAULT_CHUNK_SIZE
 from impact_rig.recording.message_definitions import find_message_definition
-from impact_rig.recording.qos_profiles import OfferedQos
+from impact_rig.recording.origin import read_attached_file
+from impact_rig.recording.recording_writer import (
+    DEFAULT_KEEP_FREE,
+    LONGEST_SPLIT,
+    RecordingWriter,
+)
 
-DISCOVERY_PERIOD = 0.2
-"""How often further topics are looked for [s], our choice: the ROS graph sends no event here."""
-DISCOVERED_DEPTH = 200
-"""Queue of topics that are not the rig's own [messages], our choice: as deep as the blocks'."""
 CONNECTION_PERIOD = 0.05
 """How often it is looked whether the required topics are connected [s], our choice."""
-GLOBAL_TOPICS = ("/diagnostics", "/rosout")
-"""Topics outside the rig's namespace that tell of its health."""
+HEALTH_PERIOD = 1.0
+"""How often the disk and the counts of what is missing are looked at [s], our choice: a hundredth
+of the time in which a fast stream fills what `LOW_SPACE` leaves."""
+LOW_SPACE = 2 << 30
+"""Room below which the disk counts as nearly full [byte], our choice: 100 s of two channels at
+2.5 MS/s, uncompressed."""
+LARGEST_SIZE = 2**62
+"""[byte]"""
 FAREWELL_TIMEOUT = 0.2
 """How long the last state may take to reach its subscribers [s], our choice."""
 
 
 class RecorderNode(RigNode):
-    """Records while it is active: one activation, one file."""
+    """Records while it is active: one activation, one recording."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__("recorder", **options)
+        self._declare_file()
+        self._declare_content()
+        self._run: RecordingRun | None = None
+        self._is_connected = False
+        self._begun = ""
+        self._warning = ""
+        self._state_publisher = self.advertise(interfaces.RECORDER_STATE)
+        self._stored_publisher = self.advertise(interfaces.RECORD_STORED)
+        self.add_post_set_parameters_callback(self._take_parameters)
+
+    def _declare_file(self) -> None:
         self.declare(
             "output", "",
-            f"path of the new .mcap file; empty: runs/<time>/{RECORDING_NAME} under the working"
-            " directory",
+            "the new recording: an .mcap file, or else a folder as rosbag2 writes it; empty:"
+            f" runs/<time>/{RECORDING_NAME} under the working directory",
         )  # fmt: skip
         self.declare("compression", "zstd", f"of chunks: {', '.join(COMPRESSIONS)}")
         self.declare(
@@ -57,224 +75,218 @@ class RecorderNode(RigNode):
             low=0.0, high=3600.0,
         )  # fmt: skip
         self.declare(
+            "sync", SYNC_HIT,
+            f"{SYNC_HIT}: a record is stored when it is on the disk, safe from a power cut;"
+            f" {SYNC_CHUNK}: when its chunk has been written, at the latest after flush_period,"
+            " safe from the end of the recorder alone, and nothing waits for the disk",
+        )  # fmt: skip
+        self.declare(
+            "split_size", 0, "of a file, at which the next one is begun [byte]; 0: never",
+            low=0, high=LARGEST_SIZE,
+        )  # fmt: skip
+        self.declare(
+            "split_duration", 0.0, "of a file, at which the next one is begun [s]; 0: never",
+            low=0.0, high=LONGEST_SPLIT,
+        )  # fmt: skip
+        self.declare(
+            "low_space_warning", LOW_SPACE, "room on the disk below which to warn [byte]",
+            low=0, high=LARGEST_SIZE,
+        )  # fmt: skip
+        self.declare(
+            "keep_free", DEFAULT_KEEP_FREE, "left on the disk for others [byte]",
+            low=0, high=LARGEST_SIZE,
+        )  # fmt: skip
+
+    def _declare_content(self) -> None:
+        self.declare(
             "required_topics", "acceleration, release, impact",
             "topics, by commas, that must be connected before the recorder calls itself"
             " recording, and a release is possible",
         )  # fmt: skip
-        self._is_connected = False
-        self._state_publisher = self.advertise(interfaces.RECORDER_STATE)
-        self._writer: McapWriter | None = None
-        self._inputs: dict[str, Any] = {}
-        self._skipped: dict[str, str] = {}
-        self._watches: list[Any] = []
+        self.declare("notes", "", "in the operator's words; they go into the recording")
+        self.declare("attachments", "", "files, by commas, that go into the recording")
 
     def configure(self) -> None:
-        """Check the parameters before anything is opened."""
-        compression = self.get_value("compression")
-        if compression not in COMPRESSIONS:
+        """Check before anything is opened."""
+        for name, choices in (("compression", COMPRESSIONS), ("sync", SYNCS)):
+            if self.get_value(name) not in choices:
+                raise ParameterError(
+                    f"{name} is {self.get_value(name)!r}: it must be one of {', '.join(choices)}"
+                )
+        if self.get_value("sync") == SYNC_CHUNK and not self.get_value("flush_period"):
             raise ParameterError(
-                f"compression is {compression!r}: it must be one of {', '.join(COMPRESSIONS)}"
+                f"sync is {SYNC_CHUNK!r} and flush_period 0: then nobody could say when a record"
+                " is stored, it must be above 0"
             )
-        output = self.get_value("output")
-        if output and not output.endswith(".mcap"):
-            raise ParameterError(f"output is {output!r}: it must be the path of an .mcap file")
+        for topic in interfaces.RECORDED_TOPICS:
+            find_message_definition(name_type(topic.type))
 
     def activate(self) -> None:
-        """Open the file, subscribe to the rig's topics and look for others from now on."""
-        writer = self._writer = self._open()
-        try:
-            for topic in interfaces.RECORDED_TOPICS:
-                self._record(writer, topic.name, topic.type, topic.qos, (describe_qos(topic.qos),))
-        except FileError:
-            self._stop(writer)
-            writer.path.unlink(missing_ok=True)
-            raise
-        self._discover(writer)
-        self._watches.append(self.create_timer(DISCOVERY_PERIOD, lambda: self._discover(writer)))
-        if period := self.get_value("flush_period"):
-            self._watches.append(self.create_timer(period, lambda: self._flush(writer)))
-        self.get_logger().info(f"recording to {writer.path}")
-        self._is_connected = False
-        self._watches.append(self.create_timer(CONNECTION_PERIOD, self._look_for_publishers))
-        self._look_for_publishers()
+        """Begin the recording, subscribe to the rig's topics and look for others from now on."""
+        attachments = [
+            read_attached_file(Path(name).expanduser())
+            for name in split_names(self.get_value("attachments"))
+        ]
+        run = self._run = RecordingRun(
+            self, self._open, self.get_value("sync"), self._stored_publisher, self._fail
+        )
+        self._is_connected, self._begun, self._warning = False, "", ""
+        run.write_origin(self.get_value("notes"))
+        run.attach(attachments)
+        run.start(self.get_value("flush_period"))
+        self.get_logger().info(f"recording to {run.writer.path}")
+        run.call_every(HEALTH_PERIOD, self._check_health)
+        run.call_every(CONNECTION_PERIOD, self._look_for_peers)
+        self._look_for_peers()
         if not self._is_connected:
-            self._publish_state(f"waiting for topics: {', '.join(self._find_missing_topics())}")
+            self._publish_state(f"waiting: {self._find_missing_peers()}")
 
     def deactivate(self) -> None:
-        """Write what is still in the queues, finish the file and say so."""
-        writer = self._writer
-        if writer is None or writer.closed:
+        """Write what is still in the queues, finish the recording and say so."""
+        run = self._run
+        if run is None or not run.is_open:
             return
-        for subscription in tuple(self._inputs.values()):
-            self._empty_queue(writer, subscription)
+        run.topics.take_waiting()
+        if not run.is_open:
+            return
         try:
-            self._stop(writer)
+            run.close("closed")
         except FileError as error:
             self.report_fault(str(error))
             return
+        writer = run.writer
         self.get_logger().info(
             f"{writer.path} is closed: {writer.messages} messages, {writer.size / 1e6:.3g} MB"
         )
         self._publish_state("closed")
+
+    def autostart(self) -> None:
+        """Start, or say that nothing is recorded yet to those who would wait for it."""
+        if not self.get_value("autostart"):
+            self._publish_state("the recorder is not active")
+        super().autostart()
 
     def report_fault(self, text: str) -> None:
         """Tell everybody who relies on the recorder, beside the log and the diagnostics."""
         super().report_fault(text)
         self._publish_state(text)
 
+    def find_warning(self) -> str:
+        """Return what the recording lacks, and whether the disk is nearly full."""
+        run = self._run
+        if run is None:
+            return ""
+        warnings = [run.describe_losses()]
+        limit = self.get_value("low_space_warning")
+        if run.is_open and run.writer.free_space < limit:
+            warnings.append(f"less than {limit / 1e6:.6g} MB may still be written to the disk")
+        return "; ".join(filter(None, warnings))
+
     def diagnose(self) -> dict[str, Any]:
-        """Return what was written so far."""
-        writer = self._writer
+        """Return what was written so far, and what was not."""
+        run = self._run
+        if run is None:
+            return {"recording": False}
+        writer, watch = run.writer, run.storage.watch
         return {
             "recording": self._is_recording and self._is_connected,
-            "waiting for": ", ".join(self._find_missing_topics()),
-            "file": writer.path if writer else "",
-            "messages": writer.messages if writer else 0,
-            "size": writer.size if writer else 0,
-            "topics": len(self._inputs),
-            "topics not recorded": ", ".join(self._skipped),
+            "waiting for": self._find_missing_peers(),
+            "file": writer.files[-1],
+            "messages": writer.messages,
+            "size": writer.size,
+            "free space": writer.free_space,
+            "topics": len(run.topics),
+            "topics not recorded": ", ".join(run.topics.skipped),
+            "blocks": watch.blocks,
+            "gaps": watch.gaps,
+            "missing points": watch.missing_points,
+            "messages lost": run.topics.messages_lost,
+            "longest lag [s]": f"{run.storage.longest_lag:.3g}",
         }
 
     def count_messages(self, topic: str) -> int:
-        """Return how many messages of a topic, by its full name, are in the file."""
-        return self._writer.count_messages(topic) if self._writer else 0
+        """Return how many messages of a topic, by its full name, are in the recording."""
+        return self._run.writer.count_messages(topic) if self._run else 0
 
     @property
     def _is_recording(self) -> bool:
-        return self._writer is not None and not self._writer.closed
+        return self._run is not None and self._run.is_open
 
-    def _find_missing_topics(self) -> list[str]:
-        """Return the required topics that nobody publishes to this node yet."""
-        if not self._is_recording:
-            return []
-        inputs = {
-            name: self._inputs.get(self.resolve_topic_name(name))
-            for name in split_names(self.get_value("required_topics"))
-        }
-        return [
-            name for name, item in inputs.items() if not item or not item.get_publisher_count()
-        ]
-
-    def _look_for_publishers(self) -> None:
-        """Say that everything is being recorded, once it is; a lost publisher is no loss here."""
-        if self._is_connected or self._find_missing_topics():
-            return
-        self._is_connected = True
-        self._publish_state(f"recording since {datetime.now().astimezone():%Y-%m-%d %H:%M:%S}")
-
-    def _open(self) -> McapWriter:
+    def _open(self, before_split: Callable[[], None]) -> RecordingWriter:
         output = self.get_value("output")
         folder = make_run_folder_name(datetime.now().astimezone())
-        path = Path(output or Path(folder, RECORDING_NAME)).expanduser().absolute()
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise FileError(f"folder {path.parent} cannot be made: {error.strerror}") from None
-        return McapWriter(
-            path,
+        return RecordingWriter(
+            Path(output or Path(folder, RECORDING_NAME)).expanduser().absolute(),
             compression=self.get_value("compression"),
             chunk_size=self.get_value("chunk_size"),
             library=f"impact_rig {__version__}",
+            split_size=self.get_value("split_size"),
+            split_duration=self.get_value("split_duration"),
+            keep_free=self.get_value("keep_free"),
+            before_split=before_split,
         )
 
-    def _record(
-        self,
-        writer: McapWriter,
-        name: str,
-        kind: Any,
-        qos: QoSProfile,
-        offers: tuple[OfferedQos, ...],
-    ) -> None:
-        topic = self.resolve_topic_name(name)
-        channel = writer.add_channel(topic, find_message_definition(name_type(kind)), offers)
+    def _find_missing_peers(self) -> str:
+        """Return who is not connected yet that must be; empty: nobody."""
+        if self._run is None or not self._run.is_open:
+            return ""
+        required = split_names(self.get_value("required_topics"))
+        if missing := self._run.topics.find_unconnected(required):
+            return f"nobody publishes {', '.join(missing)} yet"
+        # The estimator must hear that it is to wait for the recorder's word.
+        return self.find_missing_subscribers(
+            self._state_publisher, ""
+        ) or self.find_missing_subscribers(self._stored_publisher, "")
 
-        def write(data: bytes, info: Mapping[str, Any]) -> None:
-            self.messages_handled += 1
-            if writer.closed:
-                return
-            received = info["received_timestamp"] or time.time_ns()
-            try:
-                writer.add_message(channel, data, received, info["source_timestamp"] or received)
-            except FileError as error:
-                self._fail(writer, error)
+    def _look_for_peers(self) -> None:
+        """Say that everything is being recorded, once it is; a lost peer is no loss here."""
+        if self._is_connected or self._find_missing_peers():
+            return
+        self._is_connected = True
+        self._begun = f"recording since {datetime.now().astimezone():%Y-%m-%d %H:%M:%S}"
+        self._publish_state(self._begun)
 
-        self._inputs[topic] = self.create_subscription(kind, name, write, qos, raw=True)
+    def _check_health(self) -> None:
+        """Tell everybody when what needs attention has changed."""
+        warning = self.find_warning()
+        if warning == self._warning or not self._is_connected:
+            return
+        self._warning = warning
+        if warning:
+            self.get_logger().warning(warning)
+        self._publish_state(f"warning: {warning}" if warning else self._begun)
 
-    def _discover(self, writer: McapWriter) -> None:
-        """Subscribe to what else is published below the namespace, and to the global topics."""
-        prefix = self.get_namespace().rstrip("/") + "/"
-        for topic, types in self.get_topic_names_and_types():
-            if topic in self._inputs or topic in self._skipped:
-                continue
-            if topic_or_service_is_hidden(topic):
-                continue
-            if topic.startswith(prefix) or topic in GLOBAL_TOPICS:
-                publishers = self.get_publishers_info_by_topic(topic)
-                if publishers:
-                    self._record_discovered(writer, topic, types, publishers)
+    def _take_parameters(self, parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name == "notes" and self._run is not None and self._run.is_open:
+                try:
+                    self._run.write_origin(parameter.value)
+                except FileError as error:
+                    self._fail(error)
 
-    def _record_discovered(
-        self,
-        writer: McapWriter,
-        topic: str,
-        types: list[str],
-        publishers: list[TopicEndpointInfo],
-    ) -> None:
-        try:
-            if len(types) > 1:
-                raise FileError(f"it has several types: {', '.join(types)}")
-            kind = import_type(types[0])
-            offers = tuple(describe_qos(item.qos_profile) for item in publishers)
-            self._record(writer, topic, kind, adapt_qos(publishers, DISCOVERED_DEPTH), offers)
-        except RigError as error:
-            self._skipped[topic] = str(error)
-            self.get_logger().warning(f"{topic} is not recorded: {error}")
-
-    def _flush(self, writer: McapWriter) -> None:
-        try:
-            writer.flush()
-        except FileError as error:
-            self._fail(writer, error)
-
-    def _fail(self, writer: McapWriter, error: FileError) -> None:
+    def _fail(self, error: FileError) -> None:
         """Keep what was written, and tell everybody that nothing is recorded any more."""
         # The first error names the cause; the finished chunks are on disk.
-        with contextlib.suppress(FileError):
-            self._stop(writer)
+        if self._run is not None and self._run.is_open:
+            with contextlib.suppress(FileError):
+                self._run.close("disk full" if isinstance(error, DiskFullError) else "error")
         self.report_fault(str(error))
-
-    def _stop(self, writer: McapWriter) -> None:
-        for timer in self._watches:
-            self.destroy_timer(timer)
-        self._watches.clear()
-        for subscription in self._inputs.values():
-            self.destroy_subscription(subscription)
-        self._inputs.clear()
-        self._skipped.clear()
-        writer.close()
-
-    def _empty_queue(self, writer: McapWriter, subscription: Any) -> None:
-        for _ in range(DISCOVERED_DEPTH):
-            if writer.closed:
-                return
-            with subscription.handle:
-                taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-            if taken is None:
-                return
-            subscription.callback(*taken)
 
     def _publish_state(self, message: str) -> None:
         if not self.context.ok():
             return
-        writer = self._writer
         state = RecorderState(
             recording=self._is_recording and self._is_connected,
             waiting=self._is_recording and not self._is_connected,
-            uri=str(writer.path) if writer else "",
-            messages=writer.messages if writer else 0,
-            size=writer.size if writer else 0,
             message=message,
         )
+        if self._run is not None:
+            writer, watch = self._run.writer, self._run.storage.watch
+            state.uri = str(writer.path)
+            state.messages, state.size = writer.messages, writer.size
+            state.gaps, state.missing_points = watch.gaps, watch.missing_points
+            state.messages_lost = self._run.topics.messages_lost
+            state.free_space = writer.free_space
         state.header.stamp = self.get_clock().now().to_msg()
         self._state_publisher.publish(state)
         if not self._is_recording:

@@ -74,6 +74,10 @@ class RigNode(LifecycleNode):
         """Return figures for the diagnostics, by name."""
         return {}
 
+    def find_warning(self) -> str:
+        """Return what needs attention though the node works; empty: nothing."""
+        return ""
+
     # Used by the nodes.
 
     @property
@@ -315,10 +319,15 @@ class RigNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def _publish_diagnostics(self) -> None:
+        level, message = DiagnosticStatus.OK, "active" if self._is_active else "inactive"
+        if self._fault:
+            level, message = DiagnosticStatus.ERROR, self._fault
+        elif warning := self.find_warning():
+            level, message = DiagnosticStatus.WARN, warning
         status = DiagnosticStatus(
             name=self.get_fully_qualified_name(),
-            level=DiagnosticStatus.ERROR if self._fault else DiagnosticStatus.OK,
-            message=self._fault or ("active" if self._is_active else "inactive"),
+            level=level,
+            message=message,
             values=[KeyValue(key=key, value=str(value)) for key, value in self.diagnose().items()],
         )
         array = DiagnosticArray(status=[status])

@@ -25,6 +25,8 @@ from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.recording.mcap_file import McapFile
 
 COUNT = 20
+OWN_TOPICS = (interfaces.RECORDER_STATE, interfaces.RECORD_STORED)
+"""What the recorder itself has to say."""
 
 
 def read_by_mcap_ros2(path: Path) -> dict[str, list]:
@@ -111,7 +113,7 @@ def test_other_libraries_read_all_messages_of_all_topics(harness, tmp_path, comp
     blocks = [make_block(record) for record in range(COUNT)]
     publish(harness, harness.advertise(interfaces.ACCELERATION), *blocks)
     for topic in interfaces.RECORDED_TOPICS:
-        if topic not in (interfaces.ACCELERATION, interfaces.RECORDER_STATE):
+        if topic not in (interfaces.ACCELERATION, *OWN_TOPICS):
             publish(harness, harness.advertise(topic), topic.type())
     stop(harness)
 
@@ -121,8 +123,10 @@ def test_other_libraries_read_all_messages_of_all_topics(harness, tmp_path, comp
         assert names <= set(messages)
         assert [item.record for item in messages["/acceleration"]] == list(range(COUNT))
         assert list(messages["/acceleration"][7].hammer.counts) == list(range(7, 5007))
-        assert {len(messages[name]) for name in names - {"/acceleration"}} == {1}
+        own = {f"/{topic.name}" for topic in OWN_TOPICS}
+        assert {len(messages[name]) for name in names - {"/acceleration"} - own} == {1}
         assert messages["/recorder/state"][0].recording
+        assert [item.record for item in messages["/recorder/stored"]] == list(range(COUNT))
 
 
 def test_latched_messages_from_before_the_start_are_recorded(harness, tmp_path):
@@ -212,7 +216,11 @@ def test_without_a_name_the_file_gets_the_time_of_the_run(harness, tmp_path, mon
     ("parameters", "told"),
     [
         ({"compression": "gzip"}, "must be one of zstd, lz4, none"),
-        ({"output": "session.bag"}, "must be the path of an .mcap file"),
+        ({"output": "/dev/null/session"}, "cannot be made"),
+        ({"output": "/tmp/a.mcap", "split_size": 1000}, "one file, which cannot be split"),
+        ({"sync": "never"}, "must be one of hit, chunk"),
+        ({"sync": "chunk", "flush_period": 0.0}, "must be above 0"),
+        ({"attachments": "/absent.toml"}, "attachment /absent.toml cannot be read"),
         ({"output": "/proc/nowhere/session.mcap"}, "cannot be made"),
         ({"output": "/dev/null/session.mcap"}, "cannot be made"),
     ],

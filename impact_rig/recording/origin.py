@@ -1,0 +1,90 @@
+"""Where a recording comes from: software, computer, operator's notes, and the files beside it."""
+
+import json
+import mimetypes
+import os
+import platform
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+from impact_rig import __version__
+from impact_rig.core.errors import FileError
+
+ORIGIN_RECORD = "impact_rig"
+"""Metadata record of the software, the computer and the operator's notes."""
+PARAMETERS_RECORD = "impact_rig/parameters"
+"""Metadata record of the parameters of all nodes: a YAML text by full node name."""
+LIBRARIES = ("numpy", "scipy", "mcap", "zstandard", "lz4", "rclpy")
+"""Those on which it depends what is recorded and estimated."""
+ATTACHMENT_LIMIT = 16 << 20
+"""A larger file is not put into a recording [byte], our choice: a rig file has some kilobytes."""
+
+
+@dataclass(frozen=True)
+class AttachedFile:
+    """A file that goes into a recording.
+
+    Attributes
+    ----------
+    name : str
+        Without its folder.
+    media_type : str
+        For example `application/toml`.
+    data : bytes
+        All of it.
+    """
+
+    name: str
+    media_type: str
+    data: bytes
+
+
+def describe_origin(middleware: str, notes: str) -> dict[str, str]:
+    """Return the fields of `ORIGIN_RECORD`.
+
+    Parameters
+    ----------
+    middleware : str
+        Implementation of ROS's middleware in use.
+    notes : str
+        In the operator's words.
+    """
+    versions = {}
+    for name in LIBRARIES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return {
+        "software_version": __version__,
+        "python": platform.python_version(),
+        "ros_distro": os.environ.get("ROS_DISTRO", ""),
+        "middleware": middleware,
+        "libraries": json.dumps(versions),
+        "host": platform.node(),
+        "platform": platform.platform(),
+        "notes": notes,
+    }
+
+
+def read_attached_file(path: Path) -> AttachedFile:
+    """Read a file that is to go into a recording.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read or is larger than `ATTACHMENT_LIMIT`.
+    """
+    try:
+        size = path.stat().st_size
+        if size > ATTACHMENT_LIMIT:
+            raise FileError(
+                f"the attachment {path} has {size} byte: it must not have more than"
+                f" {ATTACHMENT_LIMIT}"
+            )
+        data = path.read_bytes()
+    except OSError as error:
+        raise FileError(f"the attachment {path} cannot be read: {error.strerror}") from None
+    kind = "application/toml" if path.suffix == ".toml" else mimetypes.guess_type(path)[0]
+    return AttachedFile(path.name, kind or "application/octet-stream", data)
