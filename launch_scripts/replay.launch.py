@@ -3,6 +3,7 @@
 ``ros2 launch impact_rig replay.launch.py --show-args`` lists the arguments.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +23,47 @@ from impact_rig.core.errors import ParameterError
 
 SWITCH = ["true", "false"]
 ARGUMENTS = (
-    DeclareLaunchArgument("file", description="path of the recording (.mcap)"),
+    DeclareLaunchArgument(
+        "file",
+        description="path of the recording: an .mcap file, a folder as rosbag2 writes it, or that"
+        " of a run",
+    ),
     DeclareLaunchArgument(
         "rate",
         default_value="1.0",
         description="speed, part of the original's; 0: as fast as the nodes take it",
+    ),
+    DeclareLaunchArgument(
+        "start", default_value="0.0", description="from here, since the recording's start [s]"
+    ),
+    DeclareLaunchArgument(
+        "end",
+        default_value="0.0",
+        description="up to here, since the recording's start [s]; 0: to its end",
+    ),
+    DeclareLaunchArgument(
+        "loop", default_value="1", description="how often, a whole number; 0: without end"
+    ),
+    DeclareLaunchArgument(
+        "samples", default_value="", description="only the hits of these, by commas; empty: all"
+    ),
+    DeclareLaunchArgument(
+        "hits",
+        default_value="",
+        description="only these hits, beside `samples`, by commas: record number, SAMPLE/IMPACT or"
+        " SAMPLE/IMPACT.ATTEMPT; empty: all",
+    ),
+    DeclareLaunchArgument(
+        "start_paused",
+        default_value="false",
+        choices=SWITCH,
+        description="wait for the services replayer/resume or replayer/step",
+    ),
+    DeclareLaunchArgument(
+        "publish_clock",
+        default_value="0.0",
+        description="how often /clock is published [Hz], for nodes that use simulated time; 0: not"
+        " at all",
     ),
     DeclareLaunchArgument(
         "estimator", default_value="true", choices=SWITCH, description="estimate everything anew"
@@ -81,7 +118,14 @@ def make_replay(context: LaunchContext) -> list[Action]:
         listeners["visualizer"] = choose_destination(read("viewer"), read("view"))
     replayer = {
         "file": str(Path(read("file")).expanduser().resolve()),
-        "rate": read_rate(read("rate")),
+        "rate": read_number("rate", read("rate"), float),
+        "start": read_number("start", read("start"), float),
+        "end": read_number("end", read("end"), float),
+        "loop": read_number("loop", read("loop"), int),
+        "samples": split_names(read("samples")),
+        "hits": split_names(read("hits")),
+        "start_paused": read("start_paused") == "true",
+        "publish_clock": read_number("publish_clock", read("publish_clock"), float),
         # Without its own estimator, it replays the results of the recording.
         "topics": "inputs" if "estimator" in listeners else "all",
         "required_subscribers": ", ".join(listeners),
@@ -121,9 +165,15 @@ def make_node(name: str, values: dict[str, Any], params_file: str) -> Action:
     )
 
 
-def read_rate(text: str) -> float:
-    """Return the speed of the replay."""
+def split_names(text: str) -> list[str]:
+    """Return names that stand between commas; ROS knows no empty list of texts."""
+    return [name.strip() for name in text.split(",")]
+
+
+def read_number(name: str, text: str, kind: Callable[[str], float | int]) -> float | int:
+    """Return an argument as a number."""
     try:
-        return float(text)
+        return kind(text)
     except ValueError:
-        raise ParameterError(f"rate:={text}: it must be a number") from None
+        wanted = "a whole number" if kind is int else "a number"
+        raise ParameterError(f"{name}:={text}: it must be {wanted}") from None

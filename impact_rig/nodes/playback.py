@@ -10,7 +10,7 @@ from rclpy.duration import Duration
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.replay_pace import Pace
 from impact_rig.nodes.replay_plan import Cue, ReplayPlan
-from impact_rig.nodes.replay_window import Window
+from impact_rig.nodes.replay_window import CountedWindow, Window
 
 STOP_PERIOD = 0.1
 """How soon a wait inside the middleware notices that it is to end [s]."""
@@ -29,8 +29,8 @@ class Playback:
         When it is published.
     passes : int
         How often; 0: without end.
-    has_judge : callable
-        Returns whether an estimator is there, whose verdicts tell how far it has come.
+    make_window : callable
+        Makes, of a function that waits for delivery, what keeps the blocks under way few.
     publish_clock : callable
         Called with the recorded moment that is now [ns], with each message and in between.
     clock_period : float
@@ -40,10 +40,10 @@ class Playback:
 
     Attributes
     ----------
-    window : Window
+    window : Window or CountedWindow
         To be told of verdicts.
-    published, blocks : int
-        Messages so far, and blocks among them [-].
+    published : int
+        Messages so far [-].
     record : int
         Of the last block [-]; 0: there was none yet.
     position : int
@@ -60,7 +60,7 @@ class Playback:
         publishers: Mapping[int, Any],
         pace: Pace,
         passes: int,
-        has_judge: Callable[[], bool],
+        make_window: Callable[[Callable[[], None]], Window | CountedWindow],
         publish_clock: Callable[[int], None],
         clock_period: float,
         changed: Callable[[], None],
@@ -73,9 +73,8 @@ class Playback:
         self._clock_period = clock_period
         self._changed = changed
         self._thread = threading.Thread(target=self._run, name="playback", daemon=True)
-        self.window = Window(has_judge, self._wait_for_delivery, lambda: pace.is_stopped)
+        self.window = make_window(self._wait_for_delivery)
         self.published = 0
-        self.blocks = 0
         self.record = 0
         self.position = 0
         self.is_finished = False
@@ -99,6 +98,7 @@ class Playback:
         except RigError as error:
             self.problem = str(error)
         self._wait_for_delivery()
+        self.window.drain()
         self.is_finished = True
         self._changed()
 
@@ -115,8 +115,7 @@ class Playback:
 
     def _publish(self, cue: Cue) -> None:
         if cue.is_setup:
-            # It begins the estimates afresh: nothing of before may come after it.
-            self.window.drain()
+            self.window.begin_campaign()
         elif cue.record is not None:
             self.window.add(cue.record, is_last=cue.is_last, is_free=self._pace.is_free)
         if self._pace.is_stopped:
@@ -129,7 +128,6 @@ class Playback:
             self._wait_for_delivery()
             self._pace.jump(cue.time)
         if cue.record is not None:
-            self.blocks += 1
             self.record = cue.record
         if cue.is_last and self._pace.end_step():
             self._changed()

@@ -17,10 +17,13 @@ SETTLING_TIME = 0.2
 choice: a window of blocks that need no evaluation takes a tenth of it."""
 LOOK_PERIOD = 0.1
 """How soon a wait notices that it is to end [s]."""
+COUNT_PERIOD = 0.002
+"""How often a count that tells of no change is looked at [s], our choice: a block's evaluation
+takes as long."""
 
 
 class Window:
-    """Keeps the blocks under way few enough for the subscribers' queues.
+    """Keeps the blocks under way few enough for the subscribers' queues, wherever those are.
 
     The middleware tells what has arrived in a queue, but not what was taken out of it: only a
     verdict proves that the estimator has seen a record's blocks. Where nobody judges, arrival
@@ -86,6 +89,10 @@ class Window:
                 del self._unjudged[: self._unjudged.index(record) + 1]
             self._changed.notify_all()
 
+    def begin_campaign(self) -> None:
+        """Wait until a set-up may be sent: it begins the estimates afresh."""
+        self.drain()
+
     def drain(self) -> None:
         """Wait until every record that was sent whole is judged and read."""
         if not self._pending and not self._unjudged:
@@ -116,3 +123,41 @@ class Window:
                     continue
             self._wait_for_delivery()
             self._forget()
+
+
+class CountedWindow:
+    """The same for an estimator in this process, which can be asked what it has taken.
+
+    Parameters
+    ----------
+    count_taken : callable
+        Returns how many set-ups and blocks the estimator has taken so far [-].
+    is_stopped : callable
+        Returns whether the replay is to end.
+    """
+
+    def __init__(self, count_taken: Callable[[], int], is_stopped: Callable[[], bool]) -> None:
+        self._count_taken = count_taken
+        self._is_stopped = is_stopped
+        self._sent = count_taken()
+
+    def add(self, record: int, *, is_last: bool, is_free: bool) -> None:
+        """Wait until a block may be sent, and note that it is on its way."""
+        self._wait_for(self._sent + 1 - WINDOW)
+        self._sent += 1
+
+    def note_verdict(self, record: int) -> None:
+        """Take a verdict, which tells nothing new."""
+
+    def begin_campaign(self) -> None:
+        """Wait until a set-up may be sent, and note that it is on its way."""
+        self.drain()
+        self._sent += 1
+
+    def drain(self) -> None:
+        """Wait until the estimator has taken everything."""
+        self._wait_for(self._sent)
+
+    def _wait_for(self, count: int) -> None:
+        while self._count_taken() < count and not self._is_stopped():
+            time.sleep(COUNT_PERIOD)

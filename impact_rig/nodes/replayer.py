@@ -1,5 +1,6 @@
 """The replayer: publishes a recording again, byte by byte, in its own namespace."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.playback import Playback
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.replay_pace import NANOSECONDS, Pace
+from impact_rig.nodes.replay_pace import Pace
 from impact_rig.nodes.replay_parameters import SELECTIONS, declare_parameters
 from impact_rig.nodes.replay_recording import RecordingToReplay, open_recording
+from impact_rig.nodes.replay_window import CountedWindow, Window
 from impact_rig.nodes.rig_node import RigNode
 
 CONNECTION_PERIOD = 0.05
@@ -30,10 +32,18 @@ choice: the longest records take seconds."""
 
 
 class ReplayerNode(RigNode):
-    """Replays while it is active; becomes inactive, or ends its process, when it is done."""
+    """Replays while it is active; becomes inactive, or ends its process, when it is done.
 
-    def __init__(self, **options: Any) -> None:
+    Parameters
+    ----------
+    count_taken : callable, optional
+        Returns how many set-ups and blocks the estimator has taken, if it is in this process and
+        nobody else's; else its verdicts tell.
+    """
+
+    def __init__(self, count_taken: Callable[[], int] | None = None, **options: Any) -> None:
         super().__init__("replayer", **options)
+        self._count_taken = count_taken
         declare_parameters(self)
         self._recording: RecordingToReplay | None = None
         self._outputs: dict[str, Any] = {}
@@ -44,7 +54,7 @@ class ReplayerNode(RigNode):
         self._clock_output: Any = None
         self._phase = ReplayerState.IDLE
         self._message = "no recording"
-        self._numbers: dict[str, Any] = {}
+        self._numbers: dict[str, Any] = {"position": 0.0, "messages": 0, "record": 0}
         # Of a clock that this node itself may drive, its timers would stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._changed = self.create_guard_condition(self._follow)
@@ -58,9 +68,16 @@ class ReplayerNode(RigNode):
         ):
             self.create_service(Trigger, name, answer, callback_group=self.waiting_group)
 
+    @property
+    def recording(self) -> RecordingToReplay | None:
+        """What is open."""
+        return self._recording
+
     def configure(self) -> None:
         """Open the recording and announce its topics."""
         self._recording = recording = self._open()
+        for warning in recording.warnings:
+            self.get_logger().warning(warning)
         for topic in recording.topics.values():
             if topic.name not in self._outputs:
                 self._outputs[topic.name] = self.create_publisher(
@@ -82,7 +99,6 @@ class ReplayerNode(RigNode):
             is_everything=selection == "all",
             samples=[name for name in self.get_value("samples") if name],
             hits=[name for name in self.get_value("hits") if name],
-            warn=self.get_logger().warning,
         )
 
     def activate(self) -> None:
@@ -93,15 +109,13 @@ class ReplayerNode(RigNode):
         self._pace = Pace(
             float(self.get_value("rate")), is_paused=bool(self.get_value("start_paused"))
         )
-        verdicts = self.resolve_topic_name(interfaces.IMPACT.name)
-        is_judged = interfaces.IMPACT.name not in self._outputs
         clock_rate = float(self.get_value("publish_clock"))
         self._playback = playback = Playback(
             recording.make_plan(float(self.get_value("start")), float(self.get_value("end"))),
             {number: self._outputs[topic.name] for number, topic in recording.topics.items()},
             self._pace,
             int(self.get_value("loop")),
-            lambda: is_judged and self.count_publishers(verdicts) > 0,
+            self._make_window,
             self._publish_clock,
             1.0 / clock_rate if clock_rate else STATE_PERIOD,
             self._changed.trigger,
@@ -116,6 +130,18 @@ class ReplayerNode(RigNode):
         self._set_state(ReplayerState.WAITING, "waiting for subscribers")
         self._watch = self.create_timer(
             CONNECTION_PERIOD, self._start_if_ready, clock=self._steady
+        )
+
+    def _make_window(self, wait_for_delivery: Callable[[], None]) -> Window | CountedWindow:
+        pace = self._pace
+        if self._count_taken is not None:
+            return CountedWindow(self._count_taken, lambda: pace.is_stopped)
+        verdicts = self.resolve_topic_name(interfaces.IMPACT.name)
+        is_judged = interfaces.IMPACT.name not in self._outputs
+        return Window(
+            lambda: is_judged and self.count_publishers(verdicts) > 0,
+            wait_for_delivery,
+            lambda: pace.is_stopped,
         )
 
     def deactivate(self) -> None:
@@ -154,12 +180,12 @@ class ReplayerNode(RigNode):
 
     def diagnose(self) -> dict[str, Any]:
         """Return how far the replay has come."""
-        playback = self._playback
+        state = self.describe_state()
         return {
-            "file": self._recording.source.path if self._recording else "",
-            "progress": self._message,
-            "messages": playback.published if playback else 0,
-            "recorded time [s]": f"{self._find_position():.3f}" if playback else "",
+            "file": state["uri"],
+            "progress": state["message"],
+            "messages": state["messages"],
+            "recorded time [s]": f"{state['position']:.3f}",
         }
 
     def _start_if_ready(self) -> None:
@@ -267,27 +293,25 @@ class ReplayerNode(RigNode):
         self._publish_state()
 
     def _publish_state(self) -> None:
+        self._publish(**self.describe_state())
+
+    def describe_state(self) -> dict[str, Any]:
+        """Return the fields of `ReplayerState`: how far the replay has come."""
         recording, playback = self._recording, self._playback
-        if playback is not None:
+        if playback is not None and recording is not None:
+            position = playback.position or recording.first_time
             self._numbers = {
-                "position": self._find_position(),
+                "position": recording.find_position(position),
                 "messages": playback.published,
                 "record": playback.record,
             }
-        self._publish(
-            state=self._phase,
-            uri=str(recording.source.path) if recording else "",
-            duration=recording.duration if recording else 0.0,
-            message=self._message,
+        return {
+            "state": self._phase,
+            "uri": str(recording.source.path) if recording else "",
+            "duration": recording.duration if recording else 0.0,
+            "message": self._message,
             **self._numbers,
-        )
-
-    def _find_position(self) -> float:
-        """Return the recorded time of the last message since the recording's start [s]."""
-        playback, recording = self._playback, self._recording
-        if playback is None or recording is None or not playback.position:
-            return 0.0
-        return (playback.position - recording.first_time) / NANOSECONDS
+        }
 
     def _publish_clock(self, moment: int) -> None:
         if self._clock_output is not None:
