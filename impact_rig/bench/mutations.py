@@ -1,0 +1,169 @@
+"""Recordings spoilt in every way that disks, wires and malice know: same seed, same damage."""
+
+import random
+import struct
+from collections.abc import Callable, Iterator
+
+_FRAME = struct.Struct("<BQ")
+"""Kind and length of an MCAP record."""
+_MAGIC_SIZE = 8
+"""Of the bytes that the file begins with [byte]."""
+_CHUNK = 6
+"""Kind of a record that holds others."""
+_CHUNK_SIZE, _CHUNK_CHECKSUM, _CHUNK_NAME, _CHUNK_DATA = 16, 24, 28, 40
+"""Where a chunk says how much it holds, where its checksum is, the length of its compression's
+name, and its data if that is empty, from the start of its content [byte]."""
+_LENGTHS = (0, 1, 0xFF, 0xFFFF, 1 << 31, 0xFFFFFFFF, 10 << 30, 1 << 62, (1 << 64) - 1)
+"""What a length may be made: nothing, borders of number types, 10 GB, and beyond every file."""
+WITHOUT_CHECKSUMS = 0.5
+"""Part of the copies whose chunks have no checksums any more [-], our choice: else hardly any
+damage gets past them to the messages."""
+MAX_FLIPS = 20
+"""Bits flipped at once, at most [-], our choice."""
+MAX_SPLICE = 5000
+"""Bytes moved at once, at most [-], our choice: a few records."""
+
+
+def mutate(data: bytes, seed: int) -> bytes:
+    """Return a spoilt copy of a recording.
+
+    Parameters
+    ----------
+    data : bytes
+        An MCAP file, best an uncompressed one too, so that lengths inside of messages are hit.
+    seed : int
+        The same one spoils the same bytes.
+    """
+    dice = random.Random(seed)  # noqa: S311 - damage is no secret
+    spoilt = bytearray(data)
+    if dice.random() < WITHOUT_CHECKSUMS:
+        _drop_checksums(spoilt)
+    for _ in range(dice.choice((1, 1, 1, 2, 3))):
+        if spoilt:
+            dice.choice(_WAYS)(spoilt, dice)
+    return bytes(spoilt)
+
+
+def _drop_checksums(data: bytearray) -> None:
+    for kind, start, end in list(_find_records(data)):
+        if kind == _CHUNK and end - start >= _CHUNK_NAME:
+            data[start + _CHUNK_CHECKSUM : start + _CHUNK_NAME] = bytes(4)
+
+
+def _flip_bits(data: bytearray, dice: random.Random) -> None:
+    for _ in range(dice.randint(1, MAX_FLIPS)):
+        data[dice.randrange(len(data))] ^= 1 << dice.randrange(8)
+
+
+def _cut_off(data: bytearray, dice: random.Random) -> None:
+    del data[dice.randrange(len(data)) :]
+
+
+def _fill_end_with_zeros(data: bytearray, dice: random.Random) -> None:
+    start = dice.randrange(len(data))
+    data[start:] = bytes(len(data) - start)
+
+
+def _remove_bytes(data: bytearray, dice: random.Random) -> None:
+    start = dice.randrange(len(data))
+    del data[start : start + dice.randint(1, MAX_SPLICE)]
+
+
+def _copy_bytes(data: bytearray, dice: random.Random) -> None:
+    start, target = dice.randrange(len(data)), dice.randrange(len(data))
+    data[target:target] = data[start : start + dice.randint(1, MAX_SPLICE)]
+
+
+def _overwrite_with_noise(data: bytearray, dice: random.Random) -> None:
+    start = dice.randrange(len(data))
+    size = min(dice.randint(1, MAX_SPLICE), len(data) - start)
+    data[start : start + size] = dice.randbytes(size)
+
+
+def _change_record_length(data: bytearray, dice: random.Random) -> None:
+    kind, start, end = _choose_record(data, dice)
+    length = dice.choice((*_LENGTHS, end - start + 1, max(end - start - 1, 0)))
+    data[start - _FRAME.size : start] = _FRAME.pack(kind, length)
+
+
+def _change_inner_length(data: bytearray, dice: random.Random) -> None:
+    """Overwrite four or eight bytes of a record: the lengths of texts, lists and data."""
+    _, start, end = _choose_record(data, dice)
+    size = dice.choice((4, 8))
+    place = start + dice.randrange(max(end - start - size, 1))
+    length = dice.choice(_LENGTHS) % (1 << 8 * size)
+    data[place : place + size] = length.to_bytes(size, "little")
+
+
+def _inflate_chunk(data: bytearray, dice: random.Random) -> None:
+    """Let a chunk claim to hold far more than it does."""
+    chunks = [start for kind, start, _ in _find_records(data) if kind == _CHUNK]
+    if chunks:
+        place = dice.choice(chunks) + _CHUNK_SIZE
+        data[place : place + 8] = dice.choice(_LENGTHS).to_bytes(8, "little")
+
+
+def _change_kind(data: bytearray, dice: random.Random) -> None:
+    _, start, _ = _choose_record(data, dice)
+    data[start - _FRAME.size] = dice.randrange(256)
+
+
+def _repeat_record(data: bytearray, dice: random.Random) -> None:
+    _, start, end = _choose_record(data, dice)
+    record = data[start - _FRAME.size : end]
+    _, _, target = _choose_record(data, dice)
+    data[target:target] = record * dice.choice((1, 1, 2, 50))
+
+
+def _remove_record(data: bytearray, dice: random.Random) -> None:
+    _, start, end = _choose_record(data, dice)
+    del data[start - _FRAME.size : end]
+
+
+def _move_record(data: bytearray, dice: random.Random) -> None:
+    _, start, end = _choose_record(data, dice)
+    record = data[start - _FRAME.size : end]
+    del data[start - _FRAME.size : end]
+    if data:
+        _, _, target = _choose_record(data, dice)
+        data[target:target] = record
+
+
+_WAYS: tuple[Callable[[bytearray, random.Random], None], ...] = (
+    _flip_bits,
+    _cut_off,
+    _fill_end_with_zeros,
+    _remove_bytes,
+    _copy_bytes,
+    _overwrite_with_noise,
+    _change_record_length,
+    _change_inner_length,
+    _inflate_chunk,
+    _change_kind,
+    _repeat_record,
+    _remove_record,
+    _move_record,
+)
+
+
+def _find_records(data: bytearray) -> Iterator[tuple[int, int, int]]:
+    """Yield kind, start and end of the content of each record, also in uncompressed chunks."""
+    yield from _find_records_between(data, _MAGIC_SIZE, len(data))
+
+
+def _find_records_between(data: bytearray, place: int, end: int) -> Iterator[tuple[int, int, int]]:
+    while place + _FRAME.size <= end:
+        kind, length = _FRAME.unpack_from(data, place)
+        start, place = place + _FRAME.size, place + _FRAME.size + length
+        if place > end:
+            return
+        yield kind, start, place
+        is_plain = data[start + _CHUNK_NAME : start + _CHUNK_NAME + 4] == bytes(4)
+        if kind == _CHUNK and is_plain:
+            yield from _find_records_between(data, start + _CHUNK_DATA, place)
+
+
+def _choose_record(data: bytearray, dice: random.Random) -> tuple[int, int, int]:
+    """Return kind, start and end of a record; of all bytes where there is none any more."""
+    records = list(_find_records(data))
+    return dice.choice(records) if records else (0, min(_FRAME.size, len(data)), len(data))
