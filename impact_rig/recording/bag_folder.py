@@ -1,6 +1,6 @@
 """A recording in several files: a folder as rosbag2 writes it."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
@@ -13,7 +13,8 @@ from impact_rig.recording.mcap_file import (
     MetadataRecord,
     RawMessage,
 )
-from impact_rig.recording.qos_profiles import choose_qos, parse_offered_qos
+from impact_rig.recording.mcap_topics import Wanted
+from impact_rig.recording.qos_profiles import parse_offered_qos
 
 _T = TypeVar("_T")
 
@@ -43,7 +44,7 @@ class BagFolder:
             *(f"{path / name} is missing: what it held is lost" for name in missing),
             *self._problems,
         ]
-        self._numbers: dict[tuple[str, str, str], int] = {}
+        self._channels: dict[tuple[str, str, str], Channel] = {}
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -62,41 +63,31 @@ class BagFolder:
 
     def read_channels(self) -> tuple[Channel, ...]:
         """Return all topics; one with the same schema has the same number in all files."""
-        channels: dict[int, Channel] = {}
-        for part in self._parts:
-            for channel in map(self._unify, part.read_channels()):
-                channels.setdefault(channel.id, channel)
+        channels = {
+            self._unify(channel).id: self._unify(channel)
+            for part in self._parts
+            for channel in part.read_channels()
+        }
         return tuple(channels.values())
 
     def read_messages(
         self,
-        wanted: Callable[[Channel], bool] = lambda _: True,
+        wanted: Wanted = lambda _: True,
         *,
         start_time: int | None = None,
         end_time: int | None = None,
     ) -> Iterator[RawMessage]:
         """Yield messages, one file after the other; see `McapFile.read_messages`.
 
-        A latched topic's first message in a file is left out where it is byte for byte its last
-        one in the files before: it was repeated there.
+        A topic's first message in a file is left out where it is the last one of the files
+        before: it was repeated there.
         """
-        latched: dict[int, bytes] = {}
-        for part in self._parts:
-            channels: dict[int, Channel] = {}
-
-            def is_wanted(channel: Channel, channels: dict[int, Channel] = channels) -> bool:
-                channels[channel.id] = self._unify(channel)
-                return wanted(channels[channel.id])
-
-            met: set[int] = set()
-            for raw in part.read_messages(is_wanted, start_time=start_time, end_time=end_time):
-                channel = channels[raw.channel.id]
-                is_repeated = channel.id not in met and latched.get(channel.id) == raw.data
-                met.add(channel.id)
-                if channel.id in latched or _is_latched(channel):
-                    latched[channel.id] = raw.data
-                if not is_repeated:
-                    yield raw._replace(channel=channel)
+        last: dict[int, RawMessage] = {}
+        if start_time is not None:
+            # What is repeated later on may have been told before.
+            for _ in self._join(lambda it: _is_state(it) and wanted(it), last, None, start_time):
+                pass
+        yield from self._join(wanted, last, start_time, end_time)
 
     def read_metadata(self) -> tuple[MetadataRecord, ...]:
         """Return what was noted beside the messages, each once."""
@@ -106,9 +97,36 @@ class BagFolder:
         """Return the files kept inside the recording, each once."""
         return _drop_repeated(item for part in self._parts for item in part.read_attachments())
 
+    def _join(
+        self,
+        wanted: Wanted,
+        last: dict[int, RawMessage],
+        start_time: int | None,
+        end_time: int | None,
+    ) -> Iterator[RawMessage]:
+        """Yield the messages of the files; keep the last one of each channel in `last`."""
+        for part in self._parts:
+            unified: dict[int, Channel] = {}
+
+            def is_wanted(channel: Channel, unified: dict[int, Channel] = unified) -> bool:
+                unified[channel.id] = self._unify(channel)
+                return wanted(unified[channel.id])
+
+            met: set[int] = set()
+            for message in part.read_messages(is_wanted, start_time=start_time, end_time=end_time):
+                raw = message._replace(channel=unified[message.channel.id])
+                number = raw.channel.id
+                is_repeated = number not in met and _is_same(last.get(number), raw)
+                met.add(number)
+                last[number] = raw
+                if not is_repeated:
+                    yield raw
+
     def _unify(self, channel: Channel) -> Channel:
+        """Return the first channel of this topic and schema, under its number in the folder."""
         key = (channel.topic, channel.type_name, channel.schema)
-        return channel._replace(id=self._numbers.setdefault(key, len(self._numbers) + 1))
+        numbered = channel._replace(id=len(self._channels) + 1)
+        return self._channels.setdefault(key, numbered)
 
 
 def _open_files(files: tuple[Path, ...]) -> tuple[list[McapFile], list[str]]:
@@ -124,9 +142,14 @@ def _open_files(files: tuple[Path, ...]) -> tuple[list[McapFile], list[str]]:
     return parts, []
 
 
-def _is_latched(channel: Channel) -> bool:
+def _is_state(channel: Channel) -> bool:
     offers = parse_offered_qos(channel.metadata.get("offered_qos_profiles", ""))
-    return choose_qos(offers).durability == "transient_local"
+    return any(offer.durability == "transient_local" for offer in offers)
+
+
+def _is_same(last: RawMessage | None, raw: RawMessage) -> bool:
+    """Tell whether a message is the one before; only the time of its recording may differ."""
+    return last is not None and last._replace(log_time=raw.log_time) == raw
 
 
 def _drop_repeated(items: Iterable[_T]) -> tuple[_T, ...]:
