@@ -1,13 +1,15 @@
 """`impact-rig analyze`: recordings and plain traces, without ROS."""
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from impact_rig.cli.quantity import Cutoff, Quantity
+from impact_rig.cli.channel_options import add_channel_options
+from impact_rig.cli.quantity import Cutoff
 from impact_rig.cli.recording_report import Form, report_batch, report_recording
 from impact_rig.cli.repeated_files import find_repeated_files
 from impact_rig.cli.settings_changes import SettingsChanges
@@ -19,21 +21,6 @@ from impact_rig.reporting.budget_tables import print_budgets
 from impact_rig.reporting.results_file import format_json
 from impact_rig.reporting.terminal import make_console
 from impact_rig.reporting.trace_results import print_trace_results, trace_results_to_json
-
-TRACE_ONLY = {
-    "columns": "--columns",
-    "rate": "--rate",
-    "hammer_unit": "--hammer-unit",
-    "sample_unit": "--sample-unit",
-    "sample": "--sample",
-    "rig_file": "--rig-file",
-    "hammer_mass": "--hammer-mass",
-    "sample_mass": "--sample-mass",
-    "accelerometer_mass": "--accelerometer-mass",
-    "hammer_stiffness": "--hammer-stiffness",
-    "control": "--control",
-}
-"""Options that mean nothing for a recording, which explains itself."""
 
 
 @click.command(
@@ -51,10 +38,10 @@ TRACE_ONLY = {
       impact-rig analyze --hammer-mass 100g --sample-mass "102.38 g" --control *.csv
 
     \b
-    Plain traces (.npy, .csv, .txt) hold one hit of one sample each. Columns by default: hammer;
-    time, hammer; time, hammer, specimen. Many recordings make one table, or one JSON list, in
-    the order given. Exit code: 2 if a file could not be used or is named twice, which the others
-    do not suffer from.
+    Plain traces (.lvm, .tdms, .uff, .mat, .csv, .npy and more) hold one hit of one sample each.
+    Columns by default: hammer; time, hammer; time, hammer, specimen.
+    Many recordings make one table, or one JSON list, in the order given. Exit code: 2 if a file
+    could not be used or is named twice, which the others do not suffer from.
     """,
 )
 @click.argument(
@@ -93,47 +80,7 @@ TRACE_ONLY = {
 @click.option(
     "--reject", multiple=True, metavar="HIT", help="Leave a hit out of the mean, named likewise."
 )
-@click.option("--columns", metavar="ROLE,...", help="Of time, hammer, specimen, skip.")
-@click.option(
-    "--rate", type=Quantity("Hz", "25.6 kHz"), metavar="RATE", help="Where there is no time."
-)
-@click.option(
-    "--hammer-unit",
-    type=click.Choice(["m/s^2", "g", "N"]),
-    default="m/s^2",
-    help="Of the hammer's column. [m/s^2]",
-)
-@click.option(
-    "--sample-unit",
-    type=click.Choice(["m/s^2", "g"]),
-    default="m/s^2",
-    help="Of the sample's column. [m/s^2]",
-)
-@click.option("--sample", metavar="NAME", help="Which sample was struck.")
-@click.option(
-    "--rig-file",
-    "--setup",
-    "rig_file",
-    type=click.Path(path_type=Path),
-    help="TOML file with masses and settings; --sample is one of its samples.",
-)
-@click.option("--hammer-mass", type=Quantity("kg", "100 g"), metavar="MASS", help="m1.")
-@click.option(
-    "--sample-mass", type=Quantity("kg", "102.38 g"), metavar="MASS", help="Without accelerometer."
-)
-@click.option(
-    "--accelerometer-mass",
-    type=Quantity("kg", "3 g"),
-    metavar="MASS",
-    help="Carried by the sample. [0]",
-)
-@click.option(
-    "--hammer-stiffness",
-    type=Quantity("N/m", "22.5 MN/m"),
-    metavar="K",
-    help="k1, from an earlier control experiment.",
-)
-@click.option("--control", is_flag=True, help="Hammer and sample are alike: k1 = k2 = 2 k_eq.")
+@add_channel_options
 @click.option(
     "--workers",
     type=click.IntRange(1),
@@ -187,8 +134,8 @@ def command(
         else:
             report_recording(recordings[0], changes, accept, reject, form)
     elif traces:
-        task = TraceOptions(**trace_options, accept=accept, reject=reject).make_task(changes)
-        analyzed = analyze_traces(traces, task)
+        series = TraceOptions(**trace_options).make_series(changes)
+        analyzed = analyze_traces(traces, series, accept, reject)
         errors += analyzed.errors
         if as_json:
             click.echo(format_json(trace_results_to_json(analyzed.results)), nl=False)
@@ -219,9 +166,13 @@ def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:
 
 def _check_recording_options(context: click.Context) -> None:
     """Refuse options that a recording has no use for."""
-    for name, option in TRACE_ONLY.items():
-        if context.get_parameter_source(name) is not ParameterSource.DEFAULT:
-            raise ParameterError(f"{option} is for plain traces: a recording explains itself")
+    names = {field.name for field in fields(TraceOptions)}
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if parameter.name in names and source is not ParameterSource.DEFAULT:
+            raise ParameterError(
+                f"{parameter.opts[0]} is for plain traces: a recording explains itself"
+            )
 
 
 def _check_batch_options(accept: Sequence[str], reject: Sequence[str], form: Form) -> None:

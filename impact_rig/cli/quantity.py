@@ -2,7 +2,8 @@
 
 import click
 
-from impact_rig.configuration.units import parse_quantity
+from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
+from impact_rig.core.setup.calibration import Sensitivity
 
 
 class Quantity(click.ParamType):
@@ -45,3 +46,27 @@ class Cutoff(Quantity):
     ) -> float:
         """Return the frequency [Hz]; raises `ParameterError`."""
         return 0.0 if value == "off" else super().convert(value, param, ctx)
+
+
+class SensitivityText(click.ParamType):
+    """What a sensor gives: ``"10 mV/g"``, where g is the standard gravity."""
+
+    name = "sensitivity"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Sensitivity:
+        """Return the sensitivity; raises `ParameterError`."""
+        return parse_sensitivity(param.opts[-1] if param else self.name, value)
+
+
+class Reading(click.ParamType):
+    """A number with its unit as it stands: ``"500 g"``, where g is the standard gravity."""
+
+    name = "reading"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, str]:
+        """Return number and unit; raises `ParameterError`."""
+        return parse_reading(param.opts[-1] if param else self.name, value)

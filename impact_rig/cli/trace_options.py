@@ -1,34 +1,44 @@
-"""What the command line says of plain traces, turned into a task."""
+"""What the command line and the file of channels say of measured files, together."""
 
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from impact_rig.cli.settings_changes import SettingsChanges
-from impact_rig.cli.trace_analysis import TraceTask
+from impact_rig.configuration.import_file import ImportFile, read_import_file
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.checks import check_positive
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.setup.calibration import Sensitivity
+from impact_rig.core.setup.channel_plan import ChannelPlan, ChannelUse
 from impact_rig.core.setup.paper import IMPACT_SPEED
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
 from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.recording.traces import TraceFormat, find_scale
 
 DEFAULT_NAME = "sample"
+MASSES = ("hammer_mass", "sample_mass", "accelerometer_mass")
 
 
 @dataclass(frozen=True)
 class TraceOptions:
-    """The options of plain traces as given; None: not given.
+    """The options of measured files as given; None: not given.
 
     Attributes
     ----------
+    channels : Path or None
+        File that holds all of this, and goes after it.
+    hammer, specimen : str or None
+        Names or numbers of the channels.
     columns : str or None
         Roles, separated by commas.
     rate : float or None
         Sampling rate [Hz].
-    hammer_unit, sample_unit : str
-        Of the columns.
+    hammer_unit, sample_unit : str or None
+        Of the channels.
+    hammer_sensitivity, sample_sensitivity : Sensitivity or None
+        Of channels in V.
+    hammer_full_scale, sample_full_scale : tuple of float and str, or None
+        Largest value, with its unit.
     sample : str or None
         Name of the struck sample.
     rig_file : Path or None
@@ -39,93 +49,152 @@ class TraceOptions:
         k1 [N/m].
     control : bool
         Hammer and sample are alike.
-    accept, reject : tuple of str
-        Files taken into the mean or left out by hand.
     """
 
-    columns: str | None
-    rate: float | None
-    hammer_unit: str
-    sample_unit: str
-    sample: str | None
-    rig_file: Path | None
-    hammer_mass: float | None
-    sample_mass: float | None
-    accelerometer_mass: float | None
-    hammer_stiffness: float | None
-    control: bool
-    accept: tuple[str, ...]
-    reject: tuple[str, ...]
+    channels: Path | None = None
+    hammer: str | None = None
+    specimen: str | None = None
+    columns: str | None = None
+    rate: float | None = None
+    hammer_unit: str | None = None
+    sample_unit: str | None = None
+    hammer_sensitivity: Sensitivity | None = None
+    sample_sensitivity: Sensitivity | None = None
+    hammer_full_scale: tuple[float, str] | None = None
+    sample_full_scale: tuple[float, str] | None = None
+    sample: str | None = None
+    rig_file: Path | None = None
+    hammer_mass: float | None = None
+    sample_mass: float | None = None
+    accelerometer_mass: float | None = None
+    hammer_stiffness: float | None = None
+    control: bool = False
 
-    def make_task(self, changes: SettingsChanges) -> TraceTask:
-        """Return how to evaluate the traces.
+    def make_series(self, changes: SettingsChanges) -> "TraceSeries":
+        """Return what the files are taken for.
 
         Raises
         ------
         ParameterError
             If options contradict each other, or a value cannot be meant.
         FileError
-            If the rig file cannot be used.
+            If the rig file or the file of channels cannot be used.
         """
+        file = ImportFile() if self.channels is None else read_import_file(self.channels)
+        name = self.sample or file.sample
+        setup = (
+            self._make_setup(file, name or DEFAULT_NAME)
+            if self.rig_file is None
+            else self._read_setup(self.rig_file, file, name)
+        )
+        stiffness = file.hammer_stiffness
         if self.hammer_stiffness is not None:
-            check_positive("--hammer-stiffness", self.hammer_stiffness, "N/m")
-            if self.control:
-                raise ParameterError("--hammer-stiffness and --control both give k1: choose one")
-        setup = self._make_setup() if self.rig_file is None else self._read_setup(self.rig_file)
-        settings = changes.apply(setup.analysis if setup else AnalysisSettings())
-        mass = setup.hammer_mass if setup else self.hammer_mass
-        # Widths do not depend on the scale: a force without a mass is good for contact times.
-        has_scale = self.hammer_unit != "N" or mass is not None
-        return TraceTask(
-            sample=self.sample or DEFAULT_NAME,
-            layout=TraceFormat(
-                columns=self._split_columns(),
-                sampling_rate=self.rate,
-                hammer_scale=find_scale(self.hammer_unit, mass) if has_scale else 1.0,
-                specimen_scale=find_scale(self.sample_unit),
-            ),
-            settings=settings,
-            setup=replace(setup, analysis=settings) if setup else None,
-            hammer_stiffness=math.nan if self.hammer_stiffness is None else self.hammer_stiffness,
-            has_scale=has_scale,
-            accept=self.accept,
-            reject=self.reject,
+            stiffness = self.hammer_stiffness
+            check_positive("--hammer-stiffness", stiffness, "N/m")
+        if not math.isnan(stiffness) and (self.control or file.control):
+            raise ParameterError("--hammer-stiffness and --control both give k1: choose one")
+        analysis = changes.apply(replace(setup.analysis, **file.settings))
+        return TraceSeries(
+            name or DEFAULT_NAME,
+            self._make_plan(file.plan),
+            replace(setup, hammer_stiffness=stiffness, analysis=analysis),
+            has_window="pre_trigger" in file.settings or "record_duration" in file.settings,
         )
 
-    def _split_columns(self) -> tuple[str, ...] | None:
-        if self.columns is None:
-            return None
-        return tuple(role.strip() for role in self.columns.split(","))
+    def _make_plan(self, plan: ChannelPlan) -> ChannelPlan:
+        """Return what the file of channels says, changed by the options."""
+        columns, uses = plan.columns, (plan.hammer, plan.specimen)
+        if self.columns is not None:
+            columns = tuple(role.strip() for role in self.columns.split(","))
+            uses = (replace(plan.hammer, channel=""), replace(plan.specimen, channel=""))
+        elif self.hammer is not None:
+            columns = None
+        hammer = _change_use(
+            uses[0],
+            self.hammer,
+            self.hammer_unit,
+            self.hammer_sensitivity,
+            self.hammer_full_scale,
+        )
+        specimen = _change_use(
+            uses[1],
+            self.specimen,
+            self.sample_unit,
+            self.sample_sensitivity,
+            self.sample_full_scale,
+        )
+        rate = plan.sampling_rate if self.rate is None else self.rate
+        return ChannelPlan(hammer, specimen, columns, rate)
 
-    def _read_setup(self, path: Path) -> RigSetup:
-        masses = (self.hammer_mass, self.sample_mass, self.accelerometer_mass)
-        if any(mass is not None for mass in masses) or self.control:
+    def _read_setup(self, path: Path, file: ImportFile, name: str) -> RigSetup:
+        masses = [getattr(source, mass) for source in (self, file) for mass in MASSES]
+        given = any(mass is not None and not math.isnan(mass) for mass in masses)
+        if given or self.control or file.control:
             raise ParameterError(
                 "--rig-file gives the masses and the control sample: leave out --hammer-mass,"
                 " --sample-mass, --accelerometer-mass and --control"
             )
         setup = read_rig_file(path).setup
-        if self.sample is None:
+        if not name:
             names = ", ".join(map(repr, setup.samples.names))
             raise ParameterError(f"--rig-file needs --sample, one of {names}")
-        setup.samples.find(self.sample)
+        setup.samples.find(name)
         return setup
 
-    def _make_setup(self) -> RigSetup | None:
-        """Return the set-up that the masses make; None: they are not all given."""
-        if self.hammer_mass is not None:
-            check_positive("--hammer-mass", self.hammer_mass, "kg")
-        if self.hammer_mass is None or self.sample_mass is None:
-            if self.control:
-                raise ParameterError(
-                    "--control needs both masses: --hammer-mass and --sample-mass"
-                )
-            return None
-        name = self.sample or DEFAULT_NAME
+    def _make_setup(self, file: ImportFile, name: str) -> RigSetup:
+        """Return the set-up that the masses make, NaN where they are not known."""
+        hammer_mass, sample_mass, accelerometer_mass = (
+            getattr(file, mass) if getattr(self, mass) is None else getattr(self, mass)
+            for mass in MASSES
+        )
+        control = self.control or file.control
+        if control and math.isnan(hammer_mass + sample_mass):
+            raise ParameterError("--control needs both masses: --hammer-mass and --sample-mass")
         samples = SampleSet(
-            (Sample(name, self.sample_mass),),
-            control_sample=name if self.control else "",
-            accelerometer_mass=self.accelerometer_mass or 0.0,
+            (Sample(name, sample_mass),),
+            control_sample=name if control else "",
+            accelerometer_mass=0.0 if math.isnan(accelerometer_mass) else accelerometer_mass,
         )
         # Only the printed model depends on the impact speed, and only with a control sample.
-        return RigSetup(samples, self.hammer_mass, IMPACT_SPEED)
+        return RigSetup(
+            samples, hammer_mass, IMPACT_SPEED, AnalysisSettings(), description=file.description
+        )
+
+
+@dataclass(frozen=True)
+class TraceSeries:
+    """What measured files are taken for: hits of one sample.
+
+    Attributes
+    ----------
+    sample : str
+        Name of the struck sample.
+    plan : ChannelPlan
+        Which channel is what.
+    setup : RigSetup
+        Masses and settings.
+    has_window : bool
+        Pre-trigger and duration of the records are given; False: each file is a record, whole.
+    """
+
+    sample: str
+    plan: ChannelPlan
+    setup: RigSetup
+    has_window: bool = False
+
+
+def _change_use(
+    use: ChannelUse,
+    channel: str | None,
+    unit: str | None,
+    sensitivity: Sensitivity | None,
+    full_scale: tuple[float, str] | None,
+) -> ChannelUse:
+    largest, largest_unit = full_scale or (use.full_scale, use.full_scale_unit)
+    return ChannelUse(
+        use.channel if channel is None else channel,
+        use.unit if unit is None else unit,
+        sensitivity or use.sensitivity,
+        largest,
+        largest_unit,
+    )

@@ -1,0 +1,162 @@
+"""`impact-rig import`: measurements of other instruments as a recording, without ROS."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from impact_rig.cli.channel_options import add_channel_options
+from impact_rig.cli.quantity import Cutoff, Quantity
+from impact_rig.cli.settings_changes import SettingsChanges
+from impact_rig.cli.trace_options import TraceOptions, TraceSeries
+from impact_rig.core.errors import ParameterError, RigError
+
+RECORDING_SUFFIX = ".mcap"
+
+
+def _print_template(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
+    if not value or context.resilient_parsing:
+        return
+    from impact_rig.configuration.import_file import read_import_template
+
+    click.echo(read_import_template(), nl=False)
+    context.exit()
+
+
+@click.command(
+    "import",
+    epilog="""
+    \b
+    Examples:
+      impact-rig import hit_*.lvm -o hits.mcap --sample "brass small"
+      impact-rig import *.npy -o hits.mcap --cutoff off --hammer-unit N --hammer-mass 1kg
+      impact-rig import run.tdms -o hits.mcap --hammer ai0 --specimen ai1 \\
+          --hammer-sensitivity "10 mV/g" --sample-sensitivity "100 mV/g"
+      impact-rig import --template > bench.toml
+      impact-rig import run/*.csv -o hits.mcap --channels bench.toml
+
+    \b
+    Each file is one hit, in the order given: LabVIEW .lvm, .tdms, UFF 58, .mat, text, .npy, .wav,
+    HDF5. Numbers are kept as they are in the file, bit by bit, with the calibration beside them.
+    A force hammer's channel becomes acceleration by its mass. The files' clocks are not used: the
+    recording begins a second after the epoch, and a second lies between hits, so that the same
+    files make the same recording. Exit code: 2 if a file could not be used, which the others do
+    not suffer from.
+    """,
+)
+@click.argument(
+    "files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)
+)
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    metavar="OUT.mcap",
+    type=click.Path(path_type=Path),
+    help="The recording; it must not exist.",
+)
+@click.option(
+    "--template",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_template,
+    help="Print a file for --channels, with comments, and stop.",
+)
+@add_channel_options
+@click.option(
+    "--cutoff", type=Cutoff(), metavar="FREQUENCY", help="Low-pass, or off. [50 kHz; rig file's]"
+)
+@click.option(
+    "--pulse-factor", type=float, metavar="F", help="τp = F w50: 2 versed-sine, 1.5 half-sine. [2]"
+)
+@click.option(
+    "--double-hit-level",
+    type=float,
+    metavar="LEVEL",
+    help="Second pulse that makes a double hit, part of the first. [0.05]",
+)
+@click.option(
+    "--keep",
+    type=click.IntRange(0),
+    metavar="N",
+    help="Average the N most consistent hits; 0: all. [0]",
+)
+@click.option(
+    "--pre-trigger",
+    type=Quantity("s", "200 us"),
+    metavar="TIME",
+    help="Kept before the impact. [the whole file is the record]",
+)
+@click.option(
+    "--record-duration",
+    type=Quantity("s", "2 ms"),
+    metavar="TIME",
+    help="Length of the record. [the whole file is the record]",
+)
+def command(
+    files: tuple[Path, ...],
+    output: Path,
+    cutoff: float | None,
+    pulse_factor: float | None,
+    double_hit_level: float | None,
+    keep: int | None,
+    pre_trigger: float | None,
+    record_duration: float | None,
+    **trace_options: Any,
+) -> None:
+    """Make a recording of other instruments' files, one hit each, all of one sample.
+
+    `analyze`, `replay` and the tools of others take it as one of the rig's own.
+    """
+    if output.suffix != RECORDING_SUFFIX:
+        raise ParameterError(f"{output} should be a recording: give it the suffix .mcap")
+    changes = SettingsChanges(cutoff, pulse_factor, double_hit_level, keep)
+    series = TraceOptions(**trace_options).make_series(changes)
+    series = _set_window(series, pre_trigger, record_duration)
+    errors = _import_files(files, output, series)
+    for error in errors[:-1]:
+        click.echo(f"error: {error}", err=True)
+    if errors:
+        raise RigError(errors[-1])
+
+
+def _set_window(
+    series: TraceSeries, pre_trigger: float | None, record_duration: float | None
+) -> TraceSeries:
+    if pre_trigger is None and record_duration is None:
+        return series
+    analysis = series.setup.analysis
+    analysis = replace(
+        analysis,
+        pre_trigger=analysis.pre_trigger if pre_trigger is None else pre_trigger,
+        record_duration=analysis.record_duration if record_duration is None else record_duration,
+    )
+    return replace(series, setup=replace(series.setup, analysis=analysis), has_window=True)
+
+
+def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) -> list[str]:
+    """Write the recording; return what is wrong with files that are not in it."""
+    from impact_rig.cli.repeated_files import find_repeated_files
+    from impact_rig.cli.trace_analysis import read_series
+    from impact_rig.recording.importing import write_imported
+
+    repeated = find_repeated_files(files)
+    paths = [path for place, path in enumerate(files) if place not in repeated]
+    hits, setup, broken = read_series(paths, series, needs_scale=True)
+    errors = [*repeated.values(), *broken.values()]
+    if not hits:
+        return [*errors, f"none of the files could be used: {output} is not written"]
+    for body in dict.fromkeys(body for hit in hits for body in hit.assumed):
+        click.echo(
+            f"warning: nobody states the unit of the {body}'s channel: m/s^2 is taken"
+            f" (--{body}-unit)",
+            err=True,
+        )
+    try:
+        write_imported(output, setup, hits)
+    except RigError as error:
+        return [*errors, str(error)]
+    click.echo(f"{output}: {len(hits)} of {len(files)} files, hits on {series.sample!r}")
+    return errors
