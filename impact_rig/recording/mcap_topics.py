@@ -39,6 +39,8 @@ class Channel(NamedTuple):
 Wanted = Callable[[Channel], bool]
 """Tells whether a channel's messages are to be read."""
 
+MAX_NAME = 512
+"""Longest name of a topic or a type [characters], our choice: DDS takes 255."""
 _NUMBER_SIZE = 2
 """Of the number that a schema or a channel begins with [byte]."""
 
@@ -119,6 +121,8 @@ class TopicTable:
             schema=schema.data.decode(errors="replace"),
             metadata=dict(record.metadata),
         )
+        if not all(map(_is_name, (channel.topic, channel.type_name))):
+            raise DamageError("the name of a topic or of its type makes no sense")
         is_wanted = self._wanted(channel)
         if is_wanted and (record.message_encoding, schema.encoding) != ("cdr", "ros2msg"):
             raise FileError(
@@ -127,3 +131,8 @@ class TopicTable:
             )
         self.channels[channel.id] = channel
         self.chosen[channel.id] = channel if is_wanted else None
+
+
+def _is_name(text: str) -> bool:
+    """Tell whether a name can be shown: ROS 2 has no others."""
+    return len(text) <= MAX_NAME and text.isprintable()

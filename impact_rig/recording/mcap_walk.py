@@ -62,7 +62,7 @@ class McapWalk:
                 continue
             self._file.seek(place)
             head = self._file.read(FRAME_HEAD.size)
-            kind, length = FRAME_HEAD.unpack(head) if len(head) == FRAME_HEAD.size else (0, 0)
+            kind, length = FRAME_HEAD.unpack(head.ljust(FRAME_HEAD.size, b"\0"))
             frame = Frame(kind, place + FRAME_HEAD.size, place + FRAME_HEAD.size + length)
             if not kind or frame.end > data_end:
                 if length <= MAX_SIZE and self._is_cut_off(frame.end if kind else place):

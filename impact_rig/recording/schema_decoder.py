@@ -16,15 +16,16 @@ from rosbags.typesys.store import Typestore
 from impact_rig.core.errors import FileError
 from impact_rig.recording.mcap_file import Channel
 
-MAX_SCHEMA = 1 << 18
-"""Longest schema [characters], our choice: thirty times our longest one."""
+MAX_SCHEMA = 1 << 16
+"""Longest schema [characters], our choice: seven times our longest one, and read within seconds
+whatever is in it."""
 MAX_PARTS = 10_000
 """Most messages and texts that one message may be made of by its schema, not counting lists [-],
 our choice: rosbags writes a line of code for each."""
-MAX_LISTED = 1 << 22
-"""Longest message with a list of messages or texts in it [byte], our choice: each takes up to a
-hundred times its bytes in memory. Our own ones are a thousandth of that; arrays of numbers, as in
-blocks, are not limited."""
+MAX_LISTED = 1 << 20
+"""Longest message of a type with a list of messages or texts [byte], our choice: an item takes up
+to a hundred times its bytes in memory. Our own ones are a hundredth of that; arrays of numbers,
+as in blocks, are not limited."""
 CACHED_DECODERS = 100
 """How many types are kept ready [-], our choice: making one takes 10 ms."""
 
