@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import yaml
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 
 from impact_rig.nodes.rig_node import RigNode
+from impact_rig.recording.origin import format_parameters
 
 ANSWER_TIMEOUT = 3.0
 """How soon a node that has not answered is asked again [s], our choice."""
@@ -98,7 +98,8 @@ class NodeParameters:
             answer.add_done_callback(lambda done: keep(names, done.result().values))
 
         def keep(names: list[str], values: Sequence[Any]) -> None:
-            self._texts[full_name] = _format_parameters(names, values)
+            found = map(parameter_value_to_python, values)
+            self._texts[full_name] = format_parameters(dict(zip(names, found, strict=True)))
             inquiry.is_answered = inquiry.asked == asked
 
         answer = inquiry.list_client.call_async(ListParameters.Request())
@@ -116,12 +117,3 @@ class NodeParameters:
         if self._texts != self._told:
             self._told = dict(self._texts)
             self._changed(self._told)
-
-
-def _format_parameters(names: Sequence[str], values: Sequence[Any]) -> str:
-    parameters = {}
-    for name, value in zip(names, map(parameter_value_to_python, values), strict=True):
-        is_single = isinstance(value, str | int | float | None)
-        parameters[name] = value if is_single else list(value)
-    text: str = yaml.safe_dump(parameters)
-    return text

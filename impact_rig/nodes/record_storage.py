@@ -64,7 +64,7 @@ class RecordStorage:
         self._publisher = publisher
         self._sync = sync
         self._fail = fail
-        self._armed: AcquisitionState | None = None
+        self._arming: AcquisitionState | None = None
         self._unfinished: HitLabel | None = None
 
     def take_block(self, data: bytes, sent: int) -> None:
@@ -82,13 +82,14 @@ class RecordStorage:
 
     def take_acquisition_state(self, data: bytes, _: int) -> None:
         """Note that an arming begins or ends; an ended one gets no more blocks."""
-        state = deserialize_message(data, AcquisitionState)
-        if state.state == AcquisitionState.ARMED:
-            self._armed = state
+        previous, self._arming = self._arming, deserialize_message(data, AcquisitionState)
+        if self._arming.state == AcquisitionState.ARMED:
             self.watch.begin()
-        elif self._armed is not None:
-            self._end_soon(self._armed)
-            self._armed = None
+        elif previous is not None and self._arming.record:
+            # The first word is of what was before this recording. Later ones may come so soon
+            # after another that only the last is heard.
+            is_known = previous.record == self._arming.record
+            self._end_soon(self._arming.record, previous.sample if is_known else "")
 
     def flush(self) -> None:
         """Write what waits; call it now and then. A record that goes on is told of in parts."""
@@ -123,16 +124,16 @@ class RecordStorage:
             self._writer.sync()
             self.publish_stored()
 
-    def _end_soon(self, armed: AcquisitionState) -> None:
+    def _end_soon(self, record: int, sample: str) -> None:
         blocks = self.watch.blocks
 
         def end() -> None:
             if self._writer.closed:
                 return
             if self.watch.blocks != blocks:
-                self._end_soon(armed)
+                self._end_soon(record, sample)
                 return
-            self.watch.end(armed.record, armed.sample)
+            self.watch.end(record, sample)
             try:
                 self._store_finished()
             except FileError as error:

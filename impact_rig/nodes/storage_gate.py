@@ -30,6 +30,7 @@ class StorageGate:
         self.is_open = True
         self._waiting: deque[_Block | RigSetup] = deque()
         self._stored: dict[int, RecordStored] = {}
+        self._totals: dict[int, int] = {}
         self._last: _Block | None = None
 
     def add_setup(self, message: RigSetup) -> None:
@@ -46,6 +47,8 @@ class StorageGate:
         )
         self._last = _Block(message, last.number + 1 if last and goes_on else 1)
         self._waiting.append(self._last)
+        if message.last:
+            self._totals[message.record] = self._last.number
 
     def add_stored(self, message: RecordStored) -> str:
         """Take the recorder's word; return what it means for a record that waits, if it is bad.
@@ -54,7 +57,7 @@ class StorageGate:
         will be.
         """
         known = self._stored.pop(message.record, message)
-        self._stored[message.record] = max(known, message, key=_find_time)
+        self._stored[message.record] = max(known, message, key=_rank)
         while len(self._stored) > RESULT_DEPTH:
             del self._stored[next(iter(self._stored))]
         first = self._find_first_block()
@@ -80,6 +83,8 @@ class StorageGate:
             else:
                 kept.append(item)
         self._waiting = kept
+        for number in lost:
+            self._totals.pop(number, None)
         told = "; ".join(
             f"record {number} is not evaluated: the recorder has {self._count_stored(number)} of"
             f" its {count} blocks"
@@ -93,7 +98,12 @@ class StorageGate:
         """Yield what may pass now."""
         while self._waiting and self._may_pass(self._waiting[0]):
             item = self._waiting.popleft()
-            yield item.message if isinstance(item, _Block) else item
+            if isinstance(item, _Block):
+                if item.message.last:
+                    self._totals.pop(item.message.record, None)
+                yield item.message
+            else:
+                yield item
 
     def find_obstacle(self) -> str:
         """Return what is waited for; empty: nothing."""
@@ -105,10 +115,12 @@ class StorageGate:
     def _may_pass(self, item: _Block | RigSetup) -> bool:
         if self.is_open or not isinstance(item, _Block):
             return True
-        stored = self._stored.get(item.message.record)
+        record = item.message.record
+        stored = self._stored.get(record)
         return (
             stored is not None
-            and stored.blocks >= item.number
+            # Of a whole record all must be stored: the one that is not may be any of them.
+            and stored.blocks >= self._totals.get(record, item.number)
             # The same number may have been used before the accelerometers were restarted.
             and _find_time(stored) >= _find_time(item.message)
         )
@@ -124,3 +136,8 @@ class StorageGate:
 
 def _find_time(message: AccelerationBlock | RecordStored) -> int:
     return stamp_from_msg(message.header.stamp)
+
+
+def _rank(message: RecordStored) -> tuple[int, int]:
+    """Return what grows from one word on a record to the next."""
+    return _find_time(message), message.blocks

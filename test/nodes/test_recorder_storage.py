@@ -1,0 +1,267 @@
+"""The recorder says when a record is on the disk, what it lacks, and when the disk is full."""
+
+import shutil
+import threading
+from array import array
+from pathlib import Path
+
+import mcap.reader
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message
+from mcap.stream_reader import StreamReader
+from rosbags.highlevel import AnyReader
+from std_msgs.msg import Empty
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.recorder import RecorderNode
+
+POINTS = 1000
+
+
+def make_blocks(record, count=3, *, without=(), ends=True):
+    """Return the blocks of a record, some of them missing."""
+    blocks = []
+    for i in set(range(count)) - set(without):
+        block = AccelerationBlock(
+            record=record, sample="brass", impact=record, attempt=1, first_sample=i * POINTS,
+            sampling_rate=2.5e6, last=ends and i == count - 1,
+        )  # fmt: skip
+        block.header.stamp.sec = 1000 * record + i
+        block.hammer.counts = block.specimen.counts = array("i", range(POINTS))
+        blocks.append(block)
+    return blocks
+
+
+@pytest.fixture
+def recorder(harness, tmp_path):
+    """Return a function that starts a recorder; it returns what it says, and the node."""
+
+    def start(**parameters):
+        states = harness.listen(interfaces.RECORDER_STATE)
+        stored = harness.listen(interfaces.RECORD_STORED)
+        output = str(tmp_path / "session.mcap")
+        node = harness.add(RecorderNode, **{"output": output, "required_topics": "", **parameters})
+        states.wait(lambda messages: messages and messages[-1].recording)
+        return states, stored, node
+
+    return start
+
+
+def connect(harness, topic=interfaces.ACCELERATION):
+    publisher = harness.advertise(topic)
+    harness.wait_until(lambda: publisher.get_subscription_count() > 0)
+    return publisher
+
+
+def publish(publisher, messages):
+    for message in messages:
+        publisher.publish(message)
+
+
+def count_whole_messages(path: Path, topic: str) -> int:
+    """Return how many messages of a topic are in an unfinished file, by another library."""
+    names, count = {}, 0
+    with path.open("rb") as stream:
+        try:
+            for record in StreamReader(stream).records:
+                if isinstance(record, Channel):
+                    names[record.id] = record.topic
+                elif isinstance(record, Message):
+                    count += names[record.channel_id] == topic
+        except McapError:  # the end is missing
+            return count
+    return count
+
+
+def read_metadata(path: Path) -> dict[str, list[dict[str, str]]]:
+    found: dict[str, list[dict[str, str]]] = {}
+    with path.open("rb") as stream:
+        for record in mcap.reader.make_reader(stream).iter_metadata():
+            found.setdefault(record.name, []).append(record.metadata)
+    return found
+
+
+def listen_to_diagnostics(harness):
+    """Return what the recorder's diagnostics say."""
+    diagnostics = harness.make_collector()
+
+    def take(message):
+        if message.status[0].name == "/recorder":
+            diagnostics.take(message.status[0])
+
+    harness.peer.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
+    return diagnostics
+
+
+def test_every_record_is_on_the_disk_when_the_recorder_says_so(harness, recorder, tmp_path):
+    _, stored, _ = recorder(flush_period=0.0)
+    publisher = connect(harness)
+    for record in (1, 2, 3):
+        publish(publisher, make_blocks(record))
+        word = stored.wait_for_count(record)[-1]
+        assert count_whole_messages(tmp_path / "session.mcap", "/acceleration") == 3 * record
+        assert (word.record, word.sample, word.impact, word.attempt) == (
+            record,
+            "brass",
+            record,
+            1,
+        )
+        assert (word.blocks, word.gaps, word.missing_points) == (3, 0, 0)
+        assert word.header.stamp.sec == 1000 * record + 2
+
+
+def test_what_records_lack_is_told_counted_and_kept_in_the_file(harness, recorder, tmp_path):
+    states, stored, _ = recorder()
+    diagnostics = listen_to_diagnostics(harness)
+    publisher = connect(harness)
+    publish(publisher, [*make_blocks(1, 5, without={1, 3}), *make_blocks(2)])
+    first, second = stored.wait_for_count(2)
+    assert (first.blocks, first.gaps, first.missing_points) == (3, 2, 2 * POINTS)
+    assert (second.blocks, second.gaps) == (3, 0)
+    warned = states.wait(lambda messages: messages[-1].message.startswith("warning:"))[-1]
+    assert warned.recording
+    assert (warned.gaps, warned.missing_points) == (2, 2 * POINTS)
+    status = diagnostics.wait(lambda got: got and got[-1].level == DiagnosticStatus.WARN)[-1]
+    assert "2 gaps, 2000 points are missing" in status.message
+    assert {item.key: item.value for item in status.values}["gaps"] == "2"
+
+
+def test_a_record_whose_last_block_never_comes_is_stored_when_the_next_begins(harness, recorder):
+    _, stored, _ = recorder()
+    publish(connect(harness), [*make_blocks(1, ends=False), *make_blocks(2)])
+    assert [(word.record, word.blocks) for word in stored.wait_for_count(2)] == [(1, 3), (2, 3)]
+
+
+def test_an_arming_that_ends_without_its_last_block_is_stored_as_it_is(
+    harness, recorder, monkeypatch
+):
+    monkeypatch.setattr("impact_rig.nodes.record_storage.SETTLING_TIME", 0.05)
+    _, stored, node = recorder()
+    armings = connect(harness, interfaces.ACQUISITION_STATE)
+
+    def tell(**fields):
+        # Of states that follow each other closely only the last may be heard.
+        heard = node.count_messages("/accelerometer/state")
+        armings.publish(AcquisitionState(**fields))
+        harness.wait_until(lambda: node.count_messages("/accelerometer/state") > heard)
+
+    tell(state=AcquisitionState.ARMED, record=7, sample="brass")
+    publish(connect(harness), make_blocks(7, ends=False))
+    tell(record=7, message="disarmed by the operator")
+    assert [(word.record, word.blocks) for word in stored.wait_for_count(1)] == [(7, 3)]
+    tell(state=AcquisitionState.ARMED, record=8, sample="brass")
+    tell(record=8, message="disarmed by the operator")
+    last = stored.wait_for_count(2)[-1]
+    assert (last.record, last.sample, last.blocks) == (8, "brass", 0)
+
+
+def test_a_record_that_goes_on_for_long_is_told_of_in_parts(harness, recorder, tmp_path):
+    _, stored, _ = recorder(flush_period=0.05)
+    publisher = connect(harness)
+    publish(publisher, make_blocks(1, 4, without={3}))
+    (part,) = stored.wait_for_count(1)
+    assert part.blocks == 3
+    assert count_whole_messages(tmp_path / "session.mcap", "/acceleration") == 3
+    publish(publisher, make_blocks(1, 4, without={0, 1, 2}))
+    assert stored.wait_for_count(2)[-1].blocks == 4
+
+
+def test_by_the_chunk_nothing_waits_for_the_disk(harness, recorder, tmp_path, monkeypatch):
+    def refuse(_):
+        raise AssertionError("it waits for the disk")
+
+    monkeypatch.setattr("impact_rig.recording.recording_writer.RecordingWriter.sync", refuse)
+    _, stored, _ = recorder(sync="chunk", flush_period=0.05)
+    publish(connect(harness), [*make_blocks(1), *make_blocks(2)])
+    assert [word.record for word in stored.wait_for_count(2)] == [1, 2]
+    assert count_whole_messages(tmp_path / "session.mcap", "/acceleration") == 6
+
+
+def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder, tmp_path):
+    states, stored, _ = recorder()
+    publisher = connect(harness)
+    publish(publisher, make_blocks(1))
+    stored.wait_for_count(1)
+    # All nodes of the harness stand still while this callback does.
+    standing, go_on = threading.Event(), threading.Event()
+
+    def stand_still(_):
+        standing.set()
+        go_on.wait(20.0)
+
+    harness.peer.create_subscription(Empty, "/stand_still", stand_still, 1)
+    pause = harness.peer.create_publisher(Empty, "/stand_still", 1)
+    harness.wait_until(lambda: pause.get_subscription_count() > 0)
+    pause.publish(Empty())
+    assert standing.wait(20.0)
+    publish(publisher, make_blocks(2, 230))
+    go_on.set()
+    word = stored.wait_for_count(2)[-1]
+    depth = interfaces.ACCELERATION.qos.depth
+    assert (word.blocks, word.gaps, word.missing_points) == (depth, 1, (230 - depth) * POINTS)
+    state = states.wait(lambda messages: messages[-1].messages_lost > 0)[-1]
+    assert state.messages_lost == 230 - depth
+
+
+def test_a_disk_that_is_nearly_full_is_warned_of(harness, recorder):
+    free = shutil.disk_usage("/").free
+    states, _, _ = recorder(low_space_warning=1000 * free)
+    diagnostics = listen_to_diagnostics(harness)
+    state = states.wait(lambda messages: messages[-1].message.startswith("warning:"))[-1]
+    assert "may still be written to the disk" in state.message
+    assert state.recording
+    assert 0 < state.free_space < 1000 * free
+    diagnostics.wait(lambda got: got and got[-1].level == DiagnosticStatus.WARN)
+
+
+def test_a_full_disk_ends_the_recording_cleanly_and_says_so(
+    harness, recorder, tmp_path, monkeypatch
+):
+    states, stored, _ = recorder(low_space_warning=0)
+    publisher = connect(harness)
+    publish(publisher, make_blocks(1))
+    stored.wait_for_count(1)
+    monkeypatch.setattr("impact_rig.recording.disk_file.DiskFile._measure_room", lambda _: 1000)
+    # What the writer asks for the disk less often than for each message is not known here.
+    record = 1
+    while states.messages[-1].recording:
+        record += 1
+        publish(publisher, make_blocks(record, 100))
+        harness.wait_until(
+            lambda record=record: (
+                len(stored.messages) >= record or not states.messages[-1].recording
+            )
+        )
+    assert "full" in states.messages[-1].message
+    path = tmp_path / "session.mcap"
+    with AnyReader([path]) as reader:
+        records = [
+            reader.deserialize(data, connection.msgtype).record
+            for connection, _, data in reader.messages()
+            if connection.topic == "/acceleration"
+        ]
+    # All that was called stored, and perhaps the beginning of the next.
+    whole = [number for number in sorted(set(records)) if records.count(number) in (3, 100)]
+    assert {word.record for word in stored.messages} <= set(whole)
+    (health,) = read_metadata(path)["impact_rig/health"]
+    assert health["reason"] == "disk full"
+
+
+def test_every_file_of_a_split_recording_says_how_it_ended(harness, recorder, tmp_path):
+    states, stored, _ = recorder(
+        output=str(tmp_path / "session"), split_size=20_000, compression="none"
+    )
+    publisher = connect(harness)
+    for record in range(1, 5):
+        publish(publisher, make_blocks(record, 5))
+        stored.wait_for_count(record)
+    files = sorted((tmp_path / "session").glob("*.mcap"))
+    assert len(files) > 2
+    assert states.messages[-1].uri == str(tmp_path / "session")
+    for file in files[:-1]:
+        metadata = read_metadata(file)
+        assert [item["reason"] for item in metadata["impact_rig/health"]] == ["split"]
+        assert metadata["impact_rig"][-1]["software_version"]
