@@ -18,8 +18,8 @@ from impact_rig.core.errors import FileError, SignalError
 from impact_rig.core.setup.channel_plan import ChannelPlan
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.detection import find_pulse_start
-from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, Trace
+from impact_rig.core.signals.detection import ImpactDetector, find_pulse_start
+from impact_rig.core.signals.record import Block, HitLabel, Trace
 from impact_rig.recording.channel_map import map_channels
 from impact_rig.recording.formats.registry import read_measurement
 from impact_rig.recording.mcap_writer import McapWriter
@@ -132,19 +132,38 @@ def check_series(hits: Sequence[ImportedHit], hit: ImportedHit) -> None:
 def choose_window(settings: AnalysisSettings, hits: Sequence[ImportedHit]) -> AnalysisSettings:
     """Return settings that make each file, whole, the record of its hit.
 
-    The pre-trigger is the longest time before a pulse.
+    The pre-trigger is the longest time before a pulse; where that cuts off points, it reaches to
+    the pulse's peak, behind which no pulse is detected.
     """
-    starts = [_find_start(hit.block.hammer, settings) / hit.block.sampling_rate for hit in hits]
-    return replace(
-        settings, pre_trigger=max(starts), record_duration=max(hit.duration for hit in hits)
-    )
+    duration = max(hit.duration for hit in hits)
+    for find_place in (_find_start, _find_peak):
+        places = [max(find_place(hit, settings), 1) / hit.block.sampling_rate for hit in hits]
+        chosen = replace(settings, pre_trigger=max(places), record_duration=duration)
+        if all(_is_whole(hit, chosen) for hit in hits):
+            break
+    return chosen
 
 
-def _find_start(channel: ChannelBlock, settings: AnalysisSettings) -> int:
+def _is_whole(hit: ImportedHit, settings: AnalysisSettings) -> bool:
+    records = ImpactDetector(settings).feed(hit.block)
+    sizes = [record.hammer.acceleration.size for record in records]
+    return sizes == [hit.block.hammer.output.size]
+
+
+def _find_start(hit: ImportedHit, settings: AnalysisSettings) -> int:
     """Return where the pulse begins; a tenth of the way where there is none."""
-    trace = Trace(channel.scale * channel.output.astype(np.float64), channel.full_scale)
-    start = find_pulse_start(trace, settings)
-    return max(channel.output.size // 10 if start is None else start, 1)
+    start = find_pulse_start(_make_trace(hit), settings)
+    return hit.block.hammer.output.size // 10 if start is None else start
+
+
+def _find_peak(hit: ImportedHit, _settings: AnalysisSettings) -> int:
+    acceleration = _make_trace(hit).acceleration
+    return int(np.argmax(np.abs(acceleration - np.median(acceleration))))
+
+
+def _make_trace(hit: ImportedHit) -> Trace:
+    channel = hit.block.hammer
+    return Trace(channel.scale * channel.output.astype(np.float64), channel.full_scale)
 
 
 def write_imported(output: Path, setup: RigSetup, hits: Sequence[ImportedHit]) -> None:
