@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
-import yaml
-
 from impact_rig.core.errors import FileError
 
 SUFFIX = ".mcap"
@@ -14,14 +12,16 @@ SUFFIX = ".mcap"
 METADATA_NAME = "metadata.yaml"
 """The file that lists the others."""
 METADATA_LIMIT = 16 << 20
-"""A longer list is none [byte], our choice: enough for 50 000 files."""
+"""What is read of it at most [byte], our choice: enough for 50 000 files."""
 
 _NUMBERED = re.compile(r"(?P<name>.+)_(?P<number>\d{1,9})\.mcap")
+_LIST = re.compile(r"^[ ]*relative_file_paths:[ ]*\n(?P<items>(?:[ ]*-[ ].*\n?)+)", re.MULTILINE)
+_ITEM = re.compile(r"^[ ]*-[ ]+(.*\S)", re.MULTILINE)
 _SQLITE_SUFFIXES = frozenset({".db3", ".db3-wal", ".db3-shm"})
 
 
 def is_bag_folder(path: Path) -> bool:
-    """Return whether a path is a folder with a list of files, or with numbered ones."""
+    """Return whether a path is a folder with a list of files, or with files numbered from 0."""
     return path.is_dir() and (
         (path / METADATA_NAME).is_file() or bool(_list_numbered(path)) or _is_sqlite(path)
     )
@@ -43,52 +43,46 @@ def find_bag_files(folder: Path) -> tuple[tuple[Path, ...], tuple[str, ...]]:
     FileError
         If none of its files is there, they belong to several recordings, or are none of MCAP.
     """
+    numbered = _list_numbered(folder)
     listed = _read_list(folder)
-    found = _list_numbered(folder)
-    names = {_split_name(name)[0] for name in (listed or found)}
-    if not listed and len(names) > 1:
+    if not any((folder / name).is_file() for name in listed):
+        listed = []
+    stems = {_split_name(name)[0] for name in listed or numbered}
+    if not listed and len(stems) > 1:
         raise FileError(
-            f"{folder} holds several recordings, {', '.join(sorted(names))}, and no"
+            f"{folder} holds several recordings, {', '.join(sorted(stems))}, and no"
             f" {METADATA_NAME}: name one of their files"
         )
-    later = [name for name in found if name not in listed and _split_name(name)[0] in names]
-    order = [*listed, *sorted(later, key=_split_name)]
-    present = tuple(folder / name for name in order if (folder / name).is_file())
+    names = dict.fromkeys([*listed, *(it for it in numbered if _split_name(it)[0] in stems)])
+    present = tuple(folder / name for name in names if (folder / name).is_file())
     if not present:
         raise _make_error(folder)
-    return present, tuple(_describe_missing(listed, order, {path.name for path in present}))
+    return present, tuple(_describe_missing(listed, list(names), {path.name for path in present}))
 
 
 def _read_list(folder: Path) -> list[str]:
-    """Return the names in `metadata.yaml`; none where it is not there or makes no sense."""
+    """Return the names in `metadata.yaml`; none where it is not there or makes no sense.
+
+    Only its list of files is looked at, as rosbag2 writes it: a name in each line. A YAML reader
+    takes minutes for a file that nests deep.
+    """
     try:
         with (folder / METADATA_NAME).open("rb") as file:
-            text = file.read(METADATA_LIMIT + 1)
-        if len(text) > METADATA_LIMIT:
-            return []
-        # The folder stands before the name in the lists of old versions.
-        names = [Path(path).name for path in _find_sequence(text, "relative_file_paths")]
-    except (OSError, yaml.YAMLError, ValueError):
+            text = file.read(METADATA_LIMIT).decode("utf-8", "replace")
+    except OSError:
         return []
+    match = _LIST.search(text)
+    items = _ITEM.findall(match["items"]) if match else []
+    # The folder stands before the name in the lists of old versions.
+    names = [Path(item.strip("\"'")).name for item in items]
     return list(dict.fromkeys(name for name in names if name.endswith(SUFFIX)))
 
 
-def _find_sequence(text: bytes, key: str) -> Iterator[str]:
-    """Yield the texts in the list after a key; deep nesting and references do no harm."""
-    events = yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    for event in events:
-        if isinstance(event, yaml.ScalarEvent) and event.value == key:
-            break
-    if isinstance(next(events, None), yaml.SequenceStartEvent):
-        for event in events:
-            if not isinstance(event, yaml.ScalarEvent):
-                return
-            yield event.value
-
-
 def _list_numbered(folder: Path) -> list[str]:
-    names = (path.name for path in folder.glob(f"*{SUFFIX}"))
-    return sorted((name for name in names if _NUMBERED.fullmatch(name)), key=_split_name)
+    """Return the names that are numbered from 0 on, in the order of their numbers."""
+    names = [path.name for path in folder.glob(f"*{SUFFIX}") if _NUMBERED.fullmatch(path.name)]
+    begun = {_split_name(name)[0] for name in names if _split_name(name)[1] == 0}
+    return sorted((name for name in names if _split_name(name)[0] in begun), key=_split_name)
 
 
 def _split_name(name: str) -> tuple[str, int]:
@@ -96,17 +90,22 @@ def _split_name(name: str) -> tuple[str, int]:
     return (match["name"], int(match["number"])) if match else (name, 0)
 
 
-def _describe_missing(listed: list[str], order: list[str], present: set[str]) -> Iterator[str]:
+def _describe_missing(listed: list[str], names: list[str], present: set[str]) -> Iterator[str]:
     """Yield the names, or from which to which, that are listed or left out in the numbers."""
-    for stem in dict.fromkeys(_split_name(name)[0] for name in order):
-        numbers = {name: _split_name(name)[1] for name in order if _split_name(name)[0] == stem}
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        if _NUMBERED.fullmatch(name):
+            groups.setdefault(_split_name(name)[0], []).append(name)
+        elif name not in present:
+            yield name
+    is_listed = frozenset(listed)
+    for stem, group in groups.items():
         # The oldest files may have been dropped on purpose: then they are not listed.
-        first = min((numbers[name] for name in listed if name in numbers), default=0)
-        there = sorted(number for name, number in numbers.items() if name in present)
-        for before, after in pairwise((first - 1, *there, max(numbers.values()) + 1)):
-            if stem.endswith(SUFFIX):
-                yield from (name for name in numbers if name not in present)
-            elif after - before > 1:
+        first = min((_split_name(name)[1] for name in group if name in is_listed), default=0)
+        there = sorted(_split_name(name)[1] for name in group if name in present)
+        last = max(_split_name(name)[1] for name in group)
+        for before, after in pairwise((first - 1, *there, last + 1)):
+            if after - before > 1:
                 ends = dict.fromkeys((before + 1, after - 1))
                 yield " to ".join(f"{stem}_{number}{SUFFIX}" for number in ends)
 

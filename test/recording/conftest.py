@@ -13,6 +13,7 @@ import pytest
 from impact_rig.recording.mcap_writer import McapWriter
 from impact_rig.recording.message_definitions import find_message_definition
 from impact_rig.recording.qos_profiles import OfferedQos
+from impact_rig.recording.recording_writer import RecordingWriter
 
 OUR_MESSAGES = Path(__file__).parents[2] / "msg_config" / "msg"
 STANDARD_MESSAGES = {
@@ -163,11 +164,15 @@ OURS = "impact_rig_msgs/msg/"
 
 
 class RecordingMaker:
-    """Writes a recording of a rig in a namespace, message by message."""
+    """Writes a recording of a rig in a namespace, message by message.
+
+    A name that does not end with .mcap is that of a folder as rosbag2 writes it.
+    """
 
     def __init__(self, path: Path, namespace: str = "/", **options: Any) -> None:
         self.path = path
-        self.writer = McapWriter(path, **options)
+        make_writer = McapWriter if path.suffix == ".mcap" else RecordingWriter
+        self.writer = make_writer(path, **options)
         self._prefix = namespace.rstrip("/") + "/"
         self._encoder = CdrEncoder()
         self._channels: dict[str, int] = {}
@@ -177,8 +182,10 @@ class RecordingMaker:
         """Add a message, a millisecond after the one before; return its bytes."""
         if topic not in self._channels:
             name = topic if topic.startswith("/") else self._prefix + topic
+            is_state = type_name == OURS + "RigSetup"
+            offer = OfferedQos(durability="transient_local", depth=1) if is_state else OfferedQos()
             self._channels[topic] = self.writer.add_channel(
-                name, find_message_definition(type_name), (OfferedQos(),)
+                name, find_message_definition(type_name), (offer,)
             )
         data = self._encoder.encode(type_name, fields)
         self._time += 1_000_000

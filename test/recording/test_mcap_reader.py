@@ -215,7 +215,7 @@ def test_a_flipped_bit_in_a_chunk_is_noticed(make_recording):
     maker.add_block(1)
     path = maker.close()
     damage(path, path.read_bytes().index(b"brass") + 1)
-    with pytest.raises(FileError, match=r"session\.mcap is damaged: a chunk does not fit its checksum"):
+    with pytest.raises(FileError, match=r"session\.mcap is damaged: .*its checksum"):
         read_recording(path)
 
 
