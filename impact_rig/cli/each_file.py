@@ -1,0 +1,39 @@
+"""Several files on one command line: a bad one does not keep the others from being done."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import click
+
+from impact_rig.core.errors import RigError
+
+_T = TypeVar("_T")
+
+
+def process_each(
+    files: Sequence[Path], process: Callable[[Path], _T]
+) -> tuple[list[_T], list[str]]:
+    """Return what came of the files that are good, and what is wrong with the others."""
+    results: list[_T] = []
+    errors: list[str] = []
+    for file in files:
+        try:
+            results.append(process(file))
+        except RigError as error:
+            errors.append(str(error))
+    return results, errors
+
+
+def raise_errors(errors: Sequence[str]) -> None:
+    """Print all errors, a line each, and end the command if there are any.
+
+    Raises
+    ------
+    RigError
+        The last one, which ends the command.
+    """
+    for error in errors[:-1]:
+        click.echo(f"error: {error}", err=True)
+    if errors:
+        raise RigError(errors[-1])
