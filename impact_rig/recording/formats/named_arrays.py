@@ -84,8 +84,15 @@ def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
 
 def split_columns(values: NDArray[Any]) -> list[NDArray[Any]]:
     """Return the columns of an array of one or two axes, of which the longer is time."""
+    if values.ndim == 1:
+        return [values]
     rows = np.atleast_2d(values)
     return list(rows if rows.shape[0] <= rows.shape[1] else rows.T)
+
+
+def clean_name(name: str) -> str:
+    """Return the last part of a name in small letters, underscores as blanks."""
+    return name.rpartition("/")[2].replace("_", " ").strip().lower()
 
 
 def _make_channels(
@@ -119,9 +126,9 @@ def _find_stated_rate(arrays: Sequence[NamedArray]) -> float:
         value = float(array.values.ravel()[0])
         if not (math.isfinite(value) and value > 0):
             continue
-        if _clean(array.name) in RATE_NAMES:
+        if clean_name(array.name) in RATE_NAMES:
             return value
-        if _clean(array.name) in STEP_NAMES:
+        if clean_name(array.name) in STEP_NAMES:
             return find_round_rate(value)
     return math.nan
 
@@ -131,7 +138,7 @@ def _is_time(array: NamedArray) -> bool:
         not array.is_channel
         and _is_channel(array)
         and max(array.values.shape) == array.values.size
-        and _clean(array.name) in TIME_NAMES
+        and clean_name(array.name) in TIME_NAMES
     )
 
 
@@ -140,8 +147,3 @@ def _is_channel(array: NamedArray) -> bool:
         return True
     values = array.values
     return values.dtype.kind in "iuf" and 1 <= values.ndim <= DIMENSIONS and values.size > 1
-
-
-def _clean(name: str) -> str:
-    """Return the last part of a name in small letters, underscores as blanks."""
-    return name.rpartition("/")[2].replace("_", " ").strip().lower()

@@ -8,7 +8,7 @@ import numpy as np
 from impact_rig.core.errors import FileError
 from impact_rig.recording.formats.measurement import MeasuredChannel, Measurement, keep_values
 from impact_rig.recording.formats.named_arrays import NamedArray, make_measurement, split_columns
-from impact_rig.recording.formats.soundness import LARGEST_PACKING, blame_file, check_claim
+from impact_rig.recording.formats.soundness import LARGEST_PACKING, check_claim
 
 
 def read_npy(path: Path) -> Measurement:
@@ -19,9 +19,8 @@ def read_npy(path: Path) -> Measurement:
     FileError
         If the file is no sound `.npy` file, or holds no real numbers.
     """
-    with blame_file(path, ".npy"):
-        # A map refuses a file that is shorter than its header says.
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    # A map refuses a file that is shorter than its header says.
+    array = np.load(path, mmap_mode="r", allow_pickle=False)
     if not isinstance(array, np.ndarray):
         raise FileError(f"{path} is no .npy file: it holds several arrays")
     if array.dtype.kind not in "fiu":
@@ -51,7 +50,7 @@ def read_npz(path: Path) -> Measurement:
         If it holds times that do not run in even steps.
     """
     arrays = []
-    with blame_file(path, ".npz"), zipfile.ZipFile(path) as archive:
+    with zipfile.ZipFile(path) as archive:
         for member in archive.infolist():
             if not member.filename.endswith(".npy"):
                 continue

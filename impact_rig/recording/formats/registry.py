@@ -4,12 +4,28 @@ from collections.abc import Callable
 from pathlib import Path
 
 from impact_rig.core.errors import FileError
+from impact_rig.recording.formats.hdf5 import read_hdf5, write_hdf5
+from impact_rig.recording.formats.lvm import read_lvm
+from impact_rig.recording.formats.mat import read_mat, write_mat
 from impact_rig.recording.formats.measurement import Measurement
 from impact_rig.recording.formats.numpy_files import read_npy, read_npz
+from impact_rig.recording.formats.soundness import blame_file
+from impact_rig.recording.formats.tdms import read_tdms, write_tdms
 from impact_rig.recording.formats.text import read_text, write_text
+from impact_rig.recording.formats.uff import read_uff, write_uff
+from impact_rig.recording.formats.wav import read_wav
 from impact_rig.recording.new_file import write_new_file
 
 READERS: dict[str, Callable[[Path], Measurement]] = {
+    ".lvm": read_lvm,
+    ".tdms": read_tdms,
+    ".uff": read_uff,
+    ".unv": read_uff,
+    ".58": read_uff,
+    ".mat": read_mat,
+    ".h5": read_hdf5,
+    ".hdf5": read_hdf5,
+    ".wav": read_wav,
     ".csv": read_text,
     ".txt": read_text,
     ".dat": read_text,
@@ -18,15 +34,28 @@ READERS: dict[str, Callable[[Path], Measurement]] = {
     ".npz": read_npz,
 }
 WRITERS: dict[str, Callable[[Path, Measurement], None]] = {
+    ".uff": write_uff,
+    ".tdms": write_tdms,
+    ".mat": write_mat,
+    ".h5": write_hdf5,
     ".csv": write_text,
 }
 KINDS = {
+    ".lvm": "LabVIEW measurement",
+    ".tdms": "National Instruments TDMS",
+    ".uff": "universal file, data set 58",
+    ".unv": "universal file, data set 58",
+    ".58": "universal file, data set 58",
+    ".mat": "MATLAB",
+    ".h5": "HDF5",
+    ".hdf5": "HDF5",
+    ".wav": "sound",
     ".csv": "text",
     ".txt": "text",
     ".dat": "text",
     ".tsv": "text",
-    ".npy": "numpy",
-    ".npz": "numpy",
+    ".npy": "numpy array",
+    ".npz": "numpy archive",
 }
 
 READABLE = {suffix: KINDS[suffix] for suffix in READERS}
@@ -61,7 +90,8 @@ def read_measurement(path: Path) -> Measurement:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise _make_suffix_error(path, READABLE)
-    return reader(path)
+    with blame_file(path):
+        return reader(path)
 
 
 def write_measurement(path: Path, measurement: Measurement) -> None:

@@ -14,15 +14,13 @@ SHOWN_LETTERS = 200
 
 
 @contextlib.contextmanager
-def blame_file(path: Path, kind: str) -> Iterator[None]:
+def blame_file(path: Path) -> Iterator[None]:
     """Make a `FileError` of whatever a library trips over while it reads a file.
 
     Parameters
     ----------
     path : Path
-        Of the file.
-    kind : str
-        What it should be, for the message.
+        Of the file; its suffix says what it should be.
 
     Yields
     ------
@@ -41,7 +39,9 @@ def blame_file(path: Path, kind: str) -> Iterator[None]:
         raise
     except Exception as error:  # noqa: BLE001 - damaged files break libraries in every way there is
         words = str(error).strip().splitlines() or [type(error).__name__]
-        raise FileError(f"{path} is no sound {kind} file: {words[0][:SHOWN_LETTERS]}") from None
+        raise FileError(
+            f"{path} is no sound {path.suffix.lower()} file: {words[0][:SHOWN_LETTERS]}"
+        ) from None
 
 
 def check_claim(path: Path, name: str, claimed: int, packing: int = 1) -> None:

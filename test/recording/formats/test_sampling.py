@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.recording.formats.sampling import find_round_rate
+from impact_rig.recording.formats.sampling import find_round_rate, find_rounding
 
 
 @pytest.mark.parametrize("rate", [1.0, 3.0, 25600.0, 44100.0, 48000.0, 51200.0, 65536.0, 2.5e6])
 @pytest.mark.parametrize("digits", [6, 7, 17])
 def test_usual_rates_come_back_from_few_digits_of_their_step(rate, digits):
     step = float(f"{1.0 / rate:.{digits - 1}e}")
-    assert find_round_rate(step, digits) == rate
+    assert find_round_rate(step, find_rounding(step, digits)) == rate
 
 
 @given(st.floats(1e-9, 1e9))

@@ -1,0 +1,219 @@
+"""One table of a LabVIEW measurement file, and the channels that are in it."""
+
+import datetime as dt
+import math
+import re
+from dataclasses import dataclass, field
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+
+from impact_rig.core.errors import FileError
+from impact_rig.core.signals.record import FloatArray
+from impact_rig.recording.formats.measurement import MeasuredChannel
+from impact_rig.recording.formats.sampling import find_round_rate
+from impact_rig.recording.formats.text_table import Style
+
+X_VALUE = "X_Value"
+"""Heading of every column of times."""
+COMMENT = "Comment"
+"""Heading of the last column, of words."""
+DAY = re.compile(r"(\d{4})\D(\d{1,2})\D(\d{1,2})")
+CLOCK = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)")
+SECONDS_OF_A_DAY = 86400
+SHOWN_LETTERS = 40
+"""Of a cell that is no number, in a message; our choice."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A table of numbers with what its header states.
+
+    Attributes
+    ----------
+    path : Path
+        Of the file.
+    number : int
+        In the file, counted from 1.
+    style : Style
+        How its numbers are written.
+    headings : list of str
+        Of its columns.
+    tags : dict
+        Cells of the lines of its header, by the first one; the others stand in the columns that
+        they belong to.
+    rows : list of tuple
+        Line number and cells of each line of numbers.
+    """
+
+    path: Path
+    number: int
+    style: Style
+    headings: list[str]
+    tags: dict[str, list[str]]
+    rows: list[tuple[int, list[str]]] = field(default_factory=list)
+
+    def find_tag(self, key: str, column: int) -> str:
+        """Return what the header states of a column; empty: nothing."""
+        cells = self.tags.get(key, [])
+        return cells[column] if column < len(cells) else ""
+
+    def find_cells(self, column: int) -> list[str]:
+        """Return the cells of a column; empty where a row ends before it."""
+        return [cells[column] if column < len(cells) else "" for _, cells in self.rows]
+
+    def list_columns(self) -> list[int]:
+        """Return the columns of the channels: neither of times nor of words."""
+        count = len(self.headings) - (self.headings[-1] == COMMENT)
+        return [column for column in range(1, count) if self.headings[column] != X_VALUE]
+
+
+def make_channels(segment: Segment, first: Segment) -> list[MeasuredChannel]:
+    """Make the channels of a segment.
+
+    Parameters
+    ----------
+    segment : Segment
+        What the file holds.
+    first : Segment
+        From whose first channel the starts count.
+
+    Returns
+    -------
+    list of MeasuredChannel
+
+    Raises
+    ------
+    FileError
+        If the table contradicts its header.
+    """
+    columns = segment.list_columns()
+    if not columns:
+        raise FileError(f"{segment.path} has no channel in segment {segment.number}")
+    stated = segment.find_tag("Channels", 1)
+    if stated and stated != str(len(columns)):
+        raise FileError(
+            f"{segment.path} states {stated} channels in segment {segment.number}, its table has"
+            f" {len(columns)}"
+        )
+    packet = _find_packet(segment, columns)
+    suffix = f" (segment {segment.number})" if segment.number > 1 else ""
+    origin = _find_time(first, first.list_columns()[0])
+    return [
+        MeasuredChannel(
+            name=segment.headings[column] + suffix,
+            values=_parse_column(segment, column, packet),
+            sampling_rate=_find_rate(segment, column),
+            unit=segment.find_tag("Y_Unit_Label", column),
+            start=_find_start(segment, column, origin),
+        )
+        for column in columns
+    ]
+
+
+def _find_packet(segment: Segment, columns: list[int]) -> int:
+    """Return the rows that one writing of the table takes; 0: not stated."""
+    stated = [_parse_count(segment, column) for column in columns]
+    packet = max(stated, default=0)
+    if len(segment.rows) < packet:
+        name = segment.headings[columns[stated.index(packet)]]
+        raise FileError(
+            f"{segment.path} is cut off: {name!r} should have {packet} points, the table has"
+            f" {len(segment.rows)} rows"
+        )
+    return packet
+
+
+def _parse_count(segment: Segment, column: int) -> int:
+    text = segment.find_tag("Samples", column)
+    if text and not text.isdecimal():
+        raise FileError(f"{segment.path} states {text!r} samples: it should be a whole number")
+    return int(text or 0)
+
+
+def _parse_column(segment: Segment, column: int, packet: int) -> FloatArray:
+    """Return the numbers of a channel; it has none where its header says that it ended."""
+    cells = np.array(segment.find_cells(column), dtype=object)
+    is_there = cells != ""
+    if packet:
+        should_be = np.arange(cells.size) % packet < _parse_count(segment, column)
+    else:
+        should_be = np.arange(cells.size) < np.count_nonzero(is_there)
+    wrong = np.flatnonzero(is_there != should_be)
+    if wrong.size:
+        what = "more" if is_there[wrong[0]] else "fewer"
+        raise FileError(
+            f"{segment.path}, line {segment.rows[wrong[0]][0]}: {segment.headings[column]!r} has"
+            f" {what} points than its header states"
+        )
+    try:
+        return np.array([float(segment.style.make_point(cell)) for cell in cells[is_there]])
+    except ValueError:
+        row, bad = next(
+            (i, c) for i, c in enumerate(cells) if c and not segment.style.is_number(c)
+        )
+        raise FileError(
+            f"{segment.path}, line {segment.rows[row][0]}: {bad[:SHOWN_LETTERS]!r} is no number"
+        ) from None
+
+
+def _find_rate(segment: Segment, column: int) -> float:
+    """Return the rate of a channel [Hz]; NaN: not stated.
+
+    Both step and times are rounded, often to microseconds: what is nearer is taken.
+    """
+    dimension = segment.find_tag("X_Dimension", column) or "Time"
+    if dimension != "Time":
+        raise FileError(
+            f"{segment.path}: {segment.headings[column]!r} runs over {dimension}: it should run"
+            " over Time"
+        )
+    text = segment.find_tag("Delta_X", column)
+    if not text:
+        return math.nan
+    step, error = _parse_rounded(segment, text)
+    axis = max(i for i in range(column) if segment.headings[i] == X_VALUE)
+    cells, numbers = segment.find_cells(axis), segment.find_cells(column)
+    while numbers and not numbers[-1]:
+        numbers.pop()
+    if len(numbers) > 1 and cells[0] and cells[len(numbers) - 1]:
+        times = [_parse_rounded(segment, cells[index]) for index in (0, len(numbers) - 1)]
+        mean_step = (times[1][0] - times[0][0]) / (len(numbers) - 1)
+        mean_error = (times[1][1] + times[0][1]) / (len(numbers) - 1)
+        if mean_error < error and abs(mean_step - step) <= mean_error + error:
+            step, error = mean_step, mean_error
+    return find_round_rate(step, error)
+
+
+def _parse_rounded(segment: Segment, text: str) -> tuple[float, float]:
+    """Return a number and the largest error that its last digit leaves."""
+    try:
+        number = Decimal(segment.style.make_point(text))
+        return float(number), 0.5 * 10.0 ** int(number.as_tuple().exponent)
+    except (ArithmeticError, ValueError):
+        raise FileError(f"{segment.path} states {text!r}: it should be a number") from None
+
+
+def _find_start(segment: Segment, column: int, origin: tuple[int, float]) -> float:
+    """Return the time of a channel's first point after the file's first one [s]."""
+    text = segment.find_tag("X0", column)
+    day, seconds = _find_time(segment, column)
+    before = _parse_rounded(segment, text)[0] if text else 0.0
+    return SECONDS_OF_A_DAY * (day - origin[0]) + (seconds - origin[1]) + before
+
+
+def _find_time(segment: Segment, column: int) -> tuple[int, float]:
+    """Return the day and its seconds [s] that a channel's times count from; 0: not stated."""
+    day = DAY.fullmatch(segment.find_tag("Date", column))
+    clock = CLOCK.fullmatch(segment.find_tag("Time", column))
+    if day is None or clock is None:
+        return 0, 0.0
+    hours, minutes, seconds = clock.groups()
+    try:
+        date = dt.date(*map(int, day.groups()))
+    except ValueError:
+        return 0, 0.0
+    return date.toordinal(), 60.0 * (60 * int(hours) + int(minutes)) + float(
+        seconds.replace(",", ".")
+    )
