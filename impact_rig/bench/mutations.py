@@ -105,7 +105,8 @@ def _inflate_chunk(data: bytearray, dice: random.Random) -> None:
 
 def _change_kind(data: bytearray, dice: random.Random) -> None:
     _, start, _ = _choose_record(data, dice)
-    data[start - _FRAME.size] = dice.randrange(256)
+    place = max(start - _FRAME.size, 0)
+    data[place : place + 1] = dice.randbytes(1)
 
 
 def _repeat_record(data: bytearray, dice: random.Random) -> None:

@@ -161,4 +161,5 @@ _ARRAYS = (Nodetype.ARRAY, Nodetype.SEQUENCE)
 
 
 def _describe(error: BaseException) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
+    text = str(error).splitlines()[0] if str(error) else type(error).__name__
+    return text if text.isprintable() else repr(text)
