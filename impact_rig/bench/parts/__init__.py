@@ -1,0 +1,1 @@
+"""The parts of the bench, one module each, which offers it as `PART`."""

@@ -1,0 +1,117 @@
+"""Nodes as processes of the bench, in a ROS domain of their own, ended by their numbers."""
+
+import contextlib
+import os
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from impact_rig.cli.node_processes import make_command
+from impact_rig.configuration.processes import NodeProcess
+
+STOP_TIMEOUT = 15.0
+"""How long a node may take to close its files and end [s]."""
+
+
+@contextlib.contextmanager
+def use_own_domain() -> Iterator[dict[str, str]]:
+    """Lend an environment in which ROS reaches nobody outside of the bench.
+
+    Whatever domain the environment names may be that of a real rig: a bench never goes there.
+    """
+    from domain_coordinator import domain_id
+
+    with domain_id() as number:
+        yield {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(number),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "PYTHONUNBUFFERED": "1",
+        }
+
+
+class RigProcesses:
+    """Processes that end with the ``with`` block, whatever ends it.
+
+    Parameters
+    ----------
+    environment : mapping
+        Theirs.
+    log : Path
+        Where they print to.
+    """
+
+    def __init__(self, environment: Mapping[str, str], log: Path) -> None:
+        self._environment = dict(environment)
+        self._log = log
+        self._processes: dict[str, subprocess.Popen[str]] = {}
+
+    def __enter__(self) -> Self:
+        """Return the processes, none so far."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End them all at once."""
+        self.kill(list(self._processes))
+        for process in self._processes.values():
+            if process.stdout is not None:
+                process.stdout.close()
+
+    def start_node(self, name: str, **parameters: Any) -> subprocess.Popen[str]:
+        """Start a node of the rig with parameters that differ from their defaults."""
+        _, *words = shlex.split(make_command(NodeProcess(name, parameters)))
+        return self._start(name, words)
+
+    def start_module(
+        self, name: str, arguments: Sequence[str] = (), *, listen: bool = False
+    ) -> subprocess.Popen[str]:
+        """Start a module of this package; what it prints can be read if we `listen`."""
+        return self._start(name, [sys.executable, "-m", name, *arguments], listen=listen)
+
+    def _start(
+        self, name: str, words: Sequence[str], *, listen: bool = False
+    ) -> subprocess.Popen[str]:
+        with self._log.open("a") as log:
+            # A session of their own: Ctrl-C reaches the bench alone, which then ends them.
+            self._processes[name] = subprocess.Popen(
+                words,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE if listen else log,
+                stderr=log,
+                env=self._environment,
+                text=True,
+                start_new_session=True,
+            )
+        return self._processes[name]
+
+    def kill(self, names: Sequence[str]) -> None:
+        """End processes with SIGKILL: they get no chance to do anything."""
+        for name in names:
+            self._processes[name].kill()
+        for name in names:
+            self._processes[name].wait()
+
+    def stop(self, name: str) -> int:
+        """Let a process end as Ctrl-C does, and return its exit code."""
+        process = self._processes[name]
+        process.send_signal(signal.SIGINT)
+        try:
+            return process.wait(STOP_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return process.wait()
+
+    def read_log(self) -> str:
+        """Return the last line that any of them printed."""
+        lines = self._log.read_text("utf-8", errors="replace").splitlines()
+        return lines[-1] if lines else "they said nothing"

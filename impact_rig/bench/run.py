@@ -1,0 +1,95 @@
+"""Runs the parts of the bench that are asked for; one that cannot be run costs no other."""
+
+import importlib
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from impact_rig.bench.figures import Figure
+from impact_rig.bench.machine import Machine, describe_machine
+from impact_rig.bench.part import Bench, Extent, Part
+from impact_rig.core.errors import RigError
+
+PARTS = ("read", "write", "batch", "fuzz", "stream", "kill")
+"""Modules of `impact_rig.bench.parts`, in the order in which they run."""
+
+
+@dataclass(frozen=True)
+class PartResults:
+    """What a part found.
+
+    Attributes
+    ----------
+    name, title : str
+        Of the part.
+    figures : tuple of Figure
+        What it measured.
+    error : str
+        Why it could not; empty: it could.
+    """
+
+    name: str
+    title: str
+    figures: tuple[Figure, ...]
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class BenchResults:
+    """What was measured, and on which machine."""
+
+    machine: Machine
+    parts: tuple[PartResults, ...]
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Why parts could not be measured."""
+        return tuple(f"{part.name}: {part.error}" for part in self.parts if part.error)
+
+    @property
+    def missed(self) -> tuple[Figure, ...]:
+        """Figures that do not meet their goal."""
+        return tuple(
+            figure for part in self.parts for figure in part.figures if figure.is_reached is False
+        )
+
+
+def load_part(name: str) -> Part:
+    """Return a part by its name."""
+    part: Part = importlib.import_module(f"impact_rig.bench.parts.{name}").PART
+    return part
+
+
+def run_parts(
+    names: Sequence[str], extent: Extent, report: Callable[[Part, int, int], None]
+) -> BenchResults:
+    """Run parts one after the other, each in an empty folder of its own.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of `PARTS`.
+    extent : Extent
+        How much is measured.
+    report : callable
+        Takes the part, and done and all of what it counts.
+    """
+    results = []
+    for name in names:
+        part = load_part(name)
+        report(part, 0, 0)
+
+        def tell(done: int, total: int, part: Part = part) -> None:
+            report(part, done, total)
+
+        with tempfile.TemporaryDirectory(prefix=f"impact_rig_{name}_") as folder:
+            try:
+                figures = part.measure(Bench(Path(folder), extent, tell))
+                results.append(PartResults(name, part.title, figures))
+            except RigError as error:
+                results.append(PartResults(name, part.title, (), str(error)))
+            except ModuleNotFoundError as error:
+                reason = f"Python finds no module {error.name!r}: see `impact-rig doctor`"
+                results.append(PartResults(name, part.title, (), reason))
+    return BenchResults(describe_machine(), tuple(results))

@@ -1,0 +1,41 @@
+"""Two ways to do the same thing, timed by turns."""
+
+import gc
+import time
+from collections.abc import Callable
+
+
+def compare_times(
+    work: Callable[[], object], peer: Callable[[], object], repeats: int
+) -> tuple[list[float], list[float]]:
+    """Time two functions alternately, after one call of each that does not count.
+
+    Processor time is measured, so that other work on the machine counts as little as possible.
+
+    Parameters
+    ----------
+    work, peer : callable
+        What is measured, and what it is measured by.
+    repeats : int
+        Of each.
+
+    Returns
+    -------
+    tuple of list of float
+        Times of `work` and of `peer` [s]; those of the same turn stand at the same place.
+    """
+    times: tuple[list[float], list[float]] = ([], [])
+    work()
+    peer()
+    for _ in range(repeats):
+        for function, found in zip((work, peer), times, strict=True):
+            gc.collect()
+            started = time.process_time()
+            function()
+            found.append(time.process_time() - started)
+    return times
+
+
+def divide(values: list[float], references: list[float]) -> tuple[float, ...]:
+    """Return the ratios of what was measured in the same turn."""
+    return tuple(value / other for value, other in zip(values, references, strict=True))

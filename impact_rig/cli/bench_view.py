@@ -1,0 +1,132 @@
+"""What a bench shows: a bar while it runs, figures beside their goals when it is done."""
+
+from types import TracebackType
+from typing import Any, Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+from impact_rig.bench.figures import Figure
+from impact_rig.bench.part import Part
+from impact_rig.bench.run import BenchResults
+from impact_rig.reporting.results_file import record_to_json
+from impact_rig.reporting.terminal import Column, print_table
+
+VERDICTS = {True: "reached", False: "MISSED", None: ""}
+SIGNIFICANT_DIGITS = 3
+"""Of a figure [-], our choice: its spread is seldom below a percent."""
+GIGA = 1e9
+
+
+class BenchProgress:
+    """Follows a bench on standard error; a context manager.
+
+    Parameters
+    ----------
+    console : Console
+        Where to; without a terminal, a line for each part instead of a bar.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            console=console,
+            transient=True,
+            disable=not console.is_terminal,
+        )
+        self._task = self._progress.add_task("bench", total=None)
+        self._part = ""
+
+    def __enter__(self) -> Self:
+        """Show the bar."""
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Take the bar away."""
+        self._progress.stop()
+
+    def report(self, part: Part, done: int, total: int) -> None:
+        """Take the part that runs, and done and all of what it counts; 0: not known."""
+        self._progress.update(
+            self._task, description=part.name, completed=done, total=total or None
+        )
+        if part.name != self._part and not self._console.is_terminal:
+            self._console.print(f"{part.name}: {part.title}", soft_wrap=True)
+        self._part = part.name
+
+
+def print_bench(console: Console, results: BenchResults) -> None:
+    """Print the figures of each part beside their goals, and the machine they belong to."""
+    for part in results.parts:
+        if part.figures:
+            notes = [f"{item.name}: {item.note}" for item in part.figures if item.note]
+            print_table(console, part.title, _make_columns(part.figures), notes)
+    machine = results.machine
+    console.print(
+        f"{machine.processor}, {machine.cores} cores, {machine.memory_byte / GIGA:.0f} GB,"
+        f" {machine.system}, Python {machine.python}, impact_rig {machine.software}"
+    )
+
+
+def _make_columns(figures: tuple[Figure, ...]) -> list[Column]:
+    spreads = [_format_spread(figure) for figure in figures]
+    return [
+        Column("Figure", [figure.name for figure in figures], is_text=True),
+        Column("median", [_format_value(figure.median, figure.unit) for figure in figures]),
+        Column("quartiles", spreads, is_optional=True),
+        Column("n", [str(len(figure.values)) for figure in figures]),
+        Column("asked", [str(figure.goal or "") for figure in figures], is_text=True),
+        Column("", [VERDICTS[figure.is_reached] for figure in figures], is_text=True),
+    ]
+
+
+def _format_value(value: float, unit: str) -> str:
+    text = f"{value:.0f}" if value.is_integer() else f"{value:.{SIGNIFICANT_DIGITS}g}"
+    return f"{text} {unit}".strip()
+
+
+def _format_spread(figure: Figure) -> str:
+    if len(figure.values) == 1:
+        return ""
+    low, high = figure.quartiles
+    return f"{_format_value(low, '')} to {_format_value(high, '')}"
+
+
+def results_to_json(results: BenchResults) -> dict[str, Any]:
+    """Return what was measured as plain dicts, lists, strings and numbers."""
+    return {
+        "machine": record_to_json(results.machine),
+        "parts": [
+            {
+                "name": part.name,
+                "title": part.title,
+                "error": part.error,
+                "figures": [_figure_to_json(figure) for figure in part.figures],
+            }
+            for part in results.parts
+        ],
+    }
+
+
+def _figure_to_json(figure: Figure) -> dict[str, Any]:
+    low, high = figure.quartiles
+    return {
+        "name": figure.name,
+        "unit": figure.unit,
+        "median": figure.median,
+        "lower_quartile": low,
+        "upper_quartile": high,
+        "values": list(figure.values),
+        "goal": str(figure.goal) if figure.goal else None,
+        "reached": figure.is_reached,
+        "note": figure.note,
+    }

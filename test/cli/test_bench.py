@@ -1,0 +1,85 @@
+"""`impact-rig bench`."""
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from impact_rig.bench import run as bench_run
+from impact_rig.bench.figures import Figure, at_most
+from impact_rig.bench.part import Bench, Part
+from impact_rig.cli import bench
+from impact_rig.core.errors import RigError
+
+Run = Callable[..., Any]
+
+
+@pytest.fixture
+def measure(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Any], None]:
+    """Return a function that lets all parts give some figures, or an error."""
+
+    def replace(**outcomes: Any) -> None:
+        def load(name: str) -> Part:
+            def give(_: Bench) -> tuple[Figure, ...]:
+                if isinstance(outcomes[name], RigError):
+                    raise outcomes[name]
+                return (outcomes[name],)
+
+            return Part(name, f"Title of {name}", give)
+
+        monkeypatch.setattr(bench_run, "load_part", load)
+
+    return replace
+
+
+GOOD = Figure("ratio", (1.5, 1.6, 1.7), "", at_most(2.0), "a note")
+BAD = Figure("lost", (3.0,), "blocks", at_most(0))
+FREE = Figure("speed", (1234.5,), "MB/s")
+
+
+def test_the_help_knows_the_parts() -> None:
+    assert bench.PARTS == bench_run.PARTS
+
+
+def test_the_parts_are_listed(run: Run) -> None:
+    lines = run("bench", "--list").stdout.splitlines()
+    assert [line.split()[0] for line in lines] == list(bench.PARTS)
+
+
+def test_reached_goals_are_exit_code_zero(run: Run, measure: Callable[..., None]) -> None:
+    measure(read=GOOD, write=FREE)
+    outcome = run("bench", "read", "write")
+    assert outcome.exit_code == 0
+    row = next(line for line in outcome.stdout.splitlines() if line.startswith("ratio "))
+    assert row.split() == "ratio 1.6 1.55 to 1.65 3 at most 2 reached".split()  # noqa: SIM905
+    assert "ratio: a note" in outcome.stdout
+    assert "Python" in outcome.stdout
+    assert "write: Title of write" in outcome.stderr
+
+
+def test_a_missed_goal_is_exit_code_one(run: Run, measure: Callable[..., None]) -> None:
+    measure(stream=BAD)
+    outcome = run("bench", "stream")
+    assert outcome.exit_code == 1
+    assert "MISSED" in outcome.stdout
+
+
+def test_what_cannot_be_measured_is_exit_code_two_and_costs_no_other(
+    run: Run, measure: Callable[..., None]
+) -> None:
+    measure(kill=RigError("the rig does not strike"), read=BAD)
+    outcome = run("bench", "kill", "read")
+    assert outcome.exit_code == 2
+    assert "error: kill: the rig does not strike" in outcome.stderr
+    assert "lost" in outcome.stdout
+
+
+def test_the_json_has_every_measurement(run: Run, measure: Callable[..., None]) -> None:
+    measure(read=GOOD)
+    content = json.loads(run("bench", "read", "--json").stdout)
+    assert content["machine"]["cores"] >= 1
+    ((part),) = content["parts"]
+    (figure,) = part["figures"]
+    assert figure["values"] == [1.5, 1.6, 1.7]
+    assert (figure["median"], figure["goal"], figure["reached"]) == (1.6, "at most 2", True)
