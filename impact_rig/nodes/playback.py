@@ -116,6 +116,7 @@ class Playback:
     def _publish(self, cue: Cue) -> None:
         if cue.is_setup:
             self.window.begin_campaign()
+            self._pace.jump(cue.time)
         elif cue.record is not None:
             self.window.add(cue.record, is_last=cue.is_last, is_free=self._pace.is_free)
         if self._pace.is_stopped:
@@ -124,9 +125,6 @@ class Playback:
         self._publishers[cue.channel].publish(cue.data)
         self.published += 1
         self.position = cue.time
-        if cue.is_setup:
-            self._wait_for_delivery()
-            self._pace.jump(cue.time)
         if cue.record is not None:
             self.record = cue.record
         if cue.is_last and self._pace.end_step():

@@ -118,25 +118,19 @@ class ReplayPlan:
         FileError
             If the recording is damaged, or a message does not fit its schema.
         """
-        last_setup, is_cut = b"", False
+        is_cut = False
         for message in self._read_messages():
             label, is_last = self._look_into(message)
             if label is not None and self._choice is not None and not self._choice.holds(label):
                 is_cut = True
                 continue
-            is_setup = message.channel.type_name == SETUP_TYPE
-            if is_setup:
-                # Each file of a folder begins with it again: no campaign begins by that.
-                if self._start is not None and message.data == last_setup:
-                    continue
-                last_setup = message.data
             yield Cue(
                 message.channel.id,
                 max(message.log_time, self._start or 0),
                 self._convert(message),
                 label.record if label and message.channel.type_name == BLOCK_TYPE else None,
                 is_last,
-                is_setup,
+                message.channel.type_name == SETUP_TYPE,
                 is_cut,
             )
             is_cut = False

@@ -8,7 +8,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from impact_rig.core.errors import FileError
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.topics import import_type, make_qos, name_type
+from impact_rig.nodes.topics import describe_qos, import_type, make_qos, name_type
 from impact_rig.recording.interface_changes import InterfaceConverter
 from impact_rig.recording.mcap_file import Channel
 from impact_rig.recording.mcap_reader import find_namespaces, make_relative
@@ -127,11 +127,14 @@ def _make_topic(channel: Channel, name: str, known: interfaces.Topic | None) -> 
     kind = import_type(channel.type_name)
     installed = find_message_definition(channel.type_name).text
     is_same = is_same_definition(installed, channel.schema)
-    offer = choose_qos(parse_offered_qos(channel.metadata.get("offered_qos_profiles", "")))
+    offers = parse_offered_qos(channel.metadata.get("offered_qos_profiles", ""))
+    if not offers and known is not None:
+        # A recording of other tools: who listens wants what the rig's own nodes offer.
+        offers = (describe_qos(known.qos),)
     return ReplayTopic(
         channel=channel,
         name=known.name if known else name,
         type=kind,
-        qos=make_qos(offer, known.qos.depth if known else DEFAULT_DEPTH),
+        qos=make_qos(choose_qos(offers), known.qos.depth if known else DEFAULT_DEPTH),
         converter=None if is_same else InterfaceConverter(channel, installed),
     )

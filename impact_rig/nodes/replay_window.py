@@ -95,11 +95,8 @@ class Window:
 
     def drain(self) -> None:
         """Wait until every record that was sent whole is judged and read."""
-        if not self._pending and not self._unjudged:
-            return
-        self._wait_for_delivery()
-        self._wait(lambda: not self._unjudged)
-        if self._is_judged and self._has_judge():
+        if (self._pending or self._unjudged) and self._has_judge():
+            self._wait(lambda: not self._unjudged)
             with self._changed:
                 self._changed.wait_for(self._is_stopped, SETTLING_TIME)
         self._forget()

@@ -229,10 +229,10 @@ class ReplayerNode(RigNode):
         )
         if not response.success:
             response.message = f"the step takes longer than {STEP_TIMEOUT:g} s: {self._message}"
-        elif playback is not self._playback:
-            response.message = "the replay is at its end"
-        else:
+        elif pace.is_paused:
             response.message = f"record {playback.record} is replayed"
+        else:
+            response.message = "the replay is at its end"
         return response
 
     def step(self) -> None:
@@ -265,7 +265,6 @@ class ReplayerNode(RigNode):
         self.wake_waiters()
 
     def _finish(self, playback: Playback) -> None:
-        self.get_logger().info(f"{playback.published} messages replayed")
         self._set_state(
             ReplayerState.DONE, playback.problem or f"done: {playback.published} messages"
         )
