@@ -21,11 +21,16 @@ from launch.actions import (
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
-from impact_rig.configuration.processes import NodeProcess, list_rig_processes
+from impact_rig.configuration.processes import (
+    NodeProcess,
+    RecordingPlan,
+    list_rig_processes,
+)
 from impact_rig.configuration.run import load_rig_file, make_run_folder, merge_virtual
 from impact_rig.core.errors import ParameterError
 from impact_rig.devices.virtual.faults import Fault
 from impact_rig.devices.virtual.plants import Plant
+from impact_rig.recording.mcap_writer import COMPRESSIONS
 
 PLANTS = [plant.value for plant in Plant]
 FAULTS = ", ".join(fault.value for fault in Fault)
@@ -65,6 +70,21 @@ ARGUMENTS = (
     ),
     DeclareLaunchArgument(
         "record", default_value="true", choices=SWITCH, description="record everything to MCAP"
+    ),
+    DeclareLaunchArgument(
+        "bag",
+        default_value="false",
+        choices=SWITCH,
+        description="record into a folder as rosbag2 writes it, not into one file",
+    ),
+    DeclareLaunchArgument(
+        "compression",
+        default_value="",
+        choices=["", *COMPRESSIONS],
+        description="of the recording; empty: zstd",
+    ),
+    DeclareLaunchArgument(
+        "notes", default_value="", description="what the recording should say of itself"
     ),
     DeclareLaunchArgument(
         "visualizer",
@@ -117,6 +137,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
         rig_file=str(rig_file or ""),
         virtual=virtual,
         record=read("record") == "true",
+        recording=RecordingPlan(read("bag") == "true", read("compression"), read("notes")),
         visualize=read("visualizer") == "true",
         viewer_url=read("viewer"),
     )

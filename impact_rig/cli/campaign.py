@@ -19,6 +19,7 @@ RIG_TIMEOUT = 10.0
       impact-rig campaign                      the whole set, 10 hits each
       impact-rig campaign --samples "steel small" --impacts 5
       impact-rig campaign --impacts 12 --keep 10    the ten most consistent of twelve
+      impact-rig campaign --notes "new tip, 21 °C"
       impact-rig campaign --namespace rig1 --network    a rig on another host
     """
 )
@@ -35,6 +36,9 @@ RIG_TIMEOUT = 10.0
     default=None,
     help="Wait until each sample is mounted. [yes, unless the rig is virtual]",
 )
+@click.option(
+    "--notes", default="", metavar="TEXT", help="What the recording should say of this campaign."
+)
 @click.option("--namespace", default="", help="ROS namespace of the rig. [none]")
 @options.network_option
 @click.option(
@@ -49,6 +53,7 @@ def command(
     keep: int,
     attempts: int | None,
     ask: bool | None,
+    notes: str,
     namespace: str,
     network: bool,
     output: Path | None,
@@ -67,13 +72,15 @@ def command(
     options.set_discovery(network=network)
     with CampaignClient(namespace) as client, CampaignView(make_console(stderr=True)) as view:
         client.wait_for_rig(RIG_TIMEOUT)
+        if notes:
+            client.publish_note(notes, RIG_TIMEOUT)
         confirm = not client.is_virtual if ask is None else ask
         outcome = run_campaign(
             client, CampaignRequest(samples, impacts, attempts or 0, confirm, keep), view
         )
     recorded = Path(outcome.recording) if outcome.recording else None
     if output is None:
-        is_here = recorded is not None and recorded.is_file()
+        is_here = recorded is not None and recorded.exists()
         output = (
             recorded.parent
             if recorded is not None and is_here

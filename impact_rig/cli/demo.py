@@ -5,8 +5,9 @@ from pathlib import Path
 import click
 
 from impact_rig.cli import options
+from impact_rig.cli.recording_options import list_recording_arguments, recording_options
 from impact_rig.configuration import run
-from impact_rig.configuration.processes import LOG_NAME, RECORDING_NAME, VIEW_NAME
+from impact_rig.configuration.processes import LOG_NAME, VIEW_NAME, RecordingPlan
 
 START_TIMEOUT = 90.0
 """How long the processes may take to start [s]: seconds on two cores, more on a busy host."""
@@ -37,6 +38,7 @@ on without it."""
 @options.rig_file_option
 @options.virtual_rig_options
 @options.output_option
+@recording_options
 @options.samples_option
 @options.impacts_option
 @options.keep_option
@@ -47,6 +49,7 @@ def command(
     seed: int | None,
     faults: float | None,
     output: Path | None,
+    recording: RecordingPlan,
     samples: tuple[str, ...],
     impacts: int,
     keep: int,
@@ -68,6 +71,7 @@ def command(
     folder = run.make_run_folder(output)
     options.set_discovery(network=False)
     arguments = [word for setting in SETTINGS for word in ("--set", setting)]
+    arguments += list_recording_arguments(recording)
     for name, value in (
         ("--rig-file", rig_file), ("--plant", plant), ("--seed", seed), ("--faults", faults),
     ):  # fmt: skip
@@ -83,7 +87,7 @@ def command(
                 request = CampaignRequest(samples, impacts, ATTEMPTS, keep_hits=keep)
                 outcome = run_campaign(client, request, view)
     except KeyboardInterrupt:
-        click.echo(f"stopped; the recording so far: {folder / RECORDING_NAME}", err=True)
+        click.echo(f"stopped; the recording so far: {folder / recording.name}", err=True)
         raise
     report_outcome(outcome, folder, as_json=as_json)
     if not (folder / VIEW_NAME).exists():

@@ -6,8 +6,9 @@ from pathlib import Path
 import click
 
 from impact_rig.cli import options
+from impact_rig.cli.recording_options import recording_options
 from impact_rig.configuration import run
-from impact_rig.configuration.processes import LOG_NAME, RECORDING_NAME, list_rig_processes
+from impact_rig.configuration.processes import LOG_NAME, RecordingPlan, list_rig_processes
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.core.errors import RigError
 
@@ -20,6 +21,7 @@ from impact_rig.core.errors import RigError
       impact-rig up --template > my-rig.toml   a rig file to fill in
       impact-rig up --rig-file my-rig.toml     your own samples
       impact-rig up --set hammer.swing_time=0.3
+      impact-rig up --bag --set recorder.split_duration=3600    a file an hour
     Then, in another terminal:
       impact-rig campaign
     """
@@ -27,6 +29,7 @@ from impact_rig.core.errors import RigError
 @options.rig_file_option
 @options.virtual_rig_options
 @options.output_option
+@recording_options
 @options.network_option
 @click.option("--namespace", default="", help="ROS namespace of the rig. [none]")
 @click.option("--record/--no-record", default=True, help="Record everything to MCAP. [yes]")
@@ -48,6 +51,7 @@ def command(
     seed: int | None,
     faults: float | None,
     output: Path | None,
+    recording: RecordingPlan,
     network: bool,
     namespace: str,
     record: bool,
@@ -76,6 +80,7 @@ def command(
         rig_file=str(rig_file.resolve()) if rig_file else "",
         virtual=run.merge_virtual(rig, plant=plant, seed=seed, faults=faults),
         record=record,
+        recording=recording,
         visualize=visualizer,
         viewer_url=viewer,
         overrides=overrides,
@@ -83,7 +88,7 @@ def command(
     log = log_file.open("w", encoding="utf-8") if log_file else sys.stdout
     code = run_nodes(processes, log, namespace=namespace, stop_with_input=stop_with_input)
     if record:
-        click.echo(f"recording: {folder / RECORDING_NAME}")
+        click.echo(f"recording: {folder / recording.name}")
     if code:
         where = log_file or "above"
         raise RigError(f"a node ended by itself, and the rig with it: see {where} ({LOG_NAME})")

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 RECORDING_NAME = "session.mcap"
+BAG_NAME = "session"
+"""Of a recording that is a folder as rosbag2 writes it."""
 VIEW_NAME = "session.rrd"
 RESULTS_NAME = "results.json"
 LOG_NAME = "nodes.log"
@@ -28,12 +30,37 @@ class NodeProcess:
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class RecordingPlan:
+    """How a run is recorded.
+
+    Attributes
+    ----------
+    bag : bool
+        Into a folder as rosbag2 writes it; else into one file.
+    compression : str
+        Of chunks; empty: the recorder's default.
+    notes : str
+        In the operator's words.
+    """
+
+    bag: bool = False
+    compression: str = ""
+    notes: str = ""
+
+    @property
+    def name(self) -> str:
+        """Of the recording, in the folder of the run."""
+        return BAG_NAME if self.bag else RECORDING_NAME
+
+
 def list_rig_processes(
     output: Path | str,
     *,
     rig_file: str = "",
     virtual: Mapping[str, Any] | None = None,
     record: bool = True,
+    recording: RecordingPlan = RecordingPlan(),
     visualize: bool = True,
     viewer_url: str = "",
     overrides: Mapping[str, Mapping[str, Any]] | None = None,
@@ -50,6 +77,8 @@ def list_rig_processes(
         Parameters of the virtual rig: plant, seed, fault_probability ...
     record : bool
         Whether everything is recorded; if not, the hammer is released all the same.
+    recording : RecordingPlan
+        How.
     visualize : bool
         Whether model and measurement are shown.
     viewer_url : str
@@ -74,7 +103,15 @@ def list_rig_processes(
         NodeProcess("campaign", {"rig_file": str(rig_file)} if rig_file else {}),
     ]
     if record:
-        processes.append(NodeProcess("recorder", {"output": str(folder / RECORDING_NAME)}))
+        content = {
+            "compression": recording.compression,
+            "notes": recording.notes,
+            "attachments": str(rig_file),
+        }
+        given = {name: value for name, value in content.items() if value}
+        processes.append(
+            NodeProcess("recorder", {"output": str(folder / recording.name), **given})
+        )
     if visualize:
         view = {"connect": viewer_url} if viewer_url else {"output": str(folder / VIEW_NAME)}
         processes.append(NodeProcess("visualizer", view))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig.configuration.processes import (
+    BAG_NAME,
     RECORDING_NAME,
     RESULTS_NAME,
     VIEW_NAME,
@@ -77,7 +78,7 @@ def make_run_folder(output: Path | None) -> Path:
         If the folder holds a run, or cannot be made or written.
     """
     folder = output or Path(make_run_folder_name(datetime.now().astimezone()))
-    for name in (RECORDING_NAME, VIEW_NAME, RESULTS_NAME):
+    for name in (RECORDING_NAME, BAG_NAME, VIEW_NAME, RESULTS_NAME):
         if (folder / name).exists():
             raise FileError(
                 f"the folder {folder} already holds a run ({name}): choose another --output"

@@ -1,9 +1,8 @@
 """The campaign: samples times impacts, the next sample asked for, rejected hits repeated."""
 
-import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,37 +18,12 @@ from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.nodes import interfaces, messages
+from impact_rig.nodes.campaign_progress import CampaignProgress, CancelledError
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
 
 CONFIRMATION_TIMEOUT = 24 * 3600.0
 """How long a person may take to mount a sample [s]: a campaign may wait overnight."""
-
-
-class _CancelledError(RigError):
-    """The client asked the campaign to stop."""
-
-
-@dataclass
-class _Progress:
-    """Where a running campaign stands."""
-
-    handle: ServerGoalHandle
-    samples: tuple[str, ...]
-    impacts: int
-    attempts: int
-    started: float = field(default_factory=time.monotonic)
-    accepted: int = 0
-    feedback: RunCampaign.Feedback = field(default_factory=RunCampaign.Feedback)
-
-    def publish(self, **fields: Any) -> None:
-        """Publish the feedback with some fields changed and the time left estimated anew."""
-        for name, value in fields.items():
-            setattr(self.feedback, name, value)
-        elapsed = time.monotonic() - self.started
-        missing = len(self.samples) * self.impacts - self.accepted
-        self.feedback.time_left = elapsed / self.accepted * missing if self.accepted else math.nan
-        self.handle.publish_feedback(self.feedback)
 
 
 class CampaignNode(RigNode):
@@ -67,7 +41,7 @@ class CampaignNode(RigNode):
             low=0.1, high=3600.0,
         )  # fmt: skip
         self._setup_of_rig: RigSetup = PAPER_SETUP
-        self._progress: _Progress | None = None
+        self._progress: CampaignProgress | None = None
         self._verdicts: dict[int, Impact] = {}
         self._confirmed = ""
         self._recording = ""
@@ -155,7 +129,7 @@ class CampaignNode(RigNode):
         try:
             self._progress = self._plan(handle)
             await self._run(self._progress)
-        except _CancelledError as error:
+        except CancelledError as error:
             result.message = str(error)
         except RigError as error:
             result.message = str(error)
@@ -173,7 +147,7 @@ class CampaignNode(RigNode):
             handle.abort()
         return result
 
-    def _plan(self, handle: ServerGoalHandle) -> _Progress:
+    def _plan(self, handle: ServerGoalHandle) -> CampaignProgress:
         goal = handle.request
         if not self.is_active:
             raise DeviceError("the campaign node is not active: activate it first")
@@ -189,14 +163,14 @@ class CampaignNode(RigNode):
             self._setup_of_rig.samples.find(name)
             if list(samples).count(name) > 1:
                 raise ParameterError(f"sample {name!r} is asked for twice: once is enough")
-        return _Progress(
+        return CampaignProgress(
             handle=handle,
             samples=tuple(samples),
             impacts=goal.impacts,
             attempts=goal.attempts_per_impact or self.get_value("attempts_per_impact"),
         )
 
-    async def _run(self, progress: _Progress) -> None:
+    async def _run(self, progress: CampaignProgress) -> None:
         await self._begin(progress.handle.request.keep_hits)
         progress.started = time.monotonic()
         for number, sample in enumerate(progress.samples, start=1):
@@ -223,22 +197,24 @@ class CampaignNode(RigNode):
         if not answer.success:
             raise DeviceError(f"the hammer cannot be armed: {answer.message}")
 
-    async def _await_sample(self, progress: _Progress, sample: str) -> None:
+    async def _await_sample(self, progress: CampaignProgress, sample: str) -> None:
         self._confirmed = ""
         progress.publish(phase=RunCampaign.Feedback.WAITING_FOR_SAMPLE)
         confirmed = await self.wait_until(
             lambda: self._confirmed == sample or progress.handle.is_cancel_requested,
             CONFIRMATION_TIMEOUT,
         )
-        _check_cancel(progress)
+        progress.check_cancel()
         if not confirmed:
             raise DeviceError(f"nobody confirmed that {sample!r} is mounted")
         progress.publish(phase=RunCampaign.Feedback.RUNNING)
 
-    async def _strike_until_accepted(self, progress: _Progress, sample: str, impact: int) -> None:
+    async def _strike_until_accepted(
+        self, progress: CampaignProgress, sample: str, impact: int
+    ) -> None:
         verdict = Impact()
         for attempt in range(1, progress.attempts + 1):
-            _check_cancel(progress)
+            progress.check_cancel()
             verdict = await self._strike(progress, sample, impact, attempt)
             if verdict.accepted:
                 progress.accepted += 1
@@ -252,7 +228,9 @@ class CampaignNode(RigNode):
             f" for {'; '.join(verdict.reasons)}"
         )
 
-    async def _strike(self, progress: _Progress, sample: str, impact: int, attempt: int) -> Impact:
+    async def _strike(
+        self, progress: CampaignProgress, sample: str, impact: int, attempt: int
+    ) -> Impact:
         hit = {"sample": sample, "impact": impact, "attempt": attempt}
         self._verdicts.clear()
         self._stored.clear()
@@ -274,7 +252,7 @@ class CampaignNode(RigNode):
             timeout,
         )
         if record not in self._verdicts:
-            _check_cancel(progress)
+            progress.check_cancel()
             raise DeviceError(self._explain_silence(record, timeout))
         return self._verdicts[record]
 
@@ -314,11 +292,6 @@ class CampaignNode(RigNode):
         except DeviceError as error:
             self.get_logger().error(str(error))
             return None
-
-
-def _check_cancel(progress: _Progress) -> None:
-    if progress.handle.is_cancel_requested:
-        raise _CancelledError("cancelled by the operator")
 
 
 def main() -> int:

@@ -14,6 +14,7 @@ from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
+from std_msgs.msg import String
 
 from impact_rig.core.errors import DeviceError
 from impact_rig.core.setup.samples import RigSetup as CoreRigSetup
@@ -104,6 +105,8 @@ class CampaignClient:
         self._subscribe(interfaces.VIRTUAL_IMPACT, self._keep_truth)
         self._subscribe(interfaces.SETUP, self._keep_setup)
         self._subscribe(interfaces.ACQUISITION_STATE, self._keep_acquisition)
+        note = interfaces.NOTE
+        self._note = self._node.create_publisher(note.type, note.name, note.qos)
         self._confirm = self._node.create_client(ConfirmSample, interfaces.CONFIRM_SAMPLE)
         self._action = ActionClient(self._node, RunCampaign, interfaces.RUN_CAMPAIGN)
 
@@ -150,6 +153,20 @@ class CampaignClient:
         return self._spin_until(
             lambda: self._node.count_subscribers(interfaces.ACCELERATION.name) >= count, timeout
         )
+
+    def publish_note(self, text: str, timeout: float) -> None:
+        """Say something that belongs into the recording.
+
+        Raises
+        ------
+        DeviceError
+            If no recorder listens within `timeout` seconds.
+        """
+        if not self._spin_until(lambda: self._note.get_subscription_count() > 0, timeout):
+            raise DeviceError(
+                "nobody records the notes: start the recorder, or the campaign without them"
+            )
+        self._note.publish(String(data=text))
 
     @property
     def is_virtual(self) -> bool:

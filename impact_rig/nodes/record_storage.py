@@ -84,7 +84,7 @@ class RecordStorage:
         """Note that an arming begins or ends; an ended one gets no more blocks."""
         previous, self._arming = self._arming, deserialize_message(data, AcquisitionState)
         if self._arming.state == AcquisitionState.ARMED:
-            self.watch.begin()
+            self.watch.begin(self._arming.record)
         elif previous is not None and self._arming.record:
             # The first word is of what was before this recording. Later ones may come so soon
             # after another that only the last is heard.

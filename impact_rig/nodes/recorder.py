@@ -125,7 +125,7 @@ class RecorderNode(RigNode):
         """Begin the recording, subscribe to the rig's topics and look for others from now on."""
         attachments = [
             read_attached_file(Path(name).expanduser())
-            for name in split_names(self.get_value("attachments"))
+            for name in _split_paths(self.get_value("attachments"))
         ]
         run = self._run = RecordingRun(
             self, self._open, self.get_value("sync"), self._stored_publisher, self._fail
@@ -291,6 +291,11 @@ class RecorderNode(RigNode):
         self._state_publisher.publish(state)
         if not self._is_recording:
             self._state_publisher.wait_for_all_acked(Duration(seconds=FAREWELL_TIMEOUT))
+
+
+def _split_paths(text: str) -> list[str]:
+    """Return the paths in a text that lists them by commas, unless it is one that has a comma."""
+    return [text] if Path(text).is_file() else split_names(text)
 
 
 def main() -> int:

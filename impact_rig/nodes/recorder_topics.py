@@ -11,13 +11,13 @@ from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, name_type
+from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, make_qos, name_type
 from impact_rig.recording.message_definitions import find_message_definition
 from impact_rig.recording.qos_profiles import OfferedQos
 from impact_rig.recording.recording_writer import RecordingWriter
 
-DISCOVERED_DEPTH = 200
-"""Queue of topics that are not the rig's own [messages], our choice: as deep as the blocks'."""
+QUEUE_DEPTH = 200
+"""Least depth of the queue of a topic [messages], our choice: as deep as the blocks'."""
 PARAMETER_EVENTS = "/parameter_events"
 """Tells of every parameter that is set on any node."""
 GLOBAL_TOPICS = ("/diagnostics", "/rosout", PARAMETER_EVENTS)
@@ -62,7 +62,10 @@ class RecordedTopics:
         self.skipped: dict[str, str] = {}
         self.messages_lost = 0
         for topic in interfaces.RECORDED_TOPICS:
-            self._record(topic.name, topic.type, topic.qos, (describe_qos(topic.qos),))
+            offer = describe_qos(topic.qos)
+            # Of states that follow each other closely, all are wanted, not the last alone.
+            qos = make_qos(offer, QUEUE_DEPTH)
+            self._record(topic.name, topic.type, qos, (offer,))
 
     def __len__(self) -> int:
         """Return how many topics are recorded."""
@@ -93,7 +96,7 @@ class RecordedTopics:
     def take_waiting(self) -> None:
         """Write what is still in the queues."""
         for subscription in tuple(self._subscriptions.values()):
-            for _ in range(DISCOVERED_DEPTH):
+            for _ in range(QUEUE_DEPTH):
                 if self._writer.closed:
                     return
                 with subscription.handle:
@@ -152,7 +155,7 @@ class RecordedTopics:
                 raise FileError(f"it has several types: {', '.join(types)}")
             kind = import_type(types[0])
             offers = tuple(describe_qos(item.qos_profile) for item in publishers)
-            self._record(topic, kind, adapt_qos(publishers, DISCOVERED_DEPTH), offers)
+            self._record(topic, kind, adapt_qos(publishers, QUEUE_DEPTH), offers)
         except RigError as error:
             self.skipped[topic] = str(error)
             self._node.get_logger().warning(f"{topic} is not recorded: {error}")

@@ -1,8 +1,13 @@
 """Counts what a recording has of each record: its blocks, and the points that they lack."""
 
+from collections import deque
 from dataclasses import dataclass, field, replace
 
 from impact_rig.core.signals.record import HitLabel
+
+REMEMBERED = 100
+"""How many of the last records are known to have ended [-], our choice: the end of an arming is
+told less than a second after its last block."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,7 @@ class RecordWatch:
     missing_points: int = 0
     _open: _Openness | None = None
     _finished: list[RecordCount] = field(default_factory=list)
-    _ended: int = 0
+    _ended: deque[int] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
 
     @property
     def unfinished(self) -> RecordCount | None:
@@ -70,9 +75,10 @@ class RecordWatch:
         """Whether a record has ended that `collect` has not returned yet."""
         return bool(self._finished)
 
-    def begin(self) -> None:
+    def begin(self, record: int) -> None:
         """Note a new arming; its number may have been used before its source was restarted."""
-        self._ended = 0
+        if record in self._ended:
+            self._ended.remove(record)
 
     def add(
         self, label: HitLabel, first_sample: int, points: int, stamp: int, *, last: bool
@@ -118,7 +124,7 @@ class RecordWatch:
         """Note that an arming has ended, though its last block, or any block, never came."""
         if self._open is not None and self._open.count.label.record == record:
             self._end(self._open.count)
-        elif self._ended != record:
+        elif record not in self._ended:
             self._end(RecordCount(HitLabel(sample, record=record, impact=0, attempt=0)))
 
     def collect(self, *, with_unfinished: bool = False) -> tuple[RecordCount, ...]:
@@ -138,5 +144,6 @@ class RecordWatch:
 
     def _end(self, count: RecordCount) -> None:
         self._finished.append(count)
-        self._ended = count.label.record
+        self.begin(count.label.record)
+        self._ended.append(count.label.record)
         self._open = None

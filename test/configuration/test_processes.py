@@ -2,7 +2,11 @@
 
 from datetime import datetime
 
-from impact_rig.configuration.processes import list_rig_processes, make_run_folder_name
+from impact_rig.configuration.processes import (
+    RecordingPlan,
+    list_rig_processes,
+    make_run_folder_name,
+)
 
 
 def by_name(**options):
@@ -16,7 +20,7 @@ def test_a_whole_rig_records_and_shows_into_its_folder():
         "accelerometer": {"seed": 3},
         "estimator": {},
         "campaign": {"rig_file": "my.toml"},
-        "recorder": {"output": "out/session.mcap"},
+        "recorder": {"output": "out/session.mcap", "attachments": "my.toml"},
         "visualizer": {"output": "out/session.rrd"},
     }
 
@@ -36,3 +40,12 @@ def test_overrides_go_before_everything_else():
 
 def test_run_folders_sort_by_time():
     assert make_run_folder_name(datetime(2026, 1, 2, 3, 4, 5)) == "runs/2026-01-02T03-04-05"
+
+
+def test_a_run_is_recorded_as_it_is_asked_for():
+    plan = RecordingPlan(bag=True, compression="lz4", notes="bench 3")
+    assert by_name(recording=plan)["recorder"] == {
+        "output": "out/session",
+        "compression": "lz4",
+        "notes": "bench 3",
+    }

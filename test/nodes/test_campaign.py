@@ -3,6 +3,7 @@
 import pytest
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.msg import RecorderState
 from impact_rig_msgs.srv import ConfirmSample
 from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
@@ -19,7 +20,7 @@ from impact_rig.nodes.hammer import HammerNode
 def start(harness):
     """Return a function that starts the rig's nodes and returns a client of the campaign."""
 
-    def run(namespace="", **accelerometer):
+    def run(namespace="", *, campaign=None, **accelerometer):
         harness.add(HammerNode, namespace=namespace, swing_time=0.001, require_recorder=False)
         harness.add(
             AccelerometerNode,
@@ -29,7 +30,7 @@ def start(harness):
             **accelerometer,
         )
         harness.add(EstimatorNode, namespace=namespace)
-        harness.add(CampaignNode, namespace=namespace)
+        harness.add(CampaignNode, namespace=namespace, **(campaign or {}))
         client = ActionClient(harness.peer, RunCampaign, f"{namespace}/{interfaces.RUN_CAMPAIGN}")
         harness.wait_until(client.server_is_ready)
         return client
@@ -176,3 +177,31 @@ def test_disarming_the_hammer_stops_the_campaign_with_that_reason(harness, start
     answer = harness.wait(handle.get_result_async())
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert "not armed" in answer.result.message
+
+
+@pytest.fixture
+def recorder(harness):
+    """Return a publisher of the states of a recorder that never stores anything."""
+    states = harness.advertise(interfaces.RECORDER_STATE)
+    states.publish(RecorderState(recording=True, uri="a.mcap"))
+    return states
+
+
+def test_a_silent_recorder_is_named_when_the_verdict_does_not_come(harness, start, recorder):
+    client = start(campaign={"verdict_timeout": 0.5})
+    answer = run(harness, client, samples=["steel small"], impacts=1)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert "the recorder has not said that record 1 is stored" in answer.result.message
+    assert not answer.result.samples
+
+
+def test_a_recorder_that_stops_ends_the_campaign_at_once_with_its_reason(harness, start, recorder):
+    releases = harness.listen(interfaces.RELEASE)
+    client = start(campaign={"verdict_timeout": 3600.0})
+    goal = RunCampaign.Goal(samples=["steel small"], impacts=1)
+    handle = harness.wait(client.send_goal_async(goal))
+    releases.wait_for_count(1)
+    recorder.publish(RecorderState(uri="a.mcap", message="the disk is full"))
+    answer = harness.wait(handle.get_result_async())
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert answer.result.message == "the recorder has stopped: the disk is full"

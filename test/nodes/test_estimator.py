@@ -2,6 +2,8 @@
 
 import math
 
+import pytest
+from impact_rig_msgs.msg import RecorderState, RecordStored
 from impact_rig_msgs.srv import GetResults
 
 from impact_rig.core.session import Session
@@ -15,6 +17,7 @@ from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
 from impact_rig.reporting.flat_estimates import results_from_session
 
 SETUP = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
+URI = "/somewhere/session.mcap"
 
 
 def make_blocks(sample, count, first_record=1, faults=()):
@@ -141,3 +144,90 @@ def test_a_block_that_cannot_be_meant_is_named_and_the_next_ones_are_judged(harn
 
     assert impacts.wait_for_count(1)[-1].accepted
     assert "sampling rate is -1.0 Hz" in node.fault
+
+
+def tell_stored(publisher, blocks):
+    """Say that a record is stored, as a recorder does."""
+    last = block_to_msg(blocks[-1])
+    message = RecordStored(record=last.record, blocks=len(blocks))
+    message.header.stamp = last.header.stamp
+    publisher.publish(message)
+
+
+@pytest.fixture
+def recorded(harness):
+    """Return an estimator, publishers of blocks and of a recorder's words, and the verdicts."""
+    node = harness.add(EstimatorNode)
+    impacts = harness.listen(interfaces.IMPACT)
+    harness.advertise(interfaces.SETUP).publish(SETUP)
+    states = harness.advertise(interfaces.RECORDER_STATE)
+    states.publish(RecorderState(recording=True, uri=URI))
+    stored = harness.advertise(interfaces.RECORD_STORED)
+    blocks = harness.advertise(interfaces.ACCELERATION)
+    harness.wait_until(lambda: states.get_subscription_count() > 0)
+    assert states.wait_for_all_acked()
+    return node, blocks, states, stored, impacts
+
+
+def find_waiting(node):
+    return node.diagnose()["waiting for"]
+
+
+def test_a_hit_is_judged_when_the_recorder_has_stored_it(harness, recorded):
+    node, publisher, _, stored, impacts = recorded
+    blocks = make_blocks("steel small", 1)
+    feed(harness, publisher, blocks)
+    harness.wait_until(lambda: "record 1 is stored" in find_waiting(node))
+    assert not impacts.messages
+    tell_stored(stored, blocks)
+    assert impacts.wait_for_count(1)[0].accepted
+    assert not find_waiting(node)
+
+
+def test_a_hit_that_waits_when_the_recorder_stops_does_not_count(harness, recorded):
+    node, publisher, states, _, impacts = recorded
+    feed(harness, publisher, make_blocks("steel small", 1))
+    harness.wait_until(lambda: bool(find_waiting(node)))
+    states.publish(RecorderState(recording=False, uri=URI, message="the disk is full"))
+    harness.wait_until(lambda: not find_waiting(node))
+    # Nobody records any more, so nobody is waited for.
+    feed(harness, publisher, make_blocks("steel small", 1, first_record=2))
+    assert [verdict.record for verdict in impacts.wait_for_count(1)] == [2]
+    (sample,) = harness.call(GetResults, interfaces.GET_RESULTS).samples
+    assert (sample.impacts_accepted, sample.impacts_rejected) == (1, 0)
+
+
+def test_a_hit_that_waits_is_not_taken_for_one_of_the_next_recording(harness, recorded):
+    node, publisher, states, stored, impacts = recorded
+    feed(harness, publisher, make_blocks("steel small", 1))
+    harness.wait_until(lambda: bool(find_waiting(node)))
+    states.publish(RecorderState(recording=True, uri="/somewhere/else.mcap"))
+    harness.wait_until(lambda: not find_waiting(node))
+    blocks = make_blocks("steel small", 1, first_record=2)
+    feed(harness, publisher, blocks)
+    tell_stored(stored, blocks)
+    assert [verdict.record for verdict in impacts.wait_for_count(1)] == [2]
+
+
+def test_a_set_up_waits_its_turn(harness, recorded):
+    node, publisher, _, stored, impacts = recorded
+    blocks = make_blocks("steel small", 1)
+    feed(harness, publisher, blocks)
+    harness.wait_until(lambda: bool(find_waiting(node)))
+    again = setup_to_msg(PAPER_SETUP, stamp_to_msg(8))
+    harness.advertise(interfaces.SETUP).publish(again)
+    assert harness.call(GetResults, interfaces.GET_RESULTS).setup_stamp == SETUP.header.stamp
+    tell_stored(stored, blocks)
+    impacts.wait_for_count(1)
+    harness.wait_until(
+        lambda: harness.call(GetResults, interfaces.GET_RESULTS).setup_stamp == again.header.stamp
+    )
+
+
+def test_a_recorder_that_is_there_and_has_said_nothing_is_waited_for(harness):
+    node = harness.add(EstimatorNode)
+    states = harness.advertise(interfaces.RECORDER_STATE)
+    harness.wait_until(lambda: states.get_subscription_count() > 0)
+    harness.advertise(interfaces.SETUP).publish(SETUP)
+    feed(harness, harness.advertise(interfaces.ACCELERATION), make_blocks("steel small", 1))
+    harness.wait_until(lambda: "record 1 is stored" in find_waiting(node))

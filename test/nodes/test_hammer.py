@@ -1,7 +1,7 @@
 """The hammer goes only when the hit can be recorded, and says why otherwise."""
 
 import pytest
-from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState
+from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState, RecordStored
 from impact_rig_msgs.srv import Release
 from std_srvs.srv import Trigger
 
@@ -143,6 +143,49 @@ def test_a_request_repeated_after_the_swing_does_not_release_again(harness, stat
     assert harness.call(Trigger, interfaces.DISARM_HAMMER).success
     hammer_states.wait(lambda messages: messages[-1].message == "disarmed by the operator")
     assert [item.record for item in releases.messages] == [4]
+
+
+@pytest.fixture
+def struck(harness, states):
+    """Return a hammer that has struck record 4 and is back, and a recorder's word on records."""
+    harness.add(HammerNode, swing_time=0.01)
+    hammer_states = harness.listen(interfaces.HAMMER_STATE)
+    stored = harness.advertise(interfaces.RECORD_STORED)
+    make_ready(harness, states)
+    assert release(harness).success
+    hammer_states.wait(lambda messages: messages[-1].message == "back in the holder")
+    make_ready(harness, states, record=5, arm=False)
+    return stored
+
+
+def test_does_not_go_again_before_the_record_is_stored(harness, states, struck, monkeypatch):
+    monkeypatch.setattr("impact_rig.nodes.hammer.DISCOVERY_TIMEOUT", 0.1)
+    monkeypatch.setattr("impact_rig.nodes.hammer.READINESS_TIMEOUT", 0.1)
+    struck.publish(RecordStored(record=3))
+    answer = release(harness, record=5)
+    assert not answer.success
+    assert "has not said that record 4 is stored" in answer.message
+
+
+def test_waits_for_the_record_that_is_on_its_way_to_the_disk(harness, states, struck):
+    client = harness.peer.create_client(Release, interfaces.RELEASE_HAMMER)
+    harness.wait_until(client.service_is_ready)
+    answer = client.call_async(Release.Request(**{**HIT, "record": 5}))
+    # An answer to a later request would come after one to this one.
+    assert harness.call(Trigger, interfaces.ARM_HAMMER).success
+    assert not answer.done()
+    struck.publish(RecordStored(record=4))
+    assert harness.wait(answer).success
+
+
+def test_a_record_that_a_new_recording_cannot_store_any_more_is_not_waited_for(
+    harness, states, struck
+):
+    _, recorder = states
+    recorder.publish(RecorderState(recording=True, uri="b.mcap"))
+    answer = release(harness, record=5)
+    assert answer.success, answer.message
+    assert answer.recording == "b.mcap"
 
 
 def test_disarming_takes_the_enable_back(harness, states):

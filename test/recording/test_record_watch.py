@@ -73,10 +73,20 @@ def test_the_end_of_the_arming_after_the_last_block_says_nothing_new():
     assert len(watch.collect()) == 1
 
 
+def test_the_end_of_an_arming_may_be_told_after_the_next_record():
+    watch = RecordWatch()
+    add(watch, FIRST, 0)
+    watch.begin(2)
+    add(watch, SECOND, 0)
+    watch.end(1, "brass")
+    watch.end(2, "brass")
+    assert [count.blocks for count in watch.collect()] == [1, 1]
+
+
 def test_a_number_that_is_used_again_after_a_new_arming_is_another_record():
     watch = RecordWatch()
     add(watch, FIRST, 0)
-    watch.begin()
+    watch.begin(1)
     watch.end(1, "brass")
     assert [count.blocks for count in watch.collect()] == [1, 0]
 
