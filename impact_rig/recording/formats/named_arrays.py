@@ -35,7 +35,7 @@ class NamedArray:
     sampling_rate, unit, start
         As in `MeasuredChannel`.
     is_channel : bool
-        The file says so; False: found out by name and shape.
+        The file says so of numbers; False: found out by name and shape.
     """
 
     name: str
@@ -143,7 +143,6 @@ def _is_time(array: NamedArray) -> bool:
 
 
 def _is_channel(array: NamedArray) -> bool:
-    if array.is_channel:
-        return True
     values = array.values
-    return values.dtype.kind in "iuf" and 1 <= values.ndim <= DIMENSIONS and values.size > 1
+    is_large = 1 <= values.ndim <= DIMENSIONS and values.size > 1
+    return values.dtype.kind in "iuf" and (array.is_channel or is_large)
