@@ -23,7 +23,8 @@ def print_recovery(console: Console, recovery: Recovery) -> None:
     console.print(Text(f"{contents.path}: {'; '.join(contents.problems)}", style="bold"))
     console.print(Text(f"saved: {describe_hits(contents)}"))
     saved = f"{count(recovery.written, 'message')} in {recovery.output}"
-    console.print(Text(f"       {saved}", style="bold green"))
+    # A path in two pieces is of no use to anybody.
+    console.print(Text(f"       {saved}", style="bold green"), soft_wrap=True)
     unread = sum(file.unread for file in contents.files)
     if recovery.is_complete:
         console.print(Text("lost:  nothing that was in it"))

@@ -117,6 +117,8 @@ class HitWatch:
             if is_kept and data != rig.setup:
                 rig.setup, rig.campaign = data, rig.campaign + 1
             return
+        if type_name == STORED_TYPE and not message.blocks:
+            return  # an arming that ended without a hit
         label = label_from_msg(message)
         evidence = rig.hits.setdefault((rig.campaign, label), _Evidence(label))
         if not is_kept:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import mcap.reader
 import mcap.stream_reader
+import mcap.writer
 import pytest
 from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
@@ -448,6 +449,24 @@ def test_what_is_no_recording_is_named(tmp_path: Path, content: bytes, words: st
     damaged.write_bytes(content)
     with pytest.raises(FileError, match=words):
         recover(damaged)
+
+
+def test_a_chunk_that_swells_beyond_belief_is_left_out(tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged.mcap"
+    with damaged.open("wb") as file:
+        writer = mcap.writer.Writer(file)
+        writer.start("ros2", "somebody")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")
+        channel = writer.register_channel("/chatter", "cdr", schema)
+        writer.add_message(channel, 1, b"small", 1, 0)
+        writer.flush()
+        writer.add_message(channel, 2, bytes(70_000_000), 2, 1)
+        writer.finish()
+    assert damaged.stat().st_size < 10_000
+    recovery = recover(damaged)
+    assert [item.data for item in read_recovered(recovery)] == [b"small"]
+    assert recovery.contents.lost == 1
+    assert "larger than can be meant" in recovery.contents.problems[0]
 
 
 @pytest.mark.parametrize("seed", range(60))

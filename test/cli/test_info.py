@@ -1,0 +1,154 @@
+"""`impact-rig info`: what a recording holds, and whether it is sound, at a glance."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mcap.writer
+import pytest
+
+from impact_rig.recording.mcap_writer import McapWriter
+from impact_rig.recording.message_definitions import MessageDefinition
+from impact_rig.recording.qos_profiles import OfferedQos
+
+Run = Callable[..., Any]
+TEXT = MessageDefinition("std_msgs/msg/String", "string data\n", "")
+HELLO = b"\x00\x01\x00\x00\x06\x00\x00\x00hello\x00"
+
+
+def write_notes(path: Path, topic: str = "/chatter", **options: Any) -> Path:
+    """Write a recording without a rig: five texts and what a recorder adds."""
+    with McapWriter(path, **options) as writer:
+        channel = writer.add_channel(topic, TEXT, (OfferedQos(),))
+        for number in range(5):
+            time = 1_700_000_000_000_000_000 + number * 500_000_000
+            writer.add_message(channel, HELLO, time, time)
+        writer.add_metadata(
+            "impact_rig", {"software_version": "9.8.7", "libraries": '{"numpy": "2"}'}
+        )
+        writer.add_metadata("impact_rig/parameters", {"/hammer": "swing_time: 0.25\n"})
+        writer.add_metadata("impact_rig/health", {"reason": "disk full", "gaps": "0"})
+        for name in ("rig.toml", "../../escaped.toml", "/etc/passwd", "", "rig.toml"):
+            writer.add_attachment(name, "application/toml", f"[{name}]".encode())
+        writer.add_attachment("rig.toml", "application/toml", b"another")
+    return path
+
+
+def test_the_first_line_is_the_verdict(run: Run, campaign: Any) -> None:
+    outcome = run("info", campaign.path)
+    hits = sum(s.impacts_accepted + s.impacts_rejected for s in campaign.results.samples)
+    assert (outcome.exit_code, outcome.stderr) == (0, "")
+    assert outcome.stdout.splitlines()[0] == f"sound: 12 samples, {hits} hits without a verdict"
+    assert max(map(len, outcome.stdout.splitlines())) <= 80
+    for words in ("steel small", "/acceleration", "impact_rig_msgs/msg/RigSetup", "chunk"):
+        assert words in outcome.stdout
+
+
+def test_the_folder_of_a_run_means_its_recording(run: Run, campaign: Any) -> None:
+    assert run("info", campaign.path.parent, "--json").exit_code == 0
+
+
+def test_json_has_every_hit_and_topic(run: Run, campaign: Any) -> None:
+    content = json.loads(run("info", campaign.path, "--json").stdout)
+    assert content["sound"] is True
+    assert {hit["state"] for hit in content["hits"]} == {"saved"}
+    hits = sum(s.impacts_accepted + s.impacts_rejected for s in campaign.results.samples)
+    assert len(content["hits"]) == hits
+    counts = {topic["name"]: topic["messages"] for topic in content["topics"]}
+    assert counts["/virtual_impact"] == hits
+    assert content["interface_differences"] == []
+    assert content["files"][0]["closed"]
+    assert content["files"][0]["has_index"]
+
+
+def test_a_cut_off_recording_is_damaged_and_says_what_helps(
+    run: Run, campaign: Any, tmp_path: Path
+) -> None:
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(campaign.path.read_bytes()[:-200_000])
+    outcome = run("info", path)
+    assert outcome.exit_code == 1
+    text = " ".join(outcome.stdout.split())
+    assert text.startswith("damaged: it was never closed")
+    assert "impact-rig recover" in text
+    assert "last record is cut off" in text
+
+
+def test_recordings_of_other_systems_are_shown_topic_by_topic(run: Run, tmp_path: Path) -> None:
+    outcome = run("info", write_notes(tmp_path / "other.mcap", library="somebody else"))
+    assert outcome.exit_code == 0
+    assert outcome.stdout.splitlines()[0] == "sound: 5 messages, no hit"
+    assert "/chatter" in outcome.stdout
+    assert "2.0" in outcome.stdout
+
+
+def test_what_a_recorder_noted_is_shown(run: Run, tmp_path: Path) -> None:
+    path = write_notes(tmp_path / "notes.mcap", topic="/lab/note")
+    text = run("info", path, "--parameters").stdout
+    for words in ("impact_rig 9.8.7", "numpy 2", "disk full", "swing_time: 0.25", ": hello"):
+        assert words in text
+    notes = json.loads(run("info", path, "--json").stdout)["notes"]
+    assert [note["text"] for note in notes] == ["hello"] * 5
+
+
+def test_attachments_are_extracted_and_lead_nowhere_else(run: Run, tmp_path: Path) -> None:
+    path, folder = write_notes(tmp_path / "a.mcap"), tmp_path / "deep" / "er"
+    outcome = run("info", path, "--extract", folder)
+    assert outcome.exit_code == 0
+    files = {item.name: item.read_text() for item in folder.iterdir()}
+    assert files == {
+        "rig.toml": "[rig.toml]",
+        "rig.2.toml": "another",
+        "escaped.toml": "[../../escaped.toml]",
+        "passwd": "[/etc/passwd]",
+        "attachment": "[]",
+    }
+    assert {item.name for item in tmp_path.iterdir()} == {"a.mcap", "deep"}
+    again = run("info", path, "--extract", folder)
+    assert (again.exit_code, "exists already" in again.stderr) == (2, True)
+
+
+def test_one_bad_file_does_not_hide_the_others(run: Run, campaign: Any, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.mcap"
+    bad.write_bytes(b"\x00" * 1000)
+    outcome = run("info", bad, tmp_path / "none.mcap", campaign.path, "--json")
+    assert outcome.exit_code == 2
+    assert [line.partition(":")[0] for line in outcome.stderr.splitlines()] == ["error"] * 2
+    assert len(json.loads(outcome.stdout)) == 1
+
+
+def test_a_flipped_bit_that_no_reader_would_notice_is_found(
+    run: Run, campaign: Any, tmp_path: Path
+) -> None:
+    content = bytearray(campaign.path.read_bytes())
+    with campaign.path.open("rb") as file:
+        import mcap.reader
+
+        place = mcap.reader.make_reader(file).get_summary().chunk_indexes[0]
+    # A time in the index behind a chunk: nothing vouches for it, and readers believe it.
+    content[place.chunk_start_offset + place.chunk_length + 9 + 8] ^= 1
+    path = tmp_path / "flipped.mcap"
+    path.write_bytes(content)
+    outcome = run("info", path)
+    assert outcome.exit_code == 1
+    assert "the index of a chunk does not fit it" in " ".join(outcome.stdout.split())
+
+
+def test_a_recording_of_another_profile_is_refused(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "proto.mcap"
+    with path.open("wb") as file:
+        writer = mcap.writer.Writer(file)
+        writer.start("", "protobuf")
+        schema = writer.register_schema("Pose", "protobuf", b"\x0a")
+        writer.add_message(writer.register_channel("/pose", "protobuf", schema), 1, b"x", 1)
+        writer.finish()
+    outcome = run("info", path)
+    assert outcome.exit_code == 2
+    assert "profile ''" in outcome.stderr
+    assert len(outcome.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("command", ["info", "recover"])
+def test_the_exit_codes_are_explained(run: Run, command: str) -> None:
+    assert "Exit code" in run(command, "--help").stdout

@@ -1,0 +1,113 @@
+"""`impact-rig recover`: a damaged recording becomes a good one, and the loss is told."""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+
+from impact_rig.core.signals.record import Block
+from impact_rig.recording.mcap_reader import read_recording
+
+Run = Callable[..., Any]
+
+
+@pytest.fixture
+def damaged(campaign: Any, tmp_path: Path) -> Path:
+    """Return a campaign whose last 200 kB never reached the disk."""
+    path = tmp_path / "session.mcap"
+    path.write_bytes(campaign.path.read_bytes()[:-200_000])
+    return path
+
+
+def test_the_recovered_recording_lies_beside_and_can_be_read(run: Run, damaged: Path) -> None:
+    before = damaged.read_bytes()
+    outcome = run("recover", damaged)
+    assert (outcome.exit_code, outcome.stderr) == (1, "")
+    good = damaged.with_name("session.recovered.mcap")
+    assert f"{good.name}" in outcome.stdout
+    assert "lost:" in outcome.stdout
+    assert damaged.read_bytes() == before
+    assert sorted(path.name for path in damaged.parent.iterdir()) == [
+        "session.mcap",
+        "session.recovered.mcap",
+    ]
+    assert run("info", good).exit_code == 0
+    assert sum(isinstance(event, Block) for event in read_recording(good).events()) > 100
+    again = run("recover", good)
+    assert again.exit_code == 0
+    assert "nothing is wrong with it" in again.stdout
+    assert run("recover", damaged).exit_code == 2
+
+
+def test_without_its_index_nothing_is_lost(run: Run, campaign: Any, tmp_path: Path) -> None:
+    path, good = tmp_path / "a.mcap", tmp_path / "good" / "b.mcap"
+    path.write_bytes(campaign.path.read_bytes()[:-100])
+    outcome = run("recover", path, "-o", good)
+    assert outcome.exit_code == 0
+    assert "nothing that was in it" in outcome.stdout
+    with campaign.path.open("rb") as one, good.open("rb") as other:
+        for (_, _, then), (_, _, now) in zip(
+            make_reader(one).iter_messages(), make_reader(other).iter_messages(), strict=True
+        ):
+            assert then == now
+
+
+def test_json_tells_what_was_lost_by_topic_and_by_hit(run: Run, damaged: Path) -> None:
+    content = json.loads(run("recover", damaged, "--json").stdout)
+    assert content["complete"] is False
+    assert content["messages_written"] == content["found"]["messages"]
+    assert content["found"]["files"][0]["damages"][0]["size_bytes"] > 0
+    assert {hit["state"] for hit in content["found"]["hits"]} <= {"saved", "damaged", "lost"}
+    assert all("lost" in topic for topic in content["found"]["topics"])
+
+
+def test_several_are_recovered_one_by_one(run: Run, damaged: Path, campaign: Any) -> None:
+    other = damaged.with_name("other.mcap")
+    other.write_bytes(b"")
+    outcome = run("recover", damaged, other, campaign.path)
+    assert outcome.exit_code == 2
+    assert "is empty" in outcome.stderr
+    assert damaged.with_name("session.recovered.mcap").is_file()
+    refused = run("recover", damaged, campaign.path, "-o", "one.mcap")
+    assert (refused.exit_code, "--output" in refused.stderr) == (2, True)
+
+
+def test_unverified_messages_are_offered_and_kept_on_demand(run: Run, damaged: Path) -> None:
+    told = " ".join(run("recover", damaged).stdout.split())
+    kept = json.loads(
+        run(
+            "recover", damaged, "--keep-unverified", "-o", damaged.with_name("k.mcap"), "--json"
+        ).stdout
+    )
+    number = sum(len(numbers) for numbers in kept["unverified_kept"].values())
+    assert number == kept["found"]["messages_unverified"]
+    assert ("--keep-unverified" in told) == (number > 0)
+
+
+def test_a_file_that_may_not_be_read_is_one_sentence(
+    run: Run, damaged: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: Any, **__: Any) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    outcome = run("recover", damaged)
+    assert outcome.exit_code == 2
+    assert outcome.stderr == f"error: {damaged} cannot be read: Permission denied\n"
+
+
+def test_a_full_disk_leaves_nothing_behind(
+    run: Run, damaged: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", refuse)
+    outcome = run("recover", damaged)
+    assert outcome.exit_code == 2
+    assert "No space left on device" in outcome.stderr
+    assert list(damaged.parent.iterdir()) == [damaged]
