@@ -1,6 +1,7 @@
 """Recordings to measure with: campaigns of the virtual rig, with all that a recorder writes."""
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -44,16 +45,23 @@ def record_campaign(folder: Path, samples: Sequence[str], impacts: int) -> Path:
         words += ["--samples", sample]
     # In a ROS domain of its own, whatever the environment says: a bench strikes nobody's samples.
     environment = {key: value for key, value in os.environ.items() if key != "ROS_DOMAIN_ID"}
-    done = subprocess.run(
+    with subprocess.Popen(
         [sys.executable, "-m", "impact_rig.cli.main", *words],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
         env=environment,
-        check=False,
-    )
-    if done.returncode:
-        reason = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
+        start_new_session=True,
+    ) as process:
+        try:
+            _, errors = process.communicate()
+        except KeyboardInterrupt:
+            # It ends its nodes first: nobody writes into the folder any more.
+            process.send_signal(signal.SIGINT)
+            process.communicate()
+            raise
+    if process.returncode:
+        reason = errors.strip().splitlines()[-1:] or [f"exit code {process.returncode}"]
         raise RigError(f"no recording to measure with could be made: {reason[0]}")
     return folder / f"{RUN_NAME}{SUFFIX}"
 
