@@ -113,7 +113,8 @@ class McapWalk:
         if self._is_complete:
             return False
         self._file.seek(min(place, self._size))
-        while block := self._file.read(_BLOCK_SIZE):
+        # Who is still writing to the file may have gone on.
+        while block := self._file.read(min(_BLOCK_SIZE, self._size - self._file.tell())):
             if block.strip(b"\0"):
                 return False
         return True
