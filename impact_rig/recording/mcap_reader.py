@@ -156,7 +156,7 @@ class Recording:
                 f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has no field"
                 f" {error.name!r}: it was recorded with another version of the interfaces"
             ) from None
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             if isinstance(error, RigError):
                 raise FileError(f"{self.path}: {raw.channel.topic}: {error}") from None
             raise FileError(
