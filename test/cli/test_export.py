@@ -1,0 +1,223 @@
+"""`impact-rig export`: what other tools read is what the recording holds, bit by bit."""
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from impact_rig.core.signals.record import Block, FloatArray
+from impact_rig.devices.virtual.faults import FaultPlan, scheduled_fault_from_text
+from impact_rig.devices.virtual.rig import VirtualRigSettings
+from impact_rig.recording.formats.registry import WRITABLE, read_measurement
+from impact_rig.recording.mcap_reader import read_recording
+from impact_rig.reporting.results_file import format_json, results_to_json
+
+Run = Callable[..., Any]
+REAL_HITS = sorted((Path(__file__).parents[1] / "data" / "pyfrf_hammer").glob("*.npy"))
+
+
+@pytest.fixture(scope="module")
+def recorded(record: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Return a campaign of two samples with faulty hits among the good ones."""
+    path = tmp_path_factory.mktemp("export") / "session.mcap"
+    ordered = ("steel small/1:double_hit", "aluminium large/2:missed_trigger")
+    plan = FaultPlan(scheduled=tuple(map(scheduled_fault_from_text, ordered)))
+    settings = VirtualRigSettings(seed=7, faults=plan)
+    return record(path, settings, ("aluminium large", "steel small"), 2)
+
+
+def read_accelerations(path: Path) -> list[tuple[float, FloatArray, FloatArray]]:
+    """Return rate and both channels of each hit of a recording [m/s^2]."""
+    found = []
+    for block in read_recording(path).events():
+        if isinstance(block, Block):
+            hammer, specimen = (
+                channel.scale * channel.output.astype(np.float64) + channel.offset
+                for channel in (block.hammer, block.specimen)
+            )
+            found.append((block.sampling_rate, hammer, specimen))
+    return found
+
+
+@pytest.fixture(scope="module")
+def content(recorded: Any) -> Any:
+    """Return the results of the campaign as `analyze --json` prints them."""
+    return results_to_json(recorded.results)
+
+
+@pytest.mark.parametrize("suffix", sorted(WRITABLE))
+def test_import_export_import_keeps_every_value(run: Run, tmp_path: Path, suffix: str) -> None:
+    first, again = tmp_path / "first.mcap", tmp_path / "again.mcap"
+    units = ("--hammer-unit", "N", "--hammer-mass", "0.3", "--sample-unit", "g")
+    assert run("import", *REAL_HITS, "-o", first, "--cutoff", "off", *units).exit_code == 0
+    outcome = run(
+        "export", first, "-o", tmp_path / "hits", "--one-file-per-hit", "--format", suffix[1:],
+        "--what", "hits",
+    )  # fmt: skip
+    assert outcome.exit_code == 0, outcome.stderr
+    files = sorted((tmp_path / "hits").iterdir())
+    assert [file.suffix for file in files] == [suffix] * len(REAL_HITS)
+    outcome = run("import", *files, "-o", again, "--cutoff", "off")
+    assert (outcome.exit_code, outcome.stderr) == (0, "")  # units are stated in every format
+    pairs = zip(read_accelerations(first), read_accelerations(again), strict=True)
+    for (rate, *sent), (found_rate, *found) in pairs:
+        assert found_rate == rate
+        assert [values.tobytes() for values in found] == [values.tobytes() for values in sent]
+
+
+@pytest.mark.parametrize("suffix", sorted(set(WRITABLE) - {".csv"}))
+def test_one_file_holds_hits_and_means_under_names_that_tell(
+    run: Run, recorded: Any, tmp_path: Path, suffix: str
+) -> None:
+    output = tmp_path / f"session{suffix}"
+    outcome = run("export", recorded.path, "-o", output, "--accepted-only")
+    assert outcome.exit_code == 0, outcome.stderr
+    channels = {channel.name: channel for channel in read_measurement(output).channels}
+    names = {f"{sample}/{what} {body}" for body in ("hammer", "specimen")
+             for sample in ("aluminium large", "steel small") for what in ("mean",)}  # fmt: skip
+    assert len(channels) == 2 * 2 * (2 + 1)
+    if suffix not in (".mat", ".npz"):  # names of variables there are not free
+        assert names <= set(channels)
+    assert {channel.sampling_rate for channel in channels.values()} == {2.5e6}
+
+
+def test_the_means_are_those_that_the_results_were_estimated_from(
+    run: Run, recorded: Any, tmp_path: Path
+) -> None:
+    output = tmp_path / "means.csv"
+    words = ("--what", "means", "--samples", "steel small")
+    assert run("export", recorded.path, "-o", output, *words).exit_code == 0
+    hammer, specimen = read_measurement(output).channels
+    assert (hammer.name, hammer.unit) == ("steel small/mean hammer", "m/s^2")
+    (sample,) = (item for item in recorded.results.samples if item.name == "steel small")
+    assert np.abs(hammer.values).max() == sample.hammer_peak_m_per_s2
+    assert np.abs(specimen.values).max() == sample.specimen_peak_m_per_s2
+    # Time 0 is the middle of the pulse, near which its peak lies.
+    time = hammer.start + np.arange(hammer.values.size) / hammer.sampling_rate
+    assert abs(time[np.abs(hammer.values).argmax()]) < 0.1 * sample.contact_time_s
+
+
+def test_hits_are_exported_as_recorded_or_filtered(
+    run: Run, recorded: Any, tmp_path: Path
+) -> None:
+    raw, filtered = tmp_path / "raw.csv", tmp_path / "filtered.csv"
+    words = ("--accepted-only", "--samples", "steel small")
+    assert run("export", recorded.path, "-o", raw, *words).exit_code == 0
+    assert run("export", recorded.path, "-o", filtered, "--filtered", *words).exit_code == 0
+    before, after = (read_measurement(path).channels for path in (raw, filtered))
+    assert [channel.name for channel in before] == [channel.name for channel in after]
+    assert len(before) == 4
+    for one, other in zip(before, after, strict=True):
+        # The low-pass takes the steps of the converter away, not the pulse.
+        assert np.diff(other.values).std() < np.diff(one.values).std()
+        assert np.abs(other.values).max() == pytest.approx(np.abs(one.values).max(), rel=0.2)
+
+
+def test_single_hits_are_chosen_by_name(run: Run, recorded: Any, tmp_path: Path) -> None:
+    for number, words in enumerate((["1"], ["steel small/2", "1"])):
+        output = tmp_path / f"{number}.csv"
+        chosen = [word for name in words for word in ("--hits", name)]
+        assert run("export", recorded.path, "-o", output, *chosen).exit_code == 0
+        names = {channel.name for channel in read_measurement(output).channels}
+        assert len(names) == 2 * len(words)
+        assert "aluminium large/1.1 hammer" in names
+
+
+def test_rejected_hits_are_left_out_on_request(run: Run, recorded: Any, tmp_path: Path) -> None:
+    every, accepted = tmp_path / "every", tmp_path / "accepted"
+    split = ("--one-file-per-hit", "--format", "csv")
+    assert run("export", recorded.path, "-o", every, *split).exit_code == 0
+    assert run("export", recorded.path, "-o", accepted, *split, "--accepted-only").exit_code == 0
+    names = ("aluminium_large_1.1", "aluminium_large_2.2", "steel_small_1.2", "steel_small_2.1")
+    assert {path.stem for path in accepted.iterdir()} == set(names)
+    # A hit without a trigger has no traces.
+    assert {path.stem for path in every.iterdir()} == {*names, "steel_small_1.1"}
+
+
+def test_results_are_those_of_the_live_run(
+    run: Run, recorded: Any, content: Any, tmp_path: Path
+) -> None:
+    output = tmp_path / "results.json"
+    assert run("export", recorded.path, "-o", output).exit_code == 0
+    assert output.read_text("utf-8") == format_json(content)
+
+
+def test_results_in_columns_keep_every_digit(
+    run: Run, recorded: Any, content: Any, tmp_path: Path
+) -> None:
+    output = tmp_path / "results.csv"
+    assert run("export", recorded.path, "-o", output, "--what", "results").exit_code == 0
+    with output.open(newline="", encoding="utf-8") as file:
+        rows = {row["name"]: row for row in csv.DictReader(file)}
+    assert len(rows) == len(content["samples"]) == 2
+    for sample in content["samples"]:
+        row = rows[sample["name"]]
+        numbers = {key: value for key, value in sample.items() if isinstance(value, float)}
+        assert numbers
+        assert all(float(row[key]) == value for key, value in numbers.items())
+        decay = sample["free_decay"]["damping_ratio"]
+        assert row["free_decay_damping_ratio"] == ("" if decay is None else repr(decay))
+        assert float(row["hammer_stiffness_n_per_m"]) == content["hammer"]["stiffness_n_per_m"]
+
+
+def test_several_campaigns_are_told_apart(
+    run: Run, record: Callable[..., Any], tmp_path: Path
+) -> None:
+    path = tmp_path / "twice.mcap"
+    record(path, VirtualRigSettings(seed=1), ("steel small",), 1, campaigns=2)
+    assert run("export", path, "-o", tmp_path / "twice.csv").exit_code == 0
+    names = [channel.name for channel in read_measurement(tmp_path / "twice.csv").channels]
+    assert names[0] == "campaign 1/steel small/1.1 hammer"
+    assert names[2] == "campaign 2/steel small/1.1 hammer"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["-o", "x.xyz"], "traces are not written to .xyz"),
+        (["-o", "x.mat", "--what", "results"], "results are not written to .mat: choose one of"),
+        (["-o", "x.json", "--what", "hits"], "traces are not written to .json"),
+        (["-o", "x.csv", "--what", "hits,results"], "do not go into the same files"),
+        (["-o", "x.csv", "--what", "all"], "'all' is not one of hits, means, results"),
+        (["-o", "x", "--one-file-per-hit"], "needs --format"),
+        (["-o", "x.csv", "--format", "csv"], "--format is for --one-file-per-hit"),
+        (["-o", "x.csv", "--samples", "tin"], "there is no hit on 'tin'"),
+        (["-o", "x.csv", "--hits", "999"], "there is no hit '999'"),
+        (["-o", "x.csv", "--what", "hits,means"], "choose another format, or one file for each"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_meant_gets_one_sentence_and_leaves_nothing(
+    run: Run,
+    recorded: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    told: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    outcome = run("export", recorded.path, *words)
+    assert outcome.exit_code == 2
+    assert told in " ".join(outcome.stderr.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_overwritten(run: Run, recorded: Any, tmp_path: Path) -> None:
+    split = ("--one-file-per-hit", "--format", "csv", "--hits", "1")
+    for words in (
+        ["-o", tmp_path / "x.csv"],
+        ["-o", tmp_path / "r.json"],
+        ["-o", tmp_path, *split],
+    ):
+        assert run("export", recorded.path, *words).exit_code == 0
+        again = run("export", recorded.path, *words)
+        assert (again.exit_code, again.stdout) == (2, "")
+        assert "exists already" in again.stderr
+
+
+def test_what_is_no_recording_is_named(run: Run, tmp_path: Path) -> None:
+    outcome = run("export", tmp_path / "absent.mcap", "-o", tmp_path / "x.csv")
+    assert outcome.exit_code == 2
+    assert "absent.mcap" in outcome.stderr

@@ -1,0 +1,211 @@
+"""`impact-rig import`: files of other instruments become recordings that `analyze` takes."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from impact_rig.core.signals.record import Block
+from impact_rig.recording.mcap_reader import read_recording
+
+Run = Callable[..., Any]
+DATA = Path(__file__).parents[1] / "data"
+REAL_HITS = sorted((DATA / "pyfrf_hammer").glob("*.npy"))
+REAL_SHOCKS = sorted((DATA / "repeat_shock").glob("acc_base*.txt"))
+SLOW = ("--cutoff", "off")
+
+
+@pytest.fixture
+def save(tmp_path: Path) -> Callable[..., Path]:
+    """Return a function that saves rows of a versed-sine, sampled at 1 MHz, as a file."""
+
+    def write(name: str, contact_time: float = 200e-6, peak: float = 500.0) -> Path:
+        time = np.arange(2000) / 1e6
+        since = time - 300e-6
+        inside = (since > 0) & (since < contact_time)
+        hammer = np.where(inside, peak * np.sin(np.pi * since / contact_time) ** 2, 0.0)
+        path = tmp_path / name
+        if path.suffix == ".npy":
+            np.save(path, np.stack([time, hammer, 0.5 * hammer]))
+        else:
+            np.savetxt(
+                path, np.stack([time, hammer]).T, header="time [s], force [N]", delimiter=","
+            )
+        return path
+
+    return write
+
+
+def read_blocks(path: Path) -> list[Block]:
+    return [event for event in read_recording(path).events() if isinstance(event, Block)]
+
+
+def read_json(outcome: Any) -> Any:
+    assert outcome.exit_code == 0, outcome.stderr
+    return json.loads(outcome.stdout)
+
+
+@pytest.mark.parametrize(
+    ("files", "words"),
+    [
+        pytest.param(REAL_HITS, ["--hammer-unit", "N", "--hammer-mass", "0.3"], id="hammer"),
+        pytest.param(REAL_HITS, ["--hammer-mass=0.3", "--sample-mass=0.3", "--control"], id="k"),
+        pytest.param(REAL_SHOCKS, ["--columns", "time,hammer", "--hammer-unit", "g"], id="shock"),
+    ],
+)
+def test_real_hits_give_the_same_numbers_from_the_recording_as_from_their_files(
+    run: Run, tmp_path: Path, files: list[Path], words: list[str]
+) -> None:
+    output = tmp_path / "hits.mcap"
+    assert run("import", *files, "-o", output, *SLOW, *words).exit_code == 0
+    recorded = read_json(run("analyze", "--json", output))
+    direct = read_json(run("analyze", "--json", *SLOW, *words, *files))
+    assert direct["samples"][0]["impacts_accepted"] == len(files)
+    for results in (recorded, direct):  # direct ones name options that bring in what is missing
+        del results["samples"][0]["notes"]
+    assert recorded["samples"] == direct["samples"]
+    assert recorded["hammer"]["stiffness_n_per_m"] == direct["hammer"]["stiffness_n_per_m"]
+
+
+def test_a_files_number_is_its_hits_record(
+    run: Run, save: Callable[..., Path], tmp_path: Path
+) -> None:
+    files = [save("b.npy"), save("a.npy", 210e-6)]
+    output = tmp_path / "hits.mcap"
+    outcome = run("import", *files, "-o", output, "--sample", "brass", "--sample-unit", "g")
+    assert outcome.exit_code == 0
+    assert "2 of 2 files, hits on 'brass'" in outcome.stdout
+    assert "nobody states the unit of the hammer's channel" in outcome.stderr
+    assert "sample's" not in outcome.stderr
+    blocks = read_blocks(output)
+    assert [block.label.record for block in blocks] == [1, 2]
+    assert {block.label.sample for block in blocks} == {"brass"}
+    found = read_json(run("analyze", "--json", "--reject", "1", output))["samples"][0]
+    assert found["contact_time_s"] == pytest.approx(210e-6, rel=0.02)
+
+
+def test_a_force_becomes_acceleration_by_the_hammers_mass(
+    run: Run, save: Callable[..., Path], tmp_path: Path
+) -> None:
+    path, output = save("hit.csv"), tmp_path / "hits.mcap"
+    refused = run("import", path, "-o", output)
+    assert refused.exit_code == 2
+    assert "a channel in N needs the hammer's mass" in refused.stderr
+    assert not output.exists()
+    assert run("import", path, "-o", output, "--hammer-mass", "200 g").exit_code == 0
+    (sample,) = read_json(run("analyze", "--json", output))["samples"]
+    assert sample["hammer_peak_m_per_s2"] == pytest.approx(500.0 / 0.2, rel=0.05)
+
+
+def test_a_file_of_channels_holds_what_options_do_and_they_go_before_it(
+    run: Run, save: Callable[..., Path], tmp_path: Path
+) -> None:
+    path, bench = save("hit.npy"), tmp_path / "bench.toml"
+    bench.write_text(
+        """
+        sample = "brass"
+        columns = ["time", "specimen", "hammer"]
+        [hammer]
+        sensitivity = "10 mV/g"
+        full_scale = "10 V"
+        mass = "100 g"
+        [specimen]
+        unit = "g"
+        mass = "60 g"
+        [analysis]
+        cutoff_frequency = "0 Hz"
+        """
+    )
+    output = tmp_path / "hits.mcap"
+    outcome = run("import", path, "-o", output, "--channels", bench, "--sample-mass", "70 g")
+    assert (outcome.exit_code, outcome.stderr) == (0, "")
+    setup, (block,) = read_recording(output).setup, read_blocks(output)
+    assert setup.samples.find("brass").mass == pytest.approx(0.07)
+    assert (setup.hammer_mass, setup.analysis.cutoff_frequency) == (pytest.approx(0.1), 0.0)
+    assert block.hammer.scale == pytest.approx(980.665)
+    assert block.hammer.full_scale == pytest.approx(9806.65)
+    assert np.array_equal(block.hammer.output, np.load(path)[2])
+
+
+def test_the_template_is_printed_for_such_files(run: Run, tmp_path: Path) -> None:
+    outcome = run("import", "--template")
+    assert outcome.exit_code == 0
+    assert '[hammer]\nchannel = "Acceleration_0"' in outcome.stdout
+
+
+def test_the_window_can_be_given(run: Run, save: Callable[..., Path], tmp_path: Path) -> None:
+    output = tmp_path / "hits.mcap"
+    words = ("--pre-trigger", "100 us", "--record-duration", "1 ms")
+    assert run("import", save("hit.npy"), "-o", output, *words).exit_code == 0
+    analysis = read_recording(output).setup.analysis
+    assert (analysis.pre_trigger, analysis.record_duration) == pytest.approx((1e-4, 1e-3))
+    (sample,) = read_json(run("analyze", "--json", output))["samples"]
+    assert sample["contact_time_s"] == pytest.approx(200e-6, rel=0.02)
+
+
+def test_good_files_are_imported_whatever_the_others_are(
+    run: Run, save: Callable[..., Path], tmp_path: Path
+) -> None:
+    good = save("good.npy")
+    flat = save("flat.npy", peak=0.0)
+    (tmp_path / "damaged.npy").write_bytes(good.read_bytes()[:1000])
+    (tmp_path / "empty.csv").write_bytes(b"")
+    (tmp_path / "copy.npy").write_bytes(good.read_bytes())
+    files = [flat, "damaged.npy", "empty.csv", good, "copy.npy", "absent.npy", good]
+    output = tmp_path / "hits.mcap"
+    outcome = run("import", *(tmp_path / file for file in files), "-o", output)
+    assert outcome.exit_code == 2
+    assert "1 of 7 files" in outcome.stdout
+    told = [line for line in outcome.stderr.splitlines() if line.startswith("error: ")]
+    assert len(told) == 6
+    for name, why in (
+        ("flat.npy", "no pulse"),
+        ("damaged.npy", "no sound"),
+        ("empty.csv", "empty"),
+        ("copy.npy", "copy of"),
+        ("absent.npy", "there is no file"),
+        ("good.npy", "named twice"),
+    ):
+        assert any(name in line and why in line for line in told), name
+    assert len(read_blocks(output)) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--cutoff", "600 kHz"], "too low"),
+        (["--hammer", "force"], "no channel 'force': it has 1 'column 1'"),
+        (["--hammer-unit", "kg"], "unit 'kg' is unknown"),
+        (["--hammer-sensitivity", "10"], "'10': it must be a voltage per unit"),
+        (["--hammer-sensitivity", "10 mV/N"], "needs the hammer's mass"),
+        (["--hammer-full-scale", "many"], "'many': write it with a unit"),
+        (["--rate", "1 MHz"], "3 columns: give the role of each"),
+        (["--control"], "needs both masses"),
+        (["--channels", "none.toml"], "there is no file of channels none.toml"),
+        (["--record-duration", "1 us"], "must be shorter than the record"),
+    ],
+)
+def test_what_cannot_be_meant_gets_one_sentence_and_leaves_nothing(
+    run: Run, save: Callable[..., Path], tmp_path: Path, words: list[str], told: str
+) -> None:
+    outcome = run("import", save("hit.npy"), "-o", tmp_path / "hits.mcap", *words)
+    assert outcome.exit_code == 2
+    assert told in outcome.stderr
+    assert outcome.stdout == ""
+    assert not list(tmp_path.glob("*hits.mcap*"))
+
+
+def test_a_recording_is_never_overwritten(
+    run: Run, save: Callable[..., Path], tmp_path: Path
+) -> None:
+    output = tmp_path / "hits.mcap"
+    output.write_text("precious")
+    outcome = run("import", save("hit.npy"), "-o", output)
+    assert outcome.exit_code == 2
+    assert "hits.mcap exists already" in outcome.stderr
+    assert output.read_text() == "precious"
+    outcome = run("import", save("hit.npy"), "-o", tmp_path / "hits")
+    assert "give it the suffix .mcap" in outcome.stderr
