@@ -1,6 +1,7 @@
 """Campaigns of the virtual rig, recorded without running nodes, and a way to call commands."""
 
 import functools
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,6 +115,35 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> RecordedCampaign:
     folder = tmp_path_factory.mktemp("run")
     settings = VirtualRigSettings(seed=7, faults=FaultPlan(0.1))
     return record_campaigns(folder / "session.mcap", settings, PAPER_SETUP.samples.names, 3)
+
+
+@pytest.fixture(scope="session")
+def struck(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording of four samples, three hits each, the last one rejected: no estimates.
+
+    Each hit is a chunk of its own, as the recorder writes it.
+    """
+    from impact_rig_msgs.msg import HammerRelease, Impact, RecordStored
+
+    from impact_rig.nodes import messages
+
+    path = tmp_path_factory.mktemp("struck") / "session.mcap"
+    recorder, rig = _Recorder(path), VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=5))
+    stamp = messages.stamp_to_msg(1_700_000_000_000_000_000)
+    recorder.add("/setup", messages.setup_to_msg(PAPER_SETUP, stamp))
+    names = PAPER_SETUP.samples.names[:4]
+    for record, (name, impact) in enumerate(itertools.product(names, (1, 2, 3)), start=1):
+        label = {"record": record, "sample": name, "impact": impact, "attempt": 1}
+        recorder.add("/release", HammerRelease(**label))
+        blocks = rig.strike(HitLabel(**label)).split(1000, 0)
+        for block in blocks:
+            recorder.add("/acceleration", messages.block_to_msg(block))
+        recorder.add("/recorder/stored", RecordStored(blocks=len(blocks), **label))
+        reasons = ["weak: 3 % of full scale"] if impact == 3 else []
+        recorder.add("/impact", Impact(accepted=not reasons, reasons=reasons, **label))
+        recorder.writer.flush()
+    recorder.writer.close()
+    return path
 
 
 @pytest.fixture(scope="session")
