@@ -20,6 +20,7 @@ from impact_rig.cli.contents_report import (
 )
 from impact_rig.core.hits.overrule import describe_label
 from impact_rig.recording.contents import RECOVERY_RECORD, Contents
+from impact_rig.recording.origin import ORIGIN_RECORD
 from impact_rig.recording.recorded_hits import HitState, RecordedHit
 from impact_rig.reporting.numbers import MISSING, format_number
 from impact_rig.reporting.terminal import Column, make_optional, print_table
@@ -104,13 +105,21 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
     facts = [("recording", _describe_files(contents))]
     if contents.messages:
         facts.append(("when", _describe_time(contents)))
-    rigs = dict.fromkeys(str(getattr(setup, "name", "")) for setup in contents.setups)
-    campaigns = {(hit.rig, hit.campaign) for hit in contents.hits}
-    if campaigns:
+    if campaigns := {(hit.rig, hit.campaign) for hit in contents.hits}:
+        rigs = dict.fromkeys(str(getattr(setup, "name", "")) for setup in contents.setups)
         named = ", ".join(name for name in rigs if name)
-        where = f" on {named}" if named else ""
-        facts.append(("campaigns", f"{len(campaigns)}{where}"))
+        facts.append(("campaigns", f"{len(campaigns)}{f' on {named}' if named else ''}"))
     facts.append(("losses", _describe_losses(contents)))
+    if recovery := find_fields(contents, RECOVERY_RECORD):
+        facts.append(("recovery", describe_recovery(recovery)))
+    if reason := find_health(contents).get("reason"):
+        facts.append(("ended", reason))
+    return facts + _list_origins(contents) + _list_additions(contents)
+
+
+def _list_origins(contents: Contents) -> list[tuple[str, str]]:
+    """Return with what it was recorded, and whether that is understood here."""
+    facts = []
     if versions := find_versions(contents):
         facts.append(("versions", ", ".join(f"{name} {text}" for name, text in versions.items())))
     differences = find_interface_differences(contents)
@@ -120,22 +129,22 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
         facts += [("interfaces", text) for text in differences]
     elif contents.hits:
         facts.append(("interfaces", "as installed"))
-    if reason := find_health(contents).get("reason"):
-        facts.append(("ended", reason))
-    if recovery := find_fields(contents, RECOVERY_RECORD):
-        facts.append(("recovery", describe_recovery(recovery)))
+    return facts
+
+
+def _list_additions(contents: Contents) -> list[tuple[str, str]]:
+    """Return what is in it beside the messages, and what operators had to say."""
+    facts = []
     if parameters := find_parameters(contents):
         number = sum(len(text.splitlines()) for text in parameters.values())
         facts.append(("parameters", f"{number} of {len(parameters)} nodes (--parameters)"))
     facts += [
-        (
-            "attachment",
-            f"{item.name}, {item.media_type}, {item.size} byte (--extract FOLDER)",
-        )
+        ("attachment", f"{item.name}, {item.media_type}, {item.size} byte (--extract FOLDER)")
         for item in contents.attachments
     ]
-    facts += [("note", f"{_format_time(note.time)}: {note.text}") for note in contents.notes]
-    return facts
+    if notes := find_fields(contents, ORIGIN_RECORD).get("notes"):
+        facts.append(("notes", notes))
+    return facts + [("note", f"{_format_time(note.time)}: {note.text}") for note in contents.notes]
 
 
 def _describe_files(contents: Contents) -> str:

@@ -25,7 +25,8 @@ def write_notes(path: Path, topic: str = "/chatter", **options: Any) -> Path:
             time = 1_700_000_000_000_000_000 + number * 500_000_000
             writer.add_message(channel, HELLO, time, time)
         writer.add_metadata(
-            "impact_rig", {"software_version": "9.8.7", "libraries": '{"numpy": "2"}'}
+            "impact_rig",
+            {"software_version": "9.8.7", "notes": "dusty", "libraries": '{"numpy": "2"}'},
         )
         writer.add_metadata("impact_rig/parameters", {"/hammer": "swing_time: 0.25\n"})
         writer.add_metadata("impact_rig/health", {"reason": "disk full", "gaps": "0"})
@@ -85,7 +86,14 @@ def test_recordings_of_other_systems_are_shown_topic_by_topic(run: Run, tmp_path
 def test_what_a_recorder_noted_is_shown(run: Run, tmp_path: Path) -> None:
     path = write_notes(tmp_path / "notes.mcap", topic="/lab/note")
     text = run("info", path, "--parameters").stdout
-    for words in ("impact_rig 9.8.7", "numpy 2", "disk full", "swing_time: 0.25", ": hello"):
+    for words in (
+        "impact_rig 9.8.7",
+        "numpy 2",
+        "disk full",
+        "swing_time: 0.25",
+        ": hello",
+        "dusty",
+    ):
         assert words in text
     notes = json.loads(run("info", path, "--json").stdout)["notes"]
     assert [note["text"] for note in notes] == ["hello"] * 5
