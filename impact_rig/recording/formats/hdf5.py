@@ -24,6 +24,8 @@ from impact_rig.recording.formats.unique_names import make_unique
 UNIT_NAMES = {"unit", "units", "unit string"}
 START_NAMES = {"start", "start s", "t0", "x0"}
 """Names of attributes, in small letters, underscores as blanks."""
+FAMILIES = (RATE_NAMES | STEP_NAMES, UNIT_NAMES, START_NAMES)
+"""Names that say the same."""
 NAME = "name"
 """Ours: a name may have slashes, which part groups here."""
 MATLAB_CLASS = "MATLAB_class"
@@ -59,7 +61,7 @@ def _read_group(
     """Yield the arrays of a group and of those in it; links to other files are left alone."""
     import h5py
 
-    stated = stated | _read_attributes(group)
+    stated = _inherit(stated, group)
     for key in group:
         if not isinstance(group.get(key, getlink=True), h5py.HardLink) or key == "#refs#":
             continue
@@ -71,7 +73,7 @@ def _read_group(
         if isinstance(item, h5py.Group):
             yield from _read_group(path, item, stated, visited)
         elif isinstance(item, h5py.Dataset) and _is_readable(item):
-            yield _read_array(path, item, stated | _read_attributes(item))
+            yield _read_array(path, item, _inherit(stated, item))
 
 
 def _is_readable(item: Any) -> bool:
@@ -105,15 +107,18 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
     )
 
 
-def _read_attributes(item: Any) -> dict[str, Any]:
-    """Return the attributes that say something of a trace, by their clean names."""
-    known = RATE_NAMES | STEP_NAMES | UNIT_NAMES | START_NAMES
-    names = [name for name in item.attrs if clean_name(name) in known]
-    attributes = {clean_name(name): item.attrs[name] for name in names}
-    return {
-        name: value.decode("utf-8", "replace") if isinstance(value, bytes) else value
-        for name, value in attributes.items()
+def _inherit(stated: dict[str, Any], item: Any) -> dict[str, Any]:
+    """Return what is stated around an item, as far as its own attributes do not say otherwise."""
+    known: set[str] = set().union(*FAMILIES)
+    own = {
+        clean_name(name): value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+        for name, value in item.attrs.items()
+        if clean_name(name) in known
     }
+    for family in FAMILIES:
+        if family & own.keys():
+            stated = {name: value for name, value in stated.items() if name not in family}
+    return stated | own
 
 
 def _find_number(stated: dict[str, Any], names: set[str], default: float = math.nan) -> float:

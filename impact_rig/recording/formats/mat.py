@@ -1,5 +1,6 @@
 """MATLAB's files: by scipy, and since MATLAB 7.3 by h5py."""
 
+import json
 import math
 import re
 from pathlib import Path
@@ -8,20 +9,16 @@ from typing import Any
 import numpy as np
 
 from impact_rig.recording.formats.hdf5 import read_hdf5
+from impact_rig.recording.formats.mat_elements import list_variables
 from impact_rig.recording.formats.measurement import Measurement
 from impact_rig.recording.formats.named_arrays import NamedArray, make_measurement
-from impact_rig.recording.formats.soundness import LARGEST_PACKING, check_claim
 from impact_rig.recording.formats.unique_names import make_unique
 
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 HDF5_BLOCK = 512
 """Where HDF5 begins in MATLAB's files [byte]: after words for people."""
-LARGEST_NUMBER = 8
-"""Size of a float64 [byte]."""
 CHANNELS = "channels"
-"""Ours: names, units, rates and starts of all variables, as one struct array."""
-FIELDS = ("variable", "name", "unit", "sampling_rate", "start")
-"""Of the struct array."""
+"""Ours: names, units, rates and starts of all variables, as JSON."""
 NAME_LETTERS = 27
 """Longest name of a variable: of the 31 that every MATLAB reads some are left for a number."""
 
@@ -43,11 +40,11 @@ def read_mat(path: Path) -> Measurement:
     if HDF5_MARK in (beginning[: len(HDF5_MARK)], beginning[HDF5_BLOCK:]):
         return read_hdf5(path)
 
-    from scipy.io import loadmat, whosmat
+    from scipy.io import loadmat
 
-    for name, shape, _ in whosmat(path, appendmat=False):
-        check_claim(path, name, LARGEST_NUMBER * math.prod(shape), LARGEST_PACKING)
-    variables = loadmat(path, appendmat=False)
+    # Version 4 has no header: it begins with a number below 5000, a byte of zero in it.
+    names = None if 0 in beginning[:4] else list_variables(path)
+    variables = loadmat(path, appendmat=False, variable_names=names)
     stated = _read_stated(variables)
     return make_measurement(
         path,
@@ -61,20 +58,24 @@ def read_mat(path: Path) -> Measurement:
 
 def _read_stated(variables: dict[str, Any]) -> dict[str, NamedArray]:
     """Return the channels that the file describes in our way, by the names of their variables."""
-    table = variables.get(CHANNELS)
-    if not isinstance(table, np.ndarray) or table.dtype.names != FIELDS:
+    text = variables.get(CHANNELS)
+    if not isinstance(text, np.ndarray) or text.dtype.kind != "U" or text.size != 1:
         return {}
-    stated = {}
-    for row in table.ravel():
-        variable, name, unit = ("".join(row[field].tolist()) for field in FIELDS[:3])
-        rate, start = (float(row[field].item()) for field in FIELDS[3:])
-        values = variables[variable].ravel()
-        stated[variable] = NamedArray(name, values, rate, unit, start, is_channel=True)
-    return stated
+    return {
+        row["variable"]: NamedArray(
+            name=row["name"],
+            values=variables[row["variable"]].ravel(),
+            sampling_rate=row["sampling_rate"] or math.nan,
+            unit=row["unit"],
+            start=row["start"],
+            is_channel=True,
+        )
+        for row in json.loads(text.item())
+    }
 
 
 def write_mat(path: Path, measurement: Measurement) -> None:
-    """Write each channel as a variable, and what is known of them as a struct array.
+    """Write each channel as a variable, and what is known of them as JSON.
 
     Parameters
     ----------
@@ -82,23 +83,26 @@ def write_mat(path: Path, measurement: Measurement) -> None:
         Of the new file.
     measurement : Measurement
         What to write. The names of variables are made of the channels' by letters that MATLAB
-        allows; the struct array `channels` has the names themselves.
+        allows; the text `channels` has the names themselves: see MATLAB's `jsondecode`.
     """
     from scipy.io import savemat
 
     channels = measurement.channels
     names = make_unique([CHANNELS, *(channel.name for channel in channels)], _clean, "_{}")[1:]
-    table = np.array(
-        [
-            (variable, channel.name, channel.unit, channel.sampling_rate, channel.start)
-            for variable, channel in zip(names, channels, strict=True)
-        ],
-        dtype=[(field, object) for field in FIELDS],
-    )
+    table = [
+        {
+            "variable": variable,
+            "name": channel.name,
+            "unit": channel.unit,
+            "sampling_rate": None if math.isnan(channel.sampling_rate) else channel.sampling_rate,
+            "start": channel.start,
+        }
+        for variable, channel in zip(names, channels, strict=True)
+    ]
     variables = {
         name: channel.values[:, np.newaxis] for name, channel in zip(names, channels, strict=True)
     }
-    savemat(path, {CHANNELS: table, **variables}, appendmat=False)
+    savemat(path, {CHANNELS: json.dumps(table), **variables}, appendmat=False)
 
 
 def _clean(name: str) -> str:

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
-from impact_rig.core.errors import FileError, RigError
+from impact_rig.core.errors import FileError, ParameterError, RigError
 
 LARGEST_PACKING = 1032
 """How many times its packed size data may have: the limit of DEFLATE, which packs them all."""
@@ -35,6 +35,8 @@ def blame_file(path: Path) -> Iterator[None]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
+    except ParameterError as error:  # of a channel: it does not know its file
+        raise FileError(f"{path}: {error}") from None
     except (RigError, ImportError):
         raise
     except Exception as error:  # noqa: BLE001 - damaged files break libraries in every way there is

@@ -1,5 +1,6 @@
 """National Instruments' TDMS, by npTDMS."""
 
+import logging
 import math
 import struct
 from pathlib import Path
@@ -44,6 +45,7 @@ def read_tdms(path: Path) -> Measurement:
     """
     from nptdms import TdmsFile
 
+    logging.getLogger("nptdms").setLevel(logging.ERROR)  # what matters of it is checked here
     _check_segments(path)
     # As an open file: an index beside it may be of another one.
     with path.open("rb") as file, TdmsFile.open(file) as tdms:

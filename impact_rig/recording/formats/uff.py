@@ -27,6 +27,9 @@ REAL_TYPES = (2, 4)
 NONE = "NONE"
 """What stands for text that is not there."""
 
+END = re.compile(rb" -1[\s\x1a]*\Z")
+END_LETTERS = 200
+"""Where the end of the last data set is looked for, our choice: blanks may follow it."""
 STEP_DIGITS = (5, 6)
 """Digits of the step, as Fortran and as C write E13.5."""
 NAME_LETTERS = 80
@@ -55,6 +58,8 @@ def read_uff(path: Path) -> Measurement:
     types = [int(number) for number in file.get_set_types()]
     if not types:
         raise FileError(f"{path} is no universal file: it has no data set between lines of -1")
+    if END.search(path.read_bytes()[-END_LETTERS:]) is None:
+        raise FileError(f"{path} is cut off: its last data set has no end")
     channels: list[MeasuredChannel] = []
     others: list[str] = []
     for index, kind in enumerate(types):
