@@ -25,9 +25,9 @@ PATIENCE = 20.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""
 
 
-def wait_until(condition: Callable[[], bool]) -> None:
+def wait_until(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
     """Wait for what sends no event (the ROS graph), looking often."""
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + patience
     pause = threading.Event()
     while not condition():
         assert time.monotonic() < deadline, "it never came true"
