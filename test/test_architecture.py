@@ -42,13 +42,16 @@ WRAPPED_BY = {
     "click": {"cli"},
     "dask": {"cli"},
     "distributed": {"cli"},
+    "h5py": {"recording"},
     "honcho": {"cli"},
     "lz4": {"recording"},
     "matplotlib": {"study"},
     "mcap": {"bench", "recording"},
+    "nptdms": {"recording"},
     "pint": {"configuration"},
     "psutil": {"bench"},
     "pyarrow": {"visualization"},
+    "pyuff": {"recording"},
     "rerun": {"visualization"},
     "rich": {"reporting", "cli"},
     "rosbags": {"recording"},
@@ -56,7 +59,7 @@ WRAPPED_BY = {
     "zstandard": {"recording"},
 }
 """Which package wraps a library."""
-IMPORTED_WHEN_USED = {"matplotlib", "pint", "pyarrow", "rerun"}
+IMPORTED_WHEN_USED = {"h5py", "matplotlib", "nptdms", "pint", "pyarrow", "pyuff", "rerun"}
 
 ALLOWED_AT_THE_TOP = {
     ".ci", ".github", ".gitignore", "CHANGELOG.md", "LICENSE", "README.md", "impact_rig",

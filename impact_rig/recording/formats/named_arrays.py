@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from impact_rig.core.errors import FileError
 from impact_rig.recording.formats.measurement import MeasuredChannel, Measurement, keep_values
 from impact_rig.recording.formats.sampling import find_round_rate
-from impact_rig.recording.time_column import find_sampling_rate
+from impact_rig.recording.time_column import TIME_UNITS, find_sampling_rate
 
 TIME_NAMES = {"t", "time", "time s", "times", "x value"}
 RATE_NAMES = {"fs", "rate", "sampling rate", "sampling rate hz", "sample rate", "samplerate"}
@@ -71,11 +71,11 @@ def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
         If time does not run in even steps.
     """
     rate = _find_stated_rate(arrays)
-    times = [array for array in arrays if _is_time(array)]
+    clocks = [array for array in arrays if _is_time(array)]
     channels: list[MeasuredChannel] = []
     for array in arrays:
         if _is_channel(array) and not _is_time(array):
-            channels += _make_channels(path, array, times, rate)
+            channels += _make_channels(path, array, clocks, rate)
     if channels:
         return Measurement(path, tuple(channels))
     found = ", ".join(f"{a.name} ({a.values.dtype}, {a.values.shape})" for a in arrays[:5])
@@ -96,16 +96,17 @@ def clean_name(name: str) -> str:
 
 
 def _make_channels(
-    path: Path, array: NamedArray, times: Sequence[NamedArray], rate: float
+    path: Path, array: NamedArray, clocks: Sequence[NamedArray], rate: float
 ) -> list[MeasuredChannel]:
     columns = split_columns(array.values)
     sampling_rate, start = array.sampling_rate, array.start
     if math.isnan(sampling_rate) and not array.is_channel:
         sampling_rate = rate
-        time = next((time for time in times if time.values.size == columns[0].size), None)
+        time = next((clock for clock in clocks if clock.values.size == columns[0].size), None)
         if time is not None:
-            seconds = np.asarray(time.values, dtype=np.float64).ravel()
-            sampling_rate, start = find_sampling_rate(path, seconds), float(seconds[0])
+            times = np.asarray(time.values, dtype=np.float64).ravel()
+            sampling_rate = find_sampling_rate(path, times, time.unit)
+            start = TIME_UNITS[time.unit.strip()] * float(times[0])
     return [
         MeasuredChannel(
             name=array.name if len(columns) == 1 else f"{array.name} {number}",

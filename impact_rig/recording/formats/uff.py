@@ -11,7 +11,7 @@ from impact_rig.core.errors import FileError
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.recording.formats.measurement import MeasuredChannel, Measurement
 from impact_rig.recording.formats.sampling import find_round_rate, find_rounding
-from impact_rig.recording.time_column import find_sampling_rate
+from impact_rig.recording.time_column import TIME_UNITS, find_sampling_rate
 
 TIME_RESPONSE = 1
 """Function type of a trace over time."""
@@ -111,13 +111,15 @@ def _find_clock(path: Path, function: dict[str, Any], points: int) -> tuple[floa
     stated = STATED.match(str(function["id5"]))
     if stated is not None:
         return float(stated[1]), float(stated[2])
+    scale = TIME_UNITS.get(str(function["abscissa_axis_units_lab"]).strip(), 1.0)
     if function["abscissa_spacing"] == 0:
-        times: FloatArray = np.asarray(function["x"], dtype=np.float64)[:points]
+        times: FloatArray = scale * np.asarray(function["x"], dtype=np.float64)[:points]
         return find_sampling_rate(path, times), float(times[0])
     step = float(function["abscissa_inc"])
     digits = next((n for n in STEP_DIGITS if float(f"{step:.{n - 1}e}") == step), None)
     error = find_rounding(step, digits) if digits and step > 0 else 0.0
-    return find_round_rate(step, error), float(function["abscissa_min"])
+    start = scale * float(function["abscissa_min"])
+    return find_round_rate(scale * step, scale * error), start
 
 
 def write_uff(path: Path, measurement: Measurement) -> None:

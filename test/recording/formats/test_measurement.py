@@ -1,0 +1,51 @@
+"""A channel keeps its file's numbers, and refuses what cannot be meant."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.recording.formats.measurement import MeasuredChannel, Measurement
+
+
+def test_nobody_can_change_the_numbers_of_a_channel():
+    values = np.array([1.0, 2.0])
+    channel = MeasuredChannel("a", values)
+    values[0] = 5.0
+    assert channel.values.tolist() == [1.0, 2.0]
+    with pytest.raises(ValueError, match="read-only"):
+        channel.values[0] = 5.0
+
+
+def test_what_a_file_does_not_state_is_not_made_up():
+    channel = MeasuredChannel("a", np.zeros(2))
+    assert math.isnan(channel.sampling_rate)
+    assert (channel.unit, channel.start) == ("", 0.0)
+
+
+@pytest.mark.parametrize("unit", ["m/s^2", "m/s²", "m/s2", "m/s**2", " m/s^2 "])
+def test_units_are_spelled_in_one_way(unit):
+    assert MeasuredChannel("a", np.zeros(2), unit=unit).unit == "m/s^2"
+
+
+@pytest.mark.parametrize(
+    ("values", "rate", "start", "told"),
+    [
+        (np.zeros((2, 2)), 1.0, 0.0, "shape"),
+        (np.zeros(2, np.float32), 1.0, 0.0, "float32"),
+        (np.zeros(2), 0.0, 0.0, "sampling rate is 0.0 Hz"),
+        (np.zeros(2), -1.0, 0.0, "sampling rate is -1.0 Hz"),
+        (np.zeros(2), math.inf, 0.0, "sampling rate is inf Hz"),
+        (np.zeros(2), 1.0, math.nan, "starts at nan s"),
+    ],
+)
+def test_what_is_no_channel_is_refused(values, rate, start, told):
+    with pytest.raises(ParameterError, match=rf"channel 'a'.*{told}"):
+        MeasuredChannel("a", values, rate, "", start)
+
+
+def test_a_measurement_of_nothing_is_refused():
+    with pytest.raises(FileError, match=r"hit\.tdms holds no channel"):
+        Measurement(Path("hit.tdms"), ())
