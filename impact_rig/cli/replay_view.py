@@ -103,6 +103,8 @@ def play(parameters: Mapping[str, Any], namespace: str, *, by_steps: bool) -> No
         for warning in host.open().warnings:
             click.echo(f"warning: {warning}", err=True)
         host.spin(DISCOVERY_TIME)
+        if parameters["required_subscribers"]:
+            click.echo(f"waiting for {parameters['required_subscribers']}", err=True)
         asker = _Asker(host.replayer) if by_steps else None
 
         def follow() -> bool:

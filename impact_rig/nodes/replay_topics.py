@@ -1,7 +1,7 @@
 """Which of a recording's topics are published again, and in which form."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -128,13 +128,14 @@ def _make_topic(channel: Channel, name: str, known: interfaces.Topic | None) -> 
     installed = find_message_definition(channel.type_name).text
     is_same = is_same_definition(installed, channel.schema)
     offers = parse_offered_qos(channel.metadata.get("offered_qos_profiles", ""))
-    if not offers and known is not None:
-        # A recording of other tools: who listens wants what the rig's own nodes offer.
-        offers = (describe_qos(known.qos),)
+    if known is not None:
+        # Who listens wants what the rig's own nodes offer, whatever another recorder noted.
+        depth = max((offer.depth for offer in offers), default=0)
+        offers = (replace(describe_qos(known.qos), depth=max(depth, known.qos.depth)),)
     return ReplayTopic(
         channel=channel,
         name=known.name if known else name,
         type=kind,
-        qos=make_qos(choose_qos(offers), known.qos.depth if known else DEFAULT_DEPTH),
+        qos=make_qos(choose_qos(offers), 1 if known else DEFAULT_DEPTH),
         converter=None if is_same else InterfaceConverter(channel, installed),
     )

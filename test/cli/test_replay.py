@@ -1,0 +1,180 @@
+"""`impact-rig replay`: as a player, hit by hit, and through a fresh estimator."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from domain_coordinator import domain_id
+
+from impact_rig.core.setup.paper import CONTROL_SAMPLE
+from impact_rig.devices.virtual.faults import FaultPlan
+from impact_rig.devices.virtual.rig import VirtualRigSettings
+from impact_rig.reporting.results_file import format_json, results_to_json
+
+from .conftest import record_campaigns
+
+PATIENCE = 60.0
+"""How long a replay may take before the test fails [s]."""
+SAMPLES = [CONTROL_SAMPLE, "steel small"]
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Return a recording with faults, and what the live run found."""
+    settings = VirtualRigSettings(seed=7, faults=FaultPlan(0.2))
+    path = tmp_path_factory.mktemp("recording") / "session.mcap"
+    return record_campaigns(path, settings, SAMPLES, 2)
+
+
+@pytest.fixture
+def quiet_ros(monkeypatch):
+    """Keep ROS on this host."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
+
+
+@pytest.fixture
+def start():
+    """Return a function that starts a replay in a ROS domain of its own."""
+    processes = []
+    with domain_id() as number:
+
+        def begin(*arguments):
+            processes.append(
+                subprocess.Popen(
+                    [sys.executable, "-m", "impact_rig.cli.main", "replay", *map(str, arguments)],
+                    env={**os.environ, "ROS_DOMAIN_ID": str(number)},
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                    text=True,
+                )
+            )
+            return processes[-1]
+
+        yield begin
+        for process in processes:
+            process.kill()
+            process.communicate(timeout=PATIENCE)
+
+
+def test_a_fresh_estimator_gives_the_live_runs_results_byte_for_byte(
+    run, quiet_ros, recorded, tmp_path
+):
+    live = format_json(results_to_json(recorded.results))
+    replayed = run("replay", recorded.path, "--estimate", "--json", "--output", tmp_path / "out")
+    assert replayed.exit_code == 0, replayed.stderr
+    assert replayed.stdout == live
+    assert (tmp_path / "out" / "results.json").read_text("utf-8") == live
+    assert any(json.loads(live)["rejections"]), "some hits should be bad"
+    assert run("analyze", recorded.path, "--json").stdout == live
+
+
+def test_several_campaigns_are_estimated_one_by_one_as_the_analysis_does(run, quiet_ros, tmp_path):
+    recorded = record_campaigns(
+        tmp_path / "two.mcap", VirtualRigSettings(), SAMPLES, 2, campaigns=2
+    )
+    replayed = run("replay", recorded.path, "--estimate", "--json", "--output", tmp_path / "out")
+    assert replayed.exit_code == 0, replayed.stderr
+    assert len(json.loads(replayed.stdout)) == 2
+    assert replayed.stdout == run("analyze", recorded.path, "--json").stdout
+    # What the live run left is that of its last campaign.
+    assert (
+        json.loads((tmp_path / "out" / "results.json").read_text("utf-8"))
+        == json.loads(replayed.stdout)[-1]
+    )
+
+
+def test_the_tables_are_those_of_the_analysis(run, quiet_ros, recorded):
+    replayed = run("replay", recorded.path, "--estimate")
+    assert replayed.exit_code == 0, replayed.stderr
+    assert replayed.stdout == run("analyze", recorded.path).stdout
+
+
+def test_chosen_hits_alone_are_estimated(run, quiet_ros, recorded):
+    replayed = run("replay", recorded.path, "--estimate", "--json", "--samples", "steel small")
+    assert replayed.exit_code == 0, replayed.stderr
+    (sample,) = json.loads(replayed.stdout)["samples"]
+    assert (sample["name"], sample["impacts_accepted"]) == ("steel small", 2)
+
+
+def test_a_player_needs_nobody_and_ends_with_the_recording(start, recorded):
+    process = start(recorded.path, "--rate", "max", "--all-topics", "--loop", "2", "--clock", "50")
+    output, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, errors
+    assert errors.endswith("messages replayed\n")
+    assert output == ""
+
+
+def read_until(stream, text):
+    for line in stream:
+        if text in line:
+            return
+    raise AssertionError(f"{text!r} never came")
+
+
+def test_enter_gives_the_next_hit_and_q_ends(start, recorded):
+    process = start(recorded.path, "--step", "--rate", "0.001")
+    for record in (1, 2):
+        read_until(process.stderr, "Enter: the next hit")
+        process.stdin.write("\n")
+        process.stdin.flush()
+        read_until(process.stderr, f"record {record} replayed")
+    _, errors = process.communicate("q\n", timeout=PATIENCE)
+    assert process.returncode == 0
+    assert "Traceback" not in errors
+
+
+@pytest.mark.parametrize("arguments", [["--step"], ["--wait-for", "somebody"]])
+def test_ctrl_c_ends_it_at_once(start, recorded, arguments):
+    process = start(recorded.path, *arguments)
+    if "--step" in arguments:
+        read_until(process.stderr, "Enter")
+    else:
+        read_until(process.stderr, "waiting")
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130
+    assert "Traceback" not in output + errors
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--rate", "0"], "it must be a number above 0, up to 1000, or max"),
+        (["--json"], "--output and --json are for results: they need --estimate"),
+        (["--estimate", "--loop", "0"], "--loop is for those who listen"),
+        (["--estimate", "--step"], "--step is for those who listen"),
+        (["--estimate", "--hits", "77"], "there is no hit '77'"),
+        (["--estimate", "--samples", "tin"], "no hit of a sample 'tin'"),
+        (["--estimate", "--start", "900"], "start is 900 s: the recording takes"),
+        (["--start", "0.01", "--end", "0.01"], "it must be later than start"),
+    ],
+)
+def test_bad_options_get_one_sentence(run, quiet_ros, recorded, arguments, told):
+    done = run("replay", recorded.path, *arguments)
+    assert done.exit_code == 2
+    assert told in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+
+
+def test_bad_files_get_one_sentence(run, quiet_ros, tmp_path):
+    text = tmp_path / "trace.csv"
+    text.write_text("time,hammer\n")
+    for path, told in ((tmp_path / "absent.mcap", "there is no file"), (text, "is no MCAP")):
+        for option in ([], ["--estimate"]):
+            done = run("replay", path, *option)
+            assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+            assert told in done.stderr
+
+
+def test_results_are_never_overwritten(run, quiet_ros, recorded, tmp_path):
+    (tmp_path / "results.json").write_text("precious")
+    done = run("replay", recorded.path, "--estimate", "--output", tmp_path)
+    assert done.exit_code == 2
+    assert "results.json exists already" in done.stderr
+    assert (tmp_path / "results.json").read_text() == "precious"
