@@ -20,7 +20,11 @@ from impact_rig.recording.source import find_recording, is_recording
 from impact_rig.reporting.budget_tables import print_budgets
 from impact_rig.reporting.results_file import format_json
 from impact_rig.reporting.terminal import make_console
-from impact_rig.reporting.trace_results import print_trace_results, trace_results_to_json
+from impact_rig.reporting.trace_results import (
+    TraceResults,
+    print_trace_results,
+    trace_results_to_json,
+)
 
 
 @click.command(
@@ -134,20 +138,27 @@ def command(
         else:
             report_recording(recordings[0], changes, accept, reject, form)
     elif traces:
+        if workers is not None or scheduler is not None:
+            raise ParameterError("--workers and --scheduler are for recordings")
         series = TraceOptions(**trace_options).make_series(changes)
         analyzed = analyze_traces(traces, series, accept, reject)
         errors += analyzed.errors
-        if as_json:
-            click.echo(format_json(trace_results_to_json(analyzed.results)), nl=False)
-        elif analyzed.results.hits:
-            console = make_console()
-            print_trace_results(console, analyzed.results)
-            if form is Form.BUDGETS:
-                print_budgets(console, analyzed.results.samples, analyzed.results.hammer)
+        _print_traces(analyzed.results, form)
+    errors = list(dict.fromkeys(errors))  # what is wrong with an option is so for all files
     for error in errors[:-1]:
         click.echo(f"error: {error}", err=True)
     if errors:
         raise RigError(errors[-1])
+
+
+def _print_traces(results: TraceResults, form: Form) -> None:
+    if form is Form.JSON:
+        click.echo(format_json(trace_results_to_json(results)), nl=False)
+    elif results.hits:
+        console = make_console()
+        print_trace_results(console, results)
+        if form is Form.BUDGETS:
+            print_budgets(console, results.samples, results.hammer)
 
 
 def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:
@@ -159,6 +170,8 @@ def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:
             found.append(find_recording(path) if path.is_dir() else path)
         except FileError as error:
             errors.append(str(error))
+        except OSError as error:
+            errors.append(f"{path} cannot be read: {error.strerror}")
     repeated = find_repeated_files(found)
     paths = [path for place, path in enumerate(found) if place not in repeated]
     return paths, errors + list(repeated.values())
