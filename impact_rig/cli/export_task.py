@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import click
+
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits.overrule import find_label
 from impact_rig.recording.exporting import ExportedCampaign, ExportedHit, read_campaigns
@@ -107,6 +109,8 @@ def export_recording(path: Path, task: ExportTask) -> str:
         If there is no such sample or hit.
     """
     recording = read_recording(path)
+    for warning in recording.warnings:
+        click.echo(f"warning: {warning}", err=True)
     campaigns = read_campaigns(recording)
     if not campaigns:
         raise FileError(f"{path} holds no hit: no block of it completes a record")
