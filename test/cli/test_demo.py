@@ -89,13 +89,23 @@ def test_the_analysis_of_the_recording_gives_the_same_results_bit_for_bit(demo):
     assert [sample["impacts_accepted"] for sample in live["samples"]] == [3, 3]
 
 
-def test_the_same_seed_gives_identical_results(demo):
+def test_the_same_seed_gives_identical_results_however_it_is_recorded(demo):
     folder, _, _ = demo
     code, _, errors = run_rig_command(
         "demo", "--samples", "steel small", "aluminium large", "--impacts", "3", "--seed", "7",
-        "--faults", "0.2", "--output", "again", folder=folder,
+        "--faults", "0.2", "--output", "again", "--bag", "--compression", "lz4",
+        "--notes", "bench 3", folder=folder,
     )  # fmt: skip
     assert code == 0, errors
+    bag = folder / "again" / "session"
+    assert f"recording: {bag}" in errors
+    assert (bag / "metadata.yaml").is_file()
+    with (bag / "session_0.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        origin = [item for item in reader.iter_metadata() if item.name == "impact_rig"]
+        chunks = reader.get_summary().chunk_indexes
+    assert origin[-1].metadata["notes"] == "bench 3"
+    assert {chunk.compression for chunk in chunks} == {"lz4"}
     assert (folder / "again" / "results.json").read_bytes() == (
         folder / "results.json"
     ).read_bytes()

@@ -8,6 +8,7 @@ import sys
 
 import pytest
 from domain_coordinator import domain_id
+from rosbags.highlevel import AnyReader
 
 PATIENCE = 120.0
 """How long anything may take before a test fails [s]."""
@@ -60,14 +61,24 @@ def run_campaign(environment, folder, *arguments):
 def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
     start, environment, tmp_path
 ):
-    start("up", "--output", "run", "--set", "hammer.swing_time=0.01", "--no-visualizer")
+    rig = start("up", "--output", "run", "--set", "hammer.swing_time=0.01", "--no-visualizer")
     done = run_campaign(
-        environment, tmp_path, "--samples", "aluminium large", "--impacts", "2", "--json"
-    )
+        environment, tmp_path, "--samples", "aluminium large", "--impacts", "2", "--json",
+        "--notes", "new tip, 21 °C",
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     results = json.loads(done.stdout)
     assert results["samples"][0]["impacts_accepted"] == 2
     assert json.loads((tmp_path / "run" / "results.json").read_text("utf-8")) == results
+    rig.send_signal(signal.SIGINT)
+    rig.wait(PATIENCE)
+    with AnyReader([tmp_path / "run" / "session.mcap"]) as reader:
+        notes = [
+            reader.deserialize(data, connection.msgtype).data
+            for connection, _, data in reader.messages()
+            if connection.topic == "/note"
+        ]
+    assert notes == ["new tip, 21 °C"]
 
 
 def test_nodes_started_by_hand_in_a_namespace_make_the_same_rig(start, environment, tmp_path):
