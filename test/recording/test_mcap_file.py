@@ -189,6 +189,18 @@ def test_zeros_that_a_power_cut_left_at_the_end_are_no_damage(path):
     assert len(found) >= 40
 
 
+def test_a_file_that_grows_while_it_is_read_is_read_as_it_was(path):
+    whole, content = read(path), path.read_bytes()
+    cut_off_summary(path)
+    path.write_bytes(path.read_bytes()[:-200])
+    found = McapFile(path).read_messages()
+    told = [next(found)]
+    path.write_bytes(content)
+    told.extend(found)
+    assert [describe(item.channel, item) for item in told] == whole[: len(told)]
+    assert 40 <= len(told) < 60
+
+
 def test_damage_before_the_end_of_a_file_never_closed_is_named(path):
     damage_chunk(path, 0)
     cut_off_summary(path)
