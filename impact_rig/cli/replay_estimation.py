@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rclpy.parameter import Parameter
 
 from impact_rig.cli.replay_view import ReplayView
 from impact_rig.cli.running_rig import use_private_domain
@@ -79,8 +78,7 @@ def _replay(parameters: Mapping[str, Any]) -> list[tuple[Results, RigSetup]]:
             return True
 
         for start, end in _find_parts(recording, parameters["start"], parameters["end"]):
-            host.replayer.set_parameters([Parameter("start", value=start)])
-            host.replayer.set_parameters([Parameter("end", value=end)])
+            host.choose_part(start, end)
             host.play(follow)
             results, setup = host.fetch_results()
             if setup is not None and (results.samples or results.rejections):

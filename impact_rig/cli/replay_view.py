@@ -9,7 +9,6 @@ from types import TracebackType
 from typing import Any, Self
 
 import click
-from impact_rig_msgs.msg import ReplayerState
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
@@ -125,7 +124,7 @@ class _Asker:
     def look(self) -> bool:
         """Make a step if one is asked for; return whether to go on."""
         state = self._replayer.describe_state()
-        if state["state"] != ReplayerState.PAUSED:
+        if not self._replayer.is_paused:
             return True
         if not self._is_asked:
             self._is_asked = True

@@ -104,6 +104,12 @@ class ReplayHost:
             raise RigError(self._replayer.fault)
         return recording
 
+    def choose_part(self, start: float, end: float) -> None:
+        """Choose from when to when is replayed next [s]; an end of 0: the recording's."""
+        self._replayer.set_parameters(
+            [Parameter("start", value=start), Parameter("end", value=end)]
+        )
+
     def play(self, follow: Callable[[], bool]) -> None:
         """Replay to the end.
 

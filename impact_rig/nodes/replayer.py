@@ -73,6 +73,11 @@ class ReplayerNode(RigNode):
         """What is open."""
         return self._recording
 
+    @property
+    def is_paused(self) -> bool:
+        """Whether it stands still until it is resumed or makes a step."""
+        return bool(self._phase == ReplayerState.PAUSED)
+
     def configure(self) -> None:
         """Open the recording and announce its topics."""
         self._recording = recording = self._open()
