@@ -30,7 +30,7 @@ def _print_template(context: click.Context, _parameter: click.Parameter, value: 
     \b
     Examples:
       impact-rig import hit_*.lvm -o hits.mcap --sample "brass small"
-      impact-rig import *.npy -o hits.mcap --cutoff off --hammer-unit N --hammer-mass 1kg
+      impact-rig import *.npy -o hits.mcap --hammer-unit N --hammer-mass 1kg
       impact-rig import run.tdms -o hits.mcap --hammer ai0 --specimen ai1 \\
           --hammer-sensitivity "10 mV/g" --sample-sensitivity "100 mV/g"
       impact-rig import --template > bench.toml
@@ -66,7 +66,10 @@ def _print_template(context: click.Context, _parameter: click.Parameter, value: 
 )
 @add_channel_options
 @click.option(
-    "--cutoff", type=Cutoff(), metavar="FREQUENCY", help="Low-pass, or off. [50 kHz; rig file's]"
+    "--cutoff",
+    type=Cutoff(),
+    metavar="FREQUENCY",
+    help="Low-pass, or off. [rig file's; else 50 kHz, off where the sampling is too slow]",
 )
 @click.option(
     "--pulse-factor", type=float, metavar="F", help="τp = F w50: 2 versed-sine, 1.5 half-sine. [2]"
@@ -115,6 +118,8 @@ def command(
     changes = SettingsChanges(cutoff, pulse_factor, double_hit_level, keep)
     series = TraceOptions(**trace_options).make_series(changes)
     series = _set_window(series, pre_trigger, record_duration)
+    is_filter_optional = cutoff is None and trace_options["rig_file"] is None
+    series = replace(series, is_filter_optional=is_filter_optional)
     errors = _import_files(files, output, series)
     for error in errors[:-1]:
         click.echo(f"error: {error}", err=True)
@@ -152,6 +157,13 @@ def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) ->
         click.echo(
             f"warning: nobody states the unit of the {body}'s channel: m/s^2 is taken"
             f" (--{body}-unit)",
+            err=True,
+        )
+    if setup.analysis.cutoff_frequency != series.setup.analysis.cutoff_frequency:
+        click.echo(
+            f"warning: {hits[0].block.sampling_rate / 1e3:g} kHz is too slow for the"
+            f" {series.setup.analysis.cutoff_frequency / 1e3:g} kHz low-pass: the recording says"
+            " that there is none (--cutoff)",
             err=True,
         )
     try:

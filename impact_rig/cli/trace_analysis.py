@@ -121,7 +121,7 @@ def read_series(
         mass = series.setup.hammer_mass
         try:
             hit = read_hit(path, label, series.plan, mass, needs_scale=needs_scale)
-            _check_cutoff(hit, series.setup)
+            series = _check_cutoff(hit, series)
             _check_pulse(hit, _find_setup(series, [hit]))
             check_series(hits, hit)
         except RigError as error:
@@ -138,11 +138,16 @@ def _find_setup(series: TraceSeries, hits: Sequence[ImportedHit]) -> RigSetup:
     return replace(series.setup, analysis=choose_window(series.setup.analysis, hits))
 
 
-def _check_cutoff(hit: ImportedHit, setup: RigSetup) -> None:
+def _check_cutoff(hit: ImportedHit, series: TraceSeries) -> TraceSeries:
+    """Return the series, its low-pass left out if that may be and must be."""
+    analysis = series.setup.analysis
     try:
-        check_cutoff(setup.analysis.cutoff_frequency, hit.block.sampling_rate)
+        check_cutoff(analysis.cutoff_frequency, hit.block.sampling_rate)
     except ParameterError as error:
-        raise ParameterError(f"{hit.path}: {error} (--cutoff off)") from None
+        if not series.is_filter_optional:
+            raise ParameterError(f"{hit.path}: {error} (--cutoff off)") from None
+        analysis = replace(analysis, cutoff_frequency=0.0)
+    return replace(series, setup=replace(series.setup, analysis=analysis))
 
 
 def _check_pulse(hit: ImportedHit, setup: RigSetup) -> None:

@@ -175,12 +175,16 @@ class TraceSeries:
         Masses and settings.
     has_window : bool
         Pre-trigger and duration of the records are given; False: each file is a record, whole.
+    is_filter_optional : bool
+        The low-pass is left out where the sampling is too slow for it; False: such a file is
+        refused.
     """
 
     sample: str
     plan: ChannelPlan
     setup: RigSetup
     has_window: bool = False
+    is_filter_optional: bool = False
 
 
 def _change_use(

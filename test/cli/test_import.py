@@ -209,3 +209,21 @@ def test_a_recording_is_never_overwritten(
     assert output.read_text() == "precious"
     outcome = run("import", save("hit.npy"), "-o", tmp_path / "hits")
     assert "give it the suffix .mcap" in outcome.stderr
+
+
+def test_where_the_sampling_is_too_slow_for_the_usual_low_pass_it_is_left_out_and_said(
+    run: Run, tmp_path: Path
+) -> None:
+    output = tmp_path / "hits.mcap"
+    outcome = run("import", *REAL_HITS, "-o", output, "--hammer-unit", "N", "--hammer-mass", "1")
+    assert outcome.exit_code == 0
+    assert "25.6 kHz is too slow for the 50 kHz low-pass" in outcome.stderr
+    assert read_recording(output).setup.analysis.cutoff_frequency == 0.0
+
+
+def test_a_low_pass_that_was_asked_for_is_not_left_out(run: Run, tmp_path: Path) -> None:
+    output = tmp_path / "hits.mcap"
+    outcome = run("import", *REAL_HITS, "-o", output, "--cutoff", "50 kHz")
+    assert outcome.exit_code == 2
+    assert "too low for the 50 kHz low-pass" in outcome.stderr
+    assert not output.exists()
