@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import dask
+import distributed
 from distributed import Client, LocalCluster, as_completed
 from distributed.comm.addressing import get_address_host_port
 from distributed.scheduler import KilledWorker
-from distributed.utils import silence_logging_cmgr
 
 from impact_rig import __version__
 from impact_rig.cli.batch import BatchOutcome, BatchTask
@@ -52,6 +52,7 @@ def start_workers(count: int) -> Iterator[Client]:
     Client
         For `run_on_workers`.
     """
+    _silence_dask()
     with contextlib.ExitStack() as stack:
         stack.enter_context(dask.config.set(ONE_TASK_EACH))
         folder = stack.enter_context(
@@ -79,6 +80,15 @@ def start_workers(count: int) -> Iterator[Client]:
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(process, signal.SIGKILL)
             raise
+
+
+def _silence_dask() -> None:
+    """Let Dask print nothing here any more: what goes wrong is told in our words.
+
+    For good, since its threads still have something to say when everything is closed.
+    """
+    for handler in logging.getLogger(distributed.__name__).handlers:
+        handler.setLevel(logging.CRITICAL)
 
 
 @contextlib.contextmanager
@@ -114,19 +124,18 @@ def connect_to_workers(address: str) -> Iterator[Client]:
     RigError
         If nobody answers there, or its workers cannot analyze recordings.
     """
-    # What happens to the connection is told in our words.
-    with silence_logging_cmgr(logging.CRITICAL):
-        try:
-            get_address_host_port(address)
-            client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
-        except (OSError, ValueError) as error:
-            raise RigError(
-                f"no Dask scheduler answers at {address!r}: {error}; give the address that it"
-                f" prints when it starts, like tcp://{LOOPBACK}:8786"
-            ) from None
-        with client:
-            _check_workers(client, address)
-            yield client
+    _silence_dask()
+    try:
+        get_address_host_port(address)
+        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise RigError(
+            f"no Dask scheduler answers at {address!r}: {error}; give the address that it"
+            f" prints when it starts, like tcp://{LOOPBACK}:8786"
+        ) from None
+    with client:
+        _check_workers(client, address)
+        yield client
 
 
 def run_on_workers(

@@ -1,5 +1,6 @@
 """`impact-rig analyze` on many recordings, side by side."""
 
+import contextlib
 import importlib
 import json
 import shutil
@@ -22,7 +23,7 @@ from impact_rig.reporting.results_file import results_to_json
 Run = Callable[..., Any]
 
 SAMPLES = ("steel small", "steel large")
-PATIENCE = 30.0
+PATIENCE = 60.0
 """How long anything may take before a test fails [s]."""
 
 
@@ -198,7 +199,7 @@ def test_a_scheduler_that_is_not_there_is_one_sentence_soon(
     monkeypatch.setattr("impact_rig.cli.dask_workers.CONNECT_TIMEOUT", 0.5)
     started = time.monotonic()
     outcome = run("analyze", *folders, "--scheduler", address)
-    assert time.monotonic() - started < PATIENCE / 3
+    assert time.monotonic() - started < PATIENCE / 4
     assert outcome.exit_code == 2
     (line,) = outcome.stderr.splitlines()
     assert line.startswith(f"error: no Dask scheduler answers at '{address}'")
@@ -249,11 +250,11 @@ def test_a_recording_that_kills_its_worker_costs_no_other(
     assert sorted(reported) == ["a", "b", "c", "d", "deadly"]
 
 
-def test_ctrl_c_ends_all_processes_at_once(campaign: Any, tmp_path: Path) -> None:
-    # Different enough to be different recordings: the bytes after the end are no part of it.
-    paths = [tmp_path / f"{number}.mcap" for number in range(4)]
+def test_ctrl_c_ends_all_processes_at_once(runs: list[Any], tmp_path: Path) -> None:
+    # Bytes missing at the end make different recordings of one.
+    paths = [tmp_path / f"{number}.mcap" for number in range(10)]
     for number, path in enumerate(paths):
-        path.write_bytes(campaign.path.read_bytes()[: -8 - number])
+        path.write_bytes(runs[0].path.read_bytes()[: -8 - number])
     words = [sys.executable, "-m", "impact_rig.cli.main", "analyze", *paths, "--workers", "2"]
     process = subprocess.Popen(
         words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
@@ -263,7 +264,8 @@ def test_ctrl_c_ends_all_processes_at_once(campaign: Any, tmp_path: Path) -> Non
     assert helpers
     # As a terminal does: to all processes of the foreground.
     for each in (psutil.Process(process.pid), *helpers):
-        each.send_signal(signal.SIGINT)
+        with contextlib.suppress(psutil.NoSuchProcess):
+            each.send_signal(signal.SIGINT)
     stdout, stderr = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     assert "Traceback" not in stderr
