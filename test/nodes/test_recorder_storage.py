@@ -180,7 +180,9 @@ def test_by_the_chunk_nothing_waits_for_the_disk(harness, recorder, tmp_path, mo
     assert count_whole_messages(tmp_path / "session.mcap", "/acceleration") == 6
 
 
-def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder, tmp_path):
+def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder, monkeypatch):
+    depth = interfaces.ACCELERATION.qos.depth
+    monkeypatch.setattr("impact_rig.nodes.recorder_topics.QUEUE_DEPTH", depth)
     states, stored, _ = recorder()
     publisher = connect(harness)
     publish(publisher, make_blocks(1))
@@ -200,7 +202,6 @@ def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder, tmp_p
     publish(publisher, make_blocks(2, 230))
     go_on.set()
     word = stored.wait_for_count(2)[-1]
-    depth = interfaces.ACCELERATION.qos.depth
     assert (word.blocks, word.gaps, word.missing_points) == (depth, 1, (230 - depth) * POINTS)
     state = states.wait(lambda messages: messages[-1].messages_lost > 0)[-1]
     assert state.messages_lost == 230 - depth
