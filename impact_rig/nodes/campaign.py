@@ -99,7 +99,8 @@ class CampaignNode(RigNode):
         self._verdicts[message.record] = message
 
     def _note_stored(self, message: RecordStored) -> None:
-        self._stored.add(message.record)
+        if message.complete:
+            self._stored.add(message.record)
 
     def _keep_recorder(self, message: RecorderState) -> None:
         self._recorder = message

@@ -79,7 +79,7 @@ class HammerNode(RigNode):
             self._unstored = 0
 
     def _note_stored(self, message: RecordStored) -> None:
-        if message.record == self._unstored:
+        if message.complete and message.record == self._unstored:
             self._unstored = 0
 
     def _change(self, state: int, *, armed: bool, message: str) -> None:

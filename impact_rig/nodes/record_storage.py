@@ -112,6 +112,7 @@ class RecordStorage:
                 sample=label.sample,
                 impact=label.impact,
                 attempt=label.attempt,
+                complete=count.is_complete,
                 blocks=count.blocks,
                 gaps=count.gaps,
                 missing_points=count.missing_points,

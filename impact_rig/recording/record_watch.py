@@ -26,6 +26,8 @@ class RecordCount:
         That they lack, per channel [-].
     stamp : int
         Time of the first point of the last block, nanoseconds since the epoch; 0: no block.
+    is_complete : bool
+        No more blocks of it follow.
     """
 
     label: HitLabel
@@ -33,6 +35,7 @@ class RecordCount:
     gaps: int = 0
     missing_points: int = 0
     stamp: int = 0
+    is_complete: bool = False
 
 
 @dataclass
@@ -143,7 +146,7 @@ class RecordWatch:
         return counts
 
     def _end(self, count: RecordCount) -> None:
-        self._finished.append(count)
+        self._finished.append(replace(count, is_complete=True))
         self.begin(count.label.record)
         self._ended.append(count.label.record)
         self._open = None

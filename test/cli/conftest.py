@@ -138,7 +138,7 @@ def struck(tmp_path_factory: pytest.TempPathFactory) -> Path:
         blocks = rig.strike(HitLabel(**label)).split(1000, 0)
         for block in blocks:
             recorder.add("/acceleration", messages.block_to_msg(block))
-        recorder.add("/recorder/stored", RecordStored(blocks=len(blocks), **label))
+        recorder.add("/recorder/stored", RecordStored(complete=True, blocks=len(blocks), **label))
         reasons = ["weak: 3 % of full scale"] if impact == 3 else []
         recorder.add("/impact", Impact(accepted=not reasons, reasons=reasons, **label))
         recorder.writer.flush()

@@ -161,7 +161,8 @@ def struck(harness, states):
 def test_does_not_go_again_before_the_record_is_stored(harness, states, struck, monkeypatch):
     monkeypatch.setattr("impact_rig.nodes.hammer.DISCOVERY_TIMEOUT", 0.1)
     monkeypatch.setattr("impact_rig.nodes.hammer.READINESS_TIMEOUT", 0.1)
-    struck.publish(RecordStored(record=3))
+    struck.publish(RecordStored(record=3, complete=True))
+    struck.publish(RecordStored(record=4, complete=False))
     answer = release(harness, record=5)
     assert not answer.success
     assert "has not said that record 4 is stored" in answer.message
@@ -174,7 +175,7 @@ def test_waits_for_the_record_that_is_on_its_way_to_the_disk(harness, states, st
     # An answer to a later request would come after one to this one.
     assert harness.call(Trigger, interfaces.ARM_HAMMER).success
     assert not answer.done()
-    struck.publish(RecordStored(record=4))
+    struck.publish(RecordStored(record=4, complete=True))
     assert harness.wait(answer).success
 
 
