@@ -30,7 +30,7 @@ from impact_rig.configuration.run import load_rig_file, make_run_folder, merge_v
 from impact_rig.core.errors import ParameterError
 from impact_rig.devices.virtual.faults import Fault
 from impact_rig.devices.virtual.plants import Plant
-from impact_rig.recording.mcap_writer import COMPRESSIONS
+from impact_rig.recording.writing.mcap_writer import COMPRESSIONS
 
 PLANTS = [plant.value for plant in Plant]
 FAULTS = ", ".join(fault.value for fault in Fault)

@@ -15,10 +15,10 @@ from impact_rig.bench.mutations import mutate
 from impact_rig.core.errors import RigError
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
-from impact_rig.recording.inspection import inspect_recording
-from impact_rig.recording.mcap_reader import read_recording
-from impact_rig.recording.recovery import recover_recording
-from impact_rig.recording.source import SUFFIX
+from impact_rig.recording.reading.mcap_reader import read_recording
+from impact_rig.recording.reading.source import SUFFIX
+from impact_rig.recording.recovery.inspection import inspect_recording
+from impact_rig.recording.recovery.recovery import recover_recording
 
 MEMORY_LIMIT = 1 << 30
 """What reading may take beside the program itself [byte], our choice: a thousand times the

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from impact_rig.core.errors import RigError
-from impact_rig.recording.source import RUN_NAME, SUFFIX
+from impact_rig.recording.reading.source import RUN_NAME, SUFFIX
 
 COMPRESSIONS = {
     "zstd": CompressionType.ZSTD,

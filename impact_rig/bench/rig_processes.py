@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from impact_rig.cli.node_processes import make_command
+from impact_rig.cli.rigs.node_processes import make_command
 from impact_rig.configuration.processes import NodeProcess
 
 STOP_TIMEOUT = 15.0

@@ -64,7 +64,7 @@ def command(
     The rig's campaign node does the work; this command starts it, follows it, and asks for the
     next sample to be mounted.
     """
-    from impact_rig.cli.campaign_view import CampaignView, report_outcome, run_campaign
+    from impact_rig.cli.rigs.campaign_view import CampaignView, report_outcome, run_campaign
     from impact_rig.nodes.campaign_client import CampaignClient, CampaignRequest
     from impact_rig.reporting.terminal import make_console
 

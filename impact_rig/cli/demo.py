@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from impact_rig.cli import options
-from impact_rig.cli.recording_options import list_recording_arguments, recording_options
+from impact_rig.cli.rigs.recording_options import list_recording_arguments, recording_options
 from impact_rig.configuration import run
 from impact_rig.configuration.processes import LOG_NAME, VIEW_NAME, RecordingPlan
 
@@ -61,8 +61,8 @@ def command(
     stiffness and damping of every sample are printed beside the published values, and
     everything is recorded.
     """
-    from impact_rig.cli.campaign_view import CampaignView, report_outcome, run_campaign
-    from impact_rig.cli.running_rig import run_rig, use_private_domain
+    from impact_rig.cli.rigs.campaign_view import CampaignView, report_outcome, run_campaign
+    from impact_rig.cli.rigs.running_rig import run_rig, use_private_domain
     from impact_rig.reporting.terminal import make_console
 
     options.check_keep(keep, impacts)

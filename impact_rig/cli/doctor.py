@@ -9,15 +9,15 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from impact_rig.cli.findings import Finding, Status
-from impact_rig.cli.host_checks import check_disk, check_shared_memory
-from impact_rig.cli.ros_checks import (
+from impact_rig.cli.checks.findings import Finding, Status
+from impact_rig.cli.checks.host_checks import check_disk, check_shared_memory
+from impact_rig.cli.checks.ros_checks import (
     check_conversation,
     check_discovery,
     check_distribution,
     check_domain,
 )
-from impact_rig.cli.software_checks import check_libraries, check_python
+from impact_rig.cli.checks.software_checks import check_libraries, check_python
 from impact_rig.reporting.results_file import format_json
 from impact_rig.reporting.terminal import make_console
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from impact_rig.cli.export_task import ExportTask, export_recording
+from impact_rig.cli.recordings.export_task import ExportTask, export_recording
 
 PARTS = ("hits", "means", "results")
 

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from impact_rig.cli.each_file import process_each, raise_errors
+from impact_rig.cli.recordings.each_file import process_each, raise_errors
 
 if TYPE_CHECKING:
-    from impact_rig.recording.contents import Contents
+    from impact_rig.recording.recovery.contents import Contents
 
 EXIT_DAMAGED = 1
 """The recording can be read, but not all of it is sound."""
@@ -46,8 +46,8 @@ def command(
     versions, notes and attachments. FILE is an .mcap file, a folder as rosbag2 writes it, or the
     folder of a run; recordings of other ROS 2 systems are shown topic by topic. No ROS is needed.
     """
-    from impact_rig.cli.contents_report import contents_to_json
-    from impact_rig.cli.reading_progress import inspect_with_progress
+    from impact_rig.cli.recordings.contents_report import contents_to_json
+    from impact_rig.cli.recordings.reading_progress import inspect_with_progress
     from impact_rig.reporting.results_file import format_json
 
     def process(file: Path) -> "Contents":
@@ -68,7 +68,7 @@ def command(
 
 
 def _print(contents: "Contents", *, parameters: bool) -> None:
-    from impact_rig.cli.contents_view import print_contents, print_parameters
+    from impact_rig.cli.recordings.contents_view import print_contents, print_parameters
     from impact_rig.reporting.terminal import make_console
 
     console = make_console()
@@ -78,7 +78,7 @@ def _print(contents: "Contents", *, parameters: bool) -> None:
 
 
 def _extract(contents: "Contents", folder: Path) -> None:
-    from impact_rig.recording.attached_files import extract_attachments
+    from impact_rig.recording.recovery.attached_files import extract_attachments
 
     for path in extract_attachments(contents.path, folder):
         click.echo(f"extracted: {path}", err=True)

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from impact_rig.cli.each_file import process_each, raise_errors
+from impact_rig.cli.recordings.each_file import process_each, raise_errors
 from impact_rig.core.errors import ParameterError
 
 if TYPE_CHECKING:
-    from impact_rig.recording.recovery import Recovery
+    from impact_rig.recording.recovery.recovery import Recovery
 
 EXIT_INCOMPLETE = 1
 """A recording was written, but not all that was in the damaged one is in it."""
@@ -56,7 +56,7 @@ def command(
     topic and by hit. FILE is an .mcap file, a folder as rosbag2 writes it, or the folder of a run;
     it is only read, and nothing is overwritten. No ROS is needed.
     """
-    from impact_rig.cli.recovery_view import print_recovery, recovery_to_json
+    from impact_rig.cli.recordings.recovery_view import print_recovery, recovery_to_json
     from impact_rig.reporting.results_file import format_json
     from impact_rig.reporting.terminal import make_console
 
@@ -80,9 +80,9 @@ def command(
 
 
 def _recover(path: Path, output: Path | None, *, keep_unverified: bool) -> "Recovery":
-    from impact_rig.cli.reading_progress import ReadingProgress, measure
-    from impact_rig.recording.recovery import PASSES, name_output, recover_recording
-    from impact_rig.recording.source import find_recording
+    from impact_rig.cli.recordings.reading_progress import ReadingProgress, measure
+    from impact_rig.recording.reading.source import find_recording
+    from impact_rig.recording.recovery.recovery import PASSES, name_output, recover_recording
     from impact_rig.reporting.terminal import make_console
 
     found = find_recording(path)

@@ -152,12 +152,12 @@ def command(
         "recorded_namespace": recorded_namespace,
     }
     if estimate:
-        from impact_rig.cli.replay_estimation import estimate_again
+        from impact_rig.cli.rigs.replay_estimation import estimate_again
 
         options.set_discovery(network=False)
         estimate_again(parameters, output, as_json=as_json)
         return
-    from impact_rig.cli.replay_view import play
+    from impact_rig.cli.rigs.replay_view import play
 
     options.set_discovery(network=network)
     play(parameters, namespace, by_steps=step)

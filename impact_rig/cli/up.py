@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from impact_rig.cli import options
-from impact_rig.cli.recording_options import recording_options
+from impact_rig.cli.rigs.recording_options import recording_options
 from impact_rig.configuration import run
 from impact_rig.configuration.processes import LOG_NAME, RecordingPlan, list_rig_processes
 from impact_rig.configuration.rig_file import read_template
@@ -69,7 +69,7 @@ def command(
     if template:
         click.echo(read_template(), nl=False)
         return
-    from impact_rig.cli.node_processes import run_nodes
+    from impact_rig.cli.rigs.node_processes import run_nodes
 
     rig = run.load_rig_file(rig_file)
     overrides = run.parse_settings(settings)

@@ -23,7 +23,7 @@ from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSet
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode, split_names
-from impact_rig.recording.messages import setup_from_msg
+from impact_rig.recording.interfaces.messages import setup_from_msg
 
 CONNECTION_TIMEOUT = 10.0
 """How long arming may wait for estimator and recorder to connect [s], our choice."""

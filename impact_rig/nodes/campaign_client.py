@@ -20,7 +20,7 @@ from impact_rig.core.errors import DeviceError
 from impact_rig.core.setup.samples import RigSetup as CoreRigSetup
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.result_messages import result_from_msg
-from impact_rig.recording.messages import setup_from_msg
+from impact_rig.recording.interfaces.messages import setup_from_msg
 from impact_rig.reporting.results import HammerResults, Results, SampleResults
 
 LOOK_PERIOD = 0.1

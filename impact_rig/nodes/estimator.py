@@ -13,9 +13,9 @@ from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.session import Session
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.process import run_node
+from impact_rig.nodes.recording.storage_gate import StorageGate
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.nodes.storage_gate import StorageGate
-from impact_rig.recording.messages import block_from_msg, setup_from_msg
+from impact_rig.recording.interfaces.messages import block_from_msg, setup_from_msg
 
 WAITING_BLOCKS = 1000
 """Blocks kept while no set-up has arrived [-], our choice: a few seconds of streaming."""

@@ -1,6 +1,6 @@
 """Core types to the rig's messages.
 
-What a recording holds too is read by `impact_rig.recording.messages`.
+What a recording holds too is read by `impact_rig.recording.interfaces.messages`.
 """
 
 from array import array

@@ -15,15 +15,15 @@ from impact_rig.configuration.processes import RECORDING_NAME, make_run_folder_n
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.record_storage import SYNC_CHUNK, SYNC_HIT, SYNCS
-from impact_rig.nodes.recording_run import RecordingRun
+from impact_rig.nodes.recording.record_storage import SYNC_CHUNK, SYNC_HIT, SYNCS
+from impact_rig.nodes.recording.recording_run import RecordingRun
 from impact_rig.nodes.rig_node import RigNode, split_names
 from impact_rig.nodes.topics import name_type
-from impact_rig.recording.disk_file import DiskFullError
-from impact_rig.recording.mcap_writer import COMPRESSIONS, DEFAULT_CHUNK_SIZE
-from impact_rig.recording.message_definitions import find_message_definition
-from impact_rig.recording.origin import read_attached_file
-from impact_rig.recording.recording_writer import (
+from impact_rig.recording.interfaces.message_definitions import find_message_definition
+from impact_rig.recording.writing.disk_file import DiskFullError
+from impact_rig.recording.writing.mcap_writer import COMPRESSIONS, DEFAULT_CHUNK_SIZE
+from impact_rig.recording.writing.origin import read_attached_file
+from impact_rig.recording.writing.recording_writer import (
     DEFAULT_KEEP_FREE,
     LONGEST_SPLIT,
     RecordingWriter,

@@ -14,12 +14,12 @@ from std_srvs.srv import Trigger
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.messages import stamp_to_msg
-from impact_rig.nodes.playback import Playback
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.replay_pace import Pace
-from impact_rig.nodes.replay_parameters import SELECTIONS, declare_parameters
-from impact_rig.nodes.replay_recording import RecordingToReplay, open_recording
-from impact_rig.nodes.replay_window import CountedWindow, Window
+from impact_rig.nodes.replaying.playback import Playback
+from impact_rig.nodes.replaying.replay_pace import Pace
+from impact_rig.nodes.replaying.replay_parameters import SELECTIONS, declare_parameters
+from impact_rig.nodes.replaying.replay_recording import RecordingToReplay, open_recording
+from impact_rig.nodes.replaying.replay_window import CountedWindow, Window
 from impact_rig.nodes.rig_node import RigNode
 
 CONNECTION_PERIOD = 0.05

@@ -20,7 +20,7 @@ from impact_rig.core.setup.samples import SampleSet
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.recording.messages import (
+from impact_rig.recording.interfaces.messages import (
     block_from_msg,
     label_from_msg,
     setup_from_msg,

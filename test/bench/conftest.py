@@ -10,9 +10,9 @@ from impact_rig.bench.part import Bench, Extent
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.recording.mcap_writer import McapWriter
-from impact_rig.recording.message_encoder import MessageEncoder
-from impact_rig.recording.qos_profiles import OfferedQos
+from impact_rig.recording.interfaces.message_encoder import MessageEncoder
+from impact_rig.recording.interfaces.qos_profiles import OfferedQos
+from impact_rig.recording.writing.mcap_writer import McapWriter
 
 HITS = 3
 TIME = 1_700_000_000_000_000_000

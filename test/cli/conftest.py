@@ -15,9 +15,9 @@ from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.faults import FaultPlan
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.recording.mcap_writer import McapWriter
-from impact_rig.recording.message_definitions import find_message_definition
-from impact_rig.recording.qos_profiles import OfferedQos
+from impact_rig.recording.interfaces.message_definitions import find_message_definition
+from impact_rig.recording.interfaces.qos_profiles import OfferedQos
+from impact_rig.recording.writing.mcap_writer import McapWriter
 from impact_rig.reporting.flat_estimates import results_from_session
 from impact_rig.reporting.results import Results
 

@@ -12,7 +12,7 @@ from impact_rig.core.signals.record import Block, FloatArray
 from impact_rig.devices.virtual.faults import FaultPlan, scheduled_fault_from_text
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.recording.formats.registry import WRITABLE, read_measurement
-from impact_rig.recording.mcap_reader import read_recording
+from impact_rig.recording.reading.mcap_reader import read_recording
 from impact_rig.reporting.results_file import format_json, results_to_json
 
 Run = Callable[..., Any]

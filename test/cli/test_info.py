@@ -8,9 +8,9 @@ from typing import Any
 import mcap.writer
 import pytest
 
-from impact_rig.recording.mcap_writer import McapWriter
-from impact_rig.recording.message_definitions import MessageDefinition
-from impact_rig.recording.qos_profiles import OfferedQos
+from impact_rig.recording.interfaces.message_definitions import MessageDefinition
+from impact_rig.recording.interfaces.qos_profiles import OfferedQos
+from impact_rig.recording.writing.mcap_writer import McapWriter
 
 Run = Callable[..., Any]
 TEXT = MessageDefinition("std_msgs/msg/String", "string data\n", "")

@@ -10,7 +10,7 @@ import pytest
 from mcap.reader import make_reader
 
 from impact_rig.core.signals.record import Block
-from impact_rig.recording.mcap_reader import read_recording
+from impact_rig.recording.reading.mcap_reader import read_recording
 
 Run = Callable[..., Any]
 

@@ -13,7 +13,7 @@ from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
-from impact_rig.recording.messages import block_from_msg
+from impact_rig.recording.interfaces.messages import block_from_msg
 
 SAMPLE = "steel small"
 

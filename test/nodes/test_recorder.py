@@ -22,7 +22,7 @@ from std_msgs.msg import String
 from impact_rig.core.errors import FileError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.recorder import RecorderNode
-from impact_rig.recording.mcap_file import McapFile
+from impact_rig.recording.reading.mcap_file import McapFile
 
 COUNT = 20
 OWN_TOPICS = (interfaces.RECORDER_STATE, interfaces.RECORD_STORED)
@@ -244,7 +244,7 @@ def test_a_failing_disk_is_told_to_everybody_and_keeps_what_was_written(
     def fail(self, length):
         raise FileError("disk full")
 
-    monkeypatch.setattr("impact_rig.recording.disk_file.DiskFile.plan", fail)
+    monkeypatch.setattr("impact_rig.recording.writing.disk_file.DiskFile.plan", fail)
     publish(harness, publisher, make_block(2))
 
     state = wait_for_state(states, lambda state: not state.recording)

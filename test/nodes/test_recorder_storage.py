@@ -138,7 +138,7 @@ def test_a_record_whose_last_block_never_comes_is_stored_when_the_next_begins(ha
 def test_an_arming_that_ends_without_its_last_block_is_stored_as_it_is(
     harness, recorder, monkeypatch
 ):
-    monkeypatch.setattr("impact_rig.nodes.record_storage.SETTLING_TIME", 0.05)
+    monkeypatch.setattr("impact_rig.nodes.recording.record_storage.SETTLING_TIME", 0.05)
     _, stored, node = recorder()
     armings = connect(harness, interfaces.ACQUISITION_STATE)
 
@@ -173,7 +173,9 @@ def test_by_the_chunk_nothing_waits_for_the_disk(harness, recorder, tmp_path, mo
     def refuse(_):
         raise AssertionError("it waits for the disk")
 
-    monkeypatch.setattr("impact_rig.recording.recording_writer.RecordingWriter.sync", refuse)
+    monkeypatch.setattr(
+        "impact_rig.recording.writing.recording_writer.RecordingWriter.sync", refuse
+    )
     _, stored, _ = recorder(sync="chunk", flush_period=0.05)
     publish(connect(harness), [*make_blocks(1), *make_blocks(2)])
     assert [word.record for word in stored.wait_for_count(2)] == [1, 2]
@@ -182,7 +184,7 @@ def test_by_the_chunk_nothing_waits_for_the_disk(harness, recorder, tmp_path, mo
 
 def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder, monkeypatch):
     depth = interfaces.ACCELERATION.qos.depth
-    monkeypatch.setattr("impact_rig.nodes.recorder_topics.QUEUE_DEPTH", depth)
+    monkeypatch.setattr("impact_rig.nodes.recording.recorder_topics.QUEUE_DEPTH", depth)
     states, stored, _ = recorder()
     publisher = connect(harness)
     publish(publisher, make_blocks(1))
@@ -225,7 +227,9 @@ def test_a_full_disk_ends_the_recording_cleanly_and_says_so(
     publisher = connect(harness)
     publish(publisher, make_blocks(1))
     stored.wait_for_count(1)
-    monkeypatch.setattr("impact_rig.recording.disk_file.DiskFile._measure_room", lambda _: 1000)
+    monkeypatch.setattr(
+        "impact_rig.recording.writing.disk_file.DiskFile._measure_room", lambda _: 1000
+    )
     # What the writer asks for the disk less often than for each message is not known here.
     record = 1
     while states.messages[-1].recording:

@@ -20,10 +20,13 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.nodes.result_messages import result_from_msg
-from impact_rig.recording.mcap_file import McapFile
-from impact_rig.recording.mcap_reader import read_recording
-from impact_rig.recording.mcap_writer import McapWriter
-from impact_rig.recording.message_definitions import MessageDefinition, find_message_definition
+from impact_rig.recording.interfaces.message_definitions import (
+    MessageDefinition,
+    find_message_definition,
+)
+from impact_rig.recording.reading.mcap_file import McapFile
+from impact_rig.recording.reading.mcap_reader import read_recording
+from impact_rig.recording.writing.mcap_writer import McapWriter
 from impact_rig.reporting.flat_estimates import sample_results_from_estimate
 from impact_rig.reporting.results import SampleResults
 

@@ -6,7 +6,7 @@ import pytest
 
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
-from impact_rig.recording.messages import setup_from_msg
+from impact_rig.recording.interfaces.messages import setup_from_msg
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from impact_rig.recording.mcap_writer import McapWriter
-from impact_rig.recording.message_definitions import find_message_definition
-from impact_rig.recording.qos_profiles import OfferedQos
-from impact_rig.recording.recording_writer import RecordingWriter
+from impact_rig.recording.interfaces.message_definitions import find_message_definition
+from impact_rig.recording.interfaces.qos_profiles import OfferedQos
+from impact_rig.recording.writing.mcap_writer import McapWriter
+from impact_rig.recording.writing.recording_writer import RecordingWriter
 
 OUR_MESSAGES = Path(__file__).parents[2] / "msg_config" / "msg"
 STANDARD_MESSAGES = {

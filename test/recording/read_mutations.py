@@ -13,8 +13,8 @@ from pathlib import Path
 
 from impact_rig.bench.mutations import mutate
 from impact_rig.core.errors import FileError
-from impact_rig.recording.mcap_reader import read_recording
-from impact_rig.recording.source import open_source
+from impact_rig.recording.reading.mcap_reader import read_recording
+from impact_rig.recording.reading.source import open_source
 
 MEMORY = 1 << 30
 """For all that the process maps [byte]: its libraries take half of it."""

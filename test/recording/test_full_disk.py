@@ -11,10 +11,10 @@ import pytest
 import yaml
 
 from impact_rig.core.errors import FileError
-from impact_rig.recording.disk_file import ROOM_FOR_ENDING, DiskFullError
-from impact_rig.recording.message_definitions import MessageDefinition
-from impact_rig.recording.recording_writer import RecordingWriter
-from impact_rig.recording.split_contents import HEALTH_RECORD
+from impact_rig.recording.interfaces.message_definitions import MessageDefinition
+from impact_rig.recording.writing.disk_file import ROOM_FOR_ENDING, DiskFullError
+from impact_rig.recording.writing.recording_writer import RecordingWriter
+from impact_rig.recording.writing.split_contents import HEALTH_RECORD
 
 TEXT = MessageDefinition("std_msgs/msg/String", "string data\n")
 BLOCK = bytes(20_000)

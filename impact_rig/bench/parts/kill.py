@@ -19,8 +19,8 @@ from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block
-from impact_rig.recording.mcap_reader import read_recording
-from impact_rig.recording.recovery import recover_recording
+from impact_rig.recording.reading.mcap_reader import read_recording
+from impact_rig.recording.recovery.recovery import recover_recording
 
 OBSERVER = "impact_rig.bench.observer_process"
 CAMPAIGN = ("campaign", "--impacts", "30", "--attempts", "100", "--json")

@@ -8,7 +8,7 @@ from impact_rig.bench.figures import Figure, at_most
 from impact_rig.bench.part import Bench, Part
 from impact_rig.bench.recordings import COMPRESSIONS, compress_anew, record_campaign
 from impact_rig.bench.timing import compare_times, divide
-from impact_rig.recording.mcap_reader import read_recording
+from impact_rig.recording.reading.mcap_reader import read_recording
 
 IMPACTS = 10
 """For each of the paper's samples: its whole campaign."""

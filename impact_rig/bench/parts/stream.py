@@ -13,9 +13,9 @@ from impact_rig.bench.part import Bench, Part
 from impact_rig.bench.rig_processes import RigProcesses, use_own_domain
 from impact_rig.bench.stream_plan import BLOCK_POINTS, BLOCK_SIZE, PERIOD
 from impact_rig.core.errors import RigError
-from impact_rig.recording.mcap_file import McapFile
-from impact_rig.recording.mcap_reader import BLOCK_TYPE
-from impact_rig.recording.schema_decoder import SchemaDecoder
+from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
+from impact_rig.recording.reading.mcap_file import McapFile
+from impact_rig.recording.reading.mcap_reader import BLOCK_TYPE
 
 COMPRESSION = "lz4"
 LARGEST_SHARE = 0.5

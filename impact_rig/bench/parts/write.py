@@ -10,10 +10,10 @@ from mcap.writer import CompressionType, Writer
 from impact_rig.bench.figures import Figure
 from impact_rig.bench.part import Bench, Part
 from impact_rig.bench.timing import compare_times, divide
-from impact_rig.recording.mcap_writer import DEFAULT_CHUNK_SIZE
-from impact_rig.recording.message_definitions import MessageDefinition
-from impact_rig.recording.qos_profiles import OfferedQos
-from impact_rig.recording.recording_writer import RecordingWriter
+from impact_rig.recording.interfaces.message_definitions import MessageDefinition
+from impact_rig.recording.interfaces.qos_profiles import OfferedQos
+from impact_rig.recording.writing.mcap_writer import DEFAULT_CHUNK_SIZE
+from impact_rig.recording.writing.recording_writer import RecordingWriter
 
 MESSAGE_SIZE = 200_000
 """Of 25 000 points of two channels [byte]."""

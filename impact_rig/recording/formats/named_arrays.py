@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.errors import FileError
+from impact_rig.recording.exchange.time_column import TIME_UNITS, find_sampling_rate
 from impact_rig.recording.formats.measurement import MeasuredChannel, Measurement, keep_values
 from impact_rig.recording.formats.sampling import find_round_rate
-from impact_rig.recording.time_column import TIME_UNITS, find_sampling_rate
 
 TIME_NAMES = {"t", "time", "time s", "times", "x value"}
 RATE_NAMES = {"fs", "rate", "sampling rate", "sampling rate hz", "sample rate", "samplerate"}

@@ -14,7 +14,7 @@ from impact_rig.recording.formats.tdms import read_tdms, write_tdms
 from impact_rig.recording.formats.text import read_text, write_text
 from impact_rig.recording.formats.uff import read_uff, write_uff
 from impact_rig.recording.formats.wav import read_wav
-from impact_rig.recording.new_file import write_new_file
+from impact_rig.recording.writing.new_file import write_new_file
 
 READERS: dict[str, Callable[[Path], Measurement]] = {
     ".lvm": read_lvm,

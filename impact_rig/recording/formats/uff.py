@@ -9,9 +9,9 @@ import numpy as np
 
 from impact_rig.core.errors import FileError
 from impact_rig.core.signals.record import FloatArray
+from impact_rig.recording.exchange.time_column import TIME_UNITS, find_sampling_rate
 from impact_rig.recording.formats.measurement import MeasuredChannel, Measurement
 from impact_rig.recording.formats.sampling import find_round_rate, find_rounding
-from impact_rig.recording.time_column import TIME_UNITS, find_sampling_rate
 
 TIME_RESPONSE = 1
 """Function type of a trace over time."""

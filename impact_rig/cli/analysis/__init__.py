@@ -1,0 +1,1 @@
+"""What `analyze` and `import` are made of."""

@@ -1,0 +1,120 @@
+"""What `impact-rig analyze` shows of recordings: one in full, many side by side."""
+
+from collections.abc import Sequence
+from enum import Enum, auto
+from pathlib import Path
+
+import click
+
+from impact_rig.cli.analysis.batch import BatchTask, analyze_batch
+from impact_rig.cli.analysis.batch_view import BatchProgress
+from impact_rig.cli.analysis.recording_analysis import AnalyzedRecording, analyze_recording
+from impact_rig.cli.analysis.settings_changes import SettingsChanges
+from impact_rig.reporting.batch_tables import BatchCampaign, print_batch
+from impact_rig.reporting.budget_tables import print_budgets
+from impact_rig.reporting.results_file import format_json, results_to_json
+from impact_rig.reporting.tables import print_results
+from impact_rig.reporting.terminal import make_console
+
+
+class Form(Enum):
+    """What is printed."""
+
+    TABLES = auto()
+    BUDGETS = auto()
+    JSON = auto()
+
+
+def report_recording(
+    path: Path,
+    changes: SettingsChanges,
+    accept: Sequence[str],
+    reject: Sequence[str],
+    form: Form,
+) -> None:
+    """Analyze one recording and print all that it says.
+
+    Raises as `analyze_recording`.
+    """
+    recording = analyze_recording(path, changes, accept, reject)
+    _print_warnings(recording)
+    several = len(recording.campaigns) > 1
+    if form is Form.JSON:
+        contents = [results_to_json(campaign.results) for campaign in recording.campaigns]
+        click.echo(format_json(contents if several else contents[0]), nl=False)
+        return
+    console = make_console()
+    for number, campaign in enumerate(recording.campaigns, start=1):
+        if several:
+            console.print(f"{path}, campaign {number}\n", style="bold underline")
+        if form is Form.BUDGETS:
+            print_budgets(console, campaign.results.samples, campaign.results.hammer)
+        print_results(console, campaign.results, campaign.setup.samples)
+
+
+def report_batch(
+    paths: Sequence[Path],
+    changes: SettingsChanges,
+    form: Form,
+    workers: int | None,
+    scheduler: str | None,
+) -> list[str]:
+    """Analyze many recordings and print them in one table, or as one JSON list.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Of the recordings, none of them twice.
+    changes : SettingsChanges
+        Settings to use in place of the recorded ones.
+    form : Form
+        Tables or JSON.
+    workers : int or None
+        Processes; None: what is fastest.
+    scheduler : str or None
+        Address of a Dask cluster to use instead.
+
+    Returns
+    -------
+    list of str
+        What is wrong with the recordings that could not be analyzed.
+
+    Raises
+    ------
+    RigError
+        If the cluster cannot be used.
+    """
+    # A cluster's workers stand in folders of their own.
+    tasks = [BatchTask(path.absolute() if scheduler else path, changes) for path in paths]
+    with BatchProgress(make_console(stderr=True), len(tasks)) as progress:
+        outcomes = analyze_batch(tasks, workers, scheduler, progress.report)
+    campaigns: list[BatchCampaign] = []
+    for path, outcome in zip(paths, outcomes, strict=True):
+        if outcome.recording is None:
+            continue
+        _print_warnings(outcome.recording)
+        campaigns += [
+            BatchCampaign(path, number, campaign.results)
+            for number, campaign in enumerate(outcome.recording.campaigns, start=1)
+        ]
+    if form is Form.JSON:
+        click.echo(format_json([_make_entry(campaign) for campaign in campaigns]), nl=False)
+    elif campaigns:
+        print_batch(make_console(), campaigns)
+    errors = [outcome.error for outcome in outcomes if outcome.recording is None]
+    if errors and scheduler:
+        click.echo("remark: all workers must find the recordings under the same paths", err=True)
+    return errors
+
+
+def _make_entry(campaign: BatchCampaign) -> dict[str, object]:
+    return {
+        "recording": str(campaign.recording),
+        "campaign": campaign.number,
+        "results": results_to_json(campaign.results),
+    }
+
+
+def _print_warnings(recording: AnalyzedRecording) -> None:
+    for warning in recording.warnings:
+        click.echo(f"warning: {warning}", err=True)

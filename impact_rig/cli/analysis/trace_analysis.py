@@ -1,0 +1,262 @@
+"""Plain traces through the core: one file, one hit, all of one sample.
+
+They take the way of a recording, so that their import gives the same numbers.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from impact_rig.cli.analysis.trace_options import TraceSeries
+from impact_rig.core.errors import ParameterError, RigError, SignalError
+from impact_rig.core.estimation.pulse_shape import estimate_pulse_shape
+from impact_rig.core.hits.averaging import average_hits
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.hits.overrule import Overrules, describe_label
+from impact_rig.core.hits.verdict import Reason, check_channels, check_stream
+from impact_rig.core.session import Session
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.detection import ImpactDetector
+from impact_rig.core.signals.filtering import check_cutoff
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.uncertainty.contact import estimate_hit_uncertainty
+from impact_rig.recording.exchange.importing import (
+    ImportedHit,
+    check_series,
+    choose_window,
+    read_hit,
+)
+from impact_rig.reporting.flat_estimates import results_from_session
+from impact_rig.reporting.results import HammerResults, Results, SampleResults
+from impact_rig.reporting.trace_results import HitResults, TraceResults, hit_results_from_judged
+
+USELESS = {Reason.NO_PULSE, Reason.NON_FINITE}
+"""Reasons that a file is not a bad hit but no hit at all."""
+MASS_OPTIONS = "give --hammer-mass and --sample-mass, or --rig-file"
+NAN = math.nan
+
+
+@dataclass(frozen=True)
+class AnalyzedTraces:
+    """What the traces say.
+
+    Attributes
+    ----------
+    results : TraceResults
+        Of the files that could be used.
+    errors : tuple of str
+        One sentence for each file that could not, and for what else went wrong.
+    """
+
+    results: TraceResults
+    errors: tuple[str, ...]
+
+
+def analyze_traces(
+    paths: Sequence[Path],
+    series: TraceSeries,
+    accept: Sequence[str] = (),
+    reject: Sequence[str] = (),
+) -> AnalyzedTraces:
+    """Judge every file, select, and estimate from the mean of what is left.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        A file's place, counted from 1, is the record of its hit.
+    series : TraceSeries
+        What the files are taken for.
+    accept, reject : sequence of str
+        Files that a person takes into the mean or leaves out, as given or without their folder.
+
+    Raises
+    ------
+    ParameterError
+        If a person's word on a file makes no sense.
+    """
+    overrules = _find_overrules(paths, series.sample, accept, reject)
+    hits, setup, errors = read_series(paths, series, needs_scale=False)
+    session = Session(setup)
+    judged = [judged for hit in hits for judged in session.feed(hit.block)]
+    for path, error in errors.items():
+        if _make_label(paths.index(path) + 1, series.sample) in overrules.accepted:
+            raise ParameterError(f"{path} cannot be accepted by hand: {error}") from None
+    for item in judged:
+        if item.label in overrules.accepted and item.filtered is None:
+            why = "; ".join(map(str, item.rejections))
+            raise ParameterError(
+                f"{paths[item.label.record - 1]} cannot be accepted by hand: it has no pulse that"
+                f" could be measured ({why})"
+            )
+    session.overrule(overrules)
+    has_scale = all(hit.has_scale for hit in hits)
+    return _finish(paths, session, series.sample, has_scale, [*errors.values()])
+
+
+def read_series(
+    paths: Sequence[Path], series: TraceSeries, *, needs_scale: bool
+) -> tuple[list[ImportedHit], RigSetup, dict[Path, str]]:
+    """Read every file as one hit.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        A file's place, counted from 1, is the record of its hit.
+    series : TraceSeries
+        What they are taken for.
+    needs_scale : bool
+        Refuse a force without a mass.
+
+    Returns
+    -------
+    tuple
+        The hits, the set-up that they are judged by, and a sentence for each file that could not
+        be used.
+    """
+    hits: list[ImportedHit] = []
+    errors: dict[Path, str] = {}
+    for number, path in enumerate(paths, start=1):
+        label = _make_label(number, series.sample)
+        mass = series.setup.hammer_mass
+        try:
+            hit = read_hit(path, label, series.plan, mass, needs_scale=needs_scale)
+            series = _check_cutoff(hit, series)
+            _check_pulse(hit, _find_setup(series, [hit]))
+            check_series(hits, hit)
+        except RigError as error:
+            errors[path] = str(error)
+        else:
+            hits.append(hit)
+    return hits, _find_setup(series, hits), errors
+
+
+def _find_setup(series: TraceSeries, hits: Sequence[ImportedHit]) -> RigSetup:
+    """Return the set-up of a series, each file a record if nothing else is given."""
+    if series.has_window or not hits:
+        return series.setup
+    return replace(series.setup, analysis=choose_window(series.setup.analysis, hits))
+
+
+def _check_cutoff(hit: ImportedHit, series: TraceSeries) -> TraceSeries:
+    """Return the series, its low-pass left out if that may be and must be."""
+    analysis = series.setup.analysis
+    try:
+        check_cutoff(analysis.cutoff_frequency, hit.block.sampling_rate)
+    except ParameterError as error:
+        if not series.is_filter_optional:
+            raise ParameterError(f"{hit.path}: {error} (--cutoff off)") from None
+        analysis = replace(analysis, cutoff_frequency=0.0)
+    return replace(series, setup=replace(series.setup, analysis=analysis))
+
+
+def _check_pulse(hit: ImportedHit, setup: RigSetup) -> None:
+    """Require more than a bad hit: a pulse, or a dead channel beside a live one."""
+    for record in ImpactDetector(setup.analysis).feed(hit.block):
+        for rejection in check_stream(record) + check_channels(record, setup.analysis):
+            if rejection.reason in USELESS:
+                raise SignalError(
+                    f"{hit.path} has no pulse that could be measured: {rejection.explanation}; it"
+                    " must leave its baseline and come back"
+                )
+
+
+def _make_label(number: int, sample: str) -> HitLabel:
+    return HitLabel(sample, record=number, impact=number)
+
+
+def _find_overrules(
+    paths: Sequence[Path], sample: str, accept: Sequence[str], reject: Sequence[str]
+) -> Overrules:
+    """Return the files that a person named as the hits that they hold."""
+
+    def find(option: str, name: str) -> HitLabel:
+        found = [
+            number for number, path in enumerate(paths, start=1) if name in (str(path), path.name)
+        ]
+        if len(found) != 1:
+            what = "is none of the files" if not found else "may be any of several files"
+            raise ParameterError(f"{option} {name!r} {what}: name one as it was given")
+        return _make_label(found[0], sample)
+
+    accepted = frozenset(find("--accept", name) for name in accept)
+    rejected = frozenset(find("--reject", name) for name in reject)
+    for label in accepted & rejected:
+        raise ParameterError(
+            f"{paths[label.record - 1]} is both accepted and rejected by hand: choose one"
+        )
+    return Overrules(accepted, rejected)
+
+
+def _finish(
+    paths: Sequence[Path], session: Session, sample: str, has_scale: bool, errors: list[str]
+) -> AnalyzedTraces:
+    selection = session.find_selection(sample)
+    # A file's number is the record of its hit.
+    final = sorted(selection.kept + selection.left_out, key=lambda hit: hit.label.record)
+    hits = tuple(_flatten(paths[hit.label.record - 1], hit, session.setup) for hit in final)
+    results = Results(HammerResults(), (), ())
+    if selection.kept:
+        try:
+            results = results_from_session(session.estimate_all(), {})
+        except RigError as error:
+            errors.append(f"mean of {len(selection.kept)} hits: {error}")
+    elif hits:
+        errors.append("no hit was accepted: the contact time is not determined")
+    hammer, samples = _name_options(paths, session, sample, results)
+    if not has_scale:
+        # Widths do not depend on the scale: a force without a mass is good for contact times.
+        hits = tuple(replace(hit, hammer_peak_m_per_s2=NAN) for hit in hits)
+        samples = tuple(replace(item, hammer_peak_m_per_s2=NAN) for item in samples)
+    return AnalyzedTraces(TraceResults(hammer, samples, hits), tuple(errors))
+
+
+def _flatten(path: Path, hit: JudgedHit, setup: RigSetup) -> HitResults:
+    flat = hit_results_from_judged(str(path), hit)
+    if hit.filtered is None:
+        return flat
+    settings = setup.analysis
+    uncertainty = estimate_hit_uncertainty(hit.filtered, settings, setup.clock_uncertainty)
+    try:
+        # A series of one: every hit is asked for its shape.
+        shape = estimate_pulse_shape(average_hits([hit.filtered]), settings.cutoff_frequency)
+    except RigError:
+        best_shape, residual = "", NAN
+    else:
+        best_shape, residual = shape.best_shape, shape.best_fit.residual_percent
+    return replace(
+        flat,
+        contact_time_u_s=uncertainty.standard,
+        contact_time_expanded_s=uncertainty.expanded,
+        best_shape=best_shape,
+        shape_residual_percent=residual,
+    )
+
+
+def _name_options(
+    paths: Sequence[Path], session: Session, sample: str, results: Results
+) -> tuple[HammerResults, tuple[SampleResults, ...]]:
+    """Say by which options k1 and the masses come in, and which files are meant by hits."""
+    hammer, setup = results.hammer, session.setup
+    texts: dict[str, str] = {}
+    if math.isnan(setup.hammer_stiffness) and setup.samples.control_sample != sample:
+        note = (
+            f"k1: {sample!r} is not the control sample; give --hammer-stiffness, or --control if"
+            " hammer and sample are alike"
+        )
+        texts = dict.fromkeys(hammer.notes, note)
+        hammer = replace(hammer, control_sample="", notes=(note,))
+    if unknown := setup.find_unknown_masses(sample):
+        note = f"k and c: the mass of {' and '.join(unknown)} is not known"
+        texts[note] = f"{note}; {MASS_OPTIONS}"
+    names = {
+        f"hit {describe_label(hit.label)} ": f"{paths[hit.label.record - 1].name} "
+        for hit in session.find_selection(sample).kept
+    }
+    samples = []
+    for item in results.samples:
+        warnings, notes = item.warnings, tuple(texts.get(note, note) for note in item.notes)
+        for label, name in names.items():
+            warnings = tuple(text.replace(label, name) for text in warnings)
+        samples.append(replace(item, warnings=warnings, notes=notes))
+    return hammer, tuple(samples)

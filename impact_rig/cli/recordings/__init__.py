@@ -1,0 +1,1 @@
+"""What `info`, `recover` and `export` are made of."""

@@ -1,0 +1,76 @@
+"""A bar on standard error while a large recording is read."""
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+
+from impact_rig.recording.reading.source import find_recording
+from impact_rig.recording.recovery.contents import Contents
+from impact_rig.recording.recovery.inspection import inspect_recording
+from impact_rig.reporting.terminal import make_console
+
+LARGE = 50_000_000
+"""Size from which a bar is worth its line [byte], our choice: below, it is gone at once."""
+
+
+class ReadingProgress:
+    """Follows the reading of files; a context manager.
+
+    Parameters
+    ----------
+    console : Console
+        Where to; without a terminal nothing is shown.
+    title : str
+        Before the bar.
+    total : int
+        What will be read [byte].
+    """
+
+    def __init__(self, console: Console, title: str, total: int) -> None:
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            DownloadColumn(),
+            TimeRemainingColumn(),
+            console=console,
+            transient=True,
+            disable=not console.is_terminal or total < LARGE,
+        )
+        self._task = self._progress.add_task(title, total=total)
+
+    def __enter__(self) -> Self:
+        """Show the bar."""
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Take the bar away."""
+        self._progress.stop()
+
+    def report(self, done: int) -> None:
+        """Show how many bytes were read."""
+        self._progress.update(self._task, completed=done)
+
+
+def inspect_with_progress(path: Path) -> Contents:
+    """Read all of the recording that a path means, under a bar; errors as `inspect_recording`."""
+    found = find_recording(path)
+    with ReadingProgress(make_console(stderr=True), f"reading {path}", measure(found)) as bar:
+        return inspect_recording(found, report=bar.report)
+
+
+def measure(path: Path) -> int:
+    """Return the size of a file, or of all files of a folder [byte]; 0: it cannot be told."""
+    try:
+        files = list(path.iterdir()) if path.is_dir() else [path]
+        return sum(file.stat().st_size for file in files)
+    except OSError:
+        return 0

@@ -1,0 +1,1 @@
+"""Rigs and replays run by a command: processes, progress, questions."""

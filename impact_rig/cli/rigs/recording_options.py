@@ -1,0 +1,45 @@
+"""Options that say how a run is recorded."""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from impact_rig.configuration.processes import RecordingPlan
+from impact_rig.recording.writing.mcap_writer import COMPRESSIONS
+
+
+def recording_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--bag``, ``--compression`` and ``--notes``: one `RecordingPlan`, `recording`."""
+
+    @functools.wraps(command)
+    def joined(*, bag: bool, compression: str | None, notes: str, **values: Any) -> Any:
+        return command(recording=RecordingPlan(bag, compression or "", notes), **values)
+
+    for option in (
+        click.option(
+            "--notes", default="", metavar="TEXT", help="What the recording should say of itself."
+        ),
+        click.option(
+            "--compression",
+            type=click.Choice(COMPRESSIONS),
+            help="Of the recording. [zstd]",
+        ),
+        click.option(
+            "--bag/--no-bag",
+            default=False,
+            help="Record into a folder as rosbag2 writes it, not into one file. [no]",
+        ),
+    ):
+        joined = option(joined)
+    return joined
+
+
+def list_recording_arguments(recording: RecordingPlan) -> list[str]:
+    """Return a plan as the words of a command line."""
+    arguments = ["--bag"] if recording.bag else []
+    for name, value in (("--compression", recording.compression), ("--notes", recording.notes)):
+        if value:
+            arguments += [name, value]
+    return arguments

@@ -1,0 +1,143 @@
+"""Follows the blocks on their way into a recording, and says when a record is on the disk."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, RecordStored
+from rclpy.serialization import deserialize_message
+
+from impact_rig.core.errors import FileError
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.nodes.messages import stamp_to_msg
+from impact_rig.nodes.rig_node import RigNode
+from impact_rig.recording.interfaces.messages import label_from_msg, stamp_from_msg
+from impact_rig.recording.writing.record_watch import RecordWatch
+from impact_rig.recording.writing.recording_writer import RecordingWriter
+
+SYNC_HIT = "hit"
+SYNC_CHUNK = "chunk"
+SYNCS = (SYNC_HIT, SYNC_CHUNK)
+"""When a record counts as stored: on the disk at its end, or when its chunk has been written."""
+SETTLING_TIME = 0.5
+"""How long the blocks of an arming that has ended may still be on their way [s], our choice: they
+travel by another topic than the word of its end."""
+
+
+class RecordStorage:
+    """Counts blocks as they are written, has records put on the disk, and publishes that they are.
+
+    Parameters
+    ----------
+    node : RigNode
+        The recorder.
+    writer : RecordingWriter
+        What it writes to.
+    publisher : Publisher
+        Of `RecordStored`.
+    sync : str
+        One of `SYNCS`.
+    fail : callable
+        Called with the error if something cannot be written.
+
+    Attributes
+    ----------
+    watch : RecordWatch
+        What the recording has of each record.
+    longest_lag : float
+        Longest time from the sending of a block to its being written [s]; between two computers
+        it holds the difference of their clocks.
+    """
+
+    def __init__(
+        self,
+        node: RigNode,
+        writer: RecordingWriter,
+        publisher: Any,
+        sync: str,
+        fail: Callable[[FileError], None],
+    ) -> None:
+        self.watch = RecordWatch()
+        self.longest_lag = 0.0
+        self._node = node
+        self._writer = writer
+        self._publisher = publisher
+        self._sync = sync
+        self._fail = fail
+        self._arming: AcquisitionState | None = None
+        self._unfinished: HitLabel | None = None
+
+    def take_block(self, data: bytes, sent: int) -> None:
+        """Count a block that was written; the end of its record puts that on the disk."""
+        block = deserialize_message(data, AccelerationBlock)
+        self.watch.add(
+            label_from_msg(block),
+            block.first_sample,
+            len(block.hammer.counts) or len(block.hammer.values),
+            stamp_from_msg(block.header.stamp),
+            last=block.last,
+        )
+        self._store_finished()
+        self.longest_lag = max(self.longest_lag, (time.time_ns() - sent) / 1e9)
+
+    def take_acquisition_state(self, data: bytes, _: int) -> None:
+        """Note that an arming begins or ends; an ended one gets no more blocks."""
+        previous, self._arming = self._arming, deserialize_message(data, AcquisitionState)
+        if self._arming.state == AcquisitionState.ARMED:
+            self.watch.begin(self._arming.record)
+        elif previous is not None and self._arming.record:
+            # The first word is of what was before this recording. Later ones may come so soon
+            # after another that only the last is heard.
+            is_known = previous.record == self._arming.record
+            self._end_soon(self._arming.record, previous.sample if is_known else "")
+
+    def flush(self) -> None:
+        """Write what waits; call it now and then. A record that goes on is told of in parts."""
+        unfinished = self.watch.unfinished
+        label = unfinished.label if unfinished else None
+        goes_on = label is not None and label == self._unfinished
+        self._unfinished = label
+        if goes_on and self._sync == SYNC_HIT:
+            self._writer.sync()
+        else:
+            self._writer.flush()
+        self.publish_stored(with_unfinished=goes_on)
+
+    def publish_stored(self, *, with_unfinished: bool = False) -> None:
+        """Say which records have been stored since the last time."""
+        for count in self.watch.collect(with_unfinished=with_unfinished):
+            label = count.label
+            message = RecordStored(
+                record=label.record,
+                sample=label.sample,
+                impact=label.impact,
+                attempt=label.attempt,
+                complete=count.is_complete,
+                blocks=count.blocks,
+                gaps=count.gaps,
+                missing_points=count.missing_points,
+            )
+            message.header.stamp = stamp_to_msg(count.stamp)
+            self._publisher.publish(message)
+
+    def _store_finished(self) -> None:
+        if self._sync == SYNC_HIT and self.watch.has_finished:
+            self._writer.sync()
+            self.publish_stored()
+
+    def _end_soon(self, record: int, sample: str) -> None:
+        blocks = self.watch.blocks
+
+        def end() -> None:
+            if self._writer.closed:
+                return
+            if self.watch.blocks != blocks:
+                self._end_soon(record, sample)
+                return
+            self.watch.end(record, sample)
+            try:
+                self._store_finished()
+            except FileError as error:
+                self._fail(error)
+
+        self._node.run_once_after(SETTLING_TIME, end)

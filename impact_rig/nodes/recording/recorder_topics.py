@@ -1,0 +1,179 @@
+"""What a recorder subscribes to: the rig's topics at once, others as they are discovered."""
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.qos import QoSProfile
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
+
+from impact_rig.core.errors import FileError, RigError
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, make_qos, name_type
+from impact_rig.recording.interfaces.message_definitions import find_message_definition
+from impact_rig.recording.interfaces.qos_profiles import OfferedQos
+from impact_rig.recording.writing.recording_writer import RecordingWriter
+
+QUEUE_DEPTH = 2000
+"""Depth of the queue of a topic [messages], our choice: almost a second of blocks of 1000 points
+at 2.5 MS/s, in which the disk may stand still. Only what waits takes memory."""
+LARGEST_HELPING = 50
+"""How many messages of one topic may be written before it is another one's turn [-], our choice:
+the way through the executor costs several times what taking a message does."""
+PARAMETER_EVENTS = "/parameter_events"
+"""Tells of every parameter that is set on any node."""
+GLOBAL_TOPICS = ("/diagnostics", "/rosout", PARAMETER_EVENTS)
+"""Topics outside the rig's namespace that tell of its health and of what it was told to do."""
+
+
+class RecordedTopics:
+    """Raw subscriptions that write what they get to a recording, as received.
+
+    Parameters
+    ----------
+    node : RigNode
+        Whose namespace is recorded.
+    writer : RecordingWriter
+        Where everything goes.
+    readers : mapping
+        Function by full topic name, called with each message of the topic, serialised, and the
+        time when it was sent [ns], once it is written.
+    fail : callable
+        Called with the error if something cannot be written.
+
+    Attributes
+    ----------
+    skipped : dict
+        Why a topic is not recorded, by its full name.
+    messages_lost : int
+        Messages that the middleware dropped on their way here, as far as it numbers them.
+    """
+
+    def __init__(
+        self,
+        node: RigNode,
+        writer: RecordingWriter,
+        readers: Mapping[str, Callable[[bytes, int], None]],
+        fail: Callable[[FileError], None],
+    ) -> None:
+        self._node = node
+        self._writer = writer
+        self._readers = readers
+        self._fail = fail
+        self._subscriptions: dict[str, Any] = {}
+        self._writes: dict[str, Callable[[bytes, Mapping[str, Any]], None]] = {}
+        self.skipped: dict[str, str] = {}
+        self.messages_lost = 0
+        for topic in interfaces.RECORDED_TOPICS:
+            offer = describe_qos(topic.qos)
+            # Of states that follow each other closely, all are wanted, not the last alone.
+            qos = make_qos(offer, QUEUE_DEPTH)
+            self._record(topic.name, topic.type, qos, (offer,))
+
+    def __len__(self) -> int:
+        """Return how many topics are recorded."""
+        return len(self._subscriptions)
+
+    def find_unconnected(self, names: list[str]) -> list[str]:
+        """Return those of some topics, by their relative names, that nobody publishes yet."""
+        inputs = {
+            name: self._subscriptions.get(self._node.resolve_topic_name(name)) for name in names
+        }
+        return [
+            name for name, item in inputs.items() if not item or not item.get_publisher_count()
+        ]
+
+    def discover(self) -> None:
+        """Subscribe to what else is published below the namespace, and to the global topics."""
+        prefix = self._node.get_namespace().rstrip("/") + "/"
+        for topic, types in self._node.get_topic_names_and_types():
+            if topic in self._subscriptions or topic in self.skipped:
+                continue
+            if topic_or_service_is_hidden(topic):
+                continue
+            if topic.startswith(prefix) or topic in GLOBAL_TOPICS:
+                publishers = self._node.get_publishers_info_by_topic(topic)
+                if publishers:
+                    self._record_discovered(topic, types, publishers)
+
+    def take_waiting(self) -> None:
+        """Write what is still in the queues."""
+        for topic in tuple(self._subscriptions):
+            while self._take(topic) and not self._writer.closed:
+                pass
+
+    def close(self) -> None:
+        """Withdraw the subscriptions."""
+        for subscription in self._subscriptions.values():
+            self._node.destroy_subscription(subscription)
+        self._subscriptions.clear()
+
+    def _record(
+        self, name: str, kind: Any, qos: QoSProfile, offers: tuple[OfferedQos, ...]
+    ) -> None:
+        topic = self._node.resolve_topic_name(name)
+        writer, read = self._writer, self._readers.get(topic)
+        channel = writer.add_channel(topic, find_message_definition(name_type(kind)), offers)
+        previous: int | None = None
+
+        def write(data: bytes, info: Mapping[str, Any]) -> None:
+            nonlocal previous
+            self._node.messages_handled += 1
+            if writer.closed:
+                return
+            received = info["received_timestamp"] or time.time_ns()
+            sent = info["source_timestamp"] or received
+            number = info.get("publication_sequence_number")
+            if number and previous and number > previous + 1:
+                self._count_lost(topic, number - previous - 1)
+            previous = number
+            try:
+                writer.add_message(channel, data, received, sent)
+                if read is not None:
+                    read(data, sent)
+            except FileError as error:
+                self._fail(error)
+
+        def write_helping(data: bytes, info: Mapping[str, Any]) -> None:
+            write(data, info)
+            for _ in range(LARGEST_HELPING):
+                if writer.closed or not self._take(topic):
+                    break
+
+        self._writes[topic] = write
+        self._subscriptions[topic] = self._node.create_subscription(
+            kind, name, write_helping, qos, raw=True
+        )
+
+    def _take(self, topic: str) -> bool:
+        """Write the next message that waits in a topic's queue; return whether there was one."""
+        subscription = self._subscriptions.get(topic)
+        if subscription is None:
+            return False
+        with subscription.handle:
+            taken = subscription.handle.take_message(subscription.msg_type, True)
+        if taken is None:
+            return False
+        self._writes[topic](*taken)
+        return True
+
+    def _count_lost(self, topic: str, count: int) -> None:
+        # The middleware reports no loss where a queue runs over, but it numbers what one
+        # publisher sends; the numbers of several go on independently.
+        if self._subscriptions[topic].get_publisher_count() == 1:
+            self.messages_lost += count
+
+    def _record_discovered(
+        self, topic: str, types: list[str], publishers: list[TopicEndpointInfo]
+    ) -> None:
+        try:
+            if len(types) > 1:
+                raise FileError(f"it has several types: {', '.join(types)}")
+            kind = import_type(types[0])
+            offers = tuple(describe_qos(item.qos_profile) for item in publishers)
+            self._record(topic, kind, adapt_qos(publishers, QUEUE_DEPTH), offers)
+        except RigError as error:
+            self.skipped[topic] = str(error)
+            self._node.get_logger().warning(f"{topic} is not recorded: {error}")

@@ -1,0 +1,173 @@
+"""One recording in the making: everything that lasts from a recorder's activation to its end."""
+
+import contextlib
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import rclpy
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.serialization import deserialize_message
+
+from impact_rig.core.errors import FileError
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.recording.node_parameters import NodeParameters
+from impact_rig.nodes.recording.record_storage import RecordStorage
+from impact_rig.nodes.recording.recorder_topics import PARAMETER_EVENTS, RecordedTopics
+from impact_rig.nodes.rig_node import RigNode
+from impact_rig.recording.writing.origin import (
+    ORIGIN_RECORD,
+    PARAMETERS_RECORD,
+    AttachedFile,
+    describe_origin,
+)
+from impact_rig.recording.writing.recording_writer import RecordingWriter
+from impact_rig.recording.writing.split_contents import HEALTH_RECORD
+
+DISCOVERY_PERIOD = 0.2
+"""How often further topics and nodes are looked for [s], our choice: the ROS graph sends no event
+here."""
+SPLIT = "split"
+"""How a file ended that another one follows."""
+
+
+class RecordingRun:
+    """Subscribes, writes and counts, until it is closed.
+
+    Parameters
+    ----------
+    node : RigNode
+        The recorder.
+    open_writer : callable
+        Returns the writer; called with what the writer is to call before it begins another file.
+    sync : str
+        When a record counts as stored, one of `record_storage.SYNCS`.
+    publisher : Publisher
+        Of `RecordStored`.
+    fail : callable
+        Called with the error if something cannot be written.
+
+    Raises
+    ------
+    FileError
+        If the recording cannot be begun.
+    """
+
+    def __init__(
+        self,
+        node: RigNode,
+        open_writer: Callable[[Callable[[], None]], RecordingWriter],
+        sync: str,
+        publisher: Any,
+        fail: Callable[[FileError], None],
+    ) -> None:
+        self._node = node
+        self._fail = fail
+        self._timers: list[Any] = []
+        self.writer = open_writer(lambda: self._write_health(SPLIT))
+        self.storage = RecordStorage(node, self.writer, publisher, sync, fail)
+        readers = {
+            interfaces.ACCELERATION.name: self.storage.take_block,
+            interfaces.ACQUISITION_STATE.name: self.storage.take_acquisition_state,
+            PARAMETER_EVENTS: self._note_parameter_event,
+        }
+        self._parameters = NodeParameters(node, self._write_parameters)
+        try:
+            self.topics = RecordedTopics(
+                node,
+                self.writer,
+                {node.resolve_topic_name(name): read for name, read in readers.items()},
+                fail,
+            )
+        except FileError:
+            with contextlib.suppress(FileError):
+                self.writer.close()
+            raise
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is being written to."""
+        return not self.writer.closed
+
+    def attach(self, files: Iterable[AttachedFile]) -> None:
+        """Put files into the recording."""
+        for file in files:
+            self.writer.add_attachment(file.name, file.media_type, file.data)
+
+    def write_origin(self, notes: str) -> None:
+        """Write software, computer and notes into the recording; may be said anew."""
+        middleware = rclpy.get_rmw_implementation_identifier()
+        self.writer.add_metadata(ORIGIN_RECORD, describe_origin(middleware, notes))
+
+    def start(self, flush_period: float) -> None:
+        """Begin to look for further topics and nodes, and to flush."""
+        self.call_every(DISCOVERY_PERIOD, self._discover)
+        if flush_period:
+            self.call_every(flush_period, self.storage.flush)
+        self._discover()
+
+    def call_every(self, period: float, work: Callable[[], None]) -> None:
+        """Call `work` every `period` seconds until the end; a `FileError` in it is a failure."""
+
+        def guarded() -> None:
+            try:
+                work()
+            except FileError as error:
+                self._fail(error)
+
+        self._timers.append(self._node.create_timer(period, guarded))
+
+    def describe_losses(self) -> str:
+        """Return what the recording lacks, in words; empty: nothing."""
+        watch, lost = self.storage.watch, self.topics.messages_lost
+        parts = []
+        if watch.gaps:
+            parts.append(
+                f"the blocks have {watch.gaps} gap{'s' * (watch.gaps > 1)},"
+                f" {watch.missing_points} points are missing"
+            )
+        if lost:
+            parts.append(f"{lost} message{'s' * (lost > 1)} did not get through")
+        return "; ".join(parts)
+
+    def close(self, reason: str) -> None:
+        """Withdraw everything, say how it ended, and finish the recording.
+
+        Raises
+        ------
+        FileError
+            If its end could not be written; what was written before stays.
+        """
+        for timer in self._timers:
+            self._node.destroy_timer(timer)
+        self._timers.clear()
+        # What cannot be said any more must not keep the file from being finished.
+        with contextlib.suppress(FileError):
+            self._parameters.close()
+            self._write_health(reason)
+        self.topics.close()
+        self.writer.close()
+        self.storage.publish_stored()
+
+    def _discover(self) -> None:
+        self.topics.discover()
+        self._parameters.look()
+
+    def _note_parameter_event(self, data: bytes, _: int) -> None:
+        self._parameters.note_change(deserialize_message(data, ParameterEvent).node)
+
+    def _write_parameters(self, texts: dict[str, str]) -> None:
+        self.writer.add_metadata(PARAMETERS_RECORD, texts)
+
+    def _write_health(self, reason: str) -> None:
+        watch = self.storage.watch
+        self.writer.add_metadata(
+            HEALTH_RECORD,
+            {
+                "reason": reason,
+                "gaps": str(watch.gaps),
+                "missing_points": str(watch.missing_points),
+                "messages_lost": str(self.topics.messages_lost),
+                "longest_lag": f"{self.storage.longest_lag:.6f}",
+                "topics_not_recorded": ", ".join(self.topics.skipped),
+            },
+        )

@@ -1,0 +1,1 @@
+"""What the replayer is made of."""

@@ -1,0 +1,1 @@
+"""Measurements of other instruments become recordings, and recordings measurements."""

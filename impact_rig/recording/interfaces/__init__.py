@@ -1,0 +1,1 @@
+"""Messages: their definitions, schemas and quality of service, and what they mean."""

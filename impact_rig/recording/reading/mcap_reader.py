@@ -1,0 +1,226 @@
+"""Reads the rig's recordings back, without ROS: decoded by the schemas in the file itself."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple, TypeVar
+
+from impact_rig.core.errors import FileError, RigError
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.recording.interfaces.messages import block_from_msg, label_from_msg, setup_from_msg
+from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
+from impact_rig.recording.reading.mcap_file import Channel, RawMessage
+from impact_rig.recording.reading.source import RecordingSource, open_source
+
+SETUP_TYPE = "impact_rig_msgs/msg/RigSetup"
+BLOCK_TYPE = "impact_rig_msgs/msg/AccelerationBlock"
+VIRTUAL_IMPACT_TYPE = "impact_rig_msgs/msg/VirtualImpact"
+"""Types that tell the rig's topics in a recording, whatever they were remapped to."""
+
+SHARED_TOPICS = frozenset({"/diagnostics", "/rosout", "/parameter_events", "/clock"})
+"""Topics that are the same for all namespaces: they are never taken as relative."""
+
+_T = TypeVar("_T")
+
+
+class RecordedMessage(NamedTuple):
+    """One decoded message.
+
+    Attributes
+    ----------
+    topic : str
+        Relative to the rig's namespace; with a leading slash where it lies outside.
+    message : object
+        With the fields of the type as attributes.
+    log_time : int
+        When it was received, nanoseconds since the epoch.
+    """
+
+    topic: str
+    message: Any
+    log_time: int
+
+
+class Recording:
+    """A recording of one rig; it is read anew by each iteration, nothing is held in memory.
+
+    Made by `read_recording`.
+
+    Attributes
+    ----------
+    path : Path
+        Of the file, or of the folder.
+    namespace : str
+        Of the rig, "/" for none.
+    setup : RigSetup
+        The first set-up in the file.
+    warnings : tuple of str
+        What the reader should know, in words; empty: nothing.
+    """
+
+    def __init__(self, file: RecordingSource, namespace: str) -> None:
+        self._file = file
+        self._decoder = SchemaDecoder()
+        self._faults: dict[HitLabel, tuple[str, ...]] = {}
+        self.path = file.path
+        self.namespace = namespace
+        self.warnings = file.warnings
+        self.setup = self._find_setup()
+
+    @property
+    def faults(self) -> Mapping[HitLabel, tuple[str, ...]]:
+        """Faults injected by the virtual rig, by hit, as far as `events` has been read.
+
+        Without an entry: nothing is known of the hit; empty: a good hit.
+        """
+        return MappingProxyType(self._faults)
+
+    def events(self) -> Iterator[RigSetup | Block]:
+        """Yield set-ups and blocks in file order, the first set-up before everything else.
+
+        Yields
+        ------
+        RigSetup or Block
+            A set-up holds for the blocks after it.
+
+        Raises
+        ------
+        FileError
+            If the file is damaged, or a message does not have the fields of this version.
+        """
+        yield self.setup
+        is_first = True
+        for raw in self._file.read_messages(self._is_event):
+            if raw.channel.type_name == VIRTUAL_IMPACT_TYPE:
+                label, faults = self._convert(raw, _faults_from_msg)
+                self._faults[label] = faults
+            elif raw.channel.type_name == BLOCK_TYPE:
+                yield self._convert(raw, block_from_msg)
+            elif is_first:
+                is_first = False
+            else:
+                yield self._convert(raw, setup_from_msg)
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[RecordedMessage]:
+        """Yield decoded messages of any topic in file order.
+
+        Parameters
+        ----------
+        topics : collection of str, optional
+            Names as in `RecordedMessage.topic`; all by default.
+
+        Raises
+        ------
+        FileError
+            If the file is damaged or a schema cannot be understood.
+        """
+
+        def wanted(channel: Channel) -> bool:
+            return topics is None or make_relative(channel.topic, self.namespace) in topics
+
+        for raw in self._file.read_messages(wanted):
+            topic = make_relative(raw.channel.topic, self.namespace)
+            yield RecordedMessage(topic, self._decode(raw), raw.log_time)
+
+    def _is_event(self, channel: Channel) -> bool:
+        return channel.type_name in (
+            SETUP_TYPE,
+            BLOCK_TYPE,
+            VIRTUAL_IMPACT_TYPE,
+        ) and channel.topic.startswith(self.namespace.rstrip("/") + "/")
+
+    def _find_setup(self) -> RigSetup:
+        def wanted(channel: Channel) -> bool:
+            return channel.type_name == SETUP_TYPE and self._is_event(channel)
+
+        for raw in self._file.read_messages(wanted):
+            return self._convert(raw, setup_from_msg)
+        raise FileError(
+            f"{self.path} holds no set-up of a rig (topic 'setup', {SETUP_TYPE}): without masses"
+            " and settings its blocks cannot be evaluated"
+        )
+
+    def _decode(self, raw: RawMessage) -> Any:
+        try:
+            return self._decoder.decode(raw.channel, raw.data)
+        except FileError as error:
+            raise FileError(f"{self.path}: {error}") from None
+
+    def _convert(self, raw: RawMessage, convert: Callable[[Any], _T]) -> _T:
+        message = self._decode(raw)
+        try:
+            return convert(message)
+        except AttributeError as error:
+            raise FileError(
+                f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has no field"
+                f" {error.name!r}: it was recorded with another version of the interfaces"
+            ) from None
+        except (TypeError, ValueError, OverflowError) as error:
+            if isinstance(error, RigError):
+                raise FileError(f"{self.path}: {raw.channel.topic}: {error}") from None
+            raise FileError(
+                f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has a field of"
+                f" another kind than in this version: {error}"
+            ) from None
+
+
+def read_recording(path: Path, namespace: str | None = None) -> Recording:
+    """Open a recording of a rig.
+
+    Parameters
+    ----------
+    path : Path
+        As `find_recording` takes it.
+    namespace : str, optional
+        Of the rig; found in the file by default.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    FileError
+        If there is no such file, it is no recording of ROS 2, holds no set-up, or holds several
+        rigs of which none was chosen.
+    """
+    file = open_source(Path(path))
+    if namespace is None:
+        namespaces = find_namespaces(file)
+        if len(namespaces) > 1:
+            raise FileError(
+                f"{path} holds several rigs, in the namespaces {', '.join(namespaces)}: choose one"
+            )
+        namespace = namespaces[0] if namespaces else "/"
+    return Recording(file, "/" + namespace.strip("/"))
+
+
+def find_namespaces(file: RecordingSource) -> tuple[str, ...]:
+    """Return the namespaces of the rigs in a recording, by the topics of its blocks.
+
+    A set-up stands in for the blocks where there are none.
+    """
+    channels = file.read_channels()
+    for type_name, name in ((BLOCK_TYPE, "acceleration"), (SETUP_TYPE, "setup")):
+        topics = [channel.topic for channel in channels if channel.type_name == type_name]
+        if topics:
+            return tuple(sorted({_find_parent(topic, name) for topic in topics}))
+    return ()
+
+
+def make_relative(topic: str, namespace: str) -> str:
+    """Return a topic's name relative to a namespace; unchanged where it lies outside."""
+    prefix = namespace.rstrip("/") + "/"
+    if topic in SHARED_TOPICS or not topic.startswith(prefix):
+        return topic
+    return topic[len(prefix) :]
+
+
+def _find_parent(topic: str, name: str) -> str:
+    parent = topic[: -len(name)] if topic.endswith("/" + name) else topic.rpartition("/")[0]
+    return parent.rstrip("/") or "/"
+
+
+def _faults_from_msg(message: Any) -> tuple[HitLabel, tuple[str, ...]]:
+    return label_from_msg(message), tuple(str(fault) for fault in message.faults)

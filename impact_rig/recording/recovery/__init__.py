@@ -1,0 +1,1 @@
+"""Recordings are looked through, sound or damaged, and made good again."""

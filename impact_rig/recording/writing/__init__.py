@@ -1,0 +1,1 @@
+"""Recordings are written, onto the disk for certain."""

@@ -1,0 +1,294 @@
+"""Writes messages that are already serialised to one MCAP file of profile `ros2`."""
+
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mcap.writer import CompressionType, Writer
+
+from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.recording.interfaces.message_definitions import MessageDefinition
+from impact_rig.recording.interfaces.qos_profiles import OfferedQos, format_offered_qos
+from impact_rig.recording.writing.disk_file import DiskFile
+
+COMPRESSIONS = ("zstd", "lz4", "none")
+"""How chunks may be compressed."""
+DEFAULT_CHUNK_SIZE = 1 << 20
+"""Uncompressed size at which a chunk is finished [byte]; what other MCAP writers use."""
+MESSAGE_OVERHEAD = 64
+"""What a message takes beside its own bytes [byte]: 31 in its record, 16 in the chunk's index."""
+
+
+class McapWriter:
+    """A recording of one file in the making.
+
+    Finished chunks are on their way to the disk at once; before the disk is full the file is
+    refused more, so that it can still be finished.
+
+    Parameters
+    ----------
+    path : Path
+        Of the new file; it must not exist, its folder must.
+    compression : str
+        One of `COMPRESSIONS`.
+    chunk_size : int
+        Uncompressed size at which a chunk is finished [byte].
+    library : str
+        What wrote the file, kept in it.
+    keep_free : int
+        What is left free on the disk for others [byte].
+
+    Attributes
+    ----------
+    path : Path
+        As given.
+    messages : int
+        How many were added.
+    start_time, end_time : int
+        Earliest and latest time of reception of a message [ns]; 0 as long as there is none.
+
+    Raises
+    ------
+    ParameterError
+        If the compression is unknown, or a size negative or the chunk's zero.
+    FileError
+        If the file exists already or cannot be created.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        compression: str = "zstd",
+        chunk_size: int = DEFAULT_CHUNK_SIZE,
+        library: str = "impact_rig",
+        keep_free: int = 0,
+    ) -> None:
+        kind = _find_compression(compression)
+        if chunk_size < 1:
+            raise ParameterError(f"chunk size is {chunk_size} byte: it must be positive")
+        if keep_free < 0:
+            raise ParameterError(f"keep_free is {keep_free} byte: it must not be negative")
+        self.path = path
+        self.messages = 0
+        self.start_time = 0
+        self.end_time = 0
+        self._schemas: dict[tuple[str, str], int] = {}
+        self._channels: dict[str, int] = {}
+        self._counts: dict[int, int] = {}
+        self._file = DiskFile(path, keep_free)
+        self._writer = Writer(self._file, chunk_size=chunk_size, compression=kind)  # type: ignore[arg-type]
+        try:
+            self._writer.start("ros2", library)
+        except FileError:
+            self._file.close()
+            path.unlink(missing_ok=True)
+            raise
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far, the unfinished chunk not included."""
+        return self._file.size
+
+    @property
+    def closed(self) -> bool:
+        """Whether the file is finished."""
+        return self._file.closed
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether it takes nothing more, since something could not be written."""
+        return self._file.failure is not None and not self.closed
+
+    @property
+    def free_space(self) -> int:
+        """Bytes that may still be added before the disk counts as full; 0 of a closed file."""
+        return self._file.free_space
+
+    def count_messages(self, topic: str) -> int:
+        """Return how many messages of a topic were added."""
+        return self._counts.get(self._channels.get(topic, 0), 0)
+
+    def add_channel(
+        self, topic: str, definition: MessageDefinition, qos: tuple[OfferedQos, ...]
+    ) -> int:
+        """Announce a topic.
+
+        Parameters
+        ----------
+        topic : str
+            Full name.
+        definition : MessageDefinition
+            Of its type.
+        qos : tuple of OfferedQos
+            What its publishers offer.
+
+        Returns
+        -------
+        int
+            Number of the channel, for `add_message`; they are counted from 1.
+
+        Raises
+        ------
+        FileError
+            If a chunk could not be written, now or before.
+        """
+        key = (definition.type_name, definition.text)
+        metadata = {
+            "offered_qos_profiles": format_offered_qos(qos),
+            "topic_type_hash": definition.type_hash,
+        }
+        self._file.plan(len(definition.text))
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(
+                definition.type_name, "ros2msg", definition.text.encode()
+            )
+        channel = self._writer.register_channel(topic, "cdr", self._schemas[key], metadata)
+        self._channels[topic] = channel
+        self._counts[channel] = 0
+        return channel
+
+    def add_message(
+        self,
+        channel: int,
+        data: bytes,
+        log_time: int,
+        publish_time: int,
+        sequence: int | None = None,
+    ) -> None:
+        """Add a message; it reaches the disk when its chunk is finished.
+
+        Parameters
+        ----------
+        channel : int
+            As returned by `add_channel`.
+        data : bytes
+            Serialised message.
+        log_time, publish_time : int
+            When it was received and sent, nanoseconds since the epoch.
+        sequence : int, optional
+            Its number in its channel; by default they are counted from 0.
+
+        Raises
+        ------
+        DiskFullError
+            If the disk is about to be full: the message is not taken, and the file can still be
+            closed well.
+        FileError
+            If a chunk could not be written, now or before: the chunks before it stay.
+        """
+        file = self._file
+        file.plan(len(data) + MESSAGE_OVERHEAD)
+        count = self._counts[channel]
+        number = (count if sequence is None else sequence) & 0xFFFFFFFF
+        before = file.size
+        self._writer.add_message(channel, log_time, data, publish_time, number)
+        if file.size != before:
+            file.settle()
+        if self.messages == 0:
+            self.start_time = self.end_time = log_time
+        elif log_time > self.end_time:
+            self.end_time = log_time
+        elif log_time < self.start_time:
+            self.start_time = log_time
+        self._counts[channel] = count + 1
+        self.messages += 1
+
+    def add_metadata(self, name: str, fields: dict[str, str]) -> None:
+        """Add a record of names and texts; it may take of the room that is left for the ending.
+
+        Raises
+        ------
+        FileError
+            If it could not be written.
+        """
+        self._file.check()
+        self._writer.add_metadata(name, fields)
+
+    def add_attachment(
+        self, name: str, media_type: str, data: bytes, log_time: int | None = None
+    ) -> None:
+        """Add a file.
+
+        Parameters
+        ----------
+        name : str
+            Of the file.
+        media_type : str
+            What it is, for example "text/plain".
+        data : bytes
+            All of it.
+        log_time : int, optional
+            When it was taken, nanoseconds since the epoch; by default now.
+
+        Raises
+        ------
+        DiskFullError
+            If the disk is about to be full: the file is not taken.
+        FileError
+            If it could not be written.
+        """
+        self._file.plan(len(data))
+        moment = time.time_ns() if log_time is None else log_time
+        self._writer.add_attachment(moment, moment, name, media_type, data)
+
+    def flush(self) -> None:
+        """Finish the chunk in progress, if it holds a message.
+
+        Raises
+        ------
+        FileError
+            If the chunk could not be written: chunks before it stay.
+        """
+        self._file.check()
+        self._writer.flush()
+        self._file.settle()
+
+    def sync(self) -> None:
+        """Finish the chunk in progress and return when all messages are on the disk itself.
+
+        Raises
+        ------
+        FileError
+            If that could not be done: chunks before stay.
+        """
+        self.flush()
+        self._file.sync()
+
+    def close(self) -> None:
+        """Finish the file and put it on disk; safe to call twice.
+
+        Raises
+        ------
+        FileError
+            If the last chunk or the index could not be written; all chunks before are kept.
+        """
+        if self.closed:
+            return
+        try:
+            if not self.has_failed:
+                self._writer.finish()
+        finally:
+            self._file.close()
+
+    def __enter__(self) -> Self:
+        """Return the writer itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Finish the file, whatever happened."""
+        self.close()
+
+
+def _find_compression(name: str) -> CompressionType:
+    if name not in COMPRESSIONS:
+        raise ParameterError(
+            f"compression is {name!r}: it must be one of {', '.join(COMPRESSIONS)}"
+        )
+    return CompressionType[name.upper()]

@@ -1,0 +1,101 @@
+"""What a recording has of each record: blocks, gaps, missing points."""
+
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.recording.writing.record_watch import RecordWatch
+
+FIRST = HitLabel("brass", record=1)
+SECOND = HitLabel("brass", record=2, impact=2)
+
+
+def add(watch, label, *starts, last=True, points=100):
+    """Add a block for each first sample; the last of them ends the record, unless told so."""
+    for start in starts:
+        watch.add(label, start, points, 1000 + start, last=last and start == starts[-1])
+
+
+def test_a_record_ends_with_its_last_block():
+    watch = RecordWatch()
+    add(watch, FIRST, 0, 100, 200, last=False)
+    assert not watch.has_finished
+    assert watch.unfinished.blocks == 3
+    add(watch, FIRST, 300)
+    (count,) = watch.collect()
+    assert (count.label, count.blocks, count.gaps, count.missing_points) == (FIRST, 4, 0, 0)
+    assert (count.stamp, count.is_complete) == (1300, True)
+    assert watch.unfinished is None
+    assert watch.collect() == ()
+
+
+def test_missing_points_are_counted_by_record_and_in_all():
+    watch = RecordWatch()
+    add(watch, FIRST, 100, 400, 500)
+    add(watch, SECOND, 0, 150)
+    first, second = watch.collect()
+    assert (first.gaps, first.missing_points) == (2, 100 + 200)
+    assert (second.gaps, second.missing_points) == (1, 50)
+    assert (watch.blocks, watch.gaps, watch.missing_points) == (5, 3, 350)
+
+
+def test_repeated_points_are_a_gap_that_lacks_nothing():
+    watch = RecordWatch()
+    add(watch, FIRST, 0, 50)
+    (count,) = watch.collect()
+    assert (count.gaps, count.missing_points) == (1, 0)
+
+
+def test_the_next_record_ends_one_whose_last_block_never_came():
+    watch = RecordWatch()
+    add(watch, FIRST, 0, 100, last=False)
+    add(watch, SECOND, 0, last=False)
+    (count,) = watch.collect()
+    assert (count.label, count.blocks) == (FIRST, 2)
+    assert watch.unfinished.label == SECOND
+
+
+def test_an_arming_that_ends_without_its_last_block_ends_the_record():
+    watch = RecordWatch()
+    add(watch, FIRST, 0, last=False)
+    watch.end(1, "brass")
+    assert [count.blocks for count in watch.collect()] == [1]
+
+
+def test_an_arming_without_any_block_is_a_record_of_none():
+    watch = RecordWatch()
+    add(watch, FIRST, 0)
+    watch.end(2, "brass")
+    assert [(count.label.record, count.blocks) for count in watch.collect()] == [(1, 1), (2, 0)]
+
+
+def test_the_end_of_the_arming_after_the_last_block_says_nothing_new():
+    watch = RecordWatch()
+    add(watch, FIRST, 0)
+    watch.end(1, "brass")
+    assert len(watch.collect()) == 1
+
+
+def test_the_end_of_an_arming_may_be_told_after_the_next_record():
+    watch = RecordWatch()
+    add(watch, FIRST, 0)
+    watch.begin(2)
+    add(watch, SECOND, 0)
+    watch.end(1, "brass")
+    watch.end(2, "brass")
+    assert [count.blocks for count in watch.collect()] == [1, 1]
+
+
+def test_a_number_that_is_used_again_after_a_new_arming_is_another_record():
+    watch = RecordWatch()
+    add(watch, FIRST, 0)
+    watch.begin(1)
+    watch.end(1, "brass")
+    assert [count.blocks for count in watch.collect()] == [1, 0]
+
+
+def test_a_long_record_is_told_in_parts_as_it_grows():
+    watch = RecordWatch()
+    add(watch, FIRST, 0, 100, last=False)
+    assert [count.blocks for count in watch.collect(with_unfinished=True)] == [2]
+    assert watch.collect(with_unfinished=True) == ()
+    add(watch, FIRST, 200, last=False)
+    assert watch.collect() == ()
+    assert [count.blocks for count in watch.collect(with_unfinished=True)] == [3]
