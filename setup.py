@@ -41,8 +41,9 @@ setup(
         "install": {"install_scripts": EXECUTABLES},
     },
     extras_require={
-        "formats": ["h5py>=3.10", "lvm_read>=1.24", "npTDMS>=1.9", "pyuff>=2.4"],
+        "formats": ["h5py>=3.10", "npTDMS>=1.9", "pyuff>=2.4"],
         "batch": ["dask>=2024.5", "distributed>=2024.5"],
+        "bench": ["psutil>=5.9"],
     },
     python_requires=">=3.11",
     zip_safe=False,

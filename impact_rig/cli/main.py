@@ -8,6 +8,7 @@ from typing import IO, Any
 import click
 
 from impact_rig import __version__
+from impact_rig.configuration.threads import use_one_thread
 from impact_rig.core.errors import RigError
 
 EXIT_ERROR = 2
@@ -56,7 +57,7 @@ PROVIDERS = {
     "nptdms": "npTDMS",
     "pyuff": "pyuff",
     "h5py": "h5py",
-    "lvm_read": "lvm_read",
+    "psutil": "psutil",
 }
 """Modules that may be absent, and what brings them."""
 
@@ -133,6 +134,7 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command line; never returns."""
+    use_one_thread()
     for stream in (sys.stdout, sys.stderr):
         # A terminal without Greek letters shows question marks, not a traceback.
         stream.reconfigure(errors="replace")  # type: ignore[union-attr]

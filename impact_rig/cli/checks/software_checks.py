@@ -66,7 +66,6 @@ LIBRARIES = (
             advice=f"pip install {name}; all else works without it",
         )
         for module, name, kind in (
-            ("lvm_read", "lvm_read", ".lvm"),
             ("nptdms", "npTDMS", ".tdms"),
             ("pyuff", "pyuff", ".uff"),
             ("h5py", "h5py", ".h5 and .mat of version 7.3"),

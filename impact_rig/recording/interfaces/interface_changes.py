@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Nodetype
-from rosbags.typesys import TypesysError, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from impact_rig.core.errors import FileError
 from impact_rig.recording.interfaces.absent_fields import ABSENT_FIELDS
-from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
+from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder, parse_schema
 from impact_rig.recording.reading.mcap_file import Channel
 
 
@@ -164,12 +163,9 @@ class InterfaceConverter:
 def _read_types(type_name: str, text: str) -> Any:
     """Return constants and fields of a message type and of all it depends on, by their names."""
     try:
-        return get_types_from_msg(text, type_name)
-    except (TypesysError, KeyError, SyntaxError, RecursionError) as error:
-        raise FileError(
-            f"a definition of {type_name} cannot be understood:"
-            f" {str(error).splitlines()[0] if str(error) else type(error).__name__}"
-        ) from None
+        return parse_schema(type_name, text)
+    except FileError as error:
+        raise FileError(f"a definition of {type_name} cannot be understood: {error}") from None
 
 
 def _describe(kind: Any) -> str:

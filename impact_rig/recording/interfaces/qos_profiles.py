@@ -11,6 +11,9 @@ DEFAULT_DEPTH = 10
 INFINITE = 2**63 - 1
 """How ROS 2 writes a duration without limit [ns]."""
 
+LONGEST_TEXT = 1 << 16
+"""Longer texts are not read [characters], our choice: a hundred publishers of one topic."""
+
 _HISTORIES = {1: "keep_last", 2: "keep_all"}
 _RELIABILITIES = {1: "reliable", 2: "best_effort"}
 _DURABILITIES = {1: "transient_local", 2: "volatile"}
@@ -72,9 +75,11 @@ def parse_offered_qos(text: str) -> tuple[OfferedQos, ...]:
         Empty where the text says nothing that can be understood: it only tells how to publish
         again, and is no reason to refuse a recording.
     """
+    if len(text) > LONGEST_TEXT:
+        return ()
     try:
         items = yaml.safe_load(text)
-    except yaml.YAMLError:
+    except (yaml.YAMLError, RecursionError, ValueError):
         return ()
     if not isinstance(items, list):
         return ()

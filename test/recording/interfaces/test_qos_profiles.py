@@ -61,3 +61,8 @@ def test_publishers_that_differ_give_the_default():
         "reliable", "volatile", "keep_last", 16
     )
     assert choose_qos(()) == OfferedQos()
+
+
+@pytest.mark.parametrize("text", ["[" * 2000, "- 2001-99-99", "- depth: 1\n" * 10_000])
+def test_what_no_recorder_writes_is_no_reason_to_refuse_a_recording(text: str) -> None:
+    assert parse_offered_qos(text) == ()
