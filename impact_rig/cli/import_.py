@@ -39,8 +39,12 @@ def _print_template(context: click.Context, _parameter: click.Parameter, value: 
     \b
     Each file is one hit, in the order given: LabVIEW .lvm, .tdms, UFF 58, .mat, text, .npy, .wav,
     HDF5. Numbers are kept as they are in the file, bit by bit, with the calibration beside them.
-    A force hammer's channel becomes acceleration by its mass. The files' clocks are not used: the
-    recording begins a second after the epoch, and a second lies between hits, so that the same
+    A force hammer's channel becomes acceleration by its mass.
+
+    \b
+    A hit was when its file says so: .lvm (without a time zone: taken as UTC), .tdms, and .mat and
+    HDF5 of impact-rig export. Where a file does not, or names a time before the end of the hit
+    before, the hit comes a second after that end, the first one a second into 1970. The same
     files make the same recording. Exit code: 2 if a file could not be used, which the others do
     not suffer from.
     """,

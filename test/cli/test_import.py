@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,24 @@ def test_real_hits_give_the_same_numbers_from_the_recording_as_from_their_files(
         del results["samples"][0]["notes"]
     assert recorded["samples"] == direct["samples"]
     assert recorded["hammer"]["stiffness_n_per_m"] == direct["hammer"]["stiffness_n_per_m"]
+
+
+def test_the_recording_has_the_date_of_its_file_and_so_has_what_is_exported_of_it(
+    run: Run, tmp_path: Path
+) -> None:
+    output, again = tmp_path / "shock.mcap", tmp_path / "again.mcap"
+    shock = DATA / "repeat_shock" / "Test_001_shock.lvm"
+    assert run("import", shock, "-o", output, *SLOW).exit_code == 0
+    # The fifth of May 2023, 13:39:50 UTC, told in local time.
+    local = datetime.fromtimestamp(1_683_293_990).astimezone()
+    assert f"{local:%Y-%m-%d %H:%M:%S}" in run("info", output).stdout
+    for suffix in (".tdms", ".mat", ".h5"):
+        hits = tmp_path / f"shock{suffix}"
+        assert run("export", output, "-o", hits, "--what", "hits").exit_code == 0
+        assert run("import", hits, "-o", again, *SLOW).exit_code == 0
+        # The first point, X0 after the header's 13:39:50.887019931.
+        assert [block.stamp for block in read_blocks(again)] == [1_683_293_990_973_738_681]
+        again.unlink()
 
 
 def test_a_files_number_is_its_hits_record(

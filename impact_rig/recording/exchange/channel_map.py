@@ -46,6 +46,8 @@ class MappedChannels:
         Bodies of whose channels neither file nor user state a unit: `DEFAULT_UNIT` was taken.
     names : tuple of str
         Of the channels in the file.
+    stamp : int
+        When the hammer's first point was taken, nanoseconds since the epoch; 0: not known.
     """
 
     sampling_rate: float
@@ -54,6 +56,7 @@ class MappedChannels:
     has_scale: bool = True
     assumed: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
+    stamp: int = 0
 
 
 def map_channels(
@@ -110,6 +113,7 @@ def map_channels(
             if role in found and not (found[role].unit or use.unit or use.sensitivity)
         ),
         names=tuple(found[role].name for role in BODIES if role in found),
+        stamp=hammer.stamp,
     )
 
 

@@ -48,13 +48,17 @@ class ExportedHit:
         is_filtered : bool
             After baseline and low-pass; False: as recorded.
         """
-        rate = self.record.sampling_rate
+        rate, stamp = self.record.sampling_rate, self.record.stamp
         if is_filtered:
             filtered = self.judged.filtered
-            return _make_channels(self.name, filtered.traces, rate) if filtered else ()
+            if filtered is None:
+                return ()
+            return _make_channels(self.name, filtered.traces, rate, recorded_at=stamp)
         traces = [trace for trace in (self.record.hammer, self.record.specimen) if trace]
         accelerations = [trace.acceleration for trace in traces]
-        return _make_channels(self.name, accelerations, rate) if accelerations[0].size else ()
+        if not accelerations[0].size:
+            return ()
+        return _make_channels(self.name, accelerations, rate, recorded_at=stamp)
 
 
 class ExportedCampaign:
@@ -156,9 +160,13 @@ def _identify(hit: JudgedHit) -> tuple[HitLabel, int]:
 
 
 def _make_channels(
-    name: str, traces: Sequence[FloatArray] | FloatArray, rate: float, start: float = 0.0
+    name: str,
+    traces: Sequence[FloatArray] | FloatArray,
+    rate: float,
+    start: float = 0.0,
+    recorded_at: int = 0,
 ) -> tuple[MeasuredChannel, ...]:
     return tuple(
-        MeasuredChannel(f"{name} {body}", trace, rate, UNIT, start)
+        MeasuredChannel(f"{name} {body}", trace, rate, UNIT, start, recorded_at)
         for body, trace in zip(BODIES, traces, strict=False)
     )

@@ -1,7 +1,8 @@
 """Measurements of other instruments as one series of hits, and as a recording of it.
 
-Their clocks are not known here: the recording's times begin a second after the epoch, and
-`PAUSE` lies between the hits. The same files make the same recording, byte by byte.
+A hit was at the time that its file states. One whose file states none, or one before the end of
+the hit before, comes `PAUSE` after that end, the first one a second after the epoch: times grow in
+the order of the files, and the same files make the same recording, byte by byte.
 """
 
 import hashlib
@@ -28,9 +29,10 @@ from impact_rig.recording.writing.mcap_writer import McapWriter
 from impact_rig.recording.writing.new_file import write_new_file
 
 FIRST_STAMP = NANOSECONDS
-"""When the first hit begins, nanoseconds since the epoch: not 0, which in ROS 2 is no time."""
+"""When the first hit begins if its file does not say so, nanoseconds since the epoch: not 0, which
+in ROS 2 is no time."""
 PAUSE = NANOSECONDS
-"""Between two hits [ns], our choice: rigs are not struck faster."""
+"""Between two hits whose times are not known [ns], our choice: rigs are not struck faster."""
 BLOCK_POINTS = 10_000
 """Points per block, our choice: 160 kB, small enough for any subscriber."""
 
@@ -48,7 +50,7 @@ class ImportedHit:
     path : Path
         Of the file.
     block : Block
-        All of both channels, bit by bit.
+        All of both channels, bit by bit; stamped with the time that the file states, or with 0.
     has_scale : bool
         The hammer's numbers make accelerations; see `MappedChannels`.
     assumed : tuple of str
@@ -101,7 +103,15 @@ def read_hit(
     """
     measurement = read_measurement(path)
     channels = map_channels(measurement, plan, hammer_mass, needs_scale=needs_scale)
-    block = Block(label, 0, channels.sampling_rate, channels.hammer, channels.specimen, last=True)
+    block = Block(
+        label,
+        0,
+        channels.sampling_rate,
+        channels.hammer,
+        channels.specimen,
+        last=True,
+        stamp=channels.stamp,
+    )
     return ImportedHit(path, block, channels.has_scale, channels.assumed, channels.names)
 
 
@@ -192,13 +202,23 @@ def write_imported(output: Path, setup: RigSetup, hits: Sequence[ImportedHit]) -
         )
         setups = writer.add_channel("/setup", encoder.setup_definition, (SETUP_QOS,))
         blocks = writer.add_channel("/acceleration", encoder.block_definition, (BLOCK_QOS,))
-        stamp = FIRST_STAMP
-        writer.add_message(setups, encoder.encode_setup(setup, stamp), stamp, stamp)
-        for hit in hits:
+        stamps = _find_stamps(hits)
+        writer.add_message(setups, encoder.encode_setup(setup, stamps[0]), stamps[0], stamps[0])
+        for hit, stamp in zip(hits, stamps, strict=True):
             for block in _split(replace(hit.block, stamp=stamp)):
                 arrival = block.stamp + _find_duration(block)
                 writer.add_message(blocks, encoder.encode_block(block), arrival, arrival)
-            stamp += _find_duration(hit.block) + PAUSE
+
+
+def _find_stamps(hits: Sequence[ImportedHit]) -> list[int]:
+    """Return when each hit begins in the recording [ns since the epoch]."""
+    stamps: list[int] = []
+    end = FIRST_STAMP - PAUSE
+    for hit in hits:
+        stated = hit.block.stamp
+        stamps.append(stated if stated and stated >= end else end + PAUSE)
+        end = stamps[-1] + _find_duration(hit.block)
+    return stamps
 
 
 def _describe(hit: ImportedHit) -> str:
@@ -208,7 +228,14 @@ def _describe(hit: ImportedHit) -> str:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise FileError(f"{hit.path} cannot be read: {error.strerror}") from None
-    content = {"file": hit.path.name, "sha256": digest, "channels": hit.channels}
+    content: dict[str, object] = {
+        "file": hit.path.name,
+        "sha256": digest,
+        "channels": hit.channels,
+    }
+    if hit.block.stamp:
+        # What the file states; the hit may be later in the recording.
+        content["recorded_at"] = hit.block.stamp
     return json.dumps(content, ensure_ascii=False)
 
 

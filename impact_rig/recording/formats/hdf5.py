@@ -28,6 +28,8 @@ FAMILIES = (RATE_NAMES | STEP_NAMES, UNIT_NAMES, START_NAMES)
 """Names that say the same."""
 NAME = "name"
 """Ours: a name may have slashes, which part groups here."""
+RECORDED_AT = "recorded_at"
+"""Ours: when the start's time was 0, nanoseconds since the epoch."""
 MATLAB_CLASS = "MATLAB_class"
 MATLAB_NUMBERS = {
     "double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
@@ -97,6 +99,7 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
     if math.isnan(rate):
         rate = find_round_rate(_find_number(stated, STEP_NAMES))
     units = [stated[key] for key in stated if key in UNIT_NAMES]
+    recorded_at = item.attrs.get(RECORDED_AT)
     return NamedArray(
         name=str(item.attrs.get(NAME, name)),
         values=np.asarray(item[()]),
@@ -104,6 +107,7 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
         unit=str(units[-1]) if units else "",
         start=_find_number(stated, START_NAMES, 0.0),
         is_channel=NAME in item.attrs and len(item.shape) == 1,
+        recorded_at=int(recorded_at) if isinstance(recorded_at, np.integer) else 0,
     )
 
 
@@ -129,7 +133,7 @@ def _find_number(stated: dict[str, Any], names: set[str], default: float = math.
 
 
 def write_hdf5(path: Path, measurement: Measurement) -> None:
-    """Write each channel as a data set with its rate, unit and start as attributes.
+    """Write each channel as a data set with its rate, unit, start and date as attributes.
 
     Parameters
     ----------
@@ -149,6 +153,8 @@ def write_hdf5(path: Path, measurement: Measurement) -> None:
             item.attrs["sampling_rate"] = channel.sampling_rate
             item.attrs["unit"] = channel.unit
             item.attrs["start"] = channel.start
+            if channel.recorded_at:
+                item.attrs[RECORDED_AT] = channel.recorded_at
 
 
 def _clean(name: str) -> str:

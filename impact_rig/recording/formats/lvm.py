@@ -24,7 +24,8 @@ def read_lvm(path: Path) -> Measurement:
 
     A channel may be slower or shorter than its neighbours. Its rate and start are those of its
     header, since the table gives times to the microsecond only; starts count from that of the
-    first channel. Channels of later segments are named by their segment.
+    first channel, date and time in its header. These are local ones without a time zone: they are
+    taken as UTC. Channels of later segments are named by their segment.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ import numpy as np
 
 from impact_rig.core.errors import FileError
 from impact_rig.core.signals.record import FloatArray
-from impact_rig.recording.formats.measurement import MeasuredChannel
+from impact_rig.recording.formats.measurement import NANOSECONDS, MeasuredChannel
 from impact_rig.recording.formats.sampling import find_round_rate
 from impact_rig.recording.formats.text_table import Style
 
@@ -22,6 +22,7 @@ COMMENT = "Comment"
 DAY = re.compile(r"(\d{4})\D(\d{1,2})\D(\d{1,2})")
 CLOCK = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)")
 SECONDS_OF_A_DAY = 86400
+EPOCH = dt.date(1970, 1, 1)
 SHOWN_LETTERS = 40
 """Of a cell that is no number, in a message; our choice."""
 
@@ -107,6 +108,7 @@ def make_channels(segment: Segment, first: Segment) -> list[MeasuredChannel]:
             sampling_rate=_find_rate(segment, column),
             unit=segment.find_tag("Y_Unit_Label", column),
             start=_find_start(segment, column, origin),
+            recorded_at=origin or 0,
         )
         for column in columns
     ]
@@ -195,25 +197,24 @@ def _parse_rounded(segment: Segment, text: str) -> tuple[float, float]:
         raise FileError(f"{segment.path} states {text!r}: it should be a number") from None
 
 
-def _find_start(segment: Segment, column: int, origin: tuple[int, float]) -> float:
-    """Return the time of a channel's first point after the file's first one [s]."""
+def _find_start(segment: Segment, column: int, origin: int | None) -> float:
+    """Return the time of a channel's first point after `origin` [s]."""
     text = segment.find_tag("X0", column)
-    day, seconds = _find_time(segment, column)
     before = _parse_rounded(segment, text)[0] if text else 0.0
-    return SECONDS_OF_A_DAY * (day - origin[0]) + (seconds - origin[1]) + before
+    time = _find_time(segment, column)
+    return before if time is None or origin is None else (time - origin) / NANOSECONDS + before
 
 
-def _find_time(segment: Segment, column: int) -> tuple[int, float]:
-    """Return the day and its seconds [s] that a channel's times count from; 0: not stated."""
+def _find_time(segment: Segment, column: int) -> int | None:
+    """Return what a channel's times count from [ns since the epoch]; None: not stated."""
     day = DAY.fullmatch(segment.find_tag("Date", column))
     clock = CLOCK.fullmatch(segment.find_tag("Time", column))
     if day is None or clock is None:
-        return 0, 0.0
+        return None
     hours, minutes, seconds = clock.groups()
     try:
-        date = dt.date(*map(int, day.groups()))
+        days = (dt.date(*map(int, day.groups())) - EPOCH).days
     except ValueError:
-        return 0, 0.0
-    return date.toordinal(), 60.0 * (60 * int(hours) + int(minutes)) + float(
-        seconds.replace(",", ".")
-    )
+        return None
+    whole = SECONDS_OF_A_DAY * days + 60 * (60 * int(hours) + int(minutes))
+    return NANOSECONDS * whole + round(NANOSECONDS * Decimal(seconds.replace(",", ".")))

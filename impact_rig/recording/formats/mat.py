@@ -18,7 +18,7 @@ HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 HDF5_BLOCK = 512
 """Where HDF5 begins in MATLAB's files [byte]: after words for people."""
 CHANNELS = "channels"
-"""Ours: names, units, rates and starts of all variables, as JSON."""
+"""Ours: names, units, rates, starts and dates of all variables, as JSON."""
 NAME_LETTERS = 27
 """Longest name of a variable: of the 31 that every MATLAB reads some are left for a number."""
 
@@ -69,6 +69,7 @@ def _read_stated(variables: dict[str, Any]) -> dict[str, NamedArray]:
             unit=row["unit"],
             start=row["start"],
             is_channel=True,
+            recorded_at=int(row.get("recorded_at") or 0),  # MATLAB writes it as 1.6e18
         )
         for row in json.loads(text.item())
     }
@@ -96,6 +97,7 @@ def write_mat(path: Path, measurement: Measurement) -> None:
             "unit": channel.unit,
             "sampling_rate": None if math.isnan(channel.sampling_rate) else channel.sampling_rate,
             "start": channel.start,
+            "recorded_at": channel.recorded_at or None,
         }
         for variable, channel in zip(names, channels, strict=True)
     ]

@@ -15,6 +15,11 @@ from impact_rig.core.signals.record import RawArray
 
 EXACT_INTEGERS = 2**53
 """Up to here float64 holds every whole number [-]."""
+EARLIEST, LATEST = 315_532_800, 2_145_916_800
+"""A date is believed between these, 1980 and 2038 [s since the epoch]. Our choice: clocks that
+were never set begin in 1904, 1970 or 1980, and ROS 2's stamps end in January 2038."""
+NANOSECONDS = 1_000_000_000
+"""In a second [ns]."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +39,9 @@ class MeasuredChannel:
         empty: the file does not state it.
     start : float
         Time of the first point [s].
+    recorded_at : int
+        When that time was 0, nanoseconds since the epoch in UTC; 0: the file does not state it,
+        or a date that is not between `EARLIEST` and `LATEST`.
     """
 
     name: str
@@ -41,6 +49,7 @@ class MeasuredChannel:
     sampling_rate: float = math.nan
     unit: str = ""
     start: float = 0.0
+    recorded_at: int = 0
 
     def __post_init__(self) -> None:
         """Copy the values, make them read-only, and refuse what cannot be meant."""
@@ -58,6 +67,15 @@ class MeasuredChannel:
             check_positive(f"{what}: sampling rate", self.sampling_rate, "Hz")
         if not math.isfinite(self.start):
             raise ParameterError(f"{what} starts at {self.start!r} s: it must be a finite time")
+        if not EARLIEST < self.recorded_at / NANOSECONDS < LATEST:
+            object.__setattr__(self, "recorded_at", 0)
+
+    @property
+    def stamp(self) -> int:
+        """When the first point was taken, nanoseconds since the epoch; 0: not known."""
+        if not EARLIEST < self.recorded_at / NANOSECONDS + self.start < LATEST:
+            return 0
+        return self.recorded_at and self.recorded_at + round(self.start * NANOSECONDS)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ class NamedArray:
         In the file.
     values : ndarray
         Of any kind and shape.
-    sampling_rate, unit, start
+    sampling_rate, unit, start, recorded_at
         As in `MeasuredChannel`.
     is_channel : bool
         The file says so of numbers; False: found out by name and shape.
@@ -44,6 +44,7 @@ class NamedArray:
     unit: str = ""
     start: float = 0.0
     is_channel: bool = False
+    recorded_at: int = 0
 
 
 def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
@@ -114,6 +115,7 @@ def _make_channels(
             sampling_rate=sampling_rate,
             unit=array.unit,
             start=start,
+            recorded_at=array.recorded_at,
         )
         for number, column in enumerate(columns, start=1)
     ]

@@ -3,13 +3,14 @@
 import logging
 import math
 import struct
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from impact_rig.core.errors import FileError
-from impact_rig.recording.formats.measurement import Measurement
+from impact_rig.recording.formats.measurement import NANOSECONDS, Measurement
 from impact_rig.recording.formats.named_arrays import NamedArray, make_measurement
 from impact_rig.recording.formats.sampling import find_round_rate
 from impact_rig.recording.formats.soundness import check_claim
@@ -18,9 +19,15 @@ from impact_rig.recording.formats.unique_names import make_unique
 GROUP = "traces"
 """Where channels are written."""
 STEP, START, UNIT = "wf_increment", "wf_start_offset", "unit_string"
+RECORDED_AT = "wf_start_time"
 """National Instruments' names of what belongs to a waveform."""
 RATE, NAME = "sampling_rate", "name"
 """Ours: the step alone would not bring each rate back to the last bit, nor the path each name."""
+
+EPOCH = 2_082_844_800
+"""Seconds from 1904, which these files count from, to 1970."""
+FRACTION_BITS = 64
+"""Of a second, in their times."""
 
 SIGNATURE = b"TDSm"
 LEAD_IN = 28
@@ -34,7 +41,8 @@ SCALED_SIZE = 8
 def read_tdms(path: Path) -> Measurement:
     """Read the channels of numbers, scaled as the file says.
 
-    Channels are named by their group, too, if there are several.
+    Channels are named by their group, too, if there are several. Each may state in UTC when it was
+    recorded.
 
     Raises
     ------
@@ -48,7 +56,7 @@ def read_tdms(path: Path) -> Measurement:
     logging.getLogger("nptdms").setLevel(logging.ERROR)  # what matters of it is checked here
     _check_segments(path)
     # As an open file: an index beside it may be of another one.
-    with path.open("rb") as file, TdmsFile.open(file) as tdms:
+    with path.open("rb") as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
         groups = tdms.groups()
         arrays = [
             _read_channel(path, channel, f"{group.name}/" if len(groups) > 1 else "")
@@ -69,7 +77,26 @@ def _read_channel(path: Path, channel: Any, group: str) -> NamedArray:
         unit=str(properties.get(UNIT, "")),
         start=_find_number(properties, START, 0.0),
         is_channel=RATE in properties or step > 0,
+        recorded_at=_find_time(properties),
     )
+
+
+def _find_time(properties: dict[str, Any]) -> int:
+    """Return when a channel was recorded [ns since the epoch], to the nearest; 0: not stated."""
+    from nptdms.timestamp import TdmsTimestamp
+
+    time = properties.get(RECORDED_AT)
+    if not isinstance(time, TdmsTimestamp):
+        return 0
+    fraction = round(Fraction(NANOSECONDS * time.second_fractions, 2**FRACTION_BITS))
+    return NANOSECONDS * (int(time.seconds) - EPOCH) + fraction
+
+
+def _make_time(recorded_at: int) -> Any:
+    from nptdms.timestamp import TdmsTimestamp
+
+    seconds, rest = divmod(recorded_at, NANOSECONDS)
+    return TdmsTimestamp(seconds + EPOCH, (rest << FRACTION_BITS) // NANOSECONDS)
 
 
 def _find_number(properties: dict[str, Any], name: str, default: float = math.nan) -> float:
@@ -121,6 +148,8 @@ def write_tdms(path: Path, measurement: Measurement) -> None:
         }
         if not math.isnan(channel.sampling_rate):
             properties[STEP] = 1.0 / channel.sampling_rate
+        if channel.recorded_at:
+            properties[RECORDED_AT] = _make_time(channel.recorded_at)
         if name != channel.name:
             properties[NAME] = channel.name
         objects.append(ChannelObject(GROUP, name, channel.values, properties))

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import nptdms
 import numpy as np
 import pytest
 
@@ -166,6 +167,57 @@ def test_the_whole_file_is_the_record_wherever_its_pulse_lies(tmp_path, place):
     (record,) = ImpactDetector(settings).feed(hit.block)
     assert record.hammer.acceleration.size == 1000
     assert record.pulse_index == pytest.approx(place, abs=1)
+
+
+FIRST = 1_683_293_990_000_000_000
+"""The fifth of May 2023, 13:39:50 UTC."""
+SECOND = 1_000_000_000
+LENGTH = SECOND // 100
+"""Of a hit in the files below [ns]."""
+
+
+@pytest.mark.parametrize(
+    ("stated", "expected"),
+    [
+        ([None, None], [SECOND, 2 * SECOND + LENGTH]),
+        ([FIRST, FIRST + 3600 * SECOND], [FIRST, FIRST + 3600 * SECOND]),
+        ([FIRST, FIRST + LENGTH], [FIRST, FIRST + LENGTH]),
+        ([FIRST, FIRST], [FIRST, FIRST + LENGTH + SECOND]),
+        ([FIRST, FIRST - SECOND], [FIRST, FIRST + LENGTH + SECOND]),
+        ([FIRST, None, FIRST + 5 * SECOND], [FIRST, FIRST + LENGTH + SECOND, FIRST + 5 * SECOND]),
+        ([None, FIRST], [SECOND, FIRST]),
+    ],
+    ids=["none", "dates", "close", "same", "back", "one without", "first without"],
+)
+def test_a_hit_was_when_its_file_says_unless_times_would_not_grow(tmp_path, stated, expected):
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    hits = []
+    for number, time in enumerate(stated, 1):
+        path = tmp_path / f"{number}.tdms"
+        words = {"wf_increment": 1e-6, "unit_string": "g"}
+        if time is not None:
+            words["wf_start_time"] = np.datetime64(time, "ns")
+        values = np.random.default_rng(number).normal(size=10_000)
+        with nptdms.TdmsWriter(str(path)) as writer:
+            writer.write_segment([nptdms.ChannelObject("all", "hammer", values, words)])
+        hits.append(read_hit(path, HitLabel("beam", number, number), ChannelPlan()))
+    write_imported(tmp_path / "hits.mcap", make_setup(hits), hits)
+
+    with (tmp_path / "hits.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        messages = list(reader.iter_decoded_messages(log_time_order=False))
+        origins = next(item for item in reader.iter_metadata() if item.name.endswith("import"))
+    stamps = [
+        decoded.header.stamp.sec * SECOND + decoded.header.stamp.nanosec
+        for *_, decoded in messages
+    ]
+    assert stamps == [expected[0], *expected]  # the set-up's before the hits'
+    log_times = [message.log_time for _, _, message, _ in messages]
+    assert log_times == [expected[0], *(stamp + LENGTH for stamp in expected)]
+    told = [json.loads(origins.metadata[str(number)]) for number in range(1, len(stated) + 1)]
+    assert [origin.get("recorded_at") for origin in told] == stated
 
 
 def test_hits_that_cannot_be_averaged_are_named(tmp_path):

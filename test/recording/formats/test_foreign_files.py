@@ -1,5 +1,6 @@
 """Files that other tools wrote are read, and what is written here opens in other tools."""
 
+import datetime as dt
 import json
 import struct
 import sys
@@ -65,6 +66,26 @@ def test_tdms_without_waveforms_has_the_rate_of_its_times_or_none(tmp_path):
     path = tmp_path / "bare.tdms"
     write_tdms(path, ("all", [("a", TRACE)]))
     assert np.isnan(read_channels(path)["a"].sampling_rate)
+
+
+@pytest.mark.parametrize(
+    ("start_time", "recorded_at"),
+    [
+        (np.datetime64("2023-05-05T13:39:50.887019"), 1_683_293_990_887_019_000),
+        (dt.datetime(2023, 5, 5, 13, 39, 50), 1_683_293_990_000_000_000),
+        (np.datetime64("1904-01-01T00:00:00"), 0),
+        (np.datetime64("2150-01-01T00:00:00"), 0),
+        ("2023-05-05", 0),
+    ],
+)
+def test_tdms_waveforms_state_when_they_were_recorded(tmp_path, start_time, recorded_at):
+    path = tmp_path / "hit.tdms"
+    names = [("a", TRACE), ("clock", np.full(40, np.datetime64("2023-05-05T00:00:00", "us")))]
+    words = {"wf_start_time": start_time, "wf_increment": 1 / RATE, "wf_start_offset": 0.5}
+    write_tdms(path, ("all", names), **words)
+    ((name, channel),) = read_channels(path).items()
+    assert (name, channel.recorded_at) == ("a", recorded_at)
+    assert channel.stamp == (recorded_at and recorded_at + 500_000_000)
 
 
 def test_a_scaled_tdms_channel_comes_in_its_unit(tmp_path):
@@ -295,7 +316,7 @@ def test_a_missing_library_is_named_whether_a_file_is_read_or_written(
 
 CHANNELS = (
     MeasuredChannel("front/hammer", TRACE, RATE, "N", 0.5),
-    MeasuredChannel("sample", TRACE**2, RATE, "m/s^2", 0.5),
+    MeasuredChannel("sample", TRACE**2, RATE, "m/s^2", 0.5, 1_683_293_990_887_019_931),
 )
 
 
@@ -323,18 +344,24 @@ def test_the_plain_libraries_find_what_was_written(tmp_path):
     times = group["front/hammer"].time_track()
     assert times == pytest.approx(0.5 + np.arange(40) / RATE, rel=1e-15)
     assert group["sample"].properties["unit_string"] == "m/s^2"
+    date = group["sample"].properties["wf_start_time"]
+    assert str(date) == "2023-05-05T13:39:50.887019"
+    assert "wf_start_time" not in group["front/hammer"].properties
 
     variables = scipy.io.loadmat(paths[".mat"], simplify_cells=True)
     assert variables["front_hammer"].tolist() == expected[0]
     table = json.loads(variables["channels"])
     assert [row["name"] for row in table] == ["front/hammer", "sample"]
     assert [row["sampling_rate"] for row in table] == [RATE, RATE]
+    assert [row["recorded_at"] for row in table] == [None, 1_683_293_990_887_019_931]
 
     with h5py.File(paths[".h5"]) as file:
         assert [file[name][:].tolist() for name in file] == expected
         assert dict(file["sample"].attrs) == {
             "name": "sample", "sampling_rate": RATE, "unit": "m/s^2", "start": 0.5,
+            "recorded_at": 1_683_293_990_887_019_931,
         }  # fmt: skip
+        assert "recorded_at" not in file["front_hammer"].attrs
 
     table = np.loadtxt(paths[".csv"], delimiter=",", skiprows=3)
     assert table[:, 1:].T.tolist() == expected

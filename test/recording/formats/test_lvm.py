@@ -47,6 +47,10 @@ def write(folder, text):
     return path
 
 
+def nanoseconds(text):
+    return int(np.datetime64(text, "ns").astype(np.int64))
+
+
 def describe(path):
     return [
         (channel.name, channel.unit, channel.sampling_rate, channel.start, channel.values.tolist())
@@ -141,6 +145,40 @@ def test_midnight_between_two_channels_does_no_harm(tmp_path):
     assert describe(write(tmp_path, HEADER + text))[1][3] == 0.85
 
 
+def test_date_and_time_of_the_header_are_taken_as_utc(tmp_path):
+    hammer, force = read_measurement(write(tmp_path, HEADER + SEGMENT)).channels
+    assert hammer.stamp == nanoseconds("2023-05-05T13:39:50.500")
+    assert force.stamp == nanoseconds("2023-05-05T13:39:50.850")  # 0.25 s later, and its X0
+
+
+def test_the_head_of_the_file_dates_channels_whose_own_does_not(tmp_path):
+    bare = "".join(
+        line
+        for line in SEGMENT.splitlines(keepends=True)
+        if not line.startswith(("Date\t", "Time\t"))
+    )
+    channels = read_measurement(write(tmp_path, HEADER + bare)).channels
+    assert [channel.start for channel in channels] == [0.0, 0.1]
+    assert {channel.recorded_at for channel in channels} == {
+        nanoseconds("2023-05-05T13:39:50.500")
+    }
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("2023/05/05", "1904/01/01"),
+        ("2023/05/05", "2023/02/30"),
+        ("2023/05/05", "today"),
+        ("2023/05/05", "9999/05/05"),
+        ("13:39:50.5", "noon"),
+    ],
+)
+def test_a_date_that_cannot_be_is_none(tmp_path, old, new):
+    path = write(tmp_path, change(HEADER + SEGMENT, (old, new), ("50.75", "50.5")))
+    assert [channel.recorded_at for channel in read_measurement(path).channels] == [0, 0]
+
+
 @pytest.mark.parametrize(
     ("pairs", "told"),
     [
@@ -178,6 +216,7 @@ def test_a_real_file_has_fast_and_slow_channels():
     assert {(c.sampling_rate, c.values.size, c.start) for c in fast} == {
         (51200.0, 1200, 4440 / 51200)
     }
+    assert {c.recorded_at for c in channels} == {nanoseconds("2023-05-05T13:39:50.887019931")}
     assert {(c.sampling_rate, c.values.size) for c in slow} == {(1.0, 5)}
     assert [c.start for c in slow] == [pytest.approx(1.076191128, abs=1e-9)] * 4
     assert slow[1].values.tolist() == [492489.0, 5187210.0, 5.13983e7, 4.1644e8, 5.23721e8]

@@ -23,6 +23,27 @@ def test_what_a_file_does_not_state_is_not_made_up():
     channel = MeasuredChannel("a", np.zeros(2))
     assert math.isnan(channel.sampling_rate)
     assert (channel.unit, channel.start) == ("", 0.0)
+    assert (channel.recorded_at, channel.stamp) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("start", "stamp"),
+    [
+        (0.0, 1_683_293_990_887_019_931),
+        (-0.5, 1_683_293_990_387_019_931),
+        (1e300, 0),
+        (-1e300, 0),
+    ],
+)
+def test_the_first_point_has_a_date_where_that_can_be_meant(start, stamp):
+    channel = MeasuredChannel("a", np.zeros(2), 1.0, "", start, 1_683_293_990_887_019_931)
+    assert channel.stamp == stamp
+    assert MeasuredChannel("a", np.zeros(2), 1.0, "", start).stamp == 0
+
+
+@pytest.mark.parametrize("recorded_at", [-1, 1, 10**18 // 4, 2**31 * 10**9, 2**63])
+def test_a_date_of_a_clock_that_was_never_set_is_none(recorded_at):
+    assert MeasuredChannel("a", np.zeros(2), recorded_at=recorded_at).recorded_at == 0
 
 
 @pytest.mark.parametrize("unit", ["m/s^2", "m/s²", "m/s2", "m/s**2", " m/s^2 "])

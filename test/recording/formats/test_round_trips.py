@@ -76,6 +76,22 @@ def test_counts_stay_counts(tmp_path, suffix):
     assert channel.values.tolist() == counts.tolist()
 
 
+@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5"])
+@given(recorded_at=st.integers(10**18, 2 * 10**18))
+@settings(
+    max_examples=20,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+def test_a_date_comes_back_to_the_nanosecond(tmp_path, suffix, recorded_at):
+    channels = [
+        MeasuredChannel(name, np.ones(2), 1.0, "g", 0.5, date)
+        for name, date in (("a", recorded_at), ("b", 0))
+    ]
+    read = write_and_read(tmp_path / f"a{suffix}", channels)
+    assert [channel.recorded_at for channel in read] == [recorded_at, 0]
+
+
 @pytest.mark.parametrize("suffix", WRITABLE)
 def test_hundreds_of_channels_keep_their_order(tmp_path, suffix):
     channels = [MeasuredChannel(f"hit {n}", np.full(3, float(n)), 10.0) for n in range(300, 0, -1)]
