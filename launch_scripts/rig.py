@@ -31,6 +31,7 @@ that one is used instead of the wheels.
 
 OLDEST = (3, 11)
 NEWEST = (3, 13)
+PARALLEL = ["--numprocesses=auto", "--dist=loadfile"]  # later options of pytest go before them
 INTERRUPTED = 128 + signal.SIGINT
 NOT_FOUND = 127
 
@@ -54,7 +55,7 @@ def run_checks(environment: "dict[str, str]", root: str, options: "list[str]") -
         ["ruff", "check", "."],
         ["ruff", "format", "--check", "."],
         ["mypy"],
-        ["pytest", *options],
+        ["pytest", *PARALLEL, *options],
     ):
         print("$ " + " ".join(command), flush=True)
         start = time.monotonic()

@@ -1,14 +1,14 @@
 """What a bench shows: a bar while it runs, figures beside their goals when it is done."""
 
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.progress import MofNCompleteColumn
 
 from impact_rig.bench.figures import Figure
 from impact_rig.bench.part import Part
 from impact_rig.bench.run import BenchResults
+from impact_rig.cli.progress_bar import ProgressBar
 from impact_rig.reporting.results_file import record_to_json
 from impact_rig.reporting.terminal import Column, print_table
 
@@ -18,7 +18,7 @@ SIGNIFICANT_DIGITS = 3
 GIGA = 1e9
 
 
-class BenchProgress:
+class BenchProgress(ProgressBar):
     """Follows a bench on standard error; a context manager.
 
     Parameters
@@ -28,39 +28,14 @@ class BenchProgress:
     """
 
     def __init__(self, console: Console) -> None:
-        self._console = console
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
-        )
-        self._task = self._progress.add_task("bench", total=None)
+        super().__init__(console, "bench", MofNCompleteColumn())
         self._part = ""
-
-    def __enter__(self) -> Self:
-        """Show the bar."""
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Take the bar away."""
-        self._progress.stop()
 
     def report(self, part: Part, done: int, total: int) -> None:
         """Take the part that runs, and done and all of what it counts; 0: not known."""
-        self._progress.update(
-            self._task, description=part.name, completed=done, total=total or None
-        )
-        if part.name != self._part and not self._console.is_terminal:
-            self._console.print(f"{part.name}: {part.title}", soft_wrap=True)
+        self.update(description=part.name, completed=done, total=total or None)
+        if part.name != self._part and not self.console.is_terminal:
+            self.console.print(f"{part.name}: {part.title}", soft_wrap=True)
         self._part = part.name
 
 

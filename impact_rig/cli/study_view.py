@@ -2,12 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
+from impact_rig.cli.progress_bar import ProgressBar
 from impact_rig.reporting.numbers import MISSING, format_number
 from impact_rig.reporting.terminal import Column, print_table
 from impact_rig.study.cases import Part
@@ -40,7 +39,7 @@ SPEED_PERIOD = 120.0
 """Over which the time left is estimated [s], our choice: units come in bursts."""
 
 
-class StudyProgress:
+class StudyProgress(ProgressBar):
     """A bar with the time left, on a terminal only; a context manager.
 
     Parameters
@@ -50,36 +49,18 @@ class StudyProgress:
     """
 
     def __init__(self, console: Console) -> None:
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
+        super().__init__(
+            console,
+            "campaigns",
             MofNCompleteColumn(),
             TextColumn("left:"),
             TimeRemainingColumn(),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
-            speed_estimate_period=SPEED_PERIOD,
+            speed_period=SPEED_PERIOD,
         )
-        self._task = self._progress.add_task("campaigns", total=None)
-
-    def __enter__(self) -> Self:
-        """Show the bar."""
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Take the bar away."""
-        self._progress.stop()
 
     def report(self, done: int, total: int) -> None:
         """Take finished and all campaigns."""
-        self._progress.update(self._task, completed=done, total=total)
+        self.update(completed=done, total=total)
 
 
 def print_study(console: Console, results: StudyResults) -> None:

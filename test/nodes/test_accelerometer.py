@@ -60,7 +60,7 @@ def test_streams_the_virtual_hit_of_its_seed_without_loss(harness, rig):
     )
     assert [block.first_sample for block in received] == list(range(0, 5000, 700))
     for channel in ("hammer", "specimen"):
-        counts = np.concatenate([getattr(block, channel).counts for block in received])
+        counts = np.concatenate([getattr(block, channel).output for block in received])
         np.testing.assert_array_equal(counts, getattr(expected, channel).output)
     (truth,) = truths.wait_for_count(1)
     assert truth.contact_time == expected.model.contact_time

@@ -182,13 +182,20 @@ def test_disarming_the_hammer_stops_the_campaign_with_that_reason(harness, start
 @pytest.fixture
 def recorder(harness):
     """Return a publisher of the states of a recorder that never stores anything."""
-    states = harness.advertise(interfaces.RECORDER_STATE)
+    return harness.advertise(interfaces.RECORDER_STATE)
+
+
+def begin_recording(harness, states):
+    """Say that everything is being recorded, as a recorder does, once everybody hears it."""
+    listeners = {"hammer", "estimator", "campaign"}
+    harness.wait_until(lambda: states.get_subscription_count() >= len(listeners))
     states.publish(RecorderState(recording=True, uri="a.mcap"))
-    return states
+    assert states.wait_for_all_acked()
 
 
 def test_a_silent_recorder_is_named_when_the_verdict_does_not_come(harness, start, recorder):
     client = start(campaign={"verdict_timeout": 0.5})
+    begin_recording(harness, recorder)
     answer = run(harness, client, samples=["steel small"], impacts=1)
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert "the recorder has not said that record 1 is stored" in answer.result.message
@@ -198,6 +205,7 @@ def test_a_silent_recorder_is_named_when_the_verdict_does_not_come(harness, star
 def test_a_recorder_that_stops_ends_the_campaign_at_once_with_its_reason(harness, start, recorder):
     releases = harness.listen(interfaces.RELEASE)
     client = start(campaign={"verdict_timeout": 3600.0})
+    begin_recording(harness, recorder)
     goal = RunCampaign.Goal(samples=["steel small"], impacts=1)
     handle = harness.wait(client.send_goal_async(goal))
     releases.wait_for_count(1)

@@ -199,8 +199,10 @@ def test_a_hit_that_waits_when_the_recorder_stops_does_not_count(harness, record
 
 def test_a_hit_that_waits_is_not_taken_for_one_of_the_next_recording(harness, recorded):
     node, publisher, states, stored, impacts = recorded
-    feed(harness, publisher, make_blocks("steel small", 1))
-    harness.wait_until(lambda: bool(find_waiting(node)))
+    blocks = make_blocks("steel small", 1)
+    feed(harness, publisher, blocks)
+    # A block that came after the other recording had begun would belong to that.
+    harness.wait_until(lambda: len(node._gate._waiting) == len(blocks))
     states.publish(RecorderState(recording=True, uri="/somewhere/else.mcap"))
     harness.wait_until(lambda: not find_waiting(node))
     blocks = make_blocks("steel small", 1, first_record=2)

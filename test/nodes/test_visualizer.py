@@ -75,7 +75,7 @@ def test_hits_verdicts_comparison_and_table_end_up_in_the_file(harness, tmp_path
         rows = np.array(find_column(chunks, f"/hits/{i}", "Scalars:scalars"))
         assert rows.shape == (5000, 2)
         for channel, column in ((hit.hammer, 0), (hit.specimen, 1)):
-            peak = np.max(np.abs(channel.counts * channel.scale))
+            peak = np.max(np.abs(channel.output * channel.scale))
             assert np.max(np.abs(rows[:, column])) == pytest.approx(peak, rel=1e-6)
     (table,) = find_column(chunks, "/results", "TextDocument:text")[-1]
     assert "aluminium large" in table

@@ -9,7 +9,7 @@ from typing import Any
 from impact_rig.bench.figures import Figure, at_least
 from impact_rig.bench.part import Bench, Part
 from impact_rig.bench.recordings import record_campaign
-from impact_rig.cli.analysis.batch import BatchTask
+from impact_rig.cli.analysis.batch_task import BatchTask
 from impact_rig.cli.analysis.settings_changes import SettingsChanges
 from impact_rig.core.errors import RigError
 

@@ -1,14 +1,14 @@
 """What a person sees while many recordings are analyzed: a bar, or a line for each."""
 
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+from impact_rig.cli.progress_bar import ProgressBar
 
 
-class BatchProgress:
+class BatchProgress(ProgressBar):
     """Follows a batch on standard error; a context manager.
 
     Parameters
@@ -20,38 +20,20 @@ class BatchProgress:
     """
 
     def __init__(self, console: Console, total: int) -> None:
-        self._console = console
         self._total = total
         self._done = 0
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
+        super().__init__(
+            console,
+            "recordings",
             MofNCompleteColumn(),
             TextColumn("left:"),
             TimeRemainingColumn(),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
+            total=total,
         )
-        self._task = self._progress.add_task("recordings", total=total)
-
-    def __enter__(self) -> Self:
-        """Show the bar."""
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Take the bar away."""
-        self._progress.stop()
 
     def report(self, path: Path) -> None:
         """Take a finished recording."""
         self._done += 1
-        self._progress.update(self._task, completed=self._done)
-        if not self._console.is_terminal:
-            self._console.print(f"{self._done} of {self._total}: {path}", soft_wrap=True)
+        self.update(completed=self._done)
+        if not self.console.is_terminal:
+            self.console.print(f"{self._done} of {self._total}: {path}", soft_wrap=True)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from impact_rig.cli.analysis.batch import BatchTask, analyze_batch
+from impact_rig.cli.analysis.batch import analyze_batch
+from impact_rig.cli.analysis.batch_task import BatchTask
 from impact_rig.cli.analysis.batch_view import BatchProgress
 from impact_rig.cli.analysis.recording_analysis import AnalyzedRecording, analyze_recording
 from impact_rig.cli.analysis.settings_changes import SettingsChanges

@@ -1,12 +1,11 @@
 """A bar on standard error while a large recording is read."""
 
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import DownloadColumn, TimeRemainingColumn
 
+from impact_rig.cli.progress_bar import ProgressBar
 from impact_rig.recording.reading.source import find_recording
 from impact_rig.recording.recovery.contents import Contents
 from impact_rig.recording.recovery.inspection import inspect_recording
@@ -16,7 +15,7 @@ LARGE = 50_000_000
 """Size from which a bar is worth its line [byte], our choice: below, it is gone at once."""
 
 
-class ReadingProgress:
+class ReadingProgress(ProgressBar):
     """Follows the reading of files; a context manager.
 
     Parameters
@@ -30,34 +29,18 @@ class ReadingProgress:
     """
 
     def __init__(self, console: Console, title: str, total: int) -> None:
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
+        super().__init__(
+            console,
+            title,
             DownloadColumn(),
             TimeRemainingColumn(),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal or total < LARGE,
+            total=total,
+            is_shown=total >= LARGE,
         )
-        self._task = self._progress.add_task(title, total=total)
-
-    def __enter__(self) -> Self:
-        """Show the bar."""
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Take the bar away."""
-        self._progress.stop()
 
     def report(self, done: int) -> None:
         """Show how many bytes were read."""
-        self._progress.update(self._task, completed=done)
+        self.update(completed=done)
 
 
 def inspect_with_progress(path: Path) -> Contents:

@@ -2,13 +2,13 @@
 
 import math
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.progress import MofNCompleteColumn, TextColumn
 
+from impact_rig.cli.progress_bar import ProgressBar
 from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.campaign_client import CampaignClient, CampaignOutcome, CampaignRequest
@@ -17,7 +17,7 @@ from impact_rig.reporting.tables import print_results
 from impact_rig.reporting.terminal import make_console
 
 
-class CampaignView:
+class CampaignView(ProgressBar):
     """Follows a campaign on standard error; use it in a ``with`` statement.
 
     Parameters
@@ -27,41 +27,22 @@ class CampaignView:
     """
 
     def __init__(self, console: Console) -> None:
-        self._console = console
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=None),
+        super().__init__(
+            console,
+            "starting the rig",
             MofNCompleteColumn(),
             TextColumn("{task.fields[left]}"),
-            console=console,
-            transient=True,
-            expand=True,
-            disable=not console.is_terminal,
+            is_wide=True,
+            left="",
         )
-        self._task = self._progress.add_task("starting the rig", total=None, left="")
         self._sample = ""
-
-    def __enter__(self) -> Self:
-        """Begin to draw."""
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Stop drawing."""
-        self._progress.stop()
 
     def follow(self, feedback: Any) -> None:
         """Show one feedback of the campaign action."""
         total = feedback.sample_count * feedback.impacts
         done = (feedback.sample_number - 1) * feedback.impacts + feedback.impact
         left = feedback.time_left
-        self._progress.update(
-            self._task,
+        self.update(
             description=f"{feedback.sample}, hit {feedback.impact}/{feedback.impacts}"
             + (f", {feedback.rejected} rejected" if feedback.rejected else ""),
             total=total,
@@ -70,17 +51,17 @@ class CampaignView:
         )
         if feedback.sample != self._sample:
             self._sample = feedback.sample
-            if not self._console.is_terminal:
-                self._console.print(
+            if not self.console.is_terminal:
+                self.console.print(
                     f"sample {feedback.sample_number} of {feedback.sample_count}:"
                     f" {feedback.sample}"
                 )
 
     def ask(self, sample: str) -> None:
         """Ask for a sample to be mounted, and wait for the answer."""
-        self._progress.stop()
+        self.hide()
         click.prompt(f"Mount {sample} and press Enter", default="", show_default=False, err=True)
-        self._progress.start()
+        self.show()
 
 
 def report_outcome(outcome: CampaignOutcome, folder: Path, *, as_json: bool) -> None:

@@ -5,13 +5,13 @@ import select
 import sys
 import time
 from collections.abc import Mapping
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import TextColumn
 
+from impact_rig.cli.progress_bar import ProgressBar
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.nodes.replaying.replay_host import ReplayHost
 from impact_rig.reporting.terminal import make_console
@@ -25,7 +25,7 @@ STANDARD_INPUT = 0
 QUIT = "q"
 
 
-class ReplayView:
+class ReplayView(ProgressBar):
     """Follows a replay on standard error; use it in a ``with`` statement.
 
     Parameters
@@ -35,31 +35,10 @@ class ReplayView:
     """
 
     def __init__(self, console: Console) -> None:
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=None),
-            TextColumn("{task.fields[place]}"),
-            console=console,
-            transient=True,
-            expand=True,
-            disable=not console.is_terminal,
+        super().__init__(
+            console, "opening", TextColumn("{task.fields[place]}"), is_wide=True, place=""
         )
-        self._task = self._progress.add_task("opening", total=None, place="")
         self._drawn = 0.0
-
-    def __enter__(self) -> Self:
-        """Begin to draw."""
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Stop drawing."""
-        self._progress.stop()
 
     def follow(self, replayer: ReplayerNode) -> None:
         """Show how far the replay is."""
@@ -69,8 +48,7 @@ class ReplayView:
         state, rate = replayer.describe_state(), replayer.get_value("rate")
         speed = f"{rate:g} x" if rate else "as fast as possible"
         record = f"record {state['record']}, " if state["record"] else ""
-        self._progress.update(
-            self._task,
+        self.update(
             description=f"{state['message']}, {speed}",
             total=state["duration"] or None,
             completed=state["position"],

@@ -10,9 +10,10 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits.overrule import find_label
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes.replaying.replay_topics import ReplayTopic
+from impact_rig.recording.interfaces.channel import Channel
 from impact_rig.recording.interfaces.messages import label_from_msg
 from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
-from impact_rig.recording.reading.mcap_file import Channel, RawMessage
+from impact_rig.recording.reading.mcap_file import RawMessage
 from impact_rig.recording.reading.mcap_reader import BLOCK_TYPE, SETUP_TYPE, VIRTUAL_IMPACT_TYPE
 from impact_rig.recording.reading.source import RecordingSource
 

@@ -9,6 +9,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from impact_rig.core.errors import FileError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.topics import describe_qos, import_type, make_qos, name_type
+from impact_rig.recording.interfaces.channel import Channel
 from impact_rig.recording.interfaces.interface_changes import InterfaceConverter
 from impact_rig.recording.interfaces.message_definitions import (
     find_message_definition,
@@ -19,7 +20,6 @@ from impact_rig.recording.interfaces.qos_profiles import (
     choose_qos,
     parse_offered_qos,
 )
-from impact_rig.recording.reading.mcap_file import Channel
 from impact_rig.recording.reading.mcap_reader import find_namespaces, make_relative
 from impact_rig.recording.reading.source import RecordingSource
 

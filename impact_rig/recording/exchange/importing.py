@@ -1,8 +1,9 @@
 """Measurements of other instruments as one series of hits, and as a recording of it.
 
 A hit was at the time that its file states. One whose file states none, or one before the end of
-the hit before, comes `PAUSE` after that end, the first one a second after the epoch: times grow in
-the order of the files, and the same files make the same recording, byte by byte.
+the hit before, comes `PAUSE` after that end; a series begins with the first time that a file of it
+states, or a second after the epoch. So times grow in the order of the files, without a gap of
+decades, and the same files make the same recording, byte by byte.
 """
 
 import hashlib
@@ -213,7 +214,7 @@ def write_imported(output: Path, setup: RigSetup, hits: Sequence[ImportedHit]) -
 def _find_stamps(hits: Sequence[ImportedHit]) -> list[int]:
     """Return when each hit begins in the recording [ns since the epoch]."""
     stamps: list[int] = []
-    end = FIRST_STAMP - PAUSE
+    end = next((hit.block.stamp for hit in hits if hit.block.stamp), FIRST_STAMP) - PAUSE
     for hit in hits:
         stated = hit.block.stamp
         stamps.append(stated if stated and stated >= end else end + PAUSE)

@@ -14,8 +14,8 @@ from rosbags.typesys.store import Typestore
 
 from impact_rig.core.errors import FileError
 from impact_rig.recording.interfaces.absent_fields import ABSENT_FIELDS
+from impact_rig.recording.interfaces.channel import Channel
 from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder, parse_schema
-from impact_rig.recording.reading.mcap_file import Channel
 
 
 @dataclass(frozen=True)

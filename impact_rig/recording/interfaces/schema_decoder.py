@@ -14,7 +14,7 @@ from rosbags.typesys import TypesysError, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from impact_rig.core.errors import FileError
-from impact_rig.recording.reading.mcap_file import Channel
+from impact_rig.recording.interfaces.channel import Channel
 
 MAX_SCHEMA = 1 << 16
 """Longest schema [characters], our choice: seven times our longest one, and read within seconds

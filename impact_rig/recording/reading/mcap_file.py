@@ -16,6 +16,7 @@ from mcap.records import Attachment as AttachmentRecord
 from mcap.records import Header, Metadata
 
 from impact_rig.core.errors import FileError
+from impact_rig.recording.interfaces.channel import Channel
 from impact_rig.recording.reading.mcap_records import (
     FRAME_HEAD,
     MAGIC,
@@ -26,7 +27,7 @@ from impact_rig.recording.reading.mcap_records import (
     read_small,
 )
 from impact_rig.recording.reading.mcap_summary import Summary, read_summary
-from impact_rig.recording.reading.mcap_topics import Channel, TopicTable, Wanted
+from impact_rig.recording.reading.mcap_topics import TopicTable, Wanted
 from impact_rig.recording.reading.mcap_walk import McapWalk
 
 __all__ = ["MAGIC", "Attachment", "Channel", "McapFile", "MetadataRecord", "RawMessage"]

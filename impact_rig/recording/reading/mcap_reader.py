@@ -8,9 +8,10 @@ from typing import Any, NamedTuple, TypeVar
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.recording.interfaces.channel import Channel
 from impact_rig.recording.interfaces.messages import block_from_msg, label_from_msg, setup_from_msg
 from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
-from impact_rig.recording.reading.mcap_file import Channel, RawMessage
+from impact_rig.recording.reading.mcap_file import RawMessage
 from impact_rig.recording.reading.source import RecordingSource, open_source
 
 SETUP_TYPE = "impact_rig_msgs/msg/RigSetup"

@@ -2,39 +2,14 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 
 from impact_rig.core.errors import FileError
+from impact_rig.recording.interfaces.channel import Channel
 from impact_rig.recording.reading.mcap_records import DamageError, read_small
 from impact_rig.recording.reading.mcap_summary import Summary
-
-
-class Channel(NamedTuple):
-    """One topic of a file.
-
-    Attributes
-    ----------
-    id : int
-        Unique in the file.
-    topic : str
-        Full name.
-    type_name : str
-        For example `impact_rig_msgs/msg/Impact`.
-    schema : str
-        Definition of the type, as `ros2msg`.
-    metadata : dict
-        `offered_qos_profiles` and `topic_type_hash` for ROS 2.
-    """
-
-    id: int
-    topic: str
-    type_name: str
-    schema: str
-    metadata: dict[str, str]
-
 
 Wanted = Callable[[Channel], bool]
 """Tells whether a channel's messages are to be read."""

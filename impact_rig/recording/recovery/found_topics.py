@@ -5,7 +5,7 @@ from typing import NamedTuple
 from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema as SchemaRecord
 
-from impact_rig.recording.reading.mcap_file import Channel
+from impact_rig.recording.interfaces.channel import Channel
 
 
 class Topic(NamedTuple):

@@ -185,7 +185,7 @@ LENGTH = SECOND // 100
         ([FIRST, FIRST], [FIRST, FIRST + LENGTH + SECOND]),
         ([FIRST, FIRST - SECOND], [FIRST, FIRST + LENGTH + SECOND]),
         ([FIRST, None, FIRST + 5 * SECOND], [FIRST, FIRST + LENGTH + SECOND, FIRST + 5 * SECOND]),
-        ([None, FIRST], [SECOND, FIRST]),
+        ([None, FIRST], [FIRST, FIRST + LENGTH + SECOND]),
     ],
     ids=["none", "dates", "close", "same", "back", "one without", "first without"],
 )

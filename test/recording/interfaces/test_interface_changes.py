@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import FileError
+from impact_rig.recording.interfaces.channel import Channel
 from impact_rig.recording.interfaces.interface_changes import (
     InterfaceConverter,
     find_interface_changes,
@@ -13,7 +14,6 @@ from impact_rig.recording.interfaces.interface_changes import (
 from impact_rig.recording.interfaces.message_definitions import find_message_definition
 from impact_rig.recording.interfaces.messages import block_from_msg, setup_from_msg
 from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
-from impact_rig.recording.reading.mcap_file import Channel
 from impact_rig.recording.reading.mcap_reader import BLOCK_TYPE, SETUP_TYPE
 
 from ..conftest import CdrEncoder, block_fields, setup_fields

@@ -5,8 +5,8 @@ import pytest
 from mcap_ros2._dynamic import serialize_dynamic
 
 from impact_rig.core.errors import FileError
+from impact_rig.recording.interfaces.channel import Channel
 from impact_rig.recording.interfaces.schema_decoder import MAX_LISTED, MAX_SCHEMA, SchemaDecoder
-from impact_rig.recording.reading.mcap_file import Channel
 
 NAME = "test_msgs/msg/Test"
 RULE = "\n" + "=" * 80 + "\n"

@@ -1,0 +1,52 @@
+"""One recording of many: what is sent to a process that analyzes it, and what comes back."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from impact_rig.cli.analysis.recording_analysis import AnalyzedRecording, analyze_recording
+from impact_rig.cli.analysis.settings_changes import SettingsChanges
+from impact_rig.core.errors import RigError
+
+
+@dataclass(frozen=True)
+class BatchOutcome:
+    """What came of one recording of many.
+
+    Attributes
+    ----------
+    path : Path
+        As it was given.
+    recording : AnalyzedRecording or None
+        None: it could not be analyzed.
+    error : str
+        Why not.
+    """
+
+    path: Path
+    recording: AnalyzedRecording | None
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class BatchTask:
+    """What a worker is sent: paths and settings, no data.
+
+    Attributes
+    ----------
+    path : Path
+        Of the recording.
+    changes : SettingsChanges
+        Settings to use in place of the recorded ones.
+    """
+
+    path: Path
+    changes: SettingsChanges
+
+    def run(self) -> BatchOutcome:
+        """Analyze the recording; what is wrong with it is an outcome too."""
+        try:
+            return BatchOutcome(self.path, analyze_recording(self.path, self.changes))
+        except RigError as error:
+            return BatchOutcome(self.path, None, str(error))
+        except MemoryError:
+            return BatchOutcome(self.path, None, f"{self.path} needs more memory than there is")
