@@ -99,6 +99,7 @@ def test_all_checks_run_and_one_that_fails_is_enough(failing, tmp_path, capfd):
     code = rig.run_checks({"PATH": f"{tmp_path}{os.pathsep}/bin"}, str(tmp_path), ["-k", "pulse"])
     output = capfd.readouterr().out
     assert code == (0 if failing is None else 1)
-    for ran in ("ruff check .", "ruff format --check .", "mypy", "pytest -k pulse"):
+    tests = " ".join(["pytest", *rig.PARALLEL, "-k", "pulse"])
+    for ran in ("ruff check .", "ruff format --check .", "mypy", tests):
         assert f"ran {ran}" in output
     assert output.count("FAILED") == {None: 0, "ruff": 2}.get(failing, 1)
