@@ -17,6 +17,7 @@ from std_msgs.msg import Empty
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.recorder import RecorderNode
+from impact_rig.recording.writing.record_watch import REMEMBERED
 
 POINTS = 1000
 
@@ -156,6 +157,29 @@ def test_an_arming_that_ends_without_its_last_block_is_stored_as_it_is(
     tell(record=8, message="disarmed by the operator")
     last = stored.wait_for_count(2)[-1]
     assert (last.record, last.sample, last.blocks) == (8, "brass", 0)
+
+
+def test_a_record_that_has_ended_is_told_of_once_however_many_follow(
+    harness, recorder, monkeypatch
+):
+    monkeypatch.setattr("impact_rig.nodes.recording.record_storage.SETTLING_TIME", 0.02)
+    _, stored, node = recorder()
+    states = connect(harness, interfaces.ACQUISITION_STATE)
+    blocks = connect(harness)
+    count = REMEMBERED + 20
+    for record in range(1, count + 1):
+        heard = node.count_messages("/accelerometer/state")
+        states.publish(AcquisitionState(state=AcquisitionState.ARMED, record=record))
+        harness.wait_until(lambda seen=heard: node.count_messages("/accelerometer/state") > seen)
+        publish(blocks, make_blocks(record))
+        stored.wait_for_count(record)
+        states.publish(AcquisitionState(state=AcquisitionState.IDLE, record=record))
+    # These get no blocks. When the first is told of, all is quiet; the second is told of later
+    # than anything that the others might still cause.
+    for record in (count + 1, count + 2):
+        states.publish(AcquisitionState(state=AcquisitionState.IDLE, record=record))
+        told = stored.wait(lambda got, last=record: got[-1].record == last)
+    assert [message.record for message in told] == list(range(1, count + 3))
 
 
 def test_a_record_that_goes_on_for_long_is_told_of_in_parts(harness, recorder, tmp_path):

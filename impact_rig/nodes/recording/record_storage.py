@@ -120,18 +120,25 @@ class RecordStorage:
             message.header.stamp = stamp_to_msg(count.stamp)
             self._publisher.publish(message)
 
+    def _count_unfinished(self, record: int) -> int:
+        """Return how many blocks of a record that goes on have come."""
+        unfinished = self.watch.unfinished
+        return unfinished.blocks if unfinished and unfinished.label.record == record else 0
+
     def _store_finished(self) -> None:
         if self._sync == SYNC_HIT and self.watch.has_finished:
             self._writer.sync()
             self.publish_stored()
 
     def _end_soon(self, record: int, sample: str) -> None:
-        blocks = self.watch.blocks
+        if self.watch.has_ended(record):
+            return
+        blocks = self._count_unfinished(record)
 
         def end() -> None:
-            if self._writer.closed:
+            if self._writer.closed or self.watch.has_ended(record):
                 return
-            if self.watch.blocks != blocks:
+            if self._count_unfinished(record) != blocks:
                 self._end_soon(record, sample)
                 return
             self.watch.end(record, sample)

@@ -73,6 +73,10 @@ class RecordWatch:
         """The record whose last block has not come; None: there is none."""
         return self._open.count if self._open else None
 
+    def has_ended(self, record: int) -> bool:
+        """Whether a record is known to have ended, of late."""
+        return record in self._ended
+
     @property
     def has_finished(self) -> bool:
         """Whether a record has ended that `collect` has not returned yet."""
@@ -127,7 +131,7 @@ class RecordWatch:
         """Note that an arming has ended, though its last block, or any block, never came."""
         if self._open is not None and self._open.count.label.record == record:
             self._end(self._open.count)
-        elif record not in self._ended:
+        elif not self.has_ended(record):
             self._end(RecordCount(HitLabel(sample, record=record, impact=0, attempt=0)))
 
     def collect(self, *, with_unfinished: bool = False) -> tuple[RecordCount, ...]:
