@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -119,6 +120,18 @@ def test_either_form_is_read_by_three_libraries(make, tmp_path, name):
             START + SECOND // 10,
             START + 3 * SECOND // 10 + 1,
         )
+
+
+@pytest.mark.skipif(shutil.which("rerun") is None, reason="the Rerun viewer is not installed")
+def test_rerun_finds_nothing_wrong_with_it(make):
+    recording = make("session.mcap")
+    recording.add_hits(1, 2, 3)
+    recording.writer.close()
+    command = ["rerun", "mcap", "check", str(recording.writer.path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    findings = [line.split() for line in done.stdout.splitlines() if "/acceleration" in line]
+    assert findings
+    assert all((words[0], words[-1]) == ("ok", "—") for words in findings), done.stdout
 
 
 def test_a_folder_is_laid_out_as_rosbag2_does(make, tmp_path):
