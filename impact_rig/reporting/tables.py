@@ -52,9 +52,10 @@ def print_results(console: Console, results: Results, samples: SampleSet) -> Non
 
 
 def _print_summary(console: Console, results: Results, samples: SampleSet) -> None:
+    count = len(results.samples)
     accepted = sum(sample.impacts_accepted for sample in results.samples)
     console.print(
-        f"{len(results.samples)} samples, {accepted} hits accepted,"
+        f"{count} sample{'s' * (count != 1)}, {accepted} hit{'s' * (accepted != 1)} accepted,"
         f" {len(results.rejections)} rejected."
     )
     largest = find_largest_differences(results.samples, samples)
