@@ -40,7 +40,7 @@ class RecordedHit:
     rig : str
         Namespace.
     campaign : int
-        Set-ups before it [-].
+        Counted from 1; each set-up begins one, the first with what came before it.
     record : int
         Number of its arming [-].
     label : HitLabel, optional
@@ -89,7 +89,7 @@ class _Rig:
     """What was found of one rig so far."""
 
     setup: bytes = b""
-    campaign: int = 0
+    campaign: int = 1
     hits: dict[tuple[int, HitLabel], _Evidence] = field(default_factory=dict)
 
 
@@ -113,9 +113,11 @@ class HitWatch:
         place = topic.removesuffix("recorder/stored") if type_name == STORED_TYPE else topic
         rig = self._rigs.setdefault(place.rpartition("/")[0] or "/", _Rig())
         if type_name == SETUP_TYPE:
-            # Each file of a split recording repeats it.
+            # Each file of a split recording repeats it. The first one holds for what came before
+            # it, too: a recorder may have heard of it late.
             if is_kept and data != rig.setup:
-                rig.setup, rig.campaign = data, rig.campaign + 1
+                rig.campaign += bool(rig.setup)
+                rig.setup = data
             return
         if type_name == STORED_TYPE and not message.blocks:
             return  # an arming that ended without a hit

@@ -367,6 +367,22 @@ def test_hits_are_saved_damaged_or_lost(make_recording: Any) -> None:
     }
 
 
+def test_a_set_up_that_was_heard_late_holds_for_the_hits_before_it(make_recording: Any) -> None:
+    maker = make_recording("original.mcap")
+    add_hit(maker, 1)
+    maker.add("release", OURS + "HammerRelease", {**label(2), "swing_time": 0.2})
+    maker.add_setup()
+    add_hit(maker, 2)
+    maker.add_setup(name="another")
+    add_hit(maker, 3)
+    hits = inspect_recording(Path(maker.close())).hits
+    assert [(hit.record, hit.campaign, hit.state.value) for hit in hits] == [
+        (1, 1, "saved"),
+        (2, 1, "saved"),
+        (3, 2, "saved"),
+    ]
+
+
 def test_topics_metadata_and_attachments_are_taken_over(original: Path) -> None:
     recovery = recover(spoil(original, original.read_bytes()[:-3000]))
     assert recovery.output is not None
