@@ -92,9 +92,10 @@ def test_the_state_tells_how_far_it_is(harness, tmp_path):
     path = write_recording(tmp_path / "session.mcap", make_events(6, blocks=2, pause=0.5))
     harness.listen(interfaces.ACCELERATION)
     states = harness.listen(interfaces.REPLAYER_STATE)
-    start(harness, path, rate=0.0)
-    messages = states.wait(lambda items: bool(items) and items[-1].state == ReplayerState.DONE)
-    assert ReplayerState.PLAYING in [item.state for item in messages]
+    node = start(harness, path, rate=0.001)
+    states.wait(lambda items: bool(items) and items[-1].state == ReplayerState.PLAYING)
+    node.set_parameters([Parameter("rate", value=0.0)])
+    messages = states.wait(lambda items: items[-1].state == ReplayerState.DONE)
     last = messages[-1]
     assert (last.uri, last.messages, last.record) == (str(path), 7, 3)
     assert last.position == last.duration == pytest.approx(3.0)
