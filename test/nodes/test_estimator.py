@@ -173,6 +173,12 @@ def find_waiting(node):
     return node.diagnose()["waiting for"]
 
 
+def feed_what_waits(harness, node, publisher, blocks):
+    """Publish blocks, and return when all of them wait."""
+    feed(harness, publisher, blocks)
+    harness.wait_until(lambda: len(node._gate._waiting) == len(blocks))
+
+
 def test_a_hit_is_judged_when_the_recorder_has_stored_it(harness, recorded):
     node, publisher, _, stored, impacts = recorded
     blocks = make_blocks("steel small", 1)
@@ -186,8 +192,7 @@ def test_a_hit_is_judged_when_the_recorder_has_stored_it(harness, recorded):
 
 def test_a_hit_that_waits_when_the_recorder_stops_does_not_count(harness, recorded):
     node, publisher, states, _, impacts = recorded
-    feed(harness, publisher, make_blocks("steel small", 1))
-    harness.wait_until(lambda: bool(find_waiting(node)))
+    feed_what_waits(harness, node, publisher, make_blocks("steel small", 1))
     states.publish(RecorderState(recording=False, uri=URI, message="the disk is full"))
     harness.wait_until(lambda: not find_waiting(node))
     # Nobody records any more, so nobody is waited for.
@@ -199,10 +204,8 @@ def test_a_hit_that_waits_when_the_recorder_stops_does_not_count(harness, record
 
 def test_a_hit_that_waits_is_not_taken_for_one_of_the_next_recording(harness, recorded):
     node, publisher, states, stored, impacts = recorded
-    blocks = make_blocks("steel small", 1)
-    feed(harness, publisher, blocks)
     # A block that came after the other recording had begun would belong to that.
-    harness.wait_until(lambda: len(node._gate._waiting) == len(blocks))
+    feed_what_waits(harness, node, publisher, make_blocks("steel small", 1))
     states.publish(RecorderState(recording=True, uri="/somewhere/else.mcap"))
     harness.wait_until(lambda: not find_waiting(node))
     blocks = make_blocks("steel small", 1, first_record=2)
@@ -214,8 +217,7 @@ def test_a_hit_that_waits_is_not_taken_for_one_of_the_next_recording(harness, re
 def test_a_set_up_waits_its_turn(harness, recorded):
     node, publisher, _, stored, impacts = recorded
     blocks = make_blocks("steel small", 1)
-    feed(harness, publisher, blocks)
-    harness.wait_until(lambda: bool(find_waiting(node)))
+    feed_what_waits(harness, node, publisher, blocks)
     again = setup_to_msg(PAPER_SETUP, stamp_to_msg(8))
     harness.advertise(interfaces.SETUP).publish(again)
     assert harness.call(GetResults, interfaces.GET_RESULTS).setup_stamp == SETUP.header.stamp

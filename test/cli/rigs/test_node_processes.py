@@ -1,6 +1,7 @@
 """The rig's processes, started and stopped together."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -49,9 +50,8 @@ def test_a_stop_while_the_processes_start_ends_them_all(tmp_path, awaited):
         process.wait(PATIENCE)
     assert "Traceback" not in "".join(lines)
     assert process.returncode == 0
-    started = [
-        int(line.rpartition("pid=")[2].rstrip(")\n")) for line in lines if "started (pid=" in line
-    ]
+    # The word of the signal may come in the middle of a line.
+    started = [int(number) for number in re.findall(r"started \(pid=(\d+)\)", "".join(lines))]
     assert len(started) == 5
     for number in started:
         with pytest.raises(ProcessLookupError):
