@@ -17,18 +17,23 @@ INTERFACES = sorted(
     path for kind in ("msg", "srv", "action") for path in ROOT.glob(f"msg_config/{kind}/*")
 )
 
-SIDE_BY_SIDE = {"configuration", "devices", "recording", "reporting", "visualization"}
+SIDE_BY_SIDE = {"configuration", "devices", "recording", "results"}
+SHOWING = {"reporting", "visualization"}
+BELOW = {"core", "analysis", *SIDE_BY_SIDE, *SHOWING}
 MAY_IMPORT = {
     "core": {"core"},
     **{name: {"core", name} for name in SIDE_BY_SIDE},
+    **{name: {"core", "results", name} for name in SHOWING},
+    "analysis": {"core", "configuration", "recording", "results", "analysis"},
     "study": {"core", "devices", "study"},
-    "nodes": {"core", "nodes", *SIDE_BY_SIDE},
-    "cli": {"core", "nodes", "study", "bench", "cli", *SIDE_BY_SIDE},
-    "bench": {"core", "nodes", "study", "bench", "cli", *SIDE_BY_SIDE},
+    "nodes": {"nodes", *BELOW} - {"analysis"},
+    "cli": {"nodes", "study", "bench", "cli", *BELOW},
+    "bench": {"nodes", "study", "bench", "cli", *BELOW},
 }
-"""Imports run one way; those side by side know nothing of each other. The study strikes the
-virtual rig: it stands above the devices. The bench measures what the command line does: it may
-know everything, and of the command line only its own command knows it."""
+"""Imports run one way; those side by side know nothing of each other. What shows results knows
+results, not where they come from; the analysis makes them of files. The study strikes the virtual
+rig: it stands above the devices. The bench measures what the command line does: it may know
+everything, and of the command line only its own command knows it."""
 
 PURE = {
     "GTC", "abc", "collections", "dataclasses", "enum", "functools", "itertools", "math",
@@ -40,12 +45,13 @@ ROS = {"rclpy", "rcl_interfaces", "std_srvs"}
 WRAPPED_BY = {
     "GTC": {"core"},
     "click": {"cli"},
-    "dask": {"cli"},
-    "distributed": {"cli"},
+    "dask": {"analysis"},
+    "distributed": {"analysis"},
     "h5py": {"recording"},
     "honcho": {"cli"},
     "lz4": {"recording"},
-    "matplotlib": {"study"},
+    "jinja2": {"reporting"},
+    "matplotlib": {"reporting", "study"},
     "mcap": {"bench", "recording"},
     "nptdms": {"recording"},
     "pint": {"configuration"},
@@ -59,7 +65,16 @@ WRAPPED_BY = {
     "zstandard": {"recording"},
 }
 """Which package wraps a library."""
-IMPORTED_WHEN_USED = {"h5py", "matplotlib", "nptdms", "pint", "pyarrow", "pyuff", "rerun"}
+IMPORTED_WHEN_USED = {
+    "h5py",
+    "jinja2",
+    "matplotlib",
+    "nptdms",
+    "pint",
+    "pyarrow",
+    "pyuff",
+    "rerun",
+}
 
 ALLOWED_AT_THE_TOP = {
     ".ci", ".github", ".gitignore", "CHANGELOG.md", "LICENSE", "README.md", "impact_rig",

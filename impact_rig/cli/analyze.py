@@ -8,23 +8,20 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from impact_rig.analysis.repeated_files import find_repeated_files
+from impact_rig.analysis.settings_changes import SettingsChanges
+from impact_rig.analysis.trace_analysis import analyze_traces
+from impact_rig.analysis.trace_options import TraceOptions
 from impact_rig.cli.analysis.channel_options import add_channel_options
 from impact_rig.cli.analysis.recording_report import Form, report_batch, report_recording
-from impact_rig.cli.analysis.repeated_files import find_repeated_files
-from impact_rig.cli.analysis.settings_changes import SettingsChanges
-from impact_rig.cli.analysis.trace_analysis import analyze_traces
-from impact_rig.cli.analysis.trace_options import TraceOptions
 from impact_rig.cli.quantity import Cutoff
 from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.recording.reading.source import find_recording, is_recording
 from impact_rig.reporting.budget_tables import print_budgets
-from impact_rig.reporting.results_file import format_json
 from impact_rig.reporting.terminal import make_console
-from impact_rig.reporting.trace_results import (
-    TraceResults,
-    print_trace_results,
-    trace_results_to_json,
-)
+from impact_rig.reporting.trace_tables import print_trace_results
+from impact_rig.results.results_file import format_json
+from impact_rig.results.trace_series import TraceResults, trace_results_to_json
 
 
 @click.command(

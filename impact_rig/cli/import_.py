@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
+from impact_rig.analysis.settings_changes import SettingsChanges
+from impact_rig.analysis.trace_options import TraceOptions, TraceSeries
 from impact_rig.cli.analysis.channel_options import add_channel_options
-from impact_rig.cli.analysis.settings_changes import SettingsChanges
-from impact_rig.cli.analysis.trace_options import TraceOptions, TraceSeries
 from impact_rig.cli.quantity import Cutoff, Quantity
 from impact_rig.core.errors import ParameterError, RigError
 
@@ -147,8 +147,8 @@ def _set_window(
 
 def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) -> list[str]:
     """Write the recording; return what is wrong with files that are not in it."""
-    from impact_rig.cli.analysis.repeated_files import find_repeated_files
-    from impact_rig.cli.analysis.trace_analysis import read_series
+    from impact_rig.analysis.repeated_files import find_repeated_files
+    from impact_rig.analysis.trace_analysis import read_series
     from impact_rig.recording.exchange.importing import write_imported
 
     repeated = find_repeated_files(files)

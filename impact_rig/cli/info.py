@@ -48,7 +48,7 @@ def command(
     """
     from impact_rig.cli.recordings.contents_report import contents_to_json
     from impact_rig.cli.recordings.reading_progress import inspect_with_progress
-    from impact_rig.reporting.results_file import format_json
+    from impact_rig.results.results_file import format_json
 
     def process(file: Path) -> "Contents":
         contents = inspect_with_progress(file)

@@ -57,8 +57,8 @@ def command(
     it is only read, and nothing is overwritten. No ROS is needed.
     """
     from impact_rig.cli.recordings.recovery_view import print_recovery, recovery_to_json
-    from impact_rig.reporting.results_file import format_json
     from impact_rig.reporting.terminal import make_console
+    from impact_rig.results.results_file import format_json
 
     if output is not None and len(files) > 1:
         raise ParameterError(f"--output {output} is for one FILE, and {len(files)} are given")

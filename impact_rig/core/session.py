@@ -5,7 +5,9 @@ numbers.
 """
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from itertools import chain
 
 from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_hammer
 from impact_rig.core.estimation.sample import (
@@ -41,6 +43,8 @@ class SessionResults:
         k1, zeta1, c1.
     samples : tuple of SampleEstimate
         Those with hits, in the order of the sample set.
+    accepted : tuple of JudgedHit
+        Every hit that is in a mean, in the order of arrival.
     rejected : tuple of JudgedHit
         Every hit that is in no mean, with all reasons, in the order of arrival: rejected when it
         came, an outlier among its fellows, surplus, or left out by hand.
@@ -49,6 +53,7 @@ class SessionResults:
     setup: RigSetup
     hammer: BodyEstimate
     samples: tuple[SampleEstimate, ...]
+    accepted: tuple[JudgedHit, ...]
     rejected: tuple[JudgedHit, ...]
 
 
@@ -196,17 +201,21 @@ class Session:
 
     def estimate_all(self) -> SessionResults:
         """Return everything found so far, the model fitted to every sample."""
+        return self._gather(self._estimate_with_models)
+
+    def estimate_all_without_models(self) -> SessionResults:
+        """Return the same without the fitted models, which take most of the time."""
+        return self._gather(self._estimate_sample)
+
+    def _gather(self, estimate: Callable[[str, BodyEstimate], SampleEstimate]) -> SessionResults:
         hammer = self.estimate_hammer()
+        selections = [self.find_selection(name) for name in self._hits]
         return SessionResults(
             setup=self.setup,
             hammer=hammer,
-            samples=tuple(self._estimate_with_models(name, hammer) for name in self.names),
-            rejected=tuple(
-                sorted(
-                    (hit for name in self._hits for hit in self.find_selection(name).left_out),
-                    key=lambda hit: hit.label.record,
-                )
-            ),
+            samples=tuple(estimate(name, hammer) for name in self.names),
+            accepted=_sort_hits(selection.kept for selection in selections),
+            rejected=_sort_hits(selection.left_out for selection in selections),
         )
 
     def _estimate_with_models(self, name: str, hammer: BodyEstimate) -> SampleEstimate:
@@ -230,3 +239,7 @@ class Session:
             hits = [overrule_hit(hit, self._overrules) for hit in self._hits.get(name, [])]
             self._selections[name] = select_hits(hits, self.setup.analysis.keep_hits)
         return self._selections[name]
+
+
+def _sort_hits(groups: Iterable[tuple[JudgedHit, ...]]) -> tuple[JudgedHit, ...]:
+    return tuple(sorted(chain.from_iterable(groups), key=lambda hit: hit.label.record))

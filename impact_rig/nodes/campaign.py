@@ -284,6 +284,7 @@ class CampaignNode(RigNode):
         if results is not None:
             result.hammer = results.hammer
             result.samples = results.samples
+            result.accepted = results.accepted
             result.rejected = results.rejected
         result.recording = self._recording
 

@@ -9,7 +9,7 @@ import rclpy
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import AcquisitionState, RigSetup, VirtualImpact
-from impact_rig_msgs.srv import ConfirmSample
+from impact_rig_msgs.srv import ConfirmSample, GetResults
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -21,7 +21,9 @@ from impact_rig.core.setup.samples import RigSetup as CoreRigSetup
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.result_messages import result_from_msg
 from impact_rig.recording.interfaces.messages import setup_from_msg
-from impact_rig.reporting.results import HammerResults, Results, SampleResults
+from impact_rig.results.campaign import Results
+from impact_rig.results.estimates import HammerResults, SampleResults
+from impact_rig.results.setup_results import SetupResults, setup_results_from_setup
 
 LOOK_PERIOD = 0.1
 """How often something that sends no event is looked at [s]."""
@@ -235,13 +237,13 @@ class CampaignClient:
         self._goal = None
 
     def _conclude(self, result: RunCampaign.Result, status: int) -> CampaignOutcome:
-        rejected = {hit.record for hit in result.rejected}
+        struck = {hit.record for hit in (*result.accepted, *result.rejected)}
         if self.is_virtual:
-            self._spin_until(lambda: rejected <= self._faults.keys(), TRUTH_TIMEOUT)
+            self._spin_until(lambda: struck <= self._faults.keys(), TRUTH_TIMEOUT)
         return CampaignOutcome(
             success=result.success and status == GoalStatus.STATUS_SUCCEEDED,
             message=result.message,
-            results=results_from_msgs(result, self._faults),
+            results=results_from_msgs(result, self._setup, self._faults),
             setup=self._setup,
             recording=result.recording,
         )
@@ -290,14 +292,28 @@ class CampaignClient:
 
 
 def results_from_msgs(
-    result: RunCampaign.Result, faults_by_record: dict[int, tuple[str, ...]]
+    result: RunCampaign.Result | GetResults.Response,
+    setup: CoreRigSetup | None,
+    faults_by_record: dict[int, tuple[str, ...]],
 ) -> Results:
-    """Return what the action brought back as the results that leave the rig."""
+    """Return what came back over ROS as the results that leave the rig.
+
+    Parameters
+    ----------
+    result : RunCampaign.Result or GetResults.Response
+        What was found.
+    setup : RigSetup or None
+        That it was found with; None: not heard of.
+    faults_by_record : dict of int to tuple of str
+        Injected faults, as far as they are known.
+    """
+    hits = sorted([*result.accepted, *result.rejected], key=lambda hit: hit.record)
     return Results(
+        setup=SetupResults() if setup is None else setup_results_from_setup(setup),
         hammer=result_from_msg(HammerResults, result.hammer),
         samples=tuple(result_from_msg(SampleResults, each) for each in result.samples),
-        rejections=tuple(
-            messages.rejected_hit_from_msg(hit, faults_by_record.get(hit.record, ()))
-            for hit in result.rejected
+        hits=tuple(
+            messages.hit_results_from_msg(hit, faults_by_record.get(hit.record, ()))
+            for hit in hits
         ),
     )

@@ -151,6 +151,7 @@ class EstimatorNode(RigNode):
         for estimate in response.samples:
             # Now with the model fitted: recorder and view want to know.
             self._estimate.publish(estimate)
+        response.accepted = [messages.hit_to_msg(hit) for hit in results.accepted]
         response.rejected = [messages.hit_to_msg(hit) for hit in results.rejected]
         return response
 

@@ -29,11 +29,11 @@ from impact_rig.core.setup import samples
 from impact_rig.core.signals import record
 from impact_rig.devices.virtual.rig import VirtualHit
 from impact_rig.nodes.result_messages import result_to_msg
-from impact_rig.reporting.flat_estimates import (
+from impact_rig.results.campaign import HitResults
+from impact_rig.results.flat_estimates import (
     hammer_results_from_body,
     sample_results_from_estimate,
 )
-from impact_rig.reporting.results import RejectedHit
 
 
 def stamp_to_msg(nanoseconds: int) -> Time:
@@ -166,14 +166,18 @@ def estimate_to_msg(estimate: estimation.SampleEstimate, stamp: Time) -> SampleE
     return message
 
 
-def rejected_hit_from_msg(message: Impact, injected_faults: Sequence[str]) -> RejectedHit:
-    """Return a rejected hit as the results that leave the rig."""
-    return RejectedHit(
+def hit_results_from_msg(message: Impact, injected_faults: Sequence[str]) -> HitResults:
+    """Return a judged hit as the results that leave the rig."""
+    return HitResults(
         sample=message.sample,
         impact=message.impact,
         attempt=message.attempt,
         record=message.record,
+        accepted=message.accepted,
         reasons=tuple(message.reasons),
+        contact_time_s=message.contact_time,
+        hammer_peak_m_per_s2=message.hammer_peak,
+        specimen_peak_m_per_s2=message.specimen_peak,
         injected_faults=tuple(injected_faults),
     )
 
@@ -193,6 +197,8 @@ def comparison_to_msg(
         hammer_model=_floats(compared.hammer.model),
         specimen_measured=_floats(compared.specimen.measured),
         specimen_model=_floats(compared.specimen.model),
+        hammer_peak=compared.hammer.peak,
+        specimen_peak=compared.specimen.peak,
         hammer_shift=compared.hammer.shift,
         specimen_shift=compared.specimen.shift,
         mse_hammer_percent=compared.hammer.mse_percent,

@@ -17,7 +17,7 @@ from impact_rig_msgs.msg import (
     UncertaintyContribution,
 )
 
-from impact_rig.reporting.results import (
+from impact_rig.results.estimates import (
     BudgetLineResults,
     FreeDecayResults,
     HammerResults,

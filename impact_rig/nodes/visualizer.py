@@ -26,7 +26,8 @@ from impact_rig.recording.interfaces.messages import (
     setup_from_msg,
     stamp_from_msg,
 )
-from impact_rig.reporting.references import (
+from impact_rig.results.hit_traces import TraceAssembler
+from impact_rig.results.references import (
     explain_misprint,
     find_hammer_reference,
     find_reference,
@@ -35,7 +36,6 @@ from impact_rig.visualization.destinations import open_destinations
 from impact_rig.visualization.log import ComparisonTraces
 from impact_rig.visualization.sink import Destination, Work
 from impact_rig.visualization.text import EstimateRow, EstimateTable, Quantity, Verdict
-from impact_rig.visualization.traces import TraceAssembler
 
 NICENESS = 10
 """How far the process steps back [steps of nice], our choice."""

@@ -9,9 +9,10 @@ from statistics import fmean, stdev
 
 from rich.console import Console
 
-from impact_rig.reporting.numbers import MEGA, MICRO, MISSING, format_number, format_uncertain
-from impact_rig.reporting.results import Results, SampleResults
 from impact_rig.reporting.terminal import Column, make_optional, print_table
+from impact_rig.results.campaign import Results
+from impact_rig.results.estimates import SampleResults
+from impact_rig.results.numbers import MEGA, MICRO, MISSING, format_number, format_uncertain
 
 ENOUGH_RECORDINGS = 3
 """From which on a spread says something [-], our choice."""

@@ -5,13 +5,9 @@ from dataclasses import dataclass
 
 from rich.console import Console
 
-from impact_rig.reporting.numbers import MEGA, MICRO, format_uncertain
-from impact_rig.reporting.results import (
-    BudgetLineResults,
-    HammerResults,
-    SampleResults,
-)
 from impact_rig.reporting.terminal import Column, print_table
+from impact_rig.results.estimates import BudgetLineResults, HammerResults, SampleResults
+from impact_rig.results.numbers import MEGA, MICRO, format_uncertain
 
 SMALLEST_SHARE = 5e-4
 """Share of the variance below which a contribution is summed up with its like [-], our choice."""

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from impact_rig.core.model.pulses import VERSED_SINE
-from impact_rig.reporting.numbers import MEGA, MICRO, format_number, format_uncertain
-from impact_rig.reporting.results import IdentificationResults, SampleResults
 from impact_rig.reporting.terminal import Column, make_optional, print_table
+from impact_rig.results.estimates import IdentificationResults, SampleResults
+from impact_rig.results.numbers import MEGA, MICRO, format_number, format_uncertain
 
 
 def print_comparison(console: Console, samples: Sequence[SampleResults]) -> None:

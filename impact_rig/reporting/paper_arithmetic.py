@@ -23,7 +23,7 @@ from impact_rig.core.setup.paper import (
     PUBLISHED_SAMPLES,
     PublishedSample,
 )
-from impact_rig.reporting.numbers import compute_difference
+from impact_rig.results.numbers import compute_difference
 
 SWING_ANGLE = math.radians(3.7)
 """Section 3 [rad]."""

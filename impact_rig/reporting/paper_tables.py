@@ -8,7 +8,10 @@ from rich.console import Console
 
 from impact_rig.core.model.pulses import HALF_SINE, HERTZ, VERSED_SINE
 from impact_rig.core.setup.samples import SampleSet
-from impact_rig.reporting.numbers import (
+from impact_rig.reporting.terminal import Column, make_optional, print_table
+from impact_rig.results.campaign import Results
+from impact_rig.results.estimates import HammerResults, SampleResults
+from impact_rig.results.numbers import (
     MEGA,
     MICRO,
     compute_difference,
@@ -16,14 +19,12 @@ from impact_rig.reporting.numbers import (
     format_number,
     format_uncertain,
 )
-from impact_rig.reporting.references import (
+from impact_rig.results.references import (
     Reference,
     explain_misprint,
     find_hammer_reference,
     find_reference,
 )
-from impact_rig.reporting.results import HammerResults, Results, SampleResults
-from impact_rig.reporting.terminal import Column, make_optional, print_table
 
 
 @dataclass(frozen=True)

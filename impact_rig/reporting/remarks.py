@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.text import Text
 
-from impact_rig.reporting.numbers import MISSING
-from impact_rig.reporting.results import Results, SampleResults
 from impact_rig.reporting.terminal import Column, print_table
+from impact_rig.results.campaign import Results
+from impact_rig.results.estimates import SampleResults
+from impact_rig.results.numbers import MISSING
 
 
 def print_rejections(console: Console, results: Results) -> None:

@@ -16,10 +16,10 @@ from impact_rig.reporting.paper_tables import (
     print_stiffness,
 )
 from impact_rig.reporting.remarks import print_notes, print_rejections, print_warnings
-from impact_rig.reporting.results import Results
+from impact_rig.results.campaign import Results
 
 
-def print_results(console: Console, results: Results, samples: SampleSet) -> None:
+def print_results(console: Console, results: Results) -> None:
     """Print everything that a campaign found.
 
     The list of rejected hits, which may be long, comes first: the results stay in sight.
@@ -29,15 +29,14 @@ def print_results(console: Console, results: Results, samples: SampleSet) -> Non
     console : Console
         See `make_console`.
     results : Results
-        What was found.
-    samples : SampleSet
-        Where the expected values come from.
+        What was found, and the set-up that the expected values come from.
 
     Raises
     ------
     ParameterError
-        If the results name a sample that is not in the set.
+        If the results name a sample that is not in their set-up.
     """
+    samples = results.setup.to_samples()
     print_rejections(console, results)
     print_contact_times(console, results.samples, samples)
     print_stiffness(console, results, samples)

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from impact_rig.reporting.numbers import MISSING
+from impact_rig.results.numbers import MISSING
 
 COLUMN_GAP = "  "
 NARROWEST_TEXT = 10

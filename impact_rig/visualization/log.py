@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.signals.record import FloatArray
+from impact_rig.results.hit_traces import Float32Array, HitTraces
 from impact_rig.visualization import entities
 from impact_rig.visualization.blueprint import make_blueprint
 from impact_rig.visualization.rerun_sdk import import_rerun
@@ -27,7 +28,6 @@ from impact_rig.visualization.text import (
     write_table,
     write_verdict,
 )
-from impact_rig.visualization.traces import Float32Array, HitTraces
 
 if TYPE_CHECKING:
     import rerun as rr

@@ -18,8 +18,8 @@ from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.recording.interfaces.message_definitions import find_message_definition
 from impact_rig.recording.interfaces.qos_profiles import OfferedQos
 from impact_rig.recording.writing.mcap_writer import McapWriter
-from impact_rig.reporting.flat_estimates import results_from_session
-from impact_rig.reporting.results import Results
+from impact_rig.results.campaign import Results
+from impact_rig.results.flat_estimates import results_from_session
 
 
 @dataclass(frozen=True)

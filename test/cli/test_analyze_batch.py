@@ -18,7 +18,7 @@ import pytest
 
 from impact_rig.cli.analysis import batch
 from impact_rig.devices.virtual.rig import VirtualRigSettings
-from impact_rig.reporting.results_file import results_to_json
+from impact_rig.results.results_file import results_to_json
 
 Run = Callable[..., Any]
 
@@ -160,7 +160,7 @@ def test_a_recording_named_twice_is_used_once_and_said_so(
 def test_without_dask_the_recordings_are_analyzed_one_after_the_other(
     run: Run, folders: list[Path], expected: list[Any], monkeypatch: Any
 ) -> None:
-    for name in ("distributed", "dask", "impact_rig.cli.analysis.dask_workers"):
+    for name in ("distributed", "dask", "impact_rig.analysis.dask_workers"):
         monkeypatch.setitem(sys.modules, name, None)
     outcome = run("analyze", *folders, "--json", "--workers", 2)
     assert outcome.exit_code == 0
@@ -182,13 +182,13 @@ def test_few_small_recordings_start_no_workers(
     for path in paths:
         path.write_bytes(bytes(size))
     monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1, 2})
-    monkeypatch.setattr("impact_rig.cli.analysis.dask_workers.start_workers", start)
+    monkeypatch.setattr("impact_rig.analysis.dask_workers.start_workers", start)
     tasks = [SimpleNamespace(path=path, run=lambda: None) for path in paths]
     if count == 1:
-        batch.analyze_batch(tasks, None, None, lambda _: None)
+        batch.analyze_batch(tasks, None, None, lambda _: None, print)
     else:
         with pytest.raises(KeyboardInterrupt):
-            batch.analyze_batch(tasks, None, None, lambda _: None)
+            batch.analyze_batch(tasks, None, None, lambda _: None, print)
     assert started == [count] * (count > 1)
 
 
@@ -196,7 +196,7 @@ def test_few_small_recordings_start_no_workers(
 def test_a_scheduler_that_is_not_there_is_one_sentence_soon(
     run: Run, folders: list[Path], monkeypatch: Any, address: str
 ) -> None:
-    monkeypatch.setattr("impact_rig.cli.analysis.dask_workers.CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr("impact_rig.analysis.dask_workers.CONNECT_TIMEOUT", 0.5)
     started = time.monotonic()
     outcome = run("analyze", *folders, "--scheduler", address)
     assert time.monotonic() - started < PATIENCE / 4
@@ -210,7 +210,7 @@ def test_a_scheduler_without_workers_is_named(
 ) -> None:
     from distributed import LocalCluster
 
-    monkeypatch.setattr("impact_rig.cli.analysis.dask_workers.CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr("impact_rig.analysis.dask_workers.CONNECT_TIMEOUT", 0.5)
     with LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as idle:
         outcome = run("analyze", *folders, "--scheduler", idle.scheduler_address)
     assert outcome.exit_code == 2
@@ -235,7 +235,7 @@ class DeadlyTask:
 def test_a_recording_that_kills_its_worker_costs_no_other(
     tmp_path: Path, monkeypatch: Any
 ) -> None:
-    from impact_rig.cli.analysis.dask_workers import run_on_workers, start_workers
+    from impact_rig.analysis.dask_workers import run_on_workers, start_workers
 
     (tmp_path / "deadly_task.py").write_text(DEADLY_TASK)
     monkeypatch.syspath_prepend(tmp_path)  # the workers inherit it

@@ -12,7 +12,7 @@ import pytest
 
 from impact_rig.core.setup.paper import PUBLISHED_SAMPLES
 from impact_rig.devices.virtual.rig import VirtualRigSettings
-from impact_rig.reporting.results_file import format_json, results_to_json
+from impact_rig.results.results_file import format_json, results_to_json
 
 Run = Callable[..., Any]
 
@@ -27,7 +27,7 @@ def test_the_json_is_that_of_the_live_run_character_by_character(run: Run, campa
 
 def test_the_json_has_what_was_promised(run: Run, campaign: Any) -> None:
     content = json.loads(run("analyze", campaign.path, "--json").stdout)
-    assert set(content) == {"format", "hammer", "samples", "rejections"}
+    assert set(content) == {"format", "setup", "hammer", "samples", "hits"}
     assert content["hammer"]["stiffness_n_per_m"] == pytest.approx(22.54e6, rel=0.015)
     assert content["hammer"]["damping_coefficient_n_s_per_m"] == pytest.approx(1909, rel=0.05)
     for sample, cell in zip(content["samples"], PUBLISHED_SAMPLES, strict=True):
@@ -37,7 +37,7 @@ def test_the_json_has_what_was_promised(run: Run, campaign: Any) -> None:
         assert sample["contact_time_s"] == pytest.approx(cell.contact_time, rel=0.007)
         assert sample["mse_hammer_percent"] < 0.25
         assert sample["mse_sample_percent"] < 5.0
-    assert all(item["injected_faults"] for item in content["rejections"])
+    assert all(item["injected_faults"] for item in content["hits"] if not item["accepted"])
 
 
 def test_the_tables_show_paper_beside_measured(run: Run, campaign: Any) -> None:
@@ -140,7 +140,8 @@ def test_recordings_and_traces_are_not_mixed(run: Run, campaign: Any) -> None:
 def find_rejections(content: Any) -> dict[int, list[str]]:
     return {
         hit["record"]: [reason.split(":")[0] for reason in hit["reasons"]]
-        for hit in content["rejections"]
+        for hit in content["hits"]
+        if not hit["accepted"]
     }
 
 

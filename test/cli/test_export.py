@@ -13,7 +13,7 @@ from impact_rig.devices.virtual.faults import FaultPlan, scheduled_fault_from_te
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.recording.formats.registry import WRITABLE, read_measurement
 from impact_rig.recording.reading.mcap_reader import read_recording
-from impact_rig.reporting.results_file import format_json, results_to_json
+from impact_rig.results.results_file import format_json, results_to_json
 
 Run = Callable[..., Any]
 REAL_HITS = sorted((Path(__file__).parents[1] / "data" / "pyfrf_hammer").glob("*.npy"))

@@ -14,7 +14,7 @@ from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
-from impact_rig.reporting.flat_estimates import results_from_session
+from impact_rig.results.flat_estimates import results_from_session
 
 SETUP = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
 URI = "/somewhere/session.mcap"

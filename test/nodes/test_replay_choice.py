@@ -24,8 +24,8 @@ from impact_rig.recording.interfaces.message_definitions import (
 from impact_rig.recording.reading.mcap_file import McapFile
 from impact_rig.recording.reading.mcap_reader import read_recording
 from impact_rig.recording.writing.mcap_writer import McapWriter
-from impact_rig.reporting.flat_estimates import sample_results_from_estimate
-from impact_rig.reporting.results import SampleResults
+from impact_rig.results.estimates import SampleResults
+from impact_rig.results.flat_estimates import sample_results_from_estimate
 
 from .replays import PEER, START, make_hits, wait_for_end, write_recording
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from impact_rig.nodes.result_messages import MESSAGES, result_from_msg, result_to_msg
-from impact_rig.reporting.results import SampleResults
+from impact_rig.results.estimates import SampleResults
 
 VALUES = {
     float: st.floats(allow_nan=False),

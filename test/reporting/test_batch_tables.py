@@ -8,7 +8,9 @@ import pytest
 from rich.console import Console
 
 from impact_rig.reporting.batch_tables import BatchCampaign, print_batch, shorten_paths
-from impact_rig.reporting.results import HammerResults, Results, SampleResults
+from impact_rig.results.campaign import Results
+from impact_rig.results.estimates import HammerResults, SampleResults
+from impact_rig.results.setup_results import SetupResults
 
 TIMES = (144.61e-6, 144.93e-6, 145.22e-6)
 NAN = float("nan")
@@ -26,7 +28,9 @@ def make_campaign(
         stiffness_n_per_m=stiffness,
         stiffness_expanded_n_per_m=0.4e6,
     )
-    return BatchCampaign(Path(name), number, Results(HammerResults(), (sample,), ()))
+    return BatchCampaign(
+        Path(name), number, Results(SetupResults(), HammerResults(), (sample,), ())
+    )
 
 
 def render(campaigns: list[BatchCampaign], width: int = 80) -> str:

@@ -13,7 +13,7 @@ from impact_rig.reporting.model_tables import (
     print_pulse_shapes,
 )
 from impact_rig.reporting.remarks import print_warnings
-from impact_rig.reporting.results import (
+from impact_rig.results.estimates import (
     BudgetLineResults,
     FreeDecayResults,
     HammerResults,

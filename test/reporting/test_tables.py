@@ -9,19 +9,26 @@ from rich.console import Console
 
 from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.setup.samples import Sample, SampleSet
-from impact_rig.reporting.results import HammerResults, RejectedHit, Results, SampleResults
 from impact_rig.reporting.tables import print_results
+from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.estimates import HammerResults, SampleResults
+from impact_rig.results.setup_results import setup_results_from_setup
 
 SAMPLES = PAPER_SETUP.samples
 
 
-def render(
-    results: Results, samples: SampleSet = SAMPLES, width: int = 80, **options: object
-) -> str:
+def make_results(
+    hammer: HammerResults, found: tuple[SampleResults, ...], samples: SampleSet = SAMPLES
+) -> Results:
+    setup = setup_results_from_setup(replace(PAPER_SETUP, samples=samples))
+    return Results(setup, hammer, found, ())
+
+
+def render(results: Results, width: int = 80, **options: object) -> str:
     console = Console(
         file=io.StringIO(), width=width, markup=False, highlight=False, emoji=False, **options
     )
-    print_results(console, results, samples)
+    print_results(console, results)
     text: str = console.file.getvalue()
     return text
 
@@ -62,7 +69,7 @@ def test_paper_and_measured_stand_side_by_side_with_their_difference() -> None:
         stiffness_n_per_m=45.0e6,
         damping_coefficient_n_s_per_m=1200.0,
     )
-    text = render(Results(HammerResults("aluminium large", 22.0e6, 1900.0), (sample,), ()))
+    text = render(make_results(HammerResults("aluminium large", 22.0e6, 1900.0), (sample,)))
     # By hand: 204.2 / 203.2, 45.0 / 45.29, 1200 / 1170, 22.0 / 22.54.
     assert find_row(text, "steel medium", "Table 2")[:3] == ["203.20", "204.20", "+0.49"]
     assert find_row(text, "steel medium", "Table 3")[:3] == ["45.29", "45.00", "-0.64"]
@@ -89,7 +96,7 @@ def test_the_misprint_is_not_spoken_of_where_it_is_not_shown(
 def test_a_sample_of_ones_own_called_like_the_paper_s_is_not_marked() -> None:
     samples = SampleSet((Sample("brass medium", 0.2, reference_contact_time=2e-4),), "")
     text = render(
-        Results(HammerResults(), (make_sample("brass medium", contact_time_s=2e-4),), ()), samples
+        make_results(HammerResults(), (make_sample("brass medium", contact_time_s=2e-4),), samples)
     )
     assert "288.10" not in text
     assert "Paper" not in text
@@ -99,10 +106,10 @@ def test_a_sample_of_ones_own_called_like_the_paper_s_is_not_marked() -> None:
 def test_samples_without_reference_get_no_difference() -> None:
     samples = SampleSet((Sample("tin", 0.1, reference_contact_time=2e-4), Sample("zinc", 0.1)), "")
     tin, zinc = (make_sample(name, contact_time_s=2.1e-4) for name in ("tin", "zinc"))
-    both = render(Results(HammerResults(), (tin, zinc), ()), samples)
+    both = render(make_results(HammerResults(), (tin, zinc), samples))
     assert find_row(both, "tin", "Table 2")[:3] == ["200.00", "210.00", "+5.00"]
     assert find_row(both, "zinc", "Table 2") == ["210.00", "10", "2"]
-    alone = render(Results(HammerResults(), (zinc,), ()), samples)
+    alone = render(make_results(HammerResults(), (zinc,), samples))
     assert "Diff." not in alone
     assert "Largest differences" not in alone
 
@@ -110,21 +117,22 @@ def test_samples_without_reference_get_no_difference() -> None:
 def test_a_rejected_hit_is_listed_with_its_reasons_and_what_was_injected(
     results: Results,
 ) -> None:
-    rejected = RejectedHit(
+    rejected = HitResults(
         "steel small",
         3,
         2,
         17,
+        False,
         ("overload: 250 points in a row of the hammer at the rail", "weak: too weak"),
-        ("overload", "weak_hit"),
+        injected_faults=("overload", "weak_hit"),
     )
-    text = render(replace(results, rejections=(rejected,)))
+    text = render(replace(results, hits=(rejected,)))
     row = find_row(text, "steel small", "Rejected hits: 1")
     assert row[:3] == ["3", "2", "overload:"]
     listed = text[text.index("Rejected hits") :]
     for words in ("250 points", "weak: too weak", "weak_hit"):
         assert words in listed
-    real = render(replace(results, rejections=(replace(rejected, injected_faults=()),)))
+    real = render(replace(results, hits=(replace(rejected, injected_faults=()),)))
     assert "Injected" not in real
 
 
@@ -132,16 +140,16 @@ def test_what_is_not_determined_is_named_once_with_the_samples_it_holds_for() ->
     notes = ("k2: not determined without k1",)
     samples = tuple(make_sample(name, notes=notes) for name in ("steel small", "steel large"))
     other = make_sample("brass small", contact_time_s=1e-4)
-    text = render(Results(HammerResults(), (*samples, other), ()))
+    text = render(make_results(HammerResults(), (*samples, other)))
     assert "- steel small, steel large: k2: not determined without k1" in text
-    everyone = render(Results(HammerResults(), samples, ()))
+    everyone = render(make_results(HammerResults(), samples))
     assert "- all samples: k2: not determined without k1" in everyone
 
 
 def test_names_and_notes_are_shown_as_they_are() -> None:
     samples = SampleSet((Sample("[red]alloy :bomb:", 0.1),), "")
     sample = make_sample("[red]alloy :bomb:", notes=("k2: [bold]no",))
-    text = render(Results(HammerResults(), (sample,), ()), samples)
+    text = render(make_results(HammerResults(), (sample,), samples))
     assert "[red]alloy :bomb:" in text
     assert "[bold]no" in text
 

@@ -11,11 +11,11 @@ import pytest
 
 from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
 from impact_rig.core.signals.record import HitLabel
+from impact_rig.results.hit_traces import HitTraces
 from impact_rig.visualization import rerun_sdk, sink
 from impact_rig.visualization.destinations import check_viewer_address, open_destinations
 from impact_rig.visualization.sink import Destination
 from impact_rig.visualization.text import Verdict
-from impact_rig.visualization.traces import HitTraces
 
 rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 

@@ -10,6 +10,7 @@ import pytest
 
 from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.signals.record import HitLabel
+from impact_rig.results.hit_traces import HitTraces
 from impact_rig.visualization import entities, log
 from impact_rig.visualization.blueprint import (
     TAB_LAST_HIT,
@@ -21,7 +22,6 @@ from impact_rig.visualization.blueprint import (
 from impact_rig.visualization.destinations import open_destinations
 from impact_rig.visualization.log import ComparisonTraces
 from impact_rig.visualization.text import EstimateRow, EstimateTable, Quantity, Verdict
-from impact_rig.visualization.traces import HitTraces
 
 experimental = pytest.importorskip("rerun.experimental", reason="rerun-sdk is not installed")
 PATIENCE = 20.0

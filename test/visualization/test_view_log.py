@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from impact_rig.core.signals.record import HitLabel
+from impact_rig.results.hit_traces import HitTraces
 from impact_rig.visualization.destinations import open_destinations
 from impact_rig.visualization.log import ComparisonTraces
 from impact_rig.visualization.text import EstimateRow, EstimateTable, Verdict
-from impact_rig.visualization.traces import HitTraces
 
 RATE = 2.5e6
 COUNT = 5000

@@ -6,11 +6,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from impact_rig.analysis.batch_task import BatchTask
+from impact_rig.analysis.settings_changes import SettingsChanges
 from impact_rig.bench.figures import Figure, at_least
 from impact_rig.bench.part import Bench, Part
 from impact_rig.bench.recordings import record_campaign
-from impact_rig.cli.analysis.batch_task import BatchTask
-from impact_rig.cli.analysis.settings_changes import SettingsChanges
 from impact_rig.core.errors import RigError
 
 SAMPLES = ("steel large", "steel small", "brass medium")
@@ -26,7 +26,7 @@ WORKERS = (1, 2)
 
 def measure(bench: Bench) -> tuple[Figure, ...]:
     """Time the same batch on one and on two workers that have been at work before."""
-    from impact_rig.cli.analysis.dask_workers import start_workers
+    from impact_rig.analysis.dask_workers import start_workers
 
     if len(os.sched_getaffinity(0)) < WORKERS[-1]:
         raise RigError("two workers are measured on two cores, and there is only one")
@@ -67,7 +67,7 @@ def measure(bench: Bench) -> tuple[Figure, ...]:
 
 
 def _analyze(client: Any, path: Path, count: int) -> None:
-    from impact_rig.cli.analysis.dask_workers import run_on_workers
+    from impact_rig.analysis.dask_workers import run_on_workers
 
     tasks = [BatchTask(path, SettingsChanges()) for _ in range(count)]
     for outcome in run_on_workers(client, tasks, lambda _: None):

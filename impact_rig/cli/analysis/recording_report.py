@@ -6,16 +6,16 @@ from pathlib import Path
 
 import click
 
-from impact_rig.cli.analysis.batch import analyze_batch
-from impact_rig.cli.analysis.batch_task import BatchTask
+from impact_rig.analysis.batch import analyze_batch
+from impact_rig.analysis.batch_task import BatchTask
+from impact_rig.analysis.recording_analysis import AnalyzedRecording, analyze_recording
+from impact_rig.analysis.settings_changes import SettingsChanges
 from impact_rig.cli.analysis.batch_view import BatchProgress
-from impact_rig.cli.analysis.recording_analysis import AnalyzedRecording, analyze_recording
-from impact_rig.cli.analysis.settings_changes import SettingsChanges
 from impact_rig.reporting.batch_tables import BatchCampaign, print_batch
 from impact_rig.reporting.budget_tables import print_budgets
-from impact_rig.reporting.results_file import format_json, results_to_json
 from impact_rig.reporting.tables import print_results
 from impact_rig.reporting.terminal import make_console
+from impact_rig.results.results_file import format_json, results_to_json
 
 
 class Form(Enum):
@@ -50,7 +50,7 @@ def report_recording(
             console.print(f"{path}, campaign {number}\n", style="bold underline")
         if form is Form.BUDGETS:
             print_budgets(console, campaign.results.samples, campaign.results.hammer)
-        print_results(console, campaign.results, campaign.setup.samples)
+        print_results(console, campaign.results)
 
 
 def report_batch(
@@ -88,7 +88,7 @@ def report_batch(
     # A cluster's workers stand in folders of their own.
     tasks = [BatchTask(path.absolute() if scheduler else path, changes) for path in paths]
     with BatchProgress(make_console(stderr=True), len(tasks)) as progress:
-        outcomes = analyze_batch(tasks, workers, scheduler, progress.report)
+        outcomes = analyze_batch(tasks, workers, scheduler, progress.report, _remark)
     campaigns: list[BatchCampaign] = []
     for path, outcome in zip(paths, outcomes, strict=True):
         if outcome.recording is None:
@@ -106,6 +106,10 @@ def report_batch(
     if errors and scheduler:
         click.echo("remark: all workers must find the recordings under the same paths", err=True)
     return errors
+
+
+def _remark(text: str) -> None:
+    click.echo(text, err=True)
 
 
 def _make_entry(campaign: BatchCampaign) -> dict[str, object]:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import click
@@ -14,10 +14,10 @@ from impact_rig.recording.formats.measurement import MeasuredChannel, Measuremen
 from impact_rig.recording.formats.registry import WRITABLE, write_measurement
 from impact_rig.recording.reading.mcap_reader import Recording, read_recording
 from impact_rig.recording.writing.new_file import write_new_file
-from impact_rig.reporting.flat_estimates import results_from_session
-from impact_rig.reporting.results import Results
-from impact_rig.reporting.results_file import format_json, results_to_json
-from impact_rig.reporting.results_table import format_results_table
+from impact_rig.results.campaign import Results
+from impact_rig.results.flat_estimates import results_from_session
+from impact_rig.results.results_file import format_json, results_to_json
+from impact_rig.results.results_table import format_results_table
 
 RESULTS_ONLY = ".json"
 RESULTS_SUFFIXES = (RESULTS_ONLY, ".csv")
@@ -141,10 +141,10 @@ def _find_results(campaign: ExportedCampaign, recording: Recording) -> Results:
 def _select(results: Results, samples: Sequence[str]) -> Results:
     if not samples:
         return results
-    return Results(
-        results.hammer,
-        tuple(item for item in results.samples if item.name in samples),
-        tuple(item for item in results.rejections if item.sample in samples),
+    return replace(
+        results,
+        samples=tuple(item for item in results.samples if item.name in samples),
+        hits=tuple(hit for hit in results.hits if hit.sample in samples),
     )
 
 

@@ -12,9 +12,9 @@ from impact_rig.cli.progress_bar import ProgressBar
 from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.campaign_client import CampaignClient, CampaignOutcome, CampaignRequest
-from impact_rig.reporting.results_file import format_json, results_to_json, write_results
 from impact_rig.reporting.tables import print_results
 from impact_rig.reporting.terminal import make_console
+from impact_rig.results.results_file import format_json, results_to_json, write_results
 
 
 class CampaignView(ProgressBar):
@@ -80,7 +80,7 @@ def report_outcome(outcome: CampaignOutcome, folder: Path, *, as_json: bool) -> 
         if as_json:
             click.echo(format_json(results_to_json(outcome.results)), nl=False)
         elif outcome.setup is not None:
-            print_results(make_console(), outcome.results, outcome.setup.samples)
+            print_results(make_console(), outcome.results)
         for what, where in (("results", path), ("recording", outcome.recording)):
             if where:
                 click.echo(f"{what + ':':10} {where}", err=True)

@@ -11,13 +11,12 @@ from impact_rig.cli.rigs.replay_view import ReplayView
 from impact_rig.cli.rigs.running_rig import use_private_domain
 from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.core.errors import FileError
-from impact_rig.core.setup.samples import RigSetup
 from impact_rig.nodes.replaying.replay_host import ReplayHost
 from impact_rig.nodes.replaying.replay_recording import RecordingToReplay
-from impact_rig.reporting.results import Results
-from impact_rig.reporting.results_file import format_json, results_to_json, write_results
 from impact_rig.reporting.tables import print_results
 from impact_rig.reporting.terminal import make_console
+from impact_rig.results.campaign import Results
+from impact_rig.results.results_file import format_json, results_to_json, write_results
 
 
 def estimate_again(parameters: Mapping[str, Any], output: Path | None, *, as_json: bool) -> None:
@@ -47,20 +46,20 @@ def estimate_again(parameters: Mapping[str, Any], output: Path | None, *, as_jso
             " completes a record"
         )
     if path is not None:
-        _write(path, found[-1][0])
+        _write(path, found[-1])
     if as_json:
-        contents = [results_to_json(results) for results, _ in found]
+        contents = [results_to_json(results) for results in found]
         click.echo(format_json(contents[0] if len(contents) == 1 else contents), nl=False)
         return
     console = make_console()
-    for number, (results, setup) in enumerate(found, start=1):
+    for number, results in enumerate(found, start=1):
         if len(found) > 1:
             console.print(f"{parameters['file']}, campaign {number}\n", style="bold underline")
-        print_results(console, results, setup.samples)
+        print_results(console, results)
 
 
-def _replay(parameters: Mapping[str, Any]) -> list[tuple[Results, RigSetup]]:
-    """Return results and set-up of each campaign with hits."""
+def _replay(parameters: Mapping[str, Any]) -> list[Results]:
+    """Return the results of each campaign with hits."""
     found = []
     # Of its own namespace too: the domain may be given, and a rig be up in it.
     name = f"replay_{os.getpid()}"
@@ -80,9 +79,9 @@ def _replay(parameters: Mapping[str, Any]) -> list[tuple[Results, RigSetup]]:
         for start, end in _find_parts(recording, parameters["start"], parameters["end"]):
             host.choose_part(start, end)
             host.play(follow)
-            results, setup = host.fetch_results()
-            if setup is not None and (results.samples or results.rejections):
-                found.append((results, setup))
+            results = host.fetch_results()
+            if results.hits:
+                found.append(results)
     return found
 
 

@@ -25,6 +25,8 @@ class TraceComparison:
     ----------
     measured, model : ndarray, shape (n,)
         Normalised to their own peaks [-], the model shifted; read-only.
+    peak : float
+        By which the measured trace was divided, sign included [m/s^2].
     shift : float
         Applied to the model, later is positive [s].
     mse_percent : float
@@ -36,6 +38,7 @@ class TraceComparison:
 
     measured: FloatArray
     model: FloatArray
+    peak: float
     shift: float
     mse_percent: float
     contact_error_percent: float
@@ -80,10 +83,21 @@ def normalise_trace(trace: FloatArray) -> FloatArray:
     SignalError
         If the trace is flat or not finite.
     """
+    return trace / find_extreme(trace)
+
+
+def find_extreme(trace: FloatArray) -> float:
+    """Return the value of largest magnitude of a trace, shape (n,), sign included.
+
+    Raises
+    ------
+    SignalError
+        If the trace is flat or not finite.
+    """
     peak = float(trace[np.argmax(np.abs(trace))])
     if not np.isfinite(peak) or peak == 0.0:
         raise SignalError("a flat trace cannot be normalised: it has no peak")
-    return trace / peak
+    return peak
 
 
 def find_best_shift(measured: FloatArray, model: FloatArray, largest: int) -> float:
@@ -149,6 +163,7 @@ def compare_trace(
     return TraceComparison(
         measured=make_read_only(reference),
         model=make_read_only(shifted),
+        peak=find_extreme(measured),
         shift=shift / sampling_rate,
         mse_percent=100.0 * float(np.mean(error**2)),
         contact_error_percent=100.0 * float(np.sqrt(np.mean(error[contact] ** 2))),

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 from impact_rig.core.arithmetic import UncertainNumber
 from impact_rig.core.damping.log_decrement import (
+    LogDecrement,
     estimate_damping_coefficient,
     estimate_damping_ratio,
 )
@@ -46,6 +47,8 @@ class BodyEstimate:
         [-]
     damping_coefficient : float
         [N s/m]
+    peaks : LogDecrement or None
+        U1 and U2 in the mean trace; None: not determined.
     notes : tuple of str
         What could not be determined, and why.
     stiffness_uncertainty, damping_ratio_uncertainty, damping_coefficient_uncertainty : Uncertainty
@@ -59,6 +62,7 @@ class BodyEstimate:
     log_decrement: float = NAN
     damping_ratio: float = NAN
     damping_coefficient: float = NAN
+    peaks: LogDecrement | None = None
     notes: tuple[str, ...] = ()
     stiffness_uncertainty: Uncertainty = NOT_DETERMINED
     damping_ratio_uncertainty: Uncertainty = NOT_DETERMINED
@@ -153,13 +157,18 @@ def _estimate_body(
     body = BodyEstimate(stiffness, stiffness_uncertainty=stated, stiffness_number=number)
     if channel in series.notes:
         return replace(body, notes=(series.notes[channel],))
-    decrement = series.decrements[channel].log_decrement
+    peaks = series.decrements[channel]
+    decrement = peaks.log_decrement
     ratio = estimate_damping_ratio(decrement)
     coefficient = (
         NAN if math.isnan(stiffness) else estimate_damping_coefficient(ratio, stiffness, mass)
     )
     body = replace(
-        body, log_decrement=decrement, damping_ratio=ratio, damping_coefficient=coefficient
+        body,
+        log_decrement=decrement,
+        damping_ratio=ratio,
+        damping_coefficient=coefficient,
+        peaks=peaks,
     )
     if numbers is None:
         missing = make_undetermined(series.reason)

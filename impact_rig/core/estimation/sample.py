@@ -53,6 +53,8 @@ class SampleEstimate:
         k2, zeta2, c2.
     hammer_peak, specimen_peak : float
         Of the mean traces [m/s^2].
+    first_peak_time, second_peak_time : float
+        Of U1 and U2 of the sample from the middle of the hammer pulse [s].
     comparisons : tuple of ModelComparison
         One per model variant; empty: not possible, see the notes.
     shape : PulseShapeEstimate or None
@@ -75,6 +77,8 @@ class SampleEstimate:
     body: BodyEstimate = field(default_factory=BodyEstimate)
     hammer_peak: float = NAN
     specimen_peak: float = NAN
+    first_peak_time: float = NAN
+    second_peak_time: float = NAN
     comparisons: tuple[ModelComparison, ...] = ()
     shape: PulseShapeEstimate | None = None
     free_decay: FreeDecayEstimate | None = None
@@ -119,6 +123,7 @@ def estimate_sample(
     """
     contact, body = estimate_bodies(mean, setup, name, hammer)
     traces = traces or estimate_traces(name, mean, setup)
+    first_peak_time, second_peak_time = _find_peak_times(mean, body)
     estimate = SampleEstimate(
         name=name,
         impacts_accepted=mean.count,
@@ -128,6 +133,8 @@ def estimate_sample(
         body=body,
         hammer_peak=float(np.abs(mean.traces[0]).max()),
         specimen_peak=_find_specimen_peak(mean),
+        first_peak_time=first_peak_time,
+        second_peak_time=second_peak_time,
         shape=traces.shape,
         free_decay=traces.free_decay,
         warnings=check_shape(traces.shape)
@@ -179,6 +186,16 @@ def _find_spread(contact_times: tuple[float, ...]) -> float:
 
 def _find_specimen_peak(mean: MeanHit) -> float:
     return float(np.abs(mean.traces[1]).max()) if mean.traces.shape[0] > 1 else NAN
+
+
+def _find_peak_times(mean: MeanHit, body: BodyEstimate) -> tuple[float, float]:
+    if body.peaks is None:
+        return NAN, NAN
+    first, second = (
+        (index - mean.origin) / mean.sampling_rate
+        for index in (body.peaks.first_index, body.peaks.second_index)
+    )
+    return first, second
 
 
 def _gather_notes(contact: ContactEstimate, body: BodyEstimate) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.nodes.replaying.replay_recording import RecordingToReplay
 from impact_rig.recording.interfaces.messages import setup_from_msg
-from impact_rig.reporting.results import Results
+from impact_rig.results.campaign import Results
 
 LOOK_PERIOD = 0.02
 """How often is looked what sends no event [s]."""
@@ -132,8 +132,8 @@ class ReplayHost:
         if self._replayer.fault:
             raise RigError(self._replayer.fault)
 
-    def fetch_results(self) -> tuple[Results, CoreRigSetup | None]:
-        """Return what the estimator found since the last set-up, and that set-up.
+    def fetch_results(self) -> Results:
+        """Return what the estimator found since the last set-up.
 
         Raises
         ------
@@ -149,11 +149,11 @@ class ReplayHost:
         if not self._spin_until(future.done, RESULTS_TIMEOUT):
             raise DeviceError(f"the estimator did not answer within {RESULTS_TIMEOUT:g} s")
         answer = future.result()
-        rejected = {hit.record for hit in answer.rejected}
+        struck = {hit.record for hit in (*answer.accepted, *answer.rejected)}
         recording = self._replayer.recording
         if recording is not None and recording.is_virtual:
-            self._spin_until(lambda: rejected <= self._faults.keys(), TRUTH_TIMEOUT)
-        return results_from_msgs(answer, self._faults), self._setup
+            self._spin_until(lambda: struck <= self._faults.keys(), TRUTH_TIMEOUT)
+        return results_from_msgs(answer, self._setup, self._faults)
 
     def spin(self, duration: float) -> None:
         """Let the nodes work for a while [s]."""

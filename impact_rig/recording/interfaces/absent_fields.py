@@ -23,6 +23,16 @@ ABSENT_FIELDS: Mapping[str, Mapping[str, Any]] = {
         "accelerometer_mass_uncertainty": 0.0,
         "clock_uncertainty": DEFAULT_CLOCK_UNCERTAINTY,
     },
+    "impact_rig_msgs/msg/SampleEstimate": {
+        "first_peak": math.nan,  # not told
+        "first_peak_time": math.nan,
+        "second_peak": math.nan,
+        "second_peak_time": math.nan,
+    },
+    "impact_rig_msgs/msg/ModelComparison": {
+        "hammer_peak": math.nan,
+        "specimen_peak": math.nan,
+    },
     "impact_rig_msgs/msg/AnalysisSettings": {
         "maximum_peak": 1.0,  # hits were judged without these
         "keep_hits": 0,

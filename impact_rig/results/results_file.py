@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 from impact_rig.core.errors import FileError
-from impact_rig.reporting.results import Results
+from impact_rig.results.campaign import Results
 
 FORMAT_NAME = "impact-rig results"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 
 Json = dict[str, Any]
 WANTED = {int: "a whole number", str: "text", bool: "true or false"}

@@ -5,16 +5,16 @@ import json
 
 from rich.console import Console
 
-from impact_rig.reporting.results import HammerResults, SampleResults
-from impact_rig.reporting.results_file import format_json
-from impact_rig.reporting.trace_results import (
-    HitResults,
+from impact_rig.reporting.trace_tables import print_trace_results
+from impact_rig.results.estimates import HammerResults, SampleResults
+from impact_rig.results.results_file import format_json
+from impact_rig.results.trace_series import (
+    FileResults,
     TraceResults,
-    print_trace_results,
     trace_results_to_json,
 )
 
-GOOD = HitResults(
+GOOD = FileResults(
     "lab/hit_1.npy",
     True,
     (),
@@ -27,7 +27,7 @@ GOOD = HitResults(
     best_shape="versed-sine",
     shape_residual_percent=0.31,
 )
-BAD = HitResults("lab/hit_2.npy", False, ("overload: 5 points at the rail",))
+BAD = FileResults("lab/hit_2.npy", False, ("overload: 5 points at the rail",))
 SAMPLE = SampleResults("tin", 1, 1, contact_time_s=200e-6, notes=("k and c: no mass given",))
 RESULTS = TraceResults(HammerResults(), (SAMPLE,), (GOOD, BAD))
 
@@ -51,7 +51,7 @@ def test_each_hit_has_its_line_with_verdict_and_widths() -> None:
 
 
 def test_folders_are_shown_where_the_names_are_the_same() -> None:
-    twin = HitResults("other/hit_1.npy", True, ())
+    twin = FileResults("other/hit_1.npy", True, ())
     text = render(TraceResults(HammerResults(), (), (GOOD, twin)), width=120)
     assert "lab/hit_1.npy" in text
     assert "other/hit_1.npy" in text

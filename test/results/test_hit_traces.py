@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
-from impact_rig.visualization import traces
-from impact_rig.visualization.traces import TraceAssembler
+from impact_rig.results import hit_traces
+from impact_rig.results.hit_traces import TraceAssembler
 
 RATE = 2.5e6
 
@@ -70,7 +70,7 @@ def test_a_record_without_its_end_is_dropped_when_the_next_begins():
 
 
 def test_an_endless_record_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(traces, "LARGEST_RECORD", 10)
+    monkeypatch.setattr(hit_traces, "LARGEST_RECORD", 10)
 
     (joined,) = feed(*(make_block(4 * i, np.zeros(4), last=i == 9) for i in range(10)))
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from impact_rig.cli.analysis.repeated_files import find_repeated_files
+from impact_rig.analysis.repeated_files import find_repeated_files
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.reporting.numbers import MISSING, format_uncertain
+from impact_rig.results.numbers import MISSING, format_uncertain
 
 
 @pytest.mark.parametrize(

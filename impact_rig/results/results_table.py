@@ -7,11 +7,8 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
-from impact_rig.reporting.results import (
-    IdentificationResults,
-    Results,
-    SampleResults,
-)
+from impact_rig.results.campaign import Results
+from impact_rig.results.estimates import IdentificationResults, SampleResults
 
 JOINT = "; "
 """Between several texts in one cell."""

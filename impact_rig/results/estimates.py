@@ -1,4 +1,4 @@
-"""What a campaign found, flat, with the names and units that leave the core.
+"""What was estimated of hammer and samples, flat, with the names and units that leave the core.
 
 The field names are those of results.json, and without their units those of the messages. Nothing
 in here depends on when, where or with which libraries the numbers were found: the same hits give
@@ -264,6 +264,10 @@ class SampleResults:
         zeta2 [-].
     log_decrement : float
         Delta2 [-].
+    first_peak_m_per_s2, second_peak_m_per_s2 : float
+        Magnitudes of U1 and U2, from which it is read [m/s^2].
+    first_peak_time_s, second_peak_time_s : float
+        Of U1 and U2 from the middle of the hammer pulse [s].
     hammer_peak_m_per_s2, specimen_peak_m_per_s2 : float
         Of the mean traces [m/s^2].
     mse_hammer_percent, mse_sample_percent : float
@@ -310,6 +314,10 @@ class SampleResults:
     damping_ratio_u: float = NAN
     damping_ratio_expanded: float = NAN
     log_decrement: float = NAN
+    first_peak_m_per_s2: float = NAN
+    first_peak_time_s: float = NAN
+    second_peak_m_per_s2: float = NAN
+    second_peak_time_s: float = NAN
     hammer_peak_m_per_s2: float = NAN
     specimen_peak_m_per_s2: float = NAN
     mse_hammer_percent: float = NAN
@@ -331,46 +339,3 @@ class SampleResults:
     def identification(self) -> IdentificationResults | None:
         """That of the preferred variant of the model."""
         return next((item for item in self.identifications if item.is_preferred), None)
-
-
-@dataclass(frozen=True)
-class RejectedHit:
-    """One hit that was left out.
-
-    Attributes
-    ----------
-    sample : str
-        Name of the struck sample.
-    impact, attempt, record : int
-        Impact of the series, attempt at it, number of the arming; counted from 1.
-    reasons : tuple of str
-        Every reason, ``code: explanation``.
-    injected_faults : tuple of str
-        What the virtual rig did on purpose, by name; empty: nothing, or a real rig.
-    """
-
-    sample: str
-    impact: int
-    attempt: int
-    record: int
-    reasons: tuple[str, ...]
-    injected_faults: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Results:
-    """Everything that a campaign or the analysis of its recording found.
-
-    Attributes
-    ----------
-    hammer : HammerResults
-        k1, c1.
-    samples : tuple of SampleResults
-        Those with hits, in the order of the sample set.
-    rejections : tuple of RejectedHit
-        By record.
-    """
-
-    hammer: HammerResults
-    samples: tuple[SampleResults, ...]
-    rejections: tuple[RejectedHit, ...]

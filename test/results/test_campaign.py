@@ -6,6 +6,7 @@ from dataclasses import fields
 
 import pytest
 
+from impact_rig.core.damping.log_decrement import LogDecrement
 from impact_rig.core.estimation.comparison import ModelComparison, TraceComparison
 from impact_rig.core.estimation.paper_method import BodyEstimate, ContactEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
@@ -16,14 +17,15 @@ from impact_rig.core.session import SessionResults
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.core.uncertainty.results import BudgetLine, Uncertainty
-from impact_rig.reporting.flat_estimates import results_from_session, sample_results_from_estimate
-from impact_rig.reporting.results import BudgetLineResults, Results, SampleResults
+from impact_rig.results.campaign import Results
+from impact_rig.results.estimates import BudgetLineResults, SampleResults
+from impact_rig.results.flat_estimates import results_from_session, sample_results_from_estimate
 
 
 def make_comparison(variant: ModelVariant, first: float) -> ModelComparison:
     """Return a comparison whose figures are `first` and those after it."""
-    hammer = TraceComparison((), (), first, first + 1, first + 2)
-    specimen = TraceComparison((), (), first + 3, first + 4, first + 5)
+    hammer = TraceComparison((), (), -1e3, first, first + 1, first + 2)
+    specimen = TraceComparison((), (), 2e3, first + 3, first + 4, first + 5)
     return ModelComparison(variant, 1e6, 0.0, 1e-4, hammer, specimen)
 
 
@@ -41,9 +43,19 @@ def test_every_figure_lands_in_its_own_field() -> None:
             3.0, 4.0, 5.0, 6.0, make_uncertainty(40.0), make_uncertainty(50.0)
         ),
         contact_time_spread=7.0,
-        body=BodyEstimate(8.0, 9.0, 10.0, 11.0, (), *map(make_uncertainty, (60.0, 70.0, 80.0))),
+        body=BodyEstimate(
+            8.0,
+            9.0,
+            10.0,
+            11.0,
+            LogDecrement(14.0, 15.0, 1, 2),
+            (),
+            *map(make_uncertainty, (60.0, 70.0, 80.0)),
+        ),
         hammer_peak=12.0,
         specimen_peak=13.0,
+        first_peak_time=16.0,
+        second_peak_time=17.0,
         comparisons=(
             make_comparison(ModelVariant.PRINTED, 30.0),
             make_comparison(ModelVariant.DRIVEN, 20.0),
@@ -62,6 +74,10 @@ def test_every_figure_lands_in_its_own_field() -> None:
         contact_time_spread_s=7.0,
         stiffness_n_per_m=8.0,
         log_decrement=9.0,
+        first_peak_m_per_s2=14.0,
+        second_peak_m_per_s2=15.0,
+        first_peak_time_s=16.0,
+        second_peak_time_s=17.0,
         damping_ratio=10.0,
         damping_coefficient_n_s_per_m=11.0,
         contact_time_u_s=40.0,
@@ -109,6 +125,7 @@ def test_rejections_come_by_record_with_reasons_and_injected_faults() -> None:
     session = SessionResults(
         PAPER_SETUP,
         BodyEstimate(),
+        (),
         (),
         (reject(12, Reason.GAP), reject(5, Reason.WEAK, Reason.OVERLOAD)),
     )

@@ -12,18 +12,18 @@ from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import SessionResults
 from impact_rig.core.uncertainty.results import Uncertainty
-from impact_rig.reporting.results import (
+from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.estimates import (
     NAN,
     BudgetLineResults,
     FreeDecayResults,
     HammerResults,
     IdentificationResults,
     PulseShapeResults,
-    RejectedHit,
-    Results,
     SampleResults,
     ShapeFitResults,
 )
+from impact_rig.results.setup_results import setup_results_from_setup
 
 
 def results_from_session(
@@ -39,11 +39,14 @@ def results_from_session(
         Injected faults by number of the arming; what is absent had none.
     """
     return Results(
+        setup=setup_results_from_setup(session.setup),
         hammer=hammer_results_from_body(session.hammer, session.setup.samples.control_sample),
         samples=tuple(map(sample_results_from_estimate, session.samples)),
-        rejections=tuple(
-            rejected_hit_from_judged(hit, faults_by_record.get(hit.label.record, ()))
-            for hit in sorted(session.rejected, key=lambda hit: hit.label.record)
+        hits=tuple(
+            hit_results_from_judged(hit, faults_by_record.get(hit.label.record, ()))
+            for hit in sorted(
+                session.accepted + session.rejected, key=lambda hit: hit.label.record
+            )
         ),
     )
 
@@ -98,6 +101,10 @@ def sample_results_from_estimate(estimate: SampleEstimate) -> SampleResults:
         damping_ratio_u=body.damping_ratio_uncertainty.standard,
         damping_ratio_expanded=body.damping_ratio_uncertainty.expanded,
         log_decrement=body.log_decrement,
+        first_peak_m_per_s2=body.peaks.first_peak if body.peaks else NAN,
+        first_peak_time_s=estimate.first_peak_time,
+        second_peak_m_per_s2=body.peaks.second_peak if body.peaks else NAN,
+        second_peak_time_s=estimate.second_peak_time,
         hammer_peak_m_per_s2=estimate.hammer_peak,
         specimen_peak_m_per_s2=estimate.specimen_peak,
         mse_hammer_percent=mse_hammer,
@@ -219,13 +226,17 @@ def _read_mse(comparison: ModelComparison | None) -> tuple[float, float]:
     return comparison.hammer.mse_percent, comparison.specimen.mse_percent
 
 
-def rejected_hit_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) -> RejectedHit:
-    """Flatten the verdict on a rejected hit."""
-    return RejectedHit(
+def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) -> HitResults:
+    """Flatten the last word on one hit."""
+    return HitResults(
         sample=hit.label.sample,
         impact=hit.label.impact,
         attempt=hit.label.attempt,
         record=hit.label.record,
+        accepted=hit.accepted,
         reasons=tuple(str(rejection) for rejection in hit.rejections),
-        injected_faults=tuple(injected_faults),
+        contact_time_s=hit.contact_time,
+        hammer_peak_m_per_s2=hit.hammer_peak,
+        specimen_peak_m_per_s2=hit.specimen_peak,
+        injected_faults=injected_faults,
     )

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from impact_rig.cli.analysis.settings_changes import SettingsChanges
+from impact_rig.analysis.settings_changes import SettingsChanges
 from impact_rig.configuration.import_file import ImportFile, read_import_file
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.checks import check_positive

@@ -4,10 +4,8 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import click
-
-from impact_rig.cli.analysis.batch_task import BatchOutcome, BatchTask
-from impact_rig.cli.analysis.repeated_files import list_files
+from impact_rig.analysis.batch_task import BatchOutcome, BatchTask
+from impact_rig.analysis.repeated_files import list_files
 
 WORTH_WORKERS = 1_000_000
 """Size of all recordings together [byte] from which more processes are worth the second that they
@@ -16,10 +14,16 @@ in it."""
 
 Report = Callable[[Path], None]
 """Is told of each recording as it is finished."""
+Remark = Callable[[str], None]
+"""Is told what else a person should know."""
 
 
 def analyze_batch(
-    tasks: Sequence[BatchTask], workers: int | None, scheduler: str | None, report: Report
+    tasks: Sequence[BatchTask],
+    workers: int | None,
+    scheduler: str | None,
+    report: Report,
+    remark: Remark,
 ) -> list[BatchOutcome]:
     """Analyze recordings, in processes side by side where that is faster.
 
@@ -33,6 +37,8 @@ def analyze_batch(
         Address of a Dask cluster to use instead.
     report : callable
         Is told of each recording as it is finished, in any order.
+    remark : callable
+        Is told in a sentence why it takes longer than it could.
 
     Returns
     -------
@@ -47,19 +53,18 @@ def analyze_batch(
         If it needs Dask, and that is not installed.
     """
     if scheduler is not None:
-        from impact_rig.cli.analysis.dask_workers import connect_to_workers, run_on_workers
+        from impact_rig.analysis.dask_workers import connect_to_workers, run_on_workers
 
         with connect_to_workers(scheduler) as client:
             return run_on_workers(client, tasks, report)
     count = min(workers or _choose_workers([task.path for task in tasks]), len(tasks))
     if count > 1:
         try:
-            from impact_rig.cli.analysis.dask_workers import run_on_workers, start_workers
+            from impact_rig.analysis.dask_workers import run_on_workers, start_workers
         except ModuleNotFoundError as error:
-            click.echo(
+            remark(
                 f"Python finds no module {error.name!r}, which Dask would bring: the recordings"
-                " are analyzed one after the other",
-                err=True,
+                " are analyzed one after the other"
             )
         else:
             with start_workers(count) as client:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from impact_rig.cli.analysis.trace_options import TraceSeries
+from impact_rig.analysis.trace_options import TraceSeries
 from impact_rig.core.errors import ParameterError, RigError, SignalError
 from impact_rig.core.estimation.pulse_shape import estimate_pulse_shape
 from impact_rig.core.hits.averaging import average_hits
@@ -27,9 +27,11 @@ from impact_rig.recording.exchange.importing import (
     choose_window,
     read_hit,
 )
-from impact_rig.reporting.flat_estimates import results_from_session
-from impact_rig.reporting.results import HammerResults, Results, SampleResults
-from impact_rig.reporting.trace_results import HitResults, TraceResults, hit_results_from_judged
+from impact_rig.results.campaign import Results
+from impact_rig.results.estimates import HammerResults, SampleResults
+from impact_rig.results.flat_estimates import results_from_session
+from impact_rig.results.setup_results import setup_results_from_setup
+from impact_rig.results.trace_series import FileResults, TraceResults, file_results_from_judged
 
 USELESS = {Reason.NO_PULSE, Reason.NON_FINITE}
 """Reasons that a file is not a bad hit but no hit at all."""
@@ -91,7 +93,7 @@ def analyze_traces(
             )
     session.overrule(overrules)
     has_scale = all(hit.has_scale for hit in hits)
-    return _finish(paths, session, series.sample, has_scale, [*errors.values()])
+    return _finish(paths, session, series.sample, [*errors.values()], has_scale=has_scale)
 
 
 def read_series(
@@ -189,13 +191,13 @@ def _find_overrules(
 
 
 def _finish(
-    paths: Sequence[Path], session: Session, sample: str, has_scale: bool, errors: list[str]
+    paths: Sequence[Path], session: Session, sample: str, errors: list[str], *, has_scale: bool
 ) -> AnalyzedTraces:
     selection = session.find_selection(sample)
     # A file's number is the record of its hit.
     final = sorted(selection.kept + selection.left_out, key=lambda hit: hit.label.record)
     hits = tuple(_flatten(paths[hit.label.record - 1], hit, session.setup) for hit in final)
-    results = Results(HammerResults(), (), ())
+    results = Results(setup_results_from_setup(session.setup), HammerResults(), (), ())
     if selection.kept:
         try:
             results = results_from_session(session.estimate_all(), {})
@@ -211,8 +213,8 @@ def _finish(
     return AnalyzedTraces(TraceResults(hammer, samples, hits), tuple(errors))
 
 
-def _flatten(path: Path, hit: JudgedHit, setup: RigSetup) -> HitResults:
-    flat = hit_results_from_judged(str(path), hit)
+def _flatten(path: Path, hit: JudgedHit, setup: RigSetup) -> FileResults:
+    flat = file_results_from_judged(str(path), hit)
     if hit.filtered is None:
         return flat
     settings = setup.analysis

@@ -13,18 +13,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import FileError
-from impact_rig.reporting import results_file
-from impact_rig.reporting.results import HammerResults, RejectedHit, Results, SampleResults
-from impact_rig.reporting.results_file import (
+from impact_rig.results import results_file
+from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.estimates import HammerResults, SampleResults
+from impact_rig.results.results_file import (
     format_json,
     read_results,
     results_to_json,
     write_results,
 )
+from impact_rig.results.setup_results import SetupResults
 
 SAMPLE = SampleResults("tin", 3, 1, contact_time_s=2e-4, notes=("k2: unknown",))
-REJECTED = RejectedHit("tin", 2, 1, 5, ("weak: too weak",), ("weak_hit",))
-RESULTS = Results(HammerResults("tin", 1e7), (SAMPLE,), (REJECTED,))
+REJECTED = HitResults("tin", 2, 1, 5, False, ("weak: too weak",), injected_faults=("weak_hit",))
+RESULTS = Results(SetupResults("rig"), HammerResults("tin", 1e7), (SAMPLE,), (REJECTED,))
 
 
 def test_what_is_written_is_read_again(tmp_path: Path, results: Results) -> None:
@@ -45,24 +47,28 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path: Pat
     path = tmp_path / "results.json"
     write_results(path, RESULTS)
     content = json.loads(path.read_text())
-    assert content["format"] == {"name": "impact-rig results", "version": 2}
+    assert content["format"] == {"name": "impact-rig results", "version": 3}
     assert {"stiffness_n_per_m", "damping_coefficient_n_s_per_m"} <= set(content["hammer"])
     assert {
         "name", "impacts_accepted", "impacts_rejected", "contact_time_s", "stiffness_n_per_m",
         "damping_coefficient_n_s_per_m", "damping_ratio", "log_decrement", "mse_hammer_percent",
         "mse_sample_percent",
     } <= set(content["samples"][0])  # fmt: skip
-    assert content["rejections"] == [
+    assert content["hits"] == [
         {
             "sample": "tin",
             "impact": 2,
             "attempt": 1,
             "record": 5,
+            "accepted": False,
             "reasons": ["weak: too weak"],
+            "contact_time_s": None,
+            "hammer_peak_m_per_s2": None,
+            "specimen_peak_m_per_s2": None,
             "injected_faults": ["weak_hit"],
         }
     ]
-    assert set(content) == {"format", "hammer", "samples", "rejections"}
+    assert set(content) == {"format", "setup", "hammer", "samples", "hits"}
 
 
 def test_what_is_not_determined_is_null(tmp_path: Path) -> None:
@@ -119,7 +125,7 @@ def _mistype(content: dict[str, Any]) -> None:
 
 
 def _age(content: dict[str, Any]) -> None:
-    content["format"]["version"] = 3
+    content["format"]["version"] = 4
 
 
 def _rename(content: dict[str, Any]) -> None:
@@ -127,7 +133,7 @@ def _rename(content: dict[str, Any]) -> None:
 
 
 def _flatten(content: dict[str, Any]) -> None:
-    content["rejections"] = "none"
+    content["hits"] = "none"
 
 
 @pytest.mark.parametrize(
@@ -135,9 +141,9 @@ def _flatten(content: dict[str, Any]) -> None:
     [
         (_drop, r"the field samples\[0\].contact_time_s is missing"),
         (_mistype, r"samples\[0\].impacts_accepted is 'three': it must be a whole number"),
-        (_age, "version 3; this program reads version 2"),
+        (_age, "version 4; this program reads version 3"),
         (_rename, "is not a results file"),
-        (_flatten, "rejections must be a list"),
+        (_flatten, "hits must be a list"),
     ],
 )
 def test_what_is_no_results_file_is_named(

@@ -1,0 +1,1 @@
+"""From recordings and plain traces to results, one or many at a time."""

@@ -1,0 +1,174 @@
+"""Recordings through the core: the same numbers as in the live run, bit by bit."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from impact_rig.analysis.settings_changes import SettingsChanges
+from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.hits.overrule import describe_label, make_overrules
+from impact_rig.core.session import Session
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import Block
+from impact_rig.recording.reading.mcap_reader import read_recording
+from impact_rig.results.campaign import Results
+from impact_rig.results.flat_estimates import results_from_session
+from impact_rig.results.hit_traces import HitTraces, TraceAssembler
+
+
+@dataclass(frozen=True)
+class AnalyzedCampaign:
+    """One campaign of a recording.
+
+    Attributes
+    ----------
+    setup : RigSetup
+        Masses, samples and the settings that were used.
+    results : Results
+        What was found.
+    """
+
+    setup: RigSetup
+    results: Results
+
+
+@dataclass(frozen=True)
+class AnalyzedRecording:
+    """What a recording holds.
+
+    Attributes
+    ----------
+    path : Path
+        Of the file.
+    campaigns : tuple of AnalyzedCampaign
+        Those with hits, in their order; at least one.
+    warnings : tuple of str
+        What the user should know of the file.
+    """
+
+    path: Path
+    campaigns: tuple[AnalyzedCampaign, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class JudgedCampaign:
+    """One campaign of a recording, every hit judged.
+
+    Attributes
+    ----------
+    session : Session
+        With all hits.
+    traces : tuple of HitTraces
+        As recorded, by arrival; empty unless asked for.
+    """
+
+    session: Session
+    traces: tuple[HitTraces, ...]
+
+
+@dataclass(frozen=True)
+class JudgedRecording:
+    """All campaigns of a recording with hits, judged.
+
+    Attributes
+    ----------
+    path : Path
+        Of the file.
+    campaigns : tuple of JudgedCampaign
+        In their order; at least one.
+    faults : mapping of int to tuple of str
+        Injected by the virtual rig, by record.
+    warnings : tuple of str
+        What the user should know of the file.
+    """
+
+    path: Path
+    campaigns: tuple[JudgedCampaign, ...]
+    faults: Mapping[int, tuple[str, ...]]
+    warnings: tuple[str, ...]
+
+
+def judge_recording(
+    path: Path,
+    changes: SettingsChanges,
+    accept: Sequence[str] = (),
+    reject: Sequence[str] = (),
+    *,
+    keep_traces: bool = False,
+) -> JudgedRecording:
+    """Judge every hit of a recording, as the estimator does live.
+
+    Parameters
+    ----------
+    path : Path
+        Of the `.mcap` file.
+    changes : SettingsChanges
+        Settings to use in place of the recorded ones.
+    accept, reject : sequence of str
+        Hits that a person takes into the mean or leaves out, by name; see `find_label`.
+    keep_traces : bool
+        Whether the recorded traces are wanted as well.
+
+    Raises
+    ------
+    FileError
+        If the file is no recording of a rig, or holds no hit.
+    ParameterError
+        If the settings cannot be used, or a person's word on a hit makes no sense.
+    """
+    recording = read_recording(path)
+    sessions: list[tuple[Session, list[HitTraces]]] = []
+    assembler = TraceAssembler()
+    for event in recording.events():
+        if not isinstance(event, Block):
+            # Each campaign begins with its set-up, and its estimates start afresh.
+            setup = replace(event, analysis=changes.apply(event.analysis))
+            sessions.append((Session(setup), []))
+        elif sessions:
+            session, traces = sessions[-1]
+            session.feed(event)
+            if keep_traces and (joined := assembler.feed(event)) is not None:
+                traces.append(joined)
+    sessions = [(session, traces) for session, traces in sessions if session.names]
+    if not sessions:
+        raise FileError(f"{path} holds no hit: no block of it completes a record")
+    _overrule([session for session, _ in sessions], accept, reject)
+    return JudgedRecording(
+        path=path,
+        campaigns=tuple(JudgedCampaign(session, tuple(traces)) for session, traces in sessions),
+        faults={label.record: names for label, names in recording.faults.items()},
+        warnings=recording.warnings,
+    )
+
+
+def analyze_recording(
+    path: Path,
+    changes: SettingsChanges,
+    accept: Sequence[str] = (),
+    reject: Sequence[str] = (),
+) -> AnalyzedRecording:
+    """Judge every hit of a recording and estimate; parameters and errors as `judge_recording`."""
+    judged = judge_recording(path, changes, accept, reject)
+    campaigns = tuple(_finish(campaign.session, judged.faults) for campaign in judged.campaigns)
+    return AnalyzedRecording(path, campaigns, judged.warnings)
+
+
+def _overrule(sessions: Sequence[Session], accept: Sequence[str], reject: Sequence[str]) -> None:
+    if not (accept or reject):
+        return
+    counts = Counter(label for session in sessions for label in set(session.labels))
+    overrules = make_overrules(accept, reject, list(counts))
+    for label in overrules.accepted | overrules.rejected:
+        if counts[label] > 1:
+            raise ParameterError(
+                f"hit {describe_label(label)} is in {counts[label]} campaigns of the recording:"
+                " it cannot be told which one is meant"
+            )
+    for session in sessions:
+        session.overrule(overrules)
+
+
+def _finish(session: Session, faults: Mapping[int, tuple[str, ...]]) -> AnalyzedCampaign:
+    return AnalyzedCampaign(session.setup, results_from_session(session.estimate_all(), faults))

@@ -1,0 +1,115 @@
+"""What Figs. 3, 4 and 6 show, sample by sample: one source for every way to draw them."""
+
+import math
+from collections import defaultdict
+from dataclasses import dataclass
+
+from impact_rig.core.model.stiffness import estimate_equivalent_mass
+from impact_rig.core.setup.samples import SampleSet
+from impact_rig.results.campaign import Results
+from impact_rig.results.estimates import SampleResults
+from impact_rig.results.references import Reference, find_reference
+
+FIGURE_5_SAMPLES = ("brass small", "steel medium", "aluminium large")
+"""The three cases of the paper's Fig. 5, from top to bottom."""
+LARGEST_MSE_HAMMER_PERCENT = 0.25
+LARGEST_MSE_SAMPLE_PERCENT = 2.8
+"""Largest values of the paper's Fig. 6, as its text gives them [%]."""
+
+
+@dataclass(frozen=True)
+class FigureRow:
+    """One sample's place in the figures; NaN: not determined.
+
+    Attributes
+    ----------
+    name, material : str
+        Of the sample; the material groups samples of one colour.
+    size : int
+        Place among the samples of its material by mass, from 0: one marker each.
+    relative_mass : float
+        m1 m2 / (m1 + m2), equation (6a) [kg].
+    contact_times : tuple of float
+        tau_p of every hit in the mean [s].
+    contact_time, contact_time_expanded : float
+        tau_p of the mean hit and the half-width of its 95 % interval [s].
+    hammer_peak, specimen_peak : float
+        Of the mean traces [m/s^2].
+    mse_hammer_percent, mse_sample_percent : float
+        Mean square error of the force-driven model [%].
+    reference : Reference
+        What is expected, or published.
+    """
+
+    name: str
+    material: str
+    size: int
+    relative_mass: float
+    contact_times: tuple[float, ...]
+    contact_time: float
+    contact_time_expanded: float
+    hammer_peak: float
+    specimen_peak: float
+    mse_hammer_percent: float
+    mse_sample_percent: float
+    reference: Reference
+
+
+def make_figure_rows(results: Results) -> tuple[FigureRow, ...]:
+    """Return the samples of a campaign as the figures show them, in the order of the results.
+
+    Raises
+    ------
+    ParameterError
+        If the results name a sample that is not in their set-up.
+    """
+    samples = results.setup.to_samples()
+    sizes = _find_sizes(samples)
+    return tuple(_make_row(results, samples, sizes, sample) for sample in results.samples)
+
+
+def sort_as_figure_5(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return names of samples, the paper's three cases first, the others in their order."""
+    first = [name for name in FIGURE_5_SAMPLES if name in names]
+    return (*first, *(name for name in names if name not in first))
+
+
+def _find_sizes(samples: SampleSet) -> dict[str, int]:
+    by_material = defaultdict(list)
+    for sample in samples.samples:
+        by_material[sample.material].append(sample)
+    return {
+        sample.name: size
+        for group in by_material.values()
+        for size, sample in enumerate(sorted(group, key=lambda item: item.mass))
+    }
+
+
+def _make_row(
+    results: Results, samples: SampleSet, sizes: dict[str, int], sample: SampleResults
+) -> FigureRow:
+    hits = results.find_accepted(sample.name)
+    reference = find_reference(samples, sample.name)
+    return FigureRow(
+        name=sample.name,
+        material=samples.find(sample.name).material or sample.name,
+        size=sizes[sample.name],
+        relative_mass=_find_relative_mass(results, samples, sample.name),
+        contact_times=tuple(
+            hit.contact_time_s for hit in hits if math.isfinite(hit.contact_time_s)
+        ),
+        contact_time=sample.contact_time_s,
+        contact_time_expanded=sample.contact_time_expanded_s,
+        hammer_peak=sample.hammer_peak_m_per_s2,
+        specimen_peak=sample.specimen_peak_m_per_s2,
+        mse_hammer_percent=sample.mse_hammer_percent,
+        mse_sample_percent=sample.mse_sample_percent,
+        reference=reference,
+    )
+
+
+def _find_relative_mass(results: Results, samples: SampleSet, name: str) -> float:
+    masses = results.setup.hammer_mass_kg, samples.find_moving_mass(name)
+    if any(math.isnan(mass) for mass in masses):
+        return math.nan
+    return estimate_equivalent_mass(*masses)

@@ -1,0 +1,187 @@
+"""Traces of one sample, laid over each other: its hits, their mean, the models.
+
+All times count from the middle of the hammer pulse, as the averaging has it, all traces are in
+m/s^2 and went through the low-pass.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from impact_rig.core.estimation.comparison import ModelComparison
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.signals.record import FloatArray, HitLabel
+
+DRIVEN = "driven"
+"""Equation (4) on the hammer, the sample driven by F(t) alone, k and c by the paper's method."""
+PRINTED = "printed"
+"""Equations (1) and (2) as they stand, k and c by the paper's method."""
+IDENTIFIED = "identified"
+"""The variant that was fitted best to both traces."""
+
+
+@dataclass(frozen=True)
+class AlignedHit:
+    """One hit, filtered, in its sample's time.
+
+    Attributes
+    ----------
+    label : HitLabel
+        Which hit.
+    sampling_rate : float
+        [Hz]
+    start_time : float
+        Of the first point from the middle of the hammer pulse [s].
+    traces : ndarray, shape (channels, n)
+        Hammer, then sample where measured [m/s^2].
+    """
+
+    label: HitLabel
+    sampling_rate: float
+    start_time: float
+    traces: FloatArray
+
+    @property
+    def time(self) -> FloatArray:
+        """From the middle of the hammer pulse [s], shape (n,)."""
+        return make_time(self.start_time, self.sampling_rate, self.traces.shape[1])
+
+
+@dataclass(frozen=True)
+class ModelTraces:
+    """What one model says of a sample's mean hit.
+
+    Attributes
+    ----------
+    model : str
+        `DRIVEN`, `PRINTED` or `IDENTIFIED`.
+    traces : ndarray, shape (2, n)
+        Hammer and sample [m/s^2], on the points of the mean. Those of `DRIVEN` and `PRINTED` are
+        scaled to the peaks of the mean and shifted onto it, each by itself.
+    mse_hammer_percent, mse_sample_percent : float
+        Mean square error over the record, as in Fig. 6 [%].
+    """
+
+    model: str
+    traces: FloatArray
+    mse_hammer_percent: float
+    mse_sample_percent: float
+
+
+@dataclass(frozen=True)
+class SampleTraces:
+    """The mean hit of one sample, what was read from it, and the models.
+
+    Attributes
+    ----------
+    name : str
+        Of the sample.
+    sampling_rate : float
+        [Hz]
+    start_time : float
+        Of the first point from the middle of the hammer pulse [s].
+    mean : ndarray, shape (channels, n)
+        Hammer, then sample where measured [m/s^2].
+    contact_time : float
+        tau_p [s]: the contact is taken to last from -tau_p / 2 to tau_p / 2.
+    half_amplitude_width : float
+        w50 [s]: the hammer's half-amplitude points stand at -w50 / 2 and w50 / 2.
+    first_peak_time, second_peak_time : float
+        Of the sample's U1 and U2 [s]; NaN: not determined.
+    models : tuple of ModelTraces
+        Those that could be drawn.
+    """
+
+    name: str
+    sampling_rate: float
+    start_time: float
+    mean: FloatArray
+    contact_time: float
+    half_amplitude_width: float
+    first_peak_time: float
+    second_peak_time: float
+    models: tuple[ModelTraces, ...]
+
+    @property
+    def time(self) -> FloatArray:
+        """From the middle of the hammer pulse [s], shape (n,)."""
+        return make_time(self.start_time, self.sampling_rate, self.mean.shape[1])
+
+    def find_model(self, model: str) -> ModelTraces | None:
+        """Return what one model says, if it was drawn."""
+        return next((item for item in self.models if item.model == model), None)
+
+    def find_residual(self, model: ModelTraces) -> FloatArray:
+        """Return measured minus model [m/s^2], shape (2, n)."""
+        return self.mean - model.traces
+
+
+def make_time(start_time: float, sampling_rate: float, count: int) -> FloatArray:
+    """Return the times of equally spaced points [s], shape (count,)."""
+    return start_time + np.arange(count) / sampling_rate
+
+
+def align_hit(hit: JudgedHit) -> AlignedHit | None:
+    """Return the traces of a judged hit in its sample's time; None: it has no whole pulse."""
+    if hit.filtered is None:
+        return None
+    traces, origin = hit.filtered.aligned
+    rate = hit.filtered.sampling_rate
+    return AlignedHit(hit.label, rate, -origin / rate, traces)
+
+
+def sample_traces_from_estimate(estimate: SampleEstimate, mean: MeanHit) -> SampleTraces | None:
+    """Gather the traces behind the estimate of one sample.
+
+    Parameters
+    ----------
+    estimate : SampleEstimate
+        With or without fitted models.
+    mean : MeanHit
+        That it was made from.
+
+    Returns
+    -------
+    SampleTraces or None
+        None: the contact was not determined.
+    """
+    if estimate.contact is None:
+        return None
+    models = [_scale_comparison(comparison) for comparison in estimate.comparisons]
+    models += [
+        ModelTraces(
+            IDENTIFIED,
+            fitted.identification.model,
+            *(
+                100.0 * float(np.mean(np.square(residual / np.abs(trace).max())))
+                for residual, trace in zip(
+                    fitted.identification.residual, fitted.identification.measured, strict=True
+                )
+            ),
+        )
+        for fitted in estimate.models
+        if fitted.is_preferred
+    ]
+    return SampleTraces(
+        name=estimate.name,
+        sampling_rate=mean.sampling_rate,
+        start_time=-mean.origin / mean.sampling_rate,
+        mean=mean.traces,
+        contact_time=estimate.contact.contact_time,
+        half_amplitude_width=estimate.contact.half_amplitude_width,
+        first_peak_time=estimate.first_peak_time,
+        second_peak_time=estimate.second_peak_time,
+        models=tuple(models),
+    )
+
+
+def _scale_comparison(comparison: ModelComparison) -> ModelTraces:
+    hammer, specimen = comparison.hammer, comparison.specimen
+    return ModelTraces(
+        model=comparison.variant.value,
+        traces=np.stack([hammer.model * hammer.peak, specimen.model * specimen.peak]),
+        mse_hammer_percent=hammer.mse_percent,
+        mse_sample_percent=specimen.mse_percent,
+    )
