@@ -35,6 +35,8 @@ COMMANDS = {
     "recover": _Entry("Make a good recording of a damaged one.", "impact_rig.cli.recover"),
     "import": _Entry("Make a recording of other instruments' files.", "impact_rig.cli.import_"),
     "export": _Entry("Write hits, mean traces and results for others.", "impact_rig.cli.export"),
+    "view": _Entry("See model and measurement in Rerun.", "impact_rig.cli.view"),
+    "report": _Entry("Write a report of one run or several.", "impact_rig.cli.report"),
     "paper": _Entry("Check the arithmetic of the paper.", "impact_rig.cli.paper"),
     "study": _Entry("Hold the estimators against a known truth.", "impact_rig.cli.study"),
     "bench": _Entry("Measure what is claimed, on this machine.", "impact_rig.cli.bench"),
@@ -58,6 +60,8 @@ PROVIDERS = {
     "pyuff": "pyuff",
     "h5py": "h5py",
     "psutil": "psutil",
+    "matplotlib": "Matplotlib",
+    "jinja2": "Jinja2",
 }
 """Modules that may be absent, and what brings them."""
 
