@@ -16,9 +16,10 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
 
-READINESS_TIMEOUT = 1.0
+READINESS_TIMEOUT = 4.0
 """How long a release may wait for the word of accelerometers and recorder [s], our choice: their
-states travel by other topics than the request."""
+states travel by other topics than the request, and one that was lost on its way comes again with
+the next heartbeat, 3 s later at the latest."""
 DISCOVERY_TIMEOUT = 10.0
 """The same while one of them has not been heard of at all, or the recorder still looks for its
 topics [s], our choice: nodes that have just started take a while to find each other. And while the

@@ -16,7 +16,7 @@ from typing import Any
 import psutil
 import pytest
 
-from impact_rig.cli.analysis import batch
+from impact_rig.analysis import batch
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import results_to_json
 

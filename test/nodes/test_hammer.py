@@ -61,7 +61,8 @@ def test_goes_when_armed_held_recorded_and_the_accelerometers_are_armed_for_this
         ({"recording": False}, "disk full"),
     ],
 )
-def test_refuses_with_the_reason(harness, states, ready, word):
+def test_refuses_with_the_reason(harness, states, ready, word, monkeypatch):
+    monkeypatch.setattr("impact_rig.nodes.hammer.READINESS_TIMEOUT", 0.5)
     harness.add(HammerNode, swing_time=0.01)
     releases = harness.listen(interfaces.RELEASE)
     make_ready(harness, states, **ready)
@@ -74,7 +75,8 @@ def test_refuses_with_the_reason(harness, states, ready, word):
 
 
 def test_refuses_while_the_accelerometers_are_silent(harness, monkeypatch):
-    monkeypatch.setattr("impact_rig.nodes.hammer.DISCOVERY_TIMEOUT", 0.1)
+    for name in ("DISCOVERY_TIMEOUT", "READINESS_TIMEOUT"):
+        monkeypatch.setattr(f"impact_rig.nodes.hammer.{name}", 0.1)
     harness.add(HammerNode)
     assert harness.call(Trigger, interfaces.ARM_HAMMER).success
     assert "accelerometers are not armed" in release(harness).message
