@@ -1,0 +1,117 @@
+"""What changed between runs: against arithmetic done by hand, and against drawn measurements."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from impact_rig.results.campaign import Results
+from impact_rig.results.comparison import (
+    CONTACT_TIME,
+    HAMMER_NAME,
+    STIFFNESS,
+    Change,
+    ComparedQuantity,
+    compare_runs,
+    find_setup_differences,
+)
+from impact_rig.results.estimates import HammerResults, SampleResults
+from impact_rig.results.setup_results import SampleSetupResults, SettingsResults, SetupResults
+
+SETUP = SetupResults(hammer_mass_kg=0.1, samples=(SampleSetupResults("disc", mass_kg=0.2),))
+
+
+def make_run(contact_time: float, expanded: float, name: str = "disc", **fields: float) -> Results:
+    sample = SampleResults(
+        name, 3, 0, contact_time_s=contact_time, contact_time_expanded_s=expanded, **fields
+    )
+    return Results(SETUP, HammerResults(), (sample,), ())
+
+
+def find(compared: tuple[ComparedQuantity, ...], body: str, symbol: str) -> ComparedQuantity:
+    return next(x for x in compared if x.body == body and x.quantity.symbol == symbol)
+
+
+def test_a_difference_is_held_against_the_root_of_the_summed_squares():
+    first, later = make_run(200e-6, 3e-6), make_run(206e-6, 4e-6)
+    (found,) = compare_runs([first, later])
+    (change,) = found.changes
+    assert found.body == "disc"
+    assert found.quantity is CONTACT_TIME
+    assert change.difference == pytest.approx(6e-6)
+    assert change.expanded == pytest.approx(5e-6)  # 3, 4, 5
+    assert change.normalised_error == pytest.approx(1.2)
+    assert change.is_beyond_uncertainty
+
+
+@pytest.mark.parametrize(("later", "beyond"), [(-204.9e-6, True), (195.1e-6, False)])
+def test_a_change_counts_in_either_direction_once_it_is_larger_than_its_uncertainty(later, beyond):
+    (found,) = compare_runs([make_run(200e-6, 3e-6), make_run(later, 4e-6)])
+    assert found.changes[0].is_beyond_uncertainty is beyond
+
+
+def test_every_later_run_is_held_against_the_first():
+    (found,) = compare_runs([make_run(200e-6, 1e-6), make_run(210e-6, 1e-6), make_run(5e-6, 1e-6)])
+    assert [change.difference for change in found.changes] == pytest.approx([10e-6, -195e-6])
+
+
+def test_without_an_uncertainty_nothing_is_said_of_a_change():
+    for expanded in (math.nan, 0.0):
+        change = Change(1.0, expanded)
+        assert math.isnan(change.normalised_error)
+        assert not change.is_beyond_uncertainty
+
+
+def test_what_only_one_run_determined_is_not_compared():
+    assert compare_runs([make_run(200e-6, 1e-6), make_run(math.nan, math.nan)]) == ()
+    assert compare_runs([make_run(200e-6, 1e-6), make_run(1e-4, 1e-6, name="rod")]) == ()
+
+
+def test_a_run_that_lacks_a_sample_leaves_a_hole():
+    runs = [make_run(1e-4, 1e-6), make_run(1e-4, 1e-6, name="rod"), make_run(2e-4, 1e-6)]
+    (found,) = compare_runs(runs)
+    assert found.body == "disc"
+    assert math.isnan(found.values[1])
+    assert not found.changes[0].is_beyond_uncertainty
+    assert found.changes[1].is_beyond_uncertainty
+
+
+def test_the_hammer_is_compared_as_well(results):
+    compared = compare_runs([results, results])
+    assert find(compared, HAMMER_NAME, STIFFNESS.symbol).changes[0].difference == 0.0
+    assert len(compared) == 12 * 3 + 2
+
+
+def test_of_runs_that_differ_by_chance_alone_one_in_twenty_is_called_changed():
+    # Independent runs, normal scatter, U = 1.96 u: sqrt(U1^2 + U2^2) is a 95 % interval again.
+    draw = np.random.default_rng(5).normal(0.0, 1.0, (20_000, 2))
+    called = [Change(float(b - a), math.hypot(1.96, 1.96)).is_beyond_uncertainty for a, b in draw]
+    # Binomial: standard deviation 0.0015.
+    assert np.mean(called) == pytest.approx(0.05, abs=0.007)
+
+
+def test_differing_masses_and_settings_are_named_with_their_values():
+    run = make_run(1e-4, 1e-6)
+    other = replace(
+        run,
+        setup=replace(
+            SETUP,
+            name="another name alone is no difference",
+            samples=(SampleSetupResults("disc", mass_kg=0.3), SampleSetupResults("rod")),
+            analysis=SettingsResults(cutoff_frequency_hz=30e3),
+        ),
+    )
+    found = {
+        (item.sample, item.field): item.values for item in find_setup_differences([run, other])
+    }
+    assert found["", "cutoff_frequency_hz"] == (50e3, 30e3)
+    assert found["disc", "mass_kg"] == (0.2, 0.3)
+    assert found["rod", "material"] == (None, "")
+    assert ("", "name") not in found
+    assert ("", "hammer_mass_kg") not in found
+
+
+def test_what_is_unknown_in_all_runs_does_not_differ():
+    run = make_run(1e-4, 1e-6)  # its hammer stiffness is NaN
+    assert find_setup_differences([run, replace(run)]) == ()

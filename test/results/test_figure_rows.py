@@ -1,0 +1,56 @@
+"""What the figures show of each sample, held against the paper's tables."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from impact_rig.core.setup.paper import PUBLISHED_SAMPLES
+from impact_rig.results.campaign import Results
+from impact_rig.results.figure_rows import make_figure_rows, sort_as_figure_5
+
+
+def test_each_sample_has_its_place(results: Results) -> None:
+    rows = make_figure_rows(results)
+    assert [row.name for row in rows] == [cell.name for cell in PUBLISHED_SAMPLES]
+    for row, cell in zip(rows, PUBLISHED_SAMPLES, strict=True):
+        assert row.material == cell.material
+        assert row.size == ("small", "medium", "large").index(cell.size)
+        # Table 1: the hammer of 100 g, every sample carries 3 g.
+        mass = cell.mass + 0.003
+        assert row.relative_mass == pytest.approx(0.1 * mass / (0.1 + mass), rel=1e-12)
+        assert row.reference.published == cell
+
+
+def test_every_hit_of_the_mean_is_a_point_around_it(results: Results) -> None:
+    for row in make_figure_rows(results):
+        assert len(row.contact_times) == 2
+        assert min(row.contact_times) <= row.contact_time * 1.001
+        assert max(row.contact_times) >= row.contact_time * 0.999
+        assert row.specimen_peak > 0.0
+        assert row.mse_hammer_percent < 0.25
+
+
+def test_rejected_hits_are_no_points(results: Results) -> None:
+    hits = tuple(replace(hit, accepted=hit.impact > 1) for hit in results.hits)
+    for row in make_figure_rows(replace(results, hits=hits)):
+        assert len(row.contact_times) == 1
+
+
+def test_without_masses_there_is_no_relative_mass(results: Results) -> None:
+    setup = replace(results.setup, hammer_mass_kg=math.nan)
+    rows = make_figure_rows(replace(results, setup=setup))
+    assert all(math.isnan(row.relative_mass) for row in rows)
+    assert all(math.isfinite(row.contact_time) for row in rows)
+
+
+def test_samples_without_a_material_are_each_their_own(results: Results) -> None:
+    samples = tuple(replace(sample, material="") for sample in results.setup.samples)
+    rows = make_figure_rows(replace(results, setup=replace(results.setup, samples=samples)))
+    assert [row.material for row in rows] == [row.name for row in rows]
+
+
+def test_the_three_cases_of_figure_5_come_first() -> None:
+    names = ("aluminium small", "aluminium large", "tin", "brass small")
+    assert sort_as_figure_5(names) == ("brass small", "aluminium large", "aluminium small", "tin")
+    assert sort_as_figure_5(()) == ()
