@@ -81,9 +81,16 @@ LIBRARIES = (
     Library(
         "matplotlib",
         ("matplotlib",),
-        "the figure of `study`",
+        "the figures of `study` and `report`",
         is_needed=False,
         advice="pip install matplotlib; all else works without it",
+    ),
+    Library(
+        "jinja2",
+        ("jinja2",),
+        "`report`",
+        is_needed=False,
+        advice="pip install jinja2; all else works without it",
     ),
     Library(
         "rerun",
