@@ -62,6 +62,22 @@ def describe_recovery(fields: Mapping[str, str]) -> str:
     )
 
 
+def describe_losses(contents: Contents) -> str:
+    """Return what was lost while it was recorded, in words; what was lost later is damage."""
+    gaps = sum(hit.gaps for hit in contents.hits)
+    points = sum(hit.missing_points for hit in contents.hits)
+    parts = []
+    if gaps:
+        parts.append(f"{count(gaps, 'gap')} of {count(points, 'point')} in the blocks")
+    if contents.messages_lost:
+        parts.append(f"{count(contents.messages_lost, 'message')} on the way to the recorder")
+    if contents.lost:
+        parts.append(f"{count(contents.lost, 'message')} of the file")
+    if contents.unverified:
+        parts.append(f"{count(contents.unverified, 'message')} that no checksum vouches for")
+    return ", ".join(parts)
+
+
 def count(number: int, what: str) -> str:
     """Return ``1 hit`` or ``2 hits``."""
     return f"{number} {what}{'' if number == 1 else 's'}"

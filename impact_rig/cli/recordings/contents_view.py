@@ -10,6 +10,7 @@ from rich.text import Text
 from impact_rig.cli.recordings.contents_report import (
     count,
     count_reasons,
+    describe_losses,
     describe_recovery,
     describe_verdict,
     find_fields,
@@ -22,7 +23,8 @@ from impact_rig.core.hits.overrule import describe_label
 from impact_rig.recording.recovery.contents import RECOVERY_RECORD, Contents
 from impact_rig.recording.recovery.recorded_hits import HitState, RecordedHit
 from impact_rig.recording.writing.origin import ORIGIN_RECORD
-from impact_rig.reporting.terminal import Column, make_optional, print_table
+from impact_rig.reporting.columns import Column, make_optional
+from impact_rig.reporting.terminal import print_table
 from impact_rig.results.numbers import MISSING, format_number
 
 MOST_HITS = 20
@@ -109,7 +111,7 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
         rigs = dict.fromkeys(str(getattr(setup, "name", "")) for setup in contents.setups)
         named = ", ".join(name for name in rigs if name)
         facts.append(("campaigns", f"{len(campaigns)}{f' on {named}' if named else ''}"))
-    facts.append(("losses", _describe_losses(contents)))
+    facts.append(("losses", describe_losses(contents) or "none"))
     if recovery := find_fields(contents, RECOVERY_RECORD):
         facts.append(("recovery", describe_recovery(recovery)))
     if reason := find_health(contents).get("reason"):
@@ -172,22 +174,6 @@ def _format_time(nanoseconds: int) -> str:
     except (OverflowError, OSError, ValueError):
         return f"{nanoseconds} ns"
     return f"{moment:%Y-%m-%d %H:%M:%S}"
-
-
-def _describe_losses(contents: Contents) -> str:
-    """Return what was lost while it was recorded; what was lost later is damage."""
-    gaps = sum(hit.gaps for hit in contents.hits)
-    points = sum(hit.missing_points for hit in contents.hits)
-    parts = []
-    if gaps:
-        parts.append(f"{count(gaps, 'gap')} of {count(points, 'point')} in the blocks")
-    if contents.messages_lost:
-        parts.append(f"{count(contents.messages_lost, 'message')} on the way to the recorder")
-    if contents.lost:
-        parts.append(f"{count(contents.lost, 'message')} of the file")
-    if contents.unverified:
-        parts.append(f"{count(contents.unverified, 'message')} that no checksum vouches for")
-    return ", ".join(parts) or "none"
 
 
 def _print_samples(console: Console, contents: Contents) -> None:

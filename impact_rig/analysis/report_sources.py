@@ -1,0 +1,181 @@
+"""The runs that a report is made of: recordings with their traces, or results alone."""
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from impact_rig.analysis.recording_traces import trace_recording
+from impact_rig.core.errors import FileError
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
+from impact_rig.recording.reading.mcap_reader import read_recording
+from impact_rig.recording.reading.source import RUN_NAME, find_recording
+from impact_rig.results.results_file import read_results
+from impact_rig.results.run import Acquisition, ChannelCalibration, Run
+from impact_rig.results.traced_campaign import TracedCampaign
+
+RESULTS_SUFFIX = ".json"
+"""Of a results file."""
+RESULTS_NAME = "results.json"
+"""What a run's folder calls its results."""
+
+
+@dataclass(frozen=True)
+class RunSource:
+    """Where a run is to be read from.
+
+    Attributes
+    ----------
+    named : Path
+        As a person named it.
+    path : Path
+        The recording, or the results file.
+    is_recording : bool
+        Traces are in it.
+    """
+
+    named: Path
+    path: Path
+    is_recording: bool
+
+    @property
+    def folder(self) -> Path:
+        """Where a report of it belongs."""
+        return self.path.parent
+
+    @property
+    def title(self) -> str:
+        """What to call it: the folder of a run, else the file."""
+        is_run = self.path.name == RESULTS_NAME or self.path.stem == RUN_NAME
+        return self.path.absolute().parent.name if is_run else self.path.stem
+
+    @property
+    def place(self) -> str:
+        """File and its folder, without where on this machine that is."""
+        return str(Path(*self.path.absolute().parts[-2:]))
+
+
+def find_run(named: Path) -> RunSource:
+    """Find what a person means by a run.
+
+    Parameters
+    ----------
+    named : Path
+        A recording, a results file, or the folder of a run: its recording if there is one, else
+        its results.json.
+
+    Raises
+    ------
+    FileError
+        If there is nothing of that name, or nothing of a run in the folder.
+    """
+    if named.suffix == RESULTS_SUFFIX and not named.is_dir():
+        return RunSource(named, named, is_recording=False)
+    try:
+        return RunSource(named, find_recording(named), is_recording=True)
+    except FileError:
+        results = named / RESULTS_NAME
+        if not results.is_file():
+            raise
+        return RunSource(named, results, is_recording=False)
+
+
+def read_runs(source: RunSource, name: str) -> tuple[Run, ...]:
+    """Read every campaign of a source.
+
+    A recording that cannot be evaluated is told of by the results beside it, if they are there,
+    with a warning.
+
+    Parameters
+    ----------
+    source : RunSource
+        See `find_run`.
+    name : str
+        What to call it; several campaigns are numbered.
+
+    Raises
+    ------
+    FileError
+        If neither recording nor results can be read.
+    """
+    if not source.is_recording:
+        return (_read_results_alone(source, name),)
+    try:
+        return _read_recorded(source, name)
+    except FileError as error:
+        beside = source.folder / RESULTS_NAME
+        if source.path.stem != RUN_NAME or not beside.is_file():
+            raise
+        found = RunSource(source.named, beside, is_recording=False)
+        warning = f"{error}: this is the {RESULTS_NAME} beside it"
+        return (_read_results_alone(found, name, (warning,)),)
+
+
+def name_sources(sources: Sequence[RunSource]) -> tuple[str, ...]:
+    """Return names that tell sources apart: their titles, with folders where these are alike."""
+    titles = [source.title for source in sources]
+    if len(set(titles)) == len(titles):
+        return tuple(titles)
+    paths = [source.path.absolute() for source in sources]
+    common = os.path.commonpath([path.parent for path in paths])
+    return tuple(str(path.relative_to(common)) for path in paths)
+
+
+def _read_results_alone(source: RunSource, name: str, warnings: tuple[str, ...] = ()) -> Run:
+    campaign = TracedCampaign(read_results(source.path), (), ())
+    return Run(name, source.place, campaign, warnings=warnings)
+
+
+def _read_recorded(source: RunSource, name: str) -> tuple[Run, ...]:
+    traced = trace_recording(source.path, with_models=True)
+    groups = iter(_find_acquisitions(source.path))
+    many = len(traced.campaigns) > 1
+    return tuple(
+        Run(
+            name=f"{name}, campaign {number}" if many else name,
+            source=source.place,
+            campaign=campaign,
+            has_traces=True,
+            acquisitions=_find_group(groups, campaign),
+            warnings=traced.warnings,
+        )
+        for number, campaign in enumerate(traced.campaigns, start=1)
+    )
+
+
+def _find_acquisitions(path: Path) -> list[dict[HitLabel, Acquisition]]:
+    """Return how each hit was sampled, a group for each set-up in the recording."""
+    groups: list[dict[HitLabel, Acquisition]] = []
+    for event in read_recording(path).events():
+        if isinstance(event, RigSetup):
+            groups.append({})
+        elif event.triggered and event.hammer.output.size:
+            groups[-1].setdefault(event.label, _describe_acquisition(event))
+    return groups
+
+
+def _find_group(
+    groups: Iterator[dict[HitLabel, Acquisition]], campaign: TracedCampaign
+) -> tuple[Acquisition, ...]:
+    """Return how the hits of a campaign were sampled; set-ups without a hit are passed over."""
+    labels = {hit.recorded.label for hit in campaign.hits if hit.recorded.time.size}
+    group = next((group for group in groups if labels <= group.keys() and group), {})
+    return tuple(dict.fromkeys(group.values()))
+
+
+def _describe_acquisition(block: Block) -> Acquisition:
+    channels = [_describe_channel("hammer", block.hammer)]
+    if block.has_specimen:
+        channels.append(_describe_channel("sample", block.specimen))
+    return Acquisition(block.sampling_rate, tuple(channels))
+
+
+def _describe_channel(name: str, channel: ChannelBlock) -> ChannelCalibration:
+    return ChannelCalibration(
+        name=name,
+        scale=channel.scale,
+        offset=channel.offset,
+        full_scale=channel.full_scale,
+        is_counted=channel.resolution > 0.0,
+    )
