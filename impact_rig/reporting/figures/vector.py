@@ -1,0 +1,115 @@
+"""From matplotlib's figures to markup that belongs into a page.
+
+matplotlib writes a document of its own: black ink, its own font, ids that every figure has. In a
+page the ink is the page's, the font is the page's, and ids are unique.
+"""
+
+import re
+from collections.abc import Sequence
+from io import StringIO
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
+
+from impact_rig.reporting.figures.style import INK
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SVG = "http://www.w3.org/2000/svg"
+LINK = "{http://www.w3.org/1999/xlink}href"
+PANELS_STYLE = "display:flex;flex-wrap:wrap;gap:.5rem .75rem;justify-content:center"
+PANEL_STYLE = "flex:1 1 18rem;min-width:0;max-width:34rem;height:auto;stroke-linejoin:round"
+"""As wide as there is room, two beside each other from some 37 rem, our choice: the ticks' text
+is then never below 8 px, nor larger than the page's."""
+DECIMALS = 2
+"""Of drawn coordinates [-], our choice: a hundredth of a point is finer than any printer."""
+COORDINATES = ("d", "x", "y", "transform", "viewBox")
+
+_NUMBER = re.compile(r"-?\d+\.\d+")
+_REFERENCE = re.compile(r"#(m|p|image)[0-9a-f]{10,}")
+_GIVEN_ID = re.compile(r"[a-z0-9]+(-[a-z0-9]+)+")
+"""Ids that were given with set_gid have a hyphen, matplotlib's own have none."""
+_NO_METADATA = {"Creator": None, "Date": None, "Format": None, "Type": None}
+
+
+def render_panels(name: str, panels: "Sequence[Figure]") -> str:
+    """Return the markup of a figure's panels.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure; every id begins with it.
+    panels : sequence of matplotlib.figure.Figure
+        Drawn in `style.drawing_style`.
+
+    Returns
+    -------
+    str
+        Well-formed as XML and as HTML. The same panels give the same characters.
+    """
+    svgs = (_render(f"{name}-{place}", panel) for place, panel in enumerate(panels, start=1))
+    return f'<div class="panels" style="{PANELS_STYLE}">{"".join(svgs)}</div>'
+
+
+def _render(prefix: str, panel: "Figure") -> str:
+    stream = StringIO()
+    panel.savefig(stream, format="svg", metadata=_NO_METADATA)
+    root = ET.fromstring(stream.getvalue())  # noqa: S314 (our own text)
+    _remove_foreign(root)
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+        element.text = element.text and element.text.strip()
+        element.tail = None
+        _adapt_attributes(element, prefix)
+    del root.attrib["width"], root.attrib["height"], root.attrib["version"]
+    root.set("xmlns", SVG)
+    root.set("style", PANEL_STYLE)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _remove_foreign(root: ET.Element) -> None:
+    """Remove the style sheet, which would hold for the whole page, and what draws nothing."""
+    for parent in list(root.iter()):
+        for child in list(parent):
+            is_sheet = child.tag == f"{{{SVG}}}style"
+            if is_sheet or child.get("style") == "fill: none":
+                parent.remove(child)
+
+
+def _adapt_attributes(element: ET.Element, prefix: str) -> None:
+    attributes = element.attrib
+    if LINK in attributes:
+        attributes["href"] = attributes.pop(LINK)
+    identifier = attributes.pop("id", "")
+    if _REFERENCE.fullmatch(f"#{identifier}") or _GIVEN_ID.fullmatch(identifier):
+        attributes["id"] = f"{prefix}-{identifier}"
+    for name in ("href", "clip-path"):
+        if name in attributes:
+            attributes[name] = attributes[name].replace("#", f"#{prefix}-")
+    if attributes.get("transform", "").startswith("rotate(-0 "):
+        del attributes["transform"]
+    for name in COORDINATES:
+        if name in attributes:
+            attributes[name] = _NUMBER.sub(_shorten, attributes[name])
+    if "d" in attributes:
+        attributes["d"] = _shorten_path(attributes["d"])
+    if "style" in attributes:
+        attributes["style"] = _adapt_style(attributes["style"])
+
+
+def _shorten(match: re.Match[str]) -> str:
+    text = f"{float(match[0]):z.{DECIMALS}f}"
+    return text.rstrip("0").rstrip(".")
+
+
+def _shorten_path(path: str) -> str:
+    """Leave out blanks beside letters, and the letter of a line that follows a line."""
+    path = re.sub(r"\s*([A-Za-z])\s*", r"\1", path.strip())
+    return re.sub(r"(?<=L)[^A-Za-z]+(?:L[^A-Za-z]+)+", lambda run: run[0].replace("L", " "), path)
+
+
+def _adapt_style(style: str) -> str:
+    """Take the page's font, and its ink in place of the stand-in."""
+    parts = (part.strip() for part in style.split(";"))
+    kept = (part.replace(": ", ":", 1) for part in parts if not part.startswith("font-family"))
+    return ";".join(part.replace(INK, "currentColor") for part in kept)
