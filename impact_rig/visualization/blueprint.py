@@ -6,7 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from impact_rig.results.sample_traces import DRIVEN, PRINTED
 from impact_rig.visualization import entities
+from impact_rig.visualization.entities import BODIES, find_body
 from impact_rig.visualization.rerun_sdk import import_rerun
 
 if TYPE_CHECKING:
@@ -16,7 +18,8 @@ TAB_LAST_HIT = "Last hit"
 TAB_SAMPLES = "Samples"
 TAB_PRINTED = "Samples, model as printed"
 TAB_RESULTS = "Results"
-TABS = (TAB_LAST_HIT, TAB_SAMPLES, TAB_PRINTED, TAB_RESULTS)
+TAB_HEALTH = "Rig health"
+TABS = (TAB_LAST_HIT, TAB_SAMPLES, TAB_PRINTED, TAB_RESULTS, TAB_HEALTH)
 
 LARGEST_GRID_WIDTH = 4
 """Most plots side by side [-], our choice: a legend still fits into a quarter of a screen."""
@@ -35,7 +38,7 @@ def make_blueprint(sample_names: Sequence[str], active_tab: str = TAB_LAST_HIT) 
     Returns
     -------
     rerun.blueprint.Blueprint
-        Tabs: the last hit, the samples against both models, the results.
+        Tabs: the last hit, the samples against both models, the results, the rig's health.
 
     Raises
     ------
@@ -45,9 +48,10 @@ def make_blueprint(sample_names: Sequence[str], active_tab: str = TAB_LAST_HIT) 
     layout = import_rerun().blueprint
     tabs = layout.Tabs(
         _make_last_hit(),
-        _make_grid(TAB_SAMPLES, entities.DRIVEN, sample_names),
-        _make_grid(TAB_PRINTED, entities.PRINTED, sample_names),
+        _make_grid(TAB_SAMPLES, DRIVEN, sample_names),
+        _make_grid(TAB_PRINTED, PRINTED, sample_names),
         _make_results(),
+        layout.TextDocumentView(origin="/" + "/".join(entities.HEALTH), name=TAB_HEALTH),
         active_tab=TABS.index(active_tab),
     )
     blueprint: rrb.Blueprint = layout.Blueprint(
@@ -75,14 +79,24 @@ def _make_last_hit() -> rrb.Container:
     return tab
 
 
-def _make_grid(name: str, model: str, sample_names: Sequence[str]) -> rrb.Container:
+def _make_grid(name: str, variant: str, sample_names: Sequence[str]) -> rrb.Container:
     sdk = import_rerun()
     layout = sdk.blueprint
     columns = min(LARGEST_GRID_WIDTH, math.ceil(math.sqrt(len(sample_names))))
     tab: rrb.Container = layout.Grid(
         contents=[
             layout.TimeSeriesView(
-                origin=sdk.new_entity_path([*entities.COMPARISONS, model, sample]),
+                origin=sdk.new_entity_path([*entities.SAMPLES, sample]),
+                contents=[
+                    f"+ {sdk.new_entity_path([*find_body(sample, body), *part])}/**"
+                    for body in BODIES
+                    for part in (
+                        (entities.CONTACT,),
+                        (entities.OVERLAY,),
+                        (entities.MODELS, variant),
+                        (entities.POINTS,),
+                    )
+                ],
                 name=sample,
                 plot_legend=layout.PlotLegend(layout.Corner2D.RightTop),
             )
@@ -98,7 +112,7 @@ def _make_results() -> rrb.Container:
     layout = import_rerun().blueprint
     tab: rrb.Container = layout.Vertical(
         layout.TextDocumentView(
-            origin="/" + "/".join(entities.TABLE), name="Measured and expected"
+            origin="/" + "/".join(entities.TABLES), name="Measured and expected"
         ),
         layout.TextLogView(
             origin="/" + "/".join(entities.LOG),

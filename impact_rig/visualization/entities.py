@@ -1,40 +1,54 @@
-"""What blueprint and logging agree on: entity paths, timelines and colours."""
+"""What blueprint and logging agree on: entity paths and timelines."""
 
 APPLICATION = "impact_rig"
 """Rerun's application id: viewers keep a user's own layout under it."""
 
 HIT_TIME = "hit_time"
-"""Timeline: time inside a hit. Plots live on it; a record begins, and in comparisons the contact
-begins, at 0."""
+"""Timeline: time inside a hit. Plots live on it. 0 is the first point of a record, and in what is
+laid over each other the middle of the hammer pulse; in Figs. 3 and 4 it is the pulse width."""
 HIT = "hit"
 """Timeline: number of the record."""
 WALL_CLOCK = "wall_clock"
 """Timeline: time of day."""
 
-HITS = ("hits",)
-"""Parent of one entity per hit: its hammer and sample traces."""
-VERDICT = ("verdict",)
+Path = tuple[str, ...]
+"""An entity path, part by part: names of samples may contain anything."""
+
+HITS: Path = ("hits",)
+"""Parent of one entity per record: its hammer and sample traces."""
+VERDICT: Path = ("verdict",)
 """The last hit in words."""
-COMPARISONS = ("comparisons",)
-"""Parent of model / sample / version: four traces, and the contact."""
-TABLE = ("results",)
-"""Measured values beside reference values."""
-LOG = ("log",)
+SAMPLES: Path = ("samples",)
+"""Parent of sample / body / what is laid over each other."""
+FIGURES: Path = ("figures",)
+"""Parent of the paper's figures, by number."""
+TABLES: Path = ("results",)
+"""Everything found, in tables."""
+LOG: Path = ("log",)
 """One line per verdict."""
+TRENDS: Path = ("trends",)
+"""Contact time and peaks of each hit, over the number of the hit and the time of day."""
+HEALTH: Path = ("health",)
+"""What the nodes say of themselves."""
 
-DRIVEN = "driven"
-"""Equation (4) on the hammer, the sample driven by F(t) alone."""
-PRINTED = "printed"
-"""Equations (1) and (2) as they stand."""
+HAMMER = "hammer"
+SPECIMEN = "sample"
+BODIES = (HAMMER, SPECIMEN)
+"""The two bodies of a hit, in the order of the traces."""
 
-# Okabe and Ito's palette: told apart by colour-blind readers, and on dark and light ground.
-Colour = tuple[int, int, int]
-HAMMER_COLOUR: Colour = (86, 180, 233)
-HAMMER_MODEL_COLOUR: Colour = (0, 114, 178)
-SPECIMEN_COLOUR: Colour = (230, 159, 0)
-SPECIMEN_MODEL_COLOUR: Colour = (213, 94, 0)
-CONTACT_COLOUR: Colour = (0, 158, 115)
-EARLIER_COLOUR: Colour = (128, 128, 128)
+# Plots draw in the order of the names: contact below, points on top.
+CONTACT = "contact"
+"""Below a body: its contact window."""
+OVERLAY = "hits"
+"""Below a body: all hits."""
+MODELS = "models"
+"""Below a body: parent of mean, model and residual, one for each way to calculate the model."""
+POINTS = "points"
+"""Below a body: what was read from the mean."""
+SUMMARY = "summary"
+"""Below a sample: what was found of it, in words."""
 
-EARLIER = "earlier"
-"""Name of everything superseded: hidden, and shown again by a click on it in the legend."""
+
+def find_body(sample: str, body: str) -> Path:
+    """Return the parent of what is drawn of one body of a sample's hits."""
+    return (*SAMPLES, sample, body)

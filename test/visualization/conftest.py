@@ -1,12 +1,26 @@
 """Reading back what was logged, with Rerun's own reader."""
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.session import Session
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import FloatArray, HitLabel
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.results.flat_estimates import hit_results_from_judged, results_from_session
+from impact_rig.results.hit_traces import TraceAssembler
+from impact_rig.results.sample_traces import align_hit, sample_traces_from_estimate
+from impact_rig.results.traced_campaign import TracedCampaign, TracedHit
+from impact_rig.visualization.entities import APPLICATION
+from impact_rig.visualization.log import ViewLog
+
+STAMP = 1_700_000_000_123_456_789
+"""Start of the campaign [ns since the epoch]."""
 
 
 def list_rows(chunk: Any) -> list[dict[str, Any]]:
@@ -77,3 +91,64 @@ class Recording:
 def read_recording() -> type[Recording]:
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     return Recording
+
+
+def trace_campaign(setup: RigSetup, names: Iterable[str], impacts: int) -> TracedCampaign:
+    """Strike samples and keep everything there is to see."""
+    rig, session, assembler = (
+        VirtualRig(setup, VirtualRigSettings(seed=1)),
+        Session(setup),
+        TraceAssembler(),
+    )
+    recorded, record = [], 0
+    for name in names:
+        for impact in range(1, impacts + 1):
+            record += 1
+            for block in rig.strike(HitLabel(name, record, impact)).split(5000, STAMP):
+                session.feed(block)
+                recorded += [hit for hit in [assembler.feed(block)] if hit is not None]
+    found = session.estimate_all()
+    judged = {hit.label: hit for hit in (*found.accepted, *found.rejected)}
+    samples = [
+        sample_traces_from_estimate(estimate, session.find_mean(estimate.name))
+        for estimate in found.samples
+    ]
+    return TracedCampaign(
+        results=results_from_session(found, {}),
+        samples=tuple(samples),
+        hits=tuple(
+            TracedHit(
+                hit_results_from_judged(judged[hit.label], ()),
+                judged[hit.label].stamp,
+                hit,
+                align_hit(judged[hit.label]),
+            )
+            for hit in recorded
+        ),
+    )
+
+
+def _write_view(path: Path, *works: Callable[[ViewLog], None]) -> None:
+    """Log things into a file."""
+    import rerun
+
+    stream = rerun.RecordingStream(APPLICATION)
+    stream.set_sinks(rerun.FileSink(str(path)))
+    log = ViewLog(stream)
+    for work in works:
+        work(log)
+    stream.flush()
+    stream.disconnect()
+
+
+@pytest.fixture(scope="session")
+def write_view() -> Callable[..., None]:
+    """Return the function that logs things into a file: a path, then what to do with the log."""
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    return _write_view
+
+
+@pytest.fixture(scope="session")
+def campaign() -> TracedCampaign:
+    """Return the paper's campaign, two hits a sample, with its traces."""
+    return trace_campaign(PAPER_SETUP, PAPER_SETUP.samples.names, impacts=2)
