@@ -4,13 +4,14 @@ import click
 from rich.console import Console
 
 from impact_rig.core.setup.paper import ACCELEROMETER_MASS
+from impact_rig.reporting.columns import Column
 from impact_rig.reporting.paper_arithmetic import (
     CellArithmetic,
     HammerArithmetic,
     PaperArithmetic,
     compute_paper,
 )
-from impact_rig.reporting.terminal import Column, make_console, print_table
+from impact_rig.reporting.terminal import make_console, print_table
 from impact_rig.results.numbers import format_number
 from impact_rig.results.results_file import format_json, record_to_json
 

@@ -7,7 +7,8 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from impact_rig.cli.progress_bar import ProgressBar
-from impact_rig.reporting.terminal import Column, print_table
+from impact_rig.reporting.columns import Column
+from impact_rig.reporting.terminal import print_table
 from impact_rig.results.numbers import MISSING, format_number
 from impact_rig.study.cases import Part
 from impact_rig.study.goals import ESTIMATOR_NAMES, SYMBOLS, JudgedGoal, judge_goals

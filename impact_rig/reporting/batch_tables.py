@@ -9,7 +9,8 @@ from statistics import fmean, stdev
 
 from rich.console import Console
 
-from impact_rig.reporting.terminal import Column, make_optional, print_table
+from impact_rig.reporting.columns import Column, leave_out_repeated, make_optional
+from impact_rig.reporting.terminal import ALARM, print_table
 from impact_rig.results.campaign import Results
 from impact_rig.results.estimates import SampleResults
 from impact_rig.results.numbers import MEGA, MICRO, MISSING, format_number, format_uncertain
@@ -104,9 +105,17 @@ def print_batch(console: Console, campaigns: Sequence[BatchCampaign]) -> None:
     places = [f"{name}, {number}" if several else name for name, number, _ in rows]
     hits = [_format_hits(sample) for _, _, sample in rows]
     columns = [
-        Column("Recording, campaign" if several else "Recording", _thin_out(places), is_text=True),
+        Column(
+            "Recording, campaign" if several else "Recording",
+            leave_out_repeated(places),
+            is_text=True,
+        ),
         Column("Sample", [sample.name for _, _, sample in rows], is_text=True),
-        make_optional("Hits", hits),
+        make_optional(
+            "Hits",
+            hits,
+            styles=[ALARM if sample.impacts_rejected else "" for _, _, sample in rows],
+        ),
     ]
     columns += [
         Column(quantity.header, [quantity.format(sample) for _, _, sample in rows])
@@ -130,11 +139,6 @@ def shorten_paths(paths: Sequence[Path]) -> list[str]:
 def _format_hits(sample: SampleResults) -> str:
     total = sample.impacts_accepted + sample.impacts_rejected
     return f"{sample.impacts_accepted} of {total}"
-
-
-def _thin_out(cells: Sequence[str]) -> list[str]:
-    """Return the cells, empty where the row above has the same."""
-    return ["" if index and cells[index - 1] == cell else cell for index, cell in enumerate(cells)]
 
 
 def _print_spread(console: Console, samples: Sequence[SampleResults]) -> None:

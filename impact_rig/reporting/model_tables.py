@@ -6,9 +6,15 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from impact_rig.core.model.pulses import VERSED_SINE
-from impact_rig.reporting.terminal import Column, make_optional, print_table
+from impact_rig.reporting.columns import Column, make_optional
+from impact_rig.reporting.terminal import print_item, print_table
 from impact_rig.results.estimates import IdentificationResults, SampleResults
 from impact_rig.results.numbers import MEGA, MICRO, format_number, format_uncertain
+
+MSE_NOTE = "MSE: over the record, with the force of equation (4) alone driving the sample."
+CONTACT_NOTE = "contact: RMS error of the same over the contact."
+PRINTED_NOTE = "printed: MSE of equations (1) and (2) as printed."
+SHIFT_NOTE = "shift [µs]: applied to the model of MSE, later is positive."
 
 
 def print_comparison(console: Console, samples: Sequence[SampleResults]) -> None:
@@ -16,27 +22,22 @@ def print_comparison(console: Console, samples: Sequence[SampleResults]) -> None
     if all(math.isnan(sample.mse_hammer_percent) for sample in samples):
         return
 
-    def column(header: str, name: str, digits: int, scale: float = 1.0) -> Column:
+    def column(header: str, name: str, digits: int, note: str = "", scale: float = 1.0) -> Column:
         values = [getattr(sample, name) * scale for sample in samples]
-        return make_optional(header, [format_number(value, digits) for value in values])
+        return make_optional(header, [format_number(value, digits) for value in values], note)
 
     columns = [
         Column("Sample", [sample.name for sample in samples], is_text=True),
-        column("MSE\nhammer", "mse_hammer_percent", 3),
+        column("MSE\nhammer", "mse_hammer_percent", 3, MSE_NOTE),
         column("MSE\nsample", "mse_sample_percent", 2),
-        column("contact\nhammer", "contact_error_hammer_percent", 1),
+        column("contact\nhammer", "contact_error_hammer_percent", 1, CONTACT_NOTE),
         column("contact\nsample", "contact_error_sample_percent", 1),
-        column("printed\nhammer", "printed_mse_hammer_percent", 2),
+        column("printed\nhammer", "printed_mse_hammer_percent", 2, PRINTED_NOTE),
         column("printed\nsample", "printed_mse_sample_percent", 2),
-        column("shift\nsample", "shift_sample_s", 1, MICRO),
-        column("shift\nhammer", "shift_hammer_s", 1, MICRO),
+        column("shift\nsample", "shift_sample_s", 1, SHIFT_NOTE, MICRO),
+        column("shift\nhammer", "shift_hammer_s", 1, scale=MICRO),
     ]
-    note = (
-        "MSE: over the record, with the force of equation (4) alone driving the sample. contact:"
-        " RMS error of the same over the contact. printed: MSE of equations (1) and (2) as"
-        " printed. shift [µs]: applied to the model of MSE, later is positive."
-    )
-    print_table(console, "Fig. 6. Model against measurement [%]", columns, [note])
+    print_table(console, "Fig. 6. Model against measurement [%]", columns)
 
 
 def print_pulse_shapes(console: Console, samples: Sequence[SampleResults]) -> None:
@@ -55,23 +56,31 @@ def print_pulse_shapes(console: Console, samples: Sequence[SampleResults]) -> No
             "Best shape",
             [shape.best_shape + ("" if shape.is_told_apart else " ?") for shape in shapes],
             is_text=True,
+            note=""
+            if all(shape.is_told_apart for shape in shapes)
+            else "?: not told apart from the next.",
         ),
-        Column("residual\n[%]", _format([fit.residual_percent for fit in best_fits], 2)),
+        Column(
+            "residual\n[%]",
+            _format([fit.residual_percent for fit in best_fits], 2),
+            note="residual: RMS of what the best shape leaves, over the peak; versed-sine: what"
+            " the paper's shape leaves.",
+        ),
         Column(
             "versed-\nsine [%]",
             _format([fit.residual_percent if fit else math.nan for fit in versed_sines], 2),
         ),
-        make_optional("τp\n[µs]", _format([fit.contact_time_s for fit in best_fits], 2, MICRO)),
+        make_optional(
+            "τp\n[µs]",
+            _format([fit.contact_time_s for fit in best_fits], 2, MICRO),
+            "τp and k2: under the best shape.",
+        ),
         make_optional(
             "k2\n[MN/m]", _format([fit.stiffness_n_per_m for fit in best_fits], 2, MEGA)
         ),
         make_optional("fall/\nrise", _format([shape.fall_over_rise for shape in shapes], 3)),
     ]
-    note = (
-        "residual: RMS of what the best shape leaves, over the peak; versed-sine: what the"
-        " paper's shape leaves. τp and k2: under the best shape. ?: not told apart from the next."
-    )
-    print_table(console, "Pulse shape of the hammer", columns, [note])
+    print_table(console, "Pulse shape of the hammer", columns)
 
 
 def print_free_decays(console: Console, samples: Sequence[SampleResults]) -> None:
@@ -91,13 +100,18 @@ def print_free_decays(console: Console, samples: Sequence[SampleResults]) -> Non
         Column("ζ", _format_uncertain(ratios, 3)),
         make_optional("ζ by log\ndecrement", _format([item.damping_ratio for item in known], 3)),
         make_optional("f\n[kHz]", _format([item.frequency_hz for item in decays], 3, 1e-3)),
-        make_optional("periods", _format([item.periods for item in decays], 1)),
-        make_optional("R²", _format([item.r_squared for item in decays], 4)),
+        make_optional(
+            "periods",
+            _format([item.periods for item in decays], 1),
+            "periods: what of it stands out of the noise.",
+        ),
+        make_optional(
+            "R²",
+            _format([item.r_squared for item in decays], 4),
+            "R²: part of the tail that the fit explains.",
+        ),
     ]
-    note = (
-        "A damped sinusoid fitted to the sample's trace after the contact. periods: what of it"
-        " stands out of the noise. R²: part of the tail that the fit explains."
-    )
+    note = "A damped sinusoid fitted to the sample's trace after the contact."
     print_table(console, "Damping by free decay", columns, [note])
 
 
@@ -122,15 +136,25 @@ def print_identifications(console: Console, samples: Sequence[SampleResults]) ->
         Column("τp\n[µs]", _format_uncertain(contact_times, 2, MICRO)),
         Column("k2\n[MN/m]", _format_uncertain(stiffnesses, 2, MEGA)),
         Column("c2\n[N s/m]", _format_uncertain(coefficients, 1)),
-        make_optional("residual\n/ noise", _format([fit.residual_over_noise for fit in fits], 1)),
-        make_optional("force\nbalance", _format([fit.force_balance for fit in fits], 3)),
-        Column("model", [fit.model for fit in fits], is_text=True, is_optional=True),
+        make_optional(
+            "residual\n/ noise",
+            _format([fit.residual_over_noise for fit in fits], 1),
+            "residual / noise: 1 where the model leaves nothing but noise.",
+        ),
+        make_optional(
+            "force\nbalance",
+            _format([fit.force_balance for fit in fits], 3),
+            "force balance: force on the sample over that on the hammer.",
+        ),
+        Column(
+            "model",
+            [fit.model for fit in fits],
+            is_text=True,
+            is_optional=True,
+            note="model: the variant that the Bayesian information criterion prefers.",
+        ),
     ]
-    note = (
-        "Least squares on hammer and sample together. residual / noise: 1 where the model leaves"
-        " nothing but noise. force balance: force on the sample over that on the hammer. model:"
-        " the variant that the Bayesian information criterion prefers."
-    )
+    note = "Least squares on hammer and sample together."
     print_table(console, "Identification of the two-body model", columns, [note])
     _print_undetermined(console, rows)
 
@@ -151,6 +175,6 @@ def _print_undetermined(
 ) -> None:
     for name, found in fitted:
         for text in found.undetermined:
-            console.print(f"- {name}: {text}")
+            print_item(console, f"{name}: {text}")
     if any(found.undetermined for _, found in fitted):
         console.print()

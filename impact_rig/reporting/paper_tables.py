@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from rich.console import Console
 
 from impact_rig.core.model.pulses import HALF_SINE, HERTZ, VERSED_SINE
-from impact_rig.core.setup.samples import SampleSet
-from impact_rig.reporting.terminal import Column, make_optional, print_table
+from impact_rig.reporting.columns import Column, make_optional
+from impact_rig.reporting.terminal import ALARM, print_table
 from impact_rig.results.campaign import Results
 from impact_rig.results.estimates import HammerResults, SampleResults
 from impact_rig.results.numbers import (
@@ -26,6 +26,12 @@ from impact_rig.results.references import (
     find_reference,
 )
 
+BEYOND_MARK = "!"
+BEYOND_NOTE = (
+    f"{BEYOND_MARK} differs by more than the uncertainty of the measured value, a 95 % interval:"
+    " by chance one in twenty does."
+)
+
 
 @dataclass(frozen=True)
 class _Row:
@@ -36,6 +42,11 @@ class _Row:
     expanded: float
     expected: float
     reference: Reference
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether the two lie further apart than the uncertainty; False: it is not known."""
+        return abs(self.value - self.expected) > self.expanded
 
 
 @dataclass(frozen=True)
@@ -50,9 +61,9 @@ class _Quantity:
     read_expanded: Callable[[SampleResults], float]
     read_reference: Callable[[Reference], float]
 
-    def make_rows(self, samples: Sequence[SampleResults], sample_set: SampleSet) -> list[_Row]:
-        rows = []
-        for sample in samples:
+    def make_rows(self, results: Results) -> list[_Row]:
+        rows, sample_set = [], results.setup.to_samples()
+        for sample in results.samples:
             reference = find_reference(sample_set, sample.name)
             rows.append(
                 _Row(
@@ -123,46 +134,64 @@ def _make_columns(rows: Sequence[_Row], quantity: _Quantity) -> list[Column]:
             for row in rows
         ],
     )
-    difference = Column(
-        "Diff. %",
-        [format_difference(row.value, row.expected) if row in referenced else "" for row in rows],
-    )
-    return [names, expected, measured, difference]
+    return [names, expected, measured, _make_difference_column(rows)]
 
 
-def print_contact_times(
-    console: Console, results: Sequence[SampleResults], samples: SampleSet
-) -> None:
+def _make_difference_column(rows: Sequence[_Row]) -> Column:
+    """Return the differences, marked where the uncertainty does not cover them."""
+    marked = any(row.is_beyond for row in rows)
+    cells = []
+    for row in rows:
+        known = math.isfinite(row.expected)
+        cell = format_difference(row.value, row.expected) if known else ""
+        mark = BEYOND_MARK if row.is_beyond else " "
+        cells.append(f"{cell} {mark}" if marked else cell)
+    styles = [ALARM if row.is_beyond else "" for row in rows]
+    return Column("Diff. %", cells, styles=styles, note=BEYOND_NOTE if marked else "")
+
+
+def print_contact_times(console: Console, results: Results) -> None:
     """Print Table 2, with the pulse's width ratio and the hits."""
-    rows = CONTACT_TIME.make_rows(results, samples)
-    columns = [
-        *_make_columns(rows, CONTACT_TIME),
-        make_optional("w10/w50", [format_number(item.width_ratio, 3) for item in results]),
-        make_optional("Hits", [str(item.impacts_accepted) for item in results]),
-        make_optional("Rejected", [str(item.impacts_rejected) for item in results]),
-        make_optional(
-            "Spread", [format_number(item.contact_time_spread_s * MICRO, 2) for item in results]
-        ),
-    ]
+    rows, samples = CONTACT_TIME.make_rows(results), results.samples
     shapes = ", ".join(
         f"{shape.name} {shape.width_ratio:.2f}" for shape in (VERSED_SINE, HERTZ, HALF_SINE)
     )
+    columns = [
+        *_make_columns(rows, CONTACT_TIME),
+        make_optional(
+            "w10/w50",
+            [format_number(item.width_ratio, 3) for item in samples],
+            "w10/w50: width at a tenth of the peak over that at half of it, which tells pulse"
+            f" shapes apart: {shapes}.",
+        ),
+        make_optional(
+            "Hits",
+            [str(item.impacts_accepted) for item in samples],
+            styles=["" if item.impacts_accepted else ALARM for item in samples],
+        ),
+        make_optional(
+            "Rejected",
+            [str(item.impacts_rejected) for item in samples],
+            styles=[ALARM if item.impacts_rejected else "" for item in samples],
+        ),
+        make_optional(
+            "Spread",
+            [format_number(item.contact_time_spread_s * MICRO, 2) for item in samples],
+            "Spread: standard deviation over the hits.",
+        ),
+    ]
     notes = [
         explain_misprint(row.reference.published)
         for row in rows
         if row.reference.published and row.reference.is_misprinted
     ]
-    notes.append(
-        "w10/w50: width at a tenth of the peak over that at half of it, which tells pulse shapes"
-        f" apart: {shapes}. Spread: standard deviation over the hits."
-    )
     print_table(console, CONTACT_TIME.title, columns, notes)
 
 
-def print_stiffness(console: Console, results: Results, samples: SampleSet) -> None:
+def print_stiffness(console: Console, results: Results) -> None:
     """Print Table 3, the hammer's stiffness below the samples'."""
-    hammer, reference = results.hammer, find_hammer_reference(samples)
-    rows = STIFFNESS.make_rows(results.samples, samples)
+    hammer, reference = results.hammer, find_hammer_reference(results.setup.to_samples())
+    rows = STIFFNESS.make_rows(results)
     rows.append(
         _Row(
             "hammer",
@@ -183,10 +212,10 @@ def print_stiffness(console: Console, results: Results, samples: SampleSet) -> N
     print_table(console, STIFFNESS.title, columns, notes)
 
 
-def print_damping(console: Console, results: Results, samples: SampleSet) -> None:
+def print_damping(console: Console, results: Results) -> None:
     """Print Table 4, by the logarithmic decrement, the hammer's damping below the samples'."""
-    hammer, reference = results.hammer, find_hammer_reference(samples)
-    rows = DAMPING.make_rows(results.samples, samples)
+    hammer, reference = results.hammer, find_hammer_reference(results.setup.to_samples())
+    rows = DAMPING.make_rows(results)
     rows.append(
         _Row(
             "hammer",
@@ -217,13 +246,11 @@ def _explain_mark(rows: Sequence[_Row]) -> list[str]:
     return ["* its contact time is misprinted in the paper, see Table 2."]
 
 
-def find_largest_differences(
-    results: Sequence[SampleResults], samples: SampleSet
-) -> dict[str, float]:
+def find_largest_differences(results: Results) -> dict[str, float]:
     """Return the largest differences from what is expected, by symbol [%]; unknown ones absent."""
     largest = {}
     for quantity in (CONTACT_TIME, STIFFNESS, DAMPING):
-        rows = quantity.make_rows(results, samples)
+        rows = quantity.make_rows(results)
         differences = [abs(compute_difference(row.value, row.expected)) for row in rows]
         known = [difference for difference in differences if math.isfinite(difference)]
         if known:

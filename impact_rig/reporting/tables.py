@@ -1,8 +1,8 @@
 """Everything that a campaign found, in a terminal."""
 
 from rich.console import Console
+from rich.text import Text
 
-from impact_rig.core.setup.samples import SampleSet
 from impact_rig.reporting.model_tables import (
     print_comparison,
     print_free_decays,
@@ -16,6 +16,7 @@ from impact_rig.reporting.paper_tables import (
     print_stiffness,
 )
 from impact_rig.reporting.remarks import print_notes, print_rejections, print_warnings
+from impact_rig.reporting.terminal import ALARM, GOOD, TITLE, print_text
 from impact_rig.results.campaign import Results
 
 
@@ -36,28 +37,33 @@ def print_results(console: Console, results: Results) -> None:
     ParameterError
         If the results name a sample that is not in their set-up.
     """
-    samples = results.setup.to_samples()
     print_rejections(console, results)
-    print_contact_times(console, results.samples, samples)
-    print_stiffness(console, results, samples)
-    print_damping(console, results, samples)
+    print_contact_times(console, results)
+    print_stiffness(console, results)
+    print_damping(console, results)
     print_comparison(console, results.samples)
     print_pulse_shapes(console, results.samples)
     print_free_decays(console, results.samples)
     print_identifications(console, results.samples)
     print_warnings(console, results.samples)
     print_notes(console, results.samples)
-    _print_summary(console, results, samples)
+    _print_summary(console, results)
 
 
-def _print_summary(console: Console, results: Results, samples: SampleSet) -> None:
-    count = len(results.samples)
+def _print_summary(console: Console, results: Results) -> None:
+    count, rejected = len(results.samples), len(results.rejections)
     accepted = sum(sample.impacts_accepted for sample in results.samples)
-    console.print(
-        f"{count} sample{'s' * (count != 1)}, {accepted} hit{'s' * (accepted != 1)} accepted,"
-        f" {len(results.rejections)} rejected."
+    print_text(
+        console,
+        Text.assemble(
+            (f"{count} sample{'s' * (count != 1)}, ", TITLE),
+            (f"{accepted} hit{'s' * (accepted != 1)} accepted", GOOD if accepted else ALARM),
+            (", ", TITLE),
+            (f"{rejected} rejected", ALARM if rejected else TITLE),
+            (".", TITLE),
+        ),
     )
-    largest = find_largest_differences(results.samples, samples)
+    largest = find_largest_differences(results)
     if largest:
         parts = (f"{symbol} {percent:.2f} %" for symbol, percent in largest.items())
-        console.print(f"Largest differences: {', '.join(parts)}.")
+        print_text(console, f"Largest differences: {', '.join(parts)}.")

@@ -6,13 +6,14 @@ from pathlib import PurePath
 
 from rich.console import Console
 
+from impact_rig.reporting.columns import Column, make_optional
 from impact_rig.reporting.model_tables import (
     print_free_decays,
     print_identifications,
     print_pulse_shapes,
 )
 from impact_rig.reporting.remarks import print_notes, print_warnings
-from impact_rig.reporting.terminal import Column, make_optional, print_table
+from impact_rig.reporting.terminal import ALARM, GOOD, print_table
 from impact_rig.results.estimates import HammerResults, SampleResults
 from impact_rig.results.numbers import MEGA, MICRO, MISSING, format_number, format_uncertain
 from impact_rig.results.trace_series import TraceResults
@@ -33,8 +34,14 @@ def print_trace_results(console: Console, results: TraceResults) -> None:
                 )
                 for hit in hits
             ],
+            note="±: of the one hit, 95 %.",
         ),
-        Column("Verdict", ["\n".join(hit.reasons) or "accepted" for hit in hits], is_text=True),
+        Column(
+            "Verdict",
+            ["accepted" if hit.accepted else "\n".join(hit.reasons) for hit in hits],
+            is_text=True,
+            styles=[GOOD if hit.accepted else ALARM for hit in hits],
+        ),
         make_optional(
             "w50 [µs]", [format_number(hit.half_amplitude_width_s * MICRO, 2) for hit in hits]
         ),
@@ -46,7 +53,9 @@ def print_trace_results(console: Console, results: TraceResults) -> None:
             is_optional=True,
         ),
         make_optional(
-            "leaves\n[%]", [format_number(hit.shape_residual_percent, 1) for hit in hits]
+            "leaves\n[%]",
+            [format_number(hit.shape_residual_percent, 1) for hit in hits],
+            "leaves: RMS of what the best shape leaves, over the peak.",
         ),
         make_optional(
             "Peak\n[m/s²]",
@@ -58,8 +67,7 @@ def print_trace_results(console: Console, results: TraceResults) -> None:
             ],
         ),
     ]
-    note = "±: of the one hit, 95 %. leaves: RMS of what the best shape leaves, over the peak."
-    print_table(console, "Hits", columns, [note])
+    print_table(console, "Hits", columns)
     for sample in results.samples:
         _print_mean(console, sample, results.hammer)
     print_pulse_shapes(console, results.samples)

@@ -1,10 +1,12 @@
 """The tables in a terminal."""
 
 import io
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
+from rich.cells import cell_len
 from rich.console import Console
 
 from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
@@ -15,6 +17,12 @@ from impact_rig.results.estimates import HammerResults, SampleResults
 from impact_rig.results.setup_results import setup_results_from_setup
 
 SAMPLES = PAPER_SETUP.samples
+
+REASONS = (
+    "overload: 250 points in a row of the hammer at the rail of 1999 m/s^2 (203.8 g)",
+    "weak: hammer peak 101.9 m/s^2 is below 300 m/s^2",
+)
+NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?![\w.]*\d)")
 
 
 def make_results(
@@ -52,14 +60,26 @@ def test_eighty_columns_are_enough_and_every_name_keeps_its_line(results: Result
         assert len(rows) == 6
 
 
-@pytest.mark.parametrize("width", [30, 40, 60, 79, 80, 120, 200])
-def test_nothing_is_wider_than_the_terminal_and_no_digit_is_lost(
+@pytest.mark.parametrize("width", [20, 40, 60, 79, 80, 100, 132, 200])
+def test_nothing_is_wider_than_the_terminal_and_no_number_is_cut(
     results: Results, width: int
 ) -> None:
-    text = render(results, width=width)
-    assert max(map(len, text.splitlines())) <= width
+    hits = tuple(
+        replace(hit, accepted=False, reasons=REASONS) if place % 3 == 0 else hit
+        for place, hit in enumerate(results.hits)
+    )
+    named = tuple(
+        replace(sample, name=name)
+        for name, sample in zip(results.setup.to_samples().names, results.samples, strict=True)
+    )
+    text = render(replace(results, samples=named, hits=hits), width=width)
+    assert max(map(cell_len, text.splitlines())) <= width
     assert "…" not in text
-    assert "22.54" in text
+    whole = set(NUMBER.findall(render(replace(results, samples=named, hits=hits), width=10_000)))
+    assert set(NUMBER.findall(text)) <= whole
+    for sample in results.samples:
+        for value in (sample.contact_time_s * 1e6, sample.stiffness_n_per_m * 1e-6):
+            assert any(abs(float(found) - value) < 0.01 * value for found in NUMBER.findall(text))
 
 
 def test_paper_and_measured_stand_side_by_side_with_their_difference() -> None:
@@ -77,6 +97,30 @@ def test_paper_and_measured_stand_side_by_side_with_their_difference() -> None:
     assert find_row(text, "hammer", "Table 3")[:3] == ["22.54", "22.00", "-2.40"]
     assert "Largest differences: τp 0.49 %, k2 0.64 %, c2 2.56 %." in text
     assert "Paper" in text
+
+
+def test_a_difference_beyond_the_uncertainty_is_marked_and_explained() -> None:
+    sure, unsure = (
+        make_sample(
+            name,
+            contact_time_s=204.2e-6,
+            contact_time_expanded_s=expanded,
+            stiffness_n_per_m=45.29e6,
+            stiffness_expanded_n_per_m=1e3,
+        )
+        for name, expanded in (("steel medium", 0.99e-6), ("steel small", 34.3e-6))
+    )
+    text = render(make_results(HammerResults(), (sure, unsure)))
+    # By hand: 204.2 is 1.0 from 203.2 and 34.2 from 170.0; 45.29 is the paper's own value.
+    assert "+0.49 !" in next(line for line in text.splitlines() if line.startswith("steel medium"))
+    assert find_row(text, "steel small", "Table 2")[4:6] == ["+20.12", "10"]
+    assert text.count("differs by more than the uncertainty") == 2  # Tables 2 and 3
+    assert find_row(text, "steel medium", "Table 3")[4] == "+0.00"
+
+
+def test_without_an_uncertainty_no_difference_is_marked() -> None:
+    sample = make_sample("steel medium", contact_time_s=204.2e-6)
+    assert "!" not in render(make_results(HammerResults(), (sample,)))
 
 
 def test_the_misprint_is_marked_wherever_its_row_is_shown(results: Results) -> None:
@@ -128,9 +172,9 @@ def test_a_rejected_hit_is_listed_with_its_reasons_and_what_was_injected(
     )
     text = render(replace(results, hits=(rejected,)))
     row = find_row(text, "steel small", "Rejected hits: 1")
-    assert row[:3] == ["3", "2", "overload:"]
+    assert row[:2] == ["3.2", "overload:"]
     listed = text[text.index("Rejected hits") :]
-    for words in ("250 points", "weak: too weak", "weak_hit"):
+    for words in ("250 points", "weak: too weak", "weak_hit", "overload (1), weak (1)"):
         assert words in listed
     real = render(replace(results, hits=(replace(rejected, injected_faults=()),)))
     assert "Injected" not in real
