@@ -1,10 +1,14 @@
-# ruff: noqa: ARG001
 """The campaign's figures in the paper's manner: Figs. 3 to 6."""
 
 from collections.abc import Sequence
 
-from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure
+from impact_rig.reporting.figures.figure import ReportFigure
+from impact_rig.reporting.figures.figure_3 import draw_figure_3
+from impact_rig.reporting.figures.figure_4 import draw_figure_4
+from impact_rig.reporting.figures.figure_5 import draw_figure_5
+from impact_rig.reporting.figures.figure_6 import draw_figure_6
 from impact_rig.results.campaign import Results
+from impact_rig.results.figure_rows import make_figure_rows
 from impact_rig.results.sample_traces import SampleTraces
 
 
@@ -33,13 +37,10 @@ def draw_campaign_figures(
     ParameterError
         If the results name a sample that is not in their set-up.
     """
-    titles = {
-        "figure 3": "Fig. 3. Pulse width against relative mass",
-        "figure 4": "Fig. 4. Maximum amplitude against pulse width",
-        "figure 5": "Fig. 5. Model and measured response",
-        "figure 6": "Fig. 6. Mean square error between model and measurement",
-    }
-    return tuple(
-        make_missing_figure(name, title, "There is nothing to draw.")
-        for name, title in titles.items()
+    rows = make_figure_rows(results)
+    return (
+        draw_figure_3(rows, prefix=prefix),
+        draw_figure_4(rows, prefix=prefix),
+        draw_figure_5(samples, prefix=prefix),
+        draw_figure_6(rows, prefix=prefix),
     )

@@ -1,15 +1,11 @@
-"""How the figures look: sizes, ink, colours, markers, and what all panels have in common."""
+"""The look that all panels share: size, ink, fonts, lines."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from impact_rig.results.figure_rows import FigureRow
-from impact_rig.results.palette import BLUE, GREEN, GREY, PURPLE, VERMILION, Colour, format_hex
-
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.artist import Artist
     from matplotlib.figure import Figure
 
 INK = "#010203"
@@ -17,16 +13,8 @@ INK = "#010203"
 PANEL_WIDTH = 340.0
 """[pt], our choice: about the width of a phone, where the text then has its own size."""
 POINTS_PER_INCH = 72.0
-LONGEST_NAME = 20
-"""Characters of a sample's name in a figure [-], our choice: a third of a panel."""
-SERIES_COLOURS: tuple[Colour, ...] = (BLUE, VERMILION, GREEN, PURPLE, GREY)
-"""Those of `palette.MATERIALS`, in its order, that stand out from a white and from a black ground
-(3:1, WCAG 2.2, 1.4.11), and grey."""
-SERIES_DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1, 1.2)))
-"""As many as have no common divisor with the colours: twenty materials differ."""
-SIZE_MARKERS = ("s", "^", "*", "o", "D", "v", "P", "X")
-"""Of a material's samples by mass: the paper's squares, triangles and stars first."""
-SIZE_NAMES = ("small", "medium", "large")
+LEGEND_ROW = 14.5
+"""Height of a line of a legend [pt]."""
 GRID_OPACITY = 0.18
 """[-], our choice: seen when looked for."""
 STYLE: dict[Any, Any] = {
@@ -74,22 +62,6 @@ STYLE: dict[Any, Any] = {
 }
 
 
-@dataclass(frozen=True)
-class SeriesLook:
-    """How a material looks wherever it is drawn.
-
-    Attributes
-    ----------
-    colour : str
-        ``#rrggbb``
-    dashes : Any
-        Of lines, as matplotlib takes them.
-    """
-
-    colour: str
-    dashes: Any
-
-
 @contextmanager
 def drawing_style() -> Iterator[None]:
     """Draw in the report's style, whatever the user's own settings of matplotlib are."""
@@ -111,31 +83,19 @@ def make_panel(height: float) -> "Figure":
     return Figure(figsize=size, layout=ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03))
 
 
-def find_looks(names: Sequence[str]) -> dict[str, SeriesLook]:
-    """Return the look of every series, by name, in their order."""
-    return {
-        name: SeriesLook(
-            format_hex(SERIES_COLOURS[place % len(SERIES_COLOURS)]),
-            SERIES_DASHES[place % len(SERIES_DASHES)],
-        )
-        for place, name in enumerate(dict.fromkeys(names))
-    }
+def add_legend(panel: "Figure", *columns: "Sequence[Artist]") -> None:
+    """Put a legend below the axes, its columns filled from the top."""
+    from matplotlib.lines import Line2D
 
-
-def find_marker(row: FigureRow) -> str:
-    """Return the marker of a sample: by its place among those of its material."""
-    return SIZE_MARKERS[row.size % len(SIZE_MARKERS)]
-
-
-def shorten_name(name: str) -> str:
-    """Return a name that fits beside an axis, without characters that XML has not."""
-    name = "".join(character if character.isprintable() else "\ufffd" for character in name)
-    return name if len(name) <= LONGEST_NAME else name[: LONGEST_NAME - 1].rstrip() + "…"
-
-
-def show_names(axes: "Axes", names: Sequence[str]) -> None:
-    """Write names beside the places 0, 1, ... of the vertical axis, the first at the top."""
-    axes.set_yticks(range(len(names)), [shorten_name(name) for name in names])
-    axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.tick_params(axis="y", length=0)
-    axes.grid(visible=False, axis="y")
+    lines = max(map(len, columns))
+    blank = Line2D([], [], linestyle="none", label=" ")
+    panel.legend(
+        handles=[
+            handle for column in columns for handle in (*column, *[blank] * (lines - len(column)))
+        ],
+        loc="outside lower left",
+        ncols=len(columns),
+        alignment="left",
+        borderaxespad=0.0,
+        labelspacing=0.3,
+    )
