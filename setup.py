@@ -23,7 +23,9 @@ setup(
     name=NAME,
     version=version,
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "configuration/*.toml"]},
+    package_data={
+        NAME: ["py.typed", "configuration/*.toml", "reporting/report/templates/*"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"launch_scripts/resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

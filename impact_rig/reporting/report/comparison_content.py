@@ -1,0 +1,161 @@
+"""Several runs: what changed beyond its uncertainty, and what differs in the set-ups."""
+
+import math
+from collections.abc import Sequence
+
+from impact_rig.reporting.figures.comparison import draw_comparison_figure
+from impact_rig.reporting.report.document import (
+    Column,
+    Paragraph,
+    Part,
+    Picture,
+    Remark,
+    Remarks,
+    Section,
+    Table,
+    make_column,
+    make_table,
+    make_text_column,
+)
+from impact_rig.reporting.report.setup_content import SETUP_FIELDS, SetupField
+from impact_rig.results.comparison import (
+    Change,
+    ComparedQuantity,
+    SetupDifference,
+    compare_runs,
+    find_setup_differences,
+)
+from impact_rig.results.numbers import MISSING, format_number, format_uncertain
+from impact_rig.results.run import Run
+
+CHANGED = "changed"
+UNCHANGED = "no change seen"
+EXPLANATION = (
+    "En is the normalised error: the difference over its expanded uncertainty √(U1² + U2²). Where"
+    " |En| is above 1, the value has changed by more than its uncertainty explains. Runs of one"
+    " rig share masses and clock, so that a part of their uncertainties is common and cancels in"
+    " the difference: the verdict is cautious, a change has to be larger than need be to be"
+    " called one. Of many comparisons without any change, one in twenty at most goes beyond 1 by"
+    " chance."
+)
+
+
+def make_comparison_section(runs: Sequence[Run]) -> Section:
+    """Compare every run with the first."""
+    results = [run.campaign.results for run in runs]
+    compared = compare_runs(results)
+    parts: list[Part] = [Paragraph(_introduce(runs))]
+    if compared:
+        parts += [_summarize(runs, compared), Paragraph(EXPLANATION)]
+        parts += _tabulate(runs, compared)
+        named = [(run.name, run.campaign.results) for run in runs]
+        parts += [Picture(figure) for figure in draw_comparison_figure(named, prefix="comparison")]
+    else:
+        parts.append(Paragraph("No quantity was determined in two of the runs."))
+    parts += _tell_setup_differences(runs, find_setup_differences(results))
+    return Section("Comparison of the runs", tuple(parts))
+
+
+def _introduce(runs: Sequence[Run]) -> str:
+    others = ", ".join(run.name for run in runs[1:])
+    return f"The first run, {runs[0].name}, is what the others are held against: {others}."
+
+
+def _summarize(runs: Sequence[Run], compared: Sequence[ComparedQuantity]) -> Remarks:
+    items = []
+    for place, run in enumerate(runs[1:]):
+        known = [item for item in compared if math.isfinite(item.changes[place].normalised_error)]
+        changed = [item for item in known if item.changes[place].is_beyond_uncertainty]
+        named = ", ".join(f"{item.quantity.symbol} of {item.body}" for item in changed)
+        if not known:
+            text = "has no value in common with the first run"
+        elif changed:
+            text = (
+                f"{len(changed)} of {len(known)} values changed beyond their uncertainty: {named}"
+            )
+        else:
+            text = f"none of {len(known)} values changed beyond its uncertainty"
+        items.append(Remark(f"{text}.", run.name))
+    return Remarks(tuple(items))
+
+
+def _tabulate(runs: Sequence[Run], compared: Sequence[ComparedQuantity]) -> list[Part]:
+    """Return a table for each quantity."""
+    by_name: dict[str, list[ComparedQuantity]] = {}
+    for item in compared:
+        by_name.setdefault(item.quantity.name, []).append(item)
+    return [_tabulate_quantity(runs, items) for items in by_name.values()]
+
+
+def _tabulate_quantity(runs: Sequence[Run], items: Sequence[ComparedQuantity]) -> Table:
+    quantity = items[0].quantity
+    columns = [make_text_column("Sample", [item.body for item in items])]
+    for place, run in enumerate(runs):
+        columns.append(
+            make_column(
+                f"{run.name} [{quantity.unit}]",
+                [_format_value(item, item.values[place], item.expanded[place]) for item in items],
+            )
+        )
+        if place > 0:
+            columns += _make_change_columns(items, place - 1)
+    marked = [
+        row
+        for row, item in enumerate(items)
+        if any(change.is_beyond_uncertainty for change in item.changes)
+    ]
+    title = quantity.name[0].upper() + quantity.name[1:]
+    return make_table(f"{title} {quantity.symbol} of the runs", columns, marked=marked)
+
+
+def _make_change_columns(items: Sequence[ComparedQuantity], place: int) -> list[Column]:
+    changes = [item.changes[place] for item in items]
+    differences = [
+        _format_value(item, change.difference, change.expanded)
+        for item, change in zip(items, changes, strict=True)
+    ]
+    return [
+        make_column(f"Difference [{items[0].quantity.unit}]", differences),
+        make_column("En", [format_number(change.normalised_error, 2) for change in changes]),
+        make_text_column("Verdict", [_judge(change) for change in changes]),
+    ]
+
+
+def _judge(change: Change) -> str:
+    if math.isnan(change.normalised_error):
+        return MISSING
+    return CHANGED if change.is_beyond_uncertainty else UNCHANGED
+
+
+def _format_value(item: ComparedQuantity, value: float, expanded: float) -> str:
+    quantity = item.quantity
+    return format_uncertain(value * quantity.scale, expanded * quantity.scale, quantity.digits)
+
+
+def _tell_setup_differences(
+    runs: Sequence[Run], differences: Sequence[SetupDifference]
+) -> list[Part]:
+    if not differences:
+        return [Paragraph("Masses, samples and settings are the same in all runs.")]
+    shown = [SETUP_FIELDS.get(item.field, SetupField(item.field)) for item in differences]
+    columns = [
+        make_text_column(
+            "What",
+            [
+                f"{item.sample}: {field.label}" if item.sample else field.label
+                for item, field in zip(differences, shown, strict=True)
+            ],
+        ),
+        make_text_column("Unit", [field.unit for field in shown]),
+        *(
+            make_column(
+                run.name,
+                [
+                    field.format(item.values[place])
+                    for item, field in zip(differences, shown, strict=True)
+                ],
+            )
+            for place, run in enumerate(runs)
+        ),
+    ]
+    return [make_table("What differs in the set-ups", columns)]
