@@ -1,10 +1,95 @@
-# ruff: noqa: ARG001
 """Several runs beside each other: pulse width, stiffness and damping of each sample."""
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from impact_rig.reporting.figures.figure import ReportFigure
+from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure
+from impact_rig.reporting.figures.looks import find_looks, find_marker
+from impact_rig.reporting.figures.names import make_name, shorten_name
+from impact_rig.reporting.figures.panel import make_named_panel
+from impact_rig.reporting.figures.style import INK, drawing_style
+from impact_rig.reporting.figures.vector import render_panels
 from impact_rig.results.campaign import Results
+from impact_rig.results.numbers import MEGA, MICRO, compute_difference, format_uncertain
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+RUN_HEIGHT = 9.0
+SAMPLE_ROOM = 9.0
+"""Of one run's bar, and what is left between samples [pt]."""
+LONGEST_RUN = 42
+"""Characters of a run's name in the legend [-]: the width of a panel."""
+LINEAR_RANGE = 1.0
+LARGEST_LINEAR = 20.0
+"""Differences up to which their axis is linear if any is larger than the second [%], our choice:
+one sample that is quite another does not hide the others."""
+CAPTION = (
+    "a) Values with their 95 % intervals. b) The same as difference from the first run, in percent"
+    " of its value. Each run has its colour and marker."
+)
+
+
+@dataclass(frozen=True)
+class _Quantity:
+    """What one figure compares: its names in words and in `SampleResults`, and its unit."""
+
+    name: str
+    title: str
+    symbol: str
+    value: str
+    expanded: str
+    scale: float
+    unit: str
+    digits: int
+
+
+QUANTITIES = (
+    _Quantity(
+        "contact time",
+        "Pulse width by run",
+        "τp",
+        "contact_time_s",
+        "contact_time_expanded_s",
+        MICRO,
+        "µs",
+        2,
+    ),
+    _Quantity(
+        "stiffness",
+        "Stiffness by run",
+        "k2",
+        "stiffness_n_per_m",
+        "stiffness_expanded_n_per_m",
+        MEGA,
+        "MN/m",
+        2,
+    ),
+    _Quantity(
+        "damping",
+        "Damping coefficient by run",
+        "c2",
+        "damping_coefficient_n_s_per_m",
+        "damping_coefficient_expanded_n_s_per_m",
+        1.0,
+        "N s/m",
+        1,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class _Bar:
+    """One run's value of one sample, with the half-width of its 95 % interval; NaN: unknown."""
+
+    run: int
+    sample: str
+    value: float
+    expanded: float
 
 
 def draw_comparison_figure(
@@ -25,4 +110,137 @@ def draw_comparison_figure(
         One for each quantity. One for which there is nothing to draw has an empty `svg`, and
         its caption says why.
     """
-    return ()
+    names = [name for name, _ in runs]
+    return tuple(
+        _draw_quantity(quantity, names, _collect_bars(quantity, runs), prefix)
+        for quantity in QUANTITIES
+    )
+
+
+def _collect_bars(quantity: _Quantity, runs: Sequence[tuple[str, Results]]) -> list[_Bar]:
+    bars = [
+        _Bar(
+            run,
+            sample.name,
+            getattr(sample, quantity.value) * quantity.scale,
+            getattr(sample, quantity.expanded) * quantity.scale,
+        )
+        for run, (_, results) in enumerate(runs)
+        for sample in results.samples
+    ]
+    return [bar for bar in bars if math.isfinite(bar.value)]
+
+
+def _draw_quantity(
+    quantity: _Quantity, runs: Sequence[str], bars: Sequence[_Bar], prefix: str
+) -> ReportFigure:
+    name = make_name(prefix, f"comparison {quantity.name}")
+    if not bars:
+        reason = f"Not drawn: no run has {quantity.symbol} of any sample."
+        return make_missing_figure(name, quantity.title, reason)
+    differences = _relate_to_first(bars)
+    with drawing_style():
+        panels = [
+            _draw_panel("a) values", f"{quantity.symbol} [{quantity.unit}]", runs, bars, "value")
+        ]
+        if differences:
+            label = f"difference of {quantity.symbol} from the first run [%]"
+            title = "b) less the first run"
+            panel = _draw_panel(title, label, runs, differences, "difference")
+            _scale_differences(panel.axes[0], max(abs(bar.value) for bar in differences))
+            panels.append(panel)
+        svg = render_panels(name, panels)
+    alternative = _describe(quantity, runs, bars, differences)
+    return ReportFigure(name, quantity.title, svg, alternative, CAPTION)
+
+
+def _relate_to_first(bars: Sequence[_Bar]) -> list[_Bar]:
+    """Return values and bars as percent of the first run's value, where that has one."""
+    first = {bar.sample: bar.value for bar in bars if bar.run == 0}
+    return [
+        _Bar(
+            bar.run,
+            bar.sample,
+            compute_difference(bar.value, first[bar.sample]),
+            100.0 * bar.expanded / abs(first[bar.sample]),
+        )
+        for bar in bars
+        if first.get(bar.sample)
+    ]
+
+
+def _draw_panel(
+    title: str, label: str, runs: Sequence[str], bars: Sequence[_Bar], kind: str
+) -> "Figure":
+    samples = list(dict.fromkeys(bar.sample for bar in bars))
+    height = (RUN_HEIGHT * len(runs) + SAMPLE_ROOM) * len(samples)
+    panel = make_named_panel(samples, height, [_make_handles(runs)])
+    axes = panel.axes[0]
+    _draw_bands(axes, len(samples))
+    for bar in bars:
+        # In their order around the sample's place, the first at the top.
+        shift = RUN_HEIGHT * (bar.run - 0.5 * (len(runs) - 1)) / (height / len(samples))
+        axes.errorbar(
+            [bar.value],
+            [samples.index(bar.sample) + shift],
+            xerr=[bar.expanded] if math.isfinite(bar.expanded) else None,
+            **_find_style(runs, bar.run),
+            gid=f"{kind}-{samples.index(bar.sample)}-{bar.run}",
+        )
+    axes.set_title(title)
+    axes.set_xlabel(label)
+    return panel
+
+
+def _scale_differences(axes: "Axes", largest: float) -> None:
+    axes.axvline(0.0, color=INK, linewidth=0.8, alpha=0.5, zorder=1.0)
+    if largest > LARGEST_LINEAR:
+        axes.set_xscale("symlog", linthresh=LINEAR_RANGE)
+        axes.xaxis.set_major_formatter("{x:g}")
+
+
+def _draw_bands(axes: "Axes", count: int) -> None:
+    """Shade every second sample: the eye keeps the line."""
+    for place in range(1, count, 2):
+        axes.axhspan(place - 0.5, place + 0.5, color=INK, alpha=0.05, linewidth=0.0)
+
+
+def _find_style(runs: Sequence[str], run: int) -> dict[str, Any]:
+    places = [str(place) for place in range(len(runs))]
+    return {
+        "color": find_looks(places)[str(run)].colour,
+        "linestyle": "none",
+        "elinewidth": 1.2,
+        **find_marker(run),
+    }
+
+
+def _make_handles(runs: Sequence[str]) -> "list[Artist]":
+    from matplotlib.lines import Line2D
+
+    handles: list[Artist] = []
+    for run, name in enumerate(runs):
+        style = _find_style(runs, run)
+        del style["elinewidth"]
+        handles.append(Line2D([], [], **style, label=shorten_name(name, LONGEST_RUN)))
+    return handles
+
+
+def _describe(
+    quantity: _Quantity, runs: Sequence[str], bars: Sequence[_Bar], differences: Sequence[_Bar]
+) -> str:
+    samples = len({bar.sample for bar in bars})
+    text = (
+        f"{quantity.symbol} of {samples} sample{'s' * (samples != 1)} in {len(runs)}"
+        f" run{'s' * (len(runs) != 1)}."
+    )
+    others = [bar for bar in differences if bar.run > 0]
+    if not others:
+        return text
+    largest = max(others, key=lambda bar: abs(bar.value))
+    value = next(bar for bar in bars if (bar.run, bar.sample) == (largest.run, largest.sample))
+    return text + (
+        f" Largest difference from {runs[0]}: {largest.value:+.2f} %, {largest.sample} in"
+        f" {runs[largest.run]}, where it is"
+        f" {format_uncertain(value.value, value.expanded, quantity.digits)} {quantity.unit}."
+    )

@@ -1,7 +1,5 @@
 """Traces thinned to what can be drawn: every peak stays where and as high as it is."""
 
-from itertools import pairwise
-
 import numpy as np
 
 from impact_rig.core.signals.record import FloatArray
@@ -28,16 +26,24 @@ def decimate_trace(
     count = values.size
     if count <= 3 * columns + 2:
         return time, values
-    edges = np.linspace(0, count, columns + 1).astype(int)
-    kept = {0, count - 1}
-    for start, stop in pairwise(edges):
-        column = values[start:stop]
-        gaps = np.isnan(column)
-        if gaps.any():
-            kept.add(int(start + np.argmax(gaps)))
-        if not gaps.all():
-            kept.update((int(start + np.nanargmin(column)), int(start + np.nanargmax(column))))
-    places = np.array(sorted(kept))
+    width = -(-count // columns)
+    padded = np.full(width * columns, np.nan)
+    padded[:count] = values
+    table = padded.reshape(columns, width)
+    gaps = np.isnan(table)
+    first = np.arange(columns) * width
+    broken = gaps.any(axis=1)
+    places = np.unique(
+        np.concatenate(
+            [
+                [0, count - 1],
+                first + np.where(gaps, np.inf, table).argmin(axis=1),
+                first + np.where(gaps, -np.inf, table).argmax(axis=1),
+                (first + gaps.argmax(axis=1))[broken],
+            ]
+        )
+    )
+    places = places[places < count]
     return time[places], values[places]
 
 
@@ -71,3 +77,12 @@ def find_fading_time(time: FloatArray, traces: FloatArray, level: float) -> floa
     peaks = sizes.max(axis=1, keepdims=True)
     loud = np.flatnonzero(((sizes >= level * peaks) & (peaks > 0.0)).any(axis=0))
     return float(time[loud[-1]]) if loud.size else float(time[0])
+
+
+def find_peak(trace: FloatArray) -> float:
+    """Return the value of largest magnitude of a trace, shape (n,), its sign included.
+
+    Points that are not finite count as nothing; 0 if there are no others.
+    """
+    finite = np.nan_to_num(trace, nan=0.0, posinf=0.0, neginf=0.0)
+    return float(finite[np.argmax(np.abs(finite))])

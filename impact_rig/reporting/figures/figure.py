@@ -40,18 +40,3 @@ class ReportFigure:
 def make_missing_figure(name: str, title: str, reason: str) -> ReportFigure:
     """Return what stands in the place of a figure for which there is nothing to draw."""
     return ReportFigure(name, title, svg="", alternative="", caption=reason)
-
-
-def make_name(*parts: str) -> str:
-    """Return a name for ids and files, different for different parts.
-
-    Letters and digits of ASCII stay, a blank becomes a hyphen, any other character its code
-    point between underscores; the parts are joined by two hyphens.
-    """
-    return "--".join("".join(map(_encode, part)) for part in parts if part)
-
-
-def _encode(character: str) -> str:
-    if character.isascii() and character.isalnum():
-        return character
-    return "-" if character == " " else f"_{ord(character):x}_"

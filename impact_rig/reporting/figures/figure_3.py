@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure, make_name
+from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure
 from impact_rig.reporting.figures.looks import (
     Look,
     draw_material_lines,
@@ -13,15 +13,16 @@ from impact_rig.reporting.figures.looks import (
     find_marker,
     make_material_handles,
     make_size_handles,
-    show_names,
+)
+from impact_rig.reporting.figures.names import make_name
+from impact_rig.reporting.figures.panel import (
+    make_named_panel,
+    make_panel,
     split_into_columns,
 )
 from impact_rig.reporting.figures.style import (
     INK,
-    LEGEND_ROW,
-    add_legend,
     drawing_style,
-    make_panel,
 )
 from impact_rig.reporting.figures.vector import render_panels
 from impact_rig.results.figure_rows import FigureRow
@@ -36,10 +37,9 @@ if TYPE_CHECKING:
 TITLE = "Fig. 3. Pulse width against relative mass"
 GRAM = 1e3
 """Kilograms to grams."""
-AXES_HEIGHT = 250.0
-FRAME_HEIGHT = 62.0
+AXES_HEIGHT = 215.0
 ROW_HEIGHT = 17.0
-"""Of the axes, of what is around them, and of one sample's line [pt]."""
+"""Of the axes, and of one sample's line [pt]."""
 RING_GROWTH = 2.1
 """How much larger than our point the published one is [-]: both are seen."""
 MARGIN = 1.12
@@ -94,10 +94,7 @@ def _draw_panels(rows: Sequence[FigureRow]) -> "tuple[Figure, Figure]":
     marks = [*make_size_handles(rows), *_make_mark_handles(rows, "_")]
     columns = [*split_into_columns(make_material_handles(looks)), marks]
     # As high as the higher of the two: they stand beside each other.
-    height = max(
-        AXES_HEIGHT + LEGEND_ROW * max(map(len, columns)),
-        FRAME_HEIGHT + ROW_HEIGHT * len(rows) + LEGEND_ROW,
-    )
+    height = max(AXES_HEIGHT, ROW_HEIGHT * len(rows))
     return _draw_widths(rows, looks, columns, height), _draw_scatter(rows, looks, height)
 
 
@@ -107,15 +104,14 @@ def _draw_widths(
     columns: "Sequence[Sequence[Artist]]",
     height: float,
 ) -> "Figure":
-    panel = make_panel(height)
-    axes = panel.add_subplot()
+    panel = make_panel([height], columns)
+    axes = panel.axes[0]
     draw_material_lines(axes, rows, "relative_mass", "contact_time", looks)
     for place, row in enumerate(rows):
         _draw_width(axes, place, row, looks[row.material])
     axes.set_title("a) all samples")
     axes.set_xlabel("relative mass m1 m2 / (m1 + m2) [g]")
     axes.set_ylabel("pulse width τp [µs]")
-    add_legend(panel, *columns)
     return panel
 
 
@@ -145,17 +141,16 @@ def _draw_width(axes: "Axes", place: int, row: FigureRow, look: Look) -> None:
 
 def _draw_scatter(rows: Sequence[FigureRow], looks: dict[str, Look], height: float) -> "Figure":
     """Draw what no common axis can show: hits differ by less than the height of a point."""
-    panel = make_panel(height)
-    axes = panel.add_subplot()
+    marks = [[mark] for mark in _make_mark_handles(rows, "|")]
+    panel = make_named_panel([row.name for row in rows], height, marks)
+    axes = panel.axes[0]
     limit = _find_limit(rows)
     axes.set_xlim(-limit, limit)
     axes.axvline(0.0, color=INK, linewidth=0.8, alpha=0.5)
     for place, row in enumerate(rows):
         _draw_differences(axes, place, row, looks[row.material], limit)
-    show_names(axes, [row.name for row in rows])
     axes.set_title("b) the same, less each sample's mean")
     axes.set_xlabel("difference from the mean's τp [µs]")
-    add_legend(panel, *([mark] for mark in _make_mark_handles(rows, "|")))
     return panel
 
 
@@ -222,7 +217,7 @@ def _make_mark_handles(rows: Sequence[FigureRow], tick: str) -> "list[Artist]":
 
     handles: list[Artist] = [
         Line2D([], [], **_make_tick(tick, INK), label="one hit"),
-        Line2D([], [], color=INK, linestyle="none", **find_marker(0), label="mean (95 %)"),
+        Line2D([], [], color=INK, linestyle="none", **find_marker(0), label="mean, 95 % bar"),
     ]
     if any(math.isfinite(row.reference.contact_time) for row in rows):
         handles.append(Line2D([], [], **_make_ring(0), label=_name_reference(rows)))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure, make_name
+from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure
 from impact_rig.reporting.figures.looks import (
     Look,
     draw_material_lines,
@@ -13,13 +13,11 @@ from impact_rig.reporting.figures.looks import (
     find_marker,
     make_material_handles,
     make_size_handles,
-    split_into_columns,
 )
+from impact_rig.reporting.figures.names import make_name
+from impact_rig.reporting.figures.panel import make_panel, split_into_columns
 from impact_rig.reporting.figures.style import (
-    LEGEND_ROW,
-    add_legend,
     drawing_style,
-    make_panel,
 )
 from impact_rig.reporting.figures.vector import render_panels
 from impact_rig.results.figure_rows import FigureRow
@@ -29,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TITLE = "Fig. 4. Maximum amplitude against pulse width"
-AXES_HEIGHT = 230.0
+AXES_HEIGHT = 190.0
 """[pt]"""
 PANELS = (("a) hammer", "hammer", "hammer_peak"), ("b) samples", "sample", "specimen_peak"))
 """Title of the panel, whose amplitude, and the attribute of `FigureRow`."""
@@ -88,8 +86,8 @@ def _draw_panel(
     title: str, rows: Sequence[FigureRow], attribute: str, looks: dict[str, Look]
 ) -> "Figure":
     columns = [*split_into_columns(make_material_handles(looks)), make_size_handles(rows)]
-    panel = make_panel(AXES_HEIGHT + LEGEND_ROW * max(map(len, columns)))
-    axes = panel.add_subplot()
+    panel = make_panel([AXES_HEIGHT], columns)
+    axes = panel.axes[0]
     draw_material_lines(axes, rows, "contact_time", attribute, looks)
     for place, row in enumerate(rows):
         axes.plot(
@@ -104,7 +102,6 @@ def _draw_panel(
     axes.set_title(title)
     axes.set_xlabel("pulse width τp [µs]")
     axes.set_ylabel("maximum amplitude [m/s²]")
-    add_legend(panel, *columns)
     return panel
 
 

@@ -3,22 +3,19 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from impact_rig.core.signals.record import FloatArray
 from impact_rig.reporting.figures.decimation import (
     cut_trace,
     decimate_trace,
     find_fading_time,
+    find_peak,
 )
-from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure, make_name
-from impact_rig.reporting.figures.looks import shorten_name
+from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure
+from impact_rig.reporting.figures.names import make_name, shorten_name
+from impact_rig.reporting.figures.panel import make_panel
+from impact_rig.reporting.figures.percent import format_percent
 from impact_rig.reporting.figures.style import (
     INK,
-    LEGEND_ROW,
-    add_legend,
     drawing_style,
-    make_panel,
 )
 from impact_rig.reporting.figures.vector import render_panels
 from impact_rig.results.figure_rows import sort_as_figure_5
@@ -33,7 +30,7 @@ if TYPE_CHECKING:
 TITLE = "Fig. 5. Model and measured response"
 CASES = 3
 """Samples that the paper shows [-]."""
-CASE_HEIGHT = 112.0
+CASE_HEIGHT = 90.0
 """Of one sample's axes [pt]."""
 COLUMNS = 280
 """Of a trace [-]: one for each point of the axes' width."""
@@ -99,16 +96,16 @@ def _draw_panel(
 ) -> "Figure":
     from matplotlib.lines import Line2D
 
-    panel = make_panel(44.0 + CASE_HEIGHT * len(cases) + LEGEND_ROW)
-    rows = panel.subplots(len(cases), sharex=True, squeeze=False)[:, 0]
+    legend = [[Line2D([], [], **look, label=kind)] for kind, look in LOOKS.items()]
+    panel = make_panel([CASE_HEIGHT] * len(cases), legend)
+    rows = panel.axes
     span = _find_span([sample for sample, _ in cases], channel)
     for place, (axes, (sample, model)) in enumerate(zip(rows, cases, strict=True)):
         _draw_case(axes, sample, model, channel, span, place)
     rows[0].set_xlim(*span)
-    panel.suptitle(title, x=0.01, ha="left", fontsize=10.0, fontweight="bold")
-    panel.supylabel("acceleration over its peak", fontsize=10.0)
+    rows[0].set_title(title)
+    rows[len(rows) // 2].set_ylabel("acceleration / peak")
     rows[-1].set_xlabel("time from the middle of the pulse [µs]")
-    add_legend(panel, *([Line2D([], [], **look, label=kind)] for kind, look in LOOKS.items()))
     return panel
 
 
@@ -120,7 +117,7 @@ def _draw_case(
     span: tuple[float, float],
     place: int,
 ) -> None:
-    peak = _find_peak(sample.mean[channel])
+    peak = find_peak(sample.mean[channel]) or 1.0
     time = sample.time * MICRO
     for kind, trace in ((MODEL, model.traces[channel]), (MEASURED, sample.mean[channel])):
         points = decimate_trace(*cut_trace(time, trace / peak, *span), COLUMNS)
@@ -129,19 +126,13 @@ def _draw_case(
     axes.text(
         0.99,
         0.95,
-        f"{shorten_name(sample.name)}\nMSE {mse:.3g} %",
+        f"{shorten_name(sample.name)}\nMSE {format_percent(mse)}",
         transform=axes.transAxes,
         ha="right",
         va="top",
     )
     axes.set_yticks([-1, 0, 1])
     axes.margins(y=0.08)
-
-
-def _find_peak(trace: FloatArray) -> float:
-    """Return the value of largest magnitude, sign included; 1 for a trace that is zero."""
-    finite = np.nan_to_num(trace, nan=0.0)
-    return float(finite[np.argmax(np.abs(finite))]) or 1.0
 
 
 def _find_span(samples: Sequence[SampleTraces], channel: int) -> tuple[float, float]:
@@ -160,8 +151,8 @@ def _find_span(samples: Sequence[SampleTraces], channel: int) -> tuple[float, fl
 
 def _describe(cases: Sequence[tuple[SampleTraces, ModelTraces]]) -> str:
     parts = (
-        f"{sample.name}: hammer {model.mse_hammer_percent:.3g} %,"
-        f" sample {model.mse_sample_percent:.3g} %"
+        f"{sample.name}: hammer {format_percent(model.mse_hammer_percent)},"
+        f" sample {format_percent(model.mse_sample_percent)}"
         for sample, model in cases
     )
     return (

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure, make_name
-from impact_rig.reporting.figures.looks import find_looks, show_names
+from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure
+from impact_rig.reporting.figures.looks import find_looks
+from impact_rig.reporting.figures.names import make_name
+from impact_rig.reporting.figures.panel import make_named_panel
+from impact_rig.reporting.figures.percent import format_percent
 from impact_rig.reporting.figures.style import (
     INK,
-    LEGEND_ROW,
-    add_legend,
     drawing_style,
-    make_panel,
 )
 from impact_rig.reporting.figures.vector import render_panels
 from impact_rig.results.figure_rows import (
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 TITLE = "Fig. 6. Mean square error between model and measurement"
 ROW_HEIGHT = 17.0
 """Of one sample's bar with its room [pt]."""
-FRAME_HEIGHT = 62.0
-"""Of what is around the axes [pt]."""
 BAR_HEIGHT = 0.62
 """Part of that [-]."""
 SHORTEST_BAR = 20.0
@@ -37,6 +35,10 @@ SHORTEST_BAR = 20.0
 axis [-], our choice."""
 VALUE_ROOM = 1.22
 """Length of the axis over the longest bar [-]: its value stands behind it."""
+VALUE_SIZE = 9.0
+VALUE_GAP = 6.0
+VALUE_SHARE = 0.14
+"""Of the values: size and distance from the bar [pt], and length as part of the axis [-]."""
 CAPTION = (
     "Over the whole record, both traces normalised to their peak and shifted onto each other, as"
     " the paper has it. Dashed line: the largest value of the paper, which prints this figure"
@@ -76,13 +78,16 @@ def draw_figure_6(rows: Sequence[FigureRow], *, prefix: str = "") -> ReportFigur
         Not drawn if no sample was compared with the model.
     """
     name = make_name(prefix, "figure 6")
-    compared = [row for row in rows if math.isfinite(row.mse_hammer_percent)]
-    if not compared:
+    parts = [
+        (part, [row for row in rows if math.isfinite(_find_value(part, row))]) for part in PARTS
+    ]
+    parts = [(part, compared) for part, compared in parts if compared]
+    if not parts:
         reason = "Fig. 6 is not drawn: no sample could be compared with the model."
         return make_missing_figure(name, TITLE, reason)
     with drawing_style():
-        svg = render_panels(name, [_draw_part(part, compared) for part in PARTS])
-    alternative = " ".join(_describe(part, compared) for part in PARTS)
+        svg = render_panels(name, [_draw_part(part, compared) for part, compared in parts])
+    alternative = " ".join(_describe(part, compared) for part, compared in parts)
     return ReportFigure(name, TITLE, svg, alternative, CAPTION)
 
 
@@ -91,27 +96,36 @@ def _draw_part(part: _Part, rows: Sequence[FigureRow]) -> "Figure":
 
     looks = find_looks([row.material for row in rows])
     values = [_find_value(part, row) for row in rows]
-    panel = make_panel(FRAME_HEIGHT + ROW_HEIGHT * len(rows) + LEGEND_ROW)
-    axes = panel.add_subplot()
     bound: dict[str, Any] = {"color": INK, "linewidth": 1.0, "linestyle": (0, (4, 2))}
+    label = f"largest value of the paper, {part.bound:g} %"
+    panel = make_named_panel(
+        [row.name for row in rows],
+        ROW_HEIGHT * len(rows),
+        [[Line2D([], [], **bound, label=label)]],
+    )
+    axes = panel.axes[0]
     axes.axvline(part.bound, **bound, gid="bound-1")
     draw = _draw_points if _is_far(part, values) else _draw_bars
     draw(axes, values, [looks[row.material].colour for row in rows], part.bound)
-    for place, value in enumerate(values):
-        axes.annotate(
-            f"{value:.3g}",
-            (value, place),
-            xytext=(6.0, 0.0),
-            textcoords="offset points",
-            va="center",
-            fontsize=9.0,
-        )
-    show_names(axes, [row.name for row in rows])
+    _write_values(axes, values, part.bound)
     axes.set_title(part.title)
     axes.set_xlabel("MSE [%]")
-    label = f"largest value of the paper, {part.bound:g} %"
-    add_legend(panel, [Line2D([], [], **bound, label=label)])
     return panel
+
+
+def _write_values(axes: "Axes", values: Sequence[float], bound: float) -> None:
+    room = VALUE_SHARE * axes.get_xlim()[1]
+    for place, value in enumerate(values):
+        # A number that would stand on the bound stands behind it.
+        is_hidden = axes.get_xscale() == "linear" and value < bound < value + room
+        axes.annotate(
+            format_percent(value).removesuffix(" %"),
+            (bound if is_hidden else value, place),
+            xytext=(VALUE_GAP, 0.0),
+            textcoords="offset points",
+            va="center",
+            fontsize=VALUE_SIZE,
+        )
 
 
 def _is_far(part: _Part, values: Sequence[float]) -> bool:
@@ -149,6 +163,7 @@ def _describe(part: _Part, rows: Sequence[FigureRow]) -> str:
     worst = max(rows, key=lambda row: _find_value(part, row))
     above = sum(_find_value(part, row) > part.bound for row in rows)
     return (
-        f"Mean square error of the {part.whose}: largest {_find_value(part, worst):.3g} %"
-        f" ({worst.name}); {above} of {len(rows)} above the paper's {part.bound:g} %."
+        f"Mean square error of the {part.whose}: largest"
+        f" {format_percent(_find_value(part, worst))} ({worst.name}); {above} of {len(rows)} above"
+        f" the paper's {part.bound:g} %."
     )

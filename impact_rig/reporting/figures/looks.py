@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from impact_rig.reporting.figures.names import shorten_name
 from impact_rig.reporting.figures.style import INK
 from impact_rig.results.figure_rows import FigureRow
 from impact_rig.results.palette import BLUE, GREEN, GREY, PURPLE, VERMILION, Colour, format_hex
@@ -12,10 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-LONGEST_NAME = 20
-"""Characters of a name in a figure [-], our choice: a third of a panel."""
-LONGEST_COLUMN = 10
-"""Lines in a column of a legend [-], our choice."""
 SERIES_COLOURS: tuple[Colour, ...] = (BLUE, VERMILION, GREEN, PURPLE, GREY)
 """Those of `palette.MATERIALS`, in its order, that stand out from a white and from a black ground
 (3:1, WCAG 2.2, 1.4.11), and grey."""
@@ -74,14 +71,6 @@ def make_material_handles(looks: dict[str, Look]) -> "list[Artist]":
     ]
 
 
-def split_into_columns(handles: "Sequence[Artist]") -> "list[Sequence[Artist]]":
-    """Return one column of a legend, or two where one would be higher than the figure."""
-    if len(handles) <= LONGEST_COLUMN:
-        return [handles]
-    half = (len(handles) + 1) // 2
-    return [handles[:half], handles[half:]]
-
-
 def make_size_handles(rows: Sequence[FigureRow]) -> "list[Artist]":
     """Return the markers that a legend shows for the sizes; none if there is only one."""
     from matplotlib.lines import Line2D
@@ -119,17 +108,3 @@ def draw_material_lines(
                 linewidth=1.0,
                 zorder=1.5,
             )
-
-
-def shorten_name(name: str) -> str:
-    """Return a name that fits beside an axis, without characters that XML has not."""
-    name = "".join(character if character.isprintable() else "\ufffd" for character in name)
-    return name if len(name) <= LONGEST_NAME else name[: LONGEST_NAME - 1].rstrip() + "…"
-
-
-def show_names(axes: "Axes", names: Sequence[str]) -> None:
-    """Write names beside the places 0, 1, ... of the vertical axis, the first at the top."""
-    axes.set_yticks(range(len(names)), [shorten_name(name) for name in names])
-    axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.tick_params(axis="y", length=0)
-    axes.grid(visible=False, axis="y")

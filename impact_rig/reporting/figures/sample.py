@@ -3,7 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from impact_rig.reporting.figures.figure import ReportFigure, make_name
+from impact_rig.reporting.figures.figure import ReportFigure
+from impact_rig.reporting.figures.names import make_name
+from impact_rig.reporting.figures.percent import format_percent
 from impact_rig.reporting.figures.sample_panel import MODEL_NAMES, draw_sample_panel, make_scene
 from impact_rig.reporting.figures.style import drawing_style
 from impact_rig.reporting.figures.vector import render_panels
@@ -97,7 +99,8 @@ def _describe(sample: SampleResults, traces: SampleTraces, hits: int) -> str:
         text += f" The mean reaches {' and '.join(peaks)}."
     return text + "".join(
         f" Mean square error of the {MODEL_NAMES[model.model]}: hammer"
-        f" {model.mse_hammer_percent:.3g} %, sample {model.mse_sample_percent:.3g} %."
+        f" {format_percent(model.mse_hammer_percent)}, sample"
+        f" {format_percent(model.mse_sample_percent)}."
         for model in traces.models
     )
 

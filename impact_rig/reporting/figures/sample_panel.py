@@ -8,12 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from impact_rig.core.signals.record import FloatArray
-from impact_rig.reporting.figures.decimation import cut_trace, decimate_trace, find_fading_time
+from impact_rig.reporting.figures.decimation import (
+    cut_trace,
+    decimate_trace,
+    find_fading_time,
+    find_peak,
+)
+from impact_rig.reporting.figures.panel import make_panel
+from impact_rig.reporting.figures.percent import format_percent
 from impact_rig.reporting.figures.style import (
     INK,
-    LEGEND_ROW,
-    add_legend,
-    make_panel,
 )
 from impact_rig.results.numbers import MICRO
 from impact_rig.results.palette import BLUE, GREEN, PURPLE, VERMILION, format_hex
@@ -31,10 +35,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-HEIGHT = 262.0
-"""Of a panel without its legend [pt]."""
-HEIGHT_RATIOS = (2.0, 1.0)
-"""Of traces and residuals."""
+HEIGHTS = (140.0, 68.0)
+"""Of the axes of traces and of residuals [pt]."""
 COLUMNS = 280
 """Of a trace [-]: one for each point of the axes' width."""
 HIT_COLUMNS = 130
@@ -47,6 +49,8 @@ PULSE_WIDTHS_AFTER = 2.0
 HAMMER = 0
 TITLES = ("a) hammer", "b) sample")
 """Of the channels."""
+ROOM = 0.09
+"""Above and below the traces [part of the axis]: for the names of peaks."""
 CONTACT_COLOUR = format_hex(GREEN)
 LOOKS: dict[str, dict[str, Any]] = {
     DRIVEN: {"color": format_hex(VERMILION), "linestyle": (0, (5, 1.5))},
@@ -94,27 +98,21 @@ def draw_sample_panel(scene: Scene) -> "Figure":
     """Draw traces above and residuals below, on one time axis; call it in `drawing_style`."""
     columns = _make_legend(scene)
     has_models = bool(scene.traces.models)
-    panel = make_panel(HEIGHT + LEGEND_ROW * max(map(len, columns)))
-    rows = panel.subplots(
-        1 + has_models,
-        sharex=True,
-        squeeze=False,
-        gridspec_kw={"height_ratios": HEIGHT_RATIOS[: 1 + has_models]},
-    )[:, 0]
+    panel = make_panel(HEIGHTS[: 1 + has_models], columns)
+    rows = panel.axes
     for axes in rows:
         half = 0.5 * scene.traces.contact_time * MICRO
         axes.axvspan(-half, half, color=CONTACT_COLOUR, alpha=0.13, linewidth=0.0)
     _draw_traces(rows[0], scene)
     _draw_marks(rows[0], scene)
     rows[0].set_title(TITLES[scene.channel])
+    rows[0].margins(y=ROOM)
     rows[0].set_ylabel("acceleration [m/s²]")
     if has_models:
         _draw_residuals(rows[1], scene)
-        rows[1].set_ylabel("residual")
+        rows[1].set_ylabel("residual [m/s²]")
     rows[-1].set_xlim(scene.start, scene.stop)
     rows[-1].set_xlabel("time from the middle of the hammer pulse [µs]")
-    panel.align_ylabels()
-    add_legend(panel, *columns)
     return panel
 
 
@@ -139,7 +137,7 @@ def _draw_marks(axes: "Axes", scene: Scene) -> None:
     mean = traces.mean[scene.channel]
     if scene.channel == HAMMER:
         half = 0.5 * traces.half_amplitude_width
-        level = 0.5 * float(mean[np.nanargmax(np.abs(mean))])
+        level = 0.5 * find_peak(mean)
         times = np.array([-half, half]) * MICRO
         axes.plot(times, [level, level], color=INK, linewidth=0.8, **POINT_LOOK, gid="width-1")
         width = f"w50 {2.0 * half * MICRO:.1f} µs"
@@ -180,16 +178,12 @@ def _make_legend(scene: Scene) -> "list[list[Artist]]":
         measured.insert(0, Line2D([], [], **HIT_LOOK, label=label))
     measured.append(Patch(color=CONTACT_COLOUR, alpha=0.25, label="contact τp"))
     models: list[Artist] = [
-        Line2D(
-            [],
-            [],
-            **LOOKS[model.model],
-            label=f"{MODEL_NAMES[model.model]}, MSE {_find_mse(model, scene.channel):.2g} %",
-        )
+        Line2D([], [], **LOOKS[model.model], label=_name_model(model, scene.channel))
         for model in scene.traces.models
     ]
     return [measured, models] if models else [measured]
 
 
-def _find_mse(model: ModelTraces, channel: int) -> float:
-    return model.mse_hammer_percent if channel == HAMMER else model.mse_sample_percent
+def _name_model(model: ModelTraces, channel: int) -> str:
+    mse = model.mse_hammer_percent if channel == HAMMER else model.mse_sample_percent
+    return f"{MODEL_NAMES[model.model]}, MSE {format_percent(mse)}"

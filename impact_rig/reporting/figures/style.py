@@ -1,20 +1,14 @@
 """The look that all panels share: size, ink, fonts, lines."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.figure import Figure
+from typing import Any
 
 INK = "#010203"
 """Stands for the page's ink until the figure is rendered: a colour that nothing else has."""
-PANEL_WIDTH = 340.0
-"""[pt], our choice: about the width of a phone, where the text then has its own size."""
-POINTS_PER_INCH = 72.0
-LEGEND_ROW = 14.5
-"""Height of a line of a legend [pt]."""
+TEXT_SIZE = 10.0
+TICK_SIZE = 9.5
+"""Of the text, and of what stands at ticks and in legends [pt]: on a phone as on paper."""
 GRID_OPACITY = 0.18
 """[-], our choice: seen when looked for."""
 STYLE: dict[Any, Any] = {
@@ -22,14 +16,15 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "impact-rig report",  # the same results give the same file
     "text.parse_math": False,  # a sample may be called "$x$"
     "path.simplify": False,  # what is left out is decided in `decimation`
-    "font.size": 10.0,
-    "axes.titlesize": 10.0,
+    "font.size": TEXT_SIZE,
+    "axes.titlesize": TEXT_SIZE,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
-    "axes.labelsize": 10.0,
-    "xtick.labelsize": 9.5,
-    "ytick.labelsize": 9.5,
-    "legend.fontsize": 9.5,
+    "axes.titley": 1.0,  # not found by looking at what is there
+    "axes.labelsize": TEXT_SIZE,
+    "xtick.labelsize": TICK_SIZE,
+    "ytick.labelsize": TICK_SIZE,
+    "legend.fontsize": TICK_SIZE,
     "legend.frameon": False,
     "legend.handlelength": 2.4,
     "legend.columnspacing": 1.2,
@@ -71,31 +66,3 @@ def drawing_style() -> Iterator[None]:
         mpl.rcdefaults()
         mpl.rcParams.update(STYLE)
         yield
-
-
-def make_panel(height: float) -> "Figure":
-    """Return an empty panel, `height` points high; call it in `drawing_style`."""
-    # The Figure itself, not pyplot: no screen, no state that outlives the call.
-    from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
-    size = (PANEL_WIDTH / POINTS_PER_INCH, height / POINTS_PER_INCH)
-    return Figure(figsize=size, layout=ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03))
-
-
-def add_legend(panel: "Figure", *columns: "Sequence[Artist]") -> None:
-    """Put a legend below the axes, its columns filled from the top."""
-    from matplotlib.lines import Line2D
-
-    lines = max(map(len, columns))
-    blank = Line2D([], [], linestyle="none", label=" ")
-    panel.legend(
-        handles=[
-            handle for column in columns for handle in (*column, *[blank] * (lines - len(column)))
-        ],
-        loc="outside lower left",
-        ncols=len(columns),
-        alignment="left",
-        borderaxespad=0.0,
-        labelspacing=0.3,
-    )

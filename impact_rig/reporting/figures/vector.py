@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 SVG = "http://www.w3.org/2000/svg"
 LINK = "{http://www.w3.org/1999/xlink}href"
-PANELS_STYLE = "display:flex;flex-wrap:wrap;gap:.5rem .75rem;justify-content:center"
+PANELS_STYLE = (
+    "display:flex;flex-wrap:wrap;gap:.5rem .75rem;justify-content:center;align-items:flex-start"
+)
 PANEL_STYLE = "flex:1 1 18rem;min-width:0;max-width:34rem;height:auto;stroke-linejoin:round"
 """As wide as there is room, two beside each other from some 37 rem, our choice: the ticks' text
 is then never below 8 px, nor larger than the page's."""
