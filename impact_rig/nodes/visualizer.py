@@ -1,29 +1,47 @@
-"""The visualizer: hits and verdicts, in Rerun.
+"""The visualizer: model against measured traces, verdicts, tables and the rig's health, in Rerun.
 
 A process of its own that only listens: it may drop views, never data, and nothing waits for it.
 """
 
 import os
+from collections import deque
+from collections.abc import Callable, Hashable
 from typing import Any
 
-from impact_rig_msgs.msg import AccelerationBlock, Impact, RigSetup
+from diagnostic_msgs.msg import DiagnosticArray
+from impact_rig_msgs.msg import (
+    AccelerationBlock,
+    HammerEstimate,
+    Impact,
+    ModelComparison,
+    RigSetup,
+    SampleEstimate,
+    VirtualImpact,
+)
 
-from impact_rig.core.setup.samples import SampleSet
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.messages import hit_results_from_msg
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.visualizing.rate_meter import RateMeter
+from impact_rig.nodes.visualizing.rig_health import DIAGNOSTICS, RigHealth
+from impact_rig.nodes.visualizing.shown_campaign import ShownCampaign
 from impact_rig.recording.interfaces.messages import (
     block_from_msg,
+    label_from_msg,
     setup_from_msg,
     stamp_from_msg,
 )
 from impact_rig.results.hit_traces import TraceAssembler
-from impact_rig.visualization.destinations import open_destinations
+from impact_rig.results.sample_traces import AlignedHit
+from impact_rig.visualization.destinations import DestinationPlan, open_destinations
 from impact_rig.visualization.sink import Destination, Work
+from impact_rig.visualization.viewers.addresses import LOOPBACK
 
 NICENESS = 10
 """How far the process steps back [steps of nice], our choice."""
+LARGEST_PORT = 65535
+WAITING_MESSAGES = 1000
+"""Messages kept while no set-up has arrived [-], our choice: more than the topics keep."""
 
 
 class VisualizerNode(RigNode):
@@ -35,24 +53,50 @@ class VisualizerNode(RigNode):
         self.declare(
             "connect",
             "",
-            "address of a running viewer, rerun+http://HOST:9876/proxy; empty: none",
+            "address of a viewer elsewhere, rerun+http://HOST:9876/proxy, which may come late,"
+            " close and come back; empty: none",
         )
         self.declare("spawn", False, "open a viewer on this host")
+        self.declare("web", False, "serve a web page with a viewer; the log says where")
+        self.declare(
+            "listen",
+            LOOPBACK,
+            "IP address that web page and viewers are served on: 127.0.0.1 for this host alone,"
+            " 0.0.0.0 for everybody",
+        )
+        port = "0: any free one"
+        self.declare("web_port", 0, f"port of the web page; {port}", low=0, high=LARGEST_PORT)
+        self.declare(
+            "relay_port",
+            0,
+            f"port from which spawned viewer and web page get the view; {port}",
+            low=0,
+            high=LARGEST_PORT,
+        )
         self._destinations: tuple[Destination, ...] = ()
         self._subscriptions_of_view: list[Any] = []
         self._assembler = TraceAssembler()
-        self._samples: SampleSet | None = None
-        self._counts = {"hits": 0}
+        self._campaign: ShownCampaign | None = None
+        self._early: deque[tuple[Callable[[ShownCampaign, Any], None], Any]] = deque(
+            maxlen=WAITING_MESSAGES
+        )
+        self._health = RigHealth(self.get_namespace())
+        self._rates = RateMeter()
+        self._counts = {"campaigns": 0, "blocks": 0, "hits": 0, "comparisons": 0}
 
     def configure(self) -> None:
         """Open the file and the viewers."""
-        self._destinations = open_destinations(
-            output=self.get_value("output"),
-            connect=self.get_value("connect"),
-            spawn=self.get_value("spawn"),
-            notify=self.get_logger().warning,
-        )
-        self._samples = None
+        plan = DestinationPlan(
+            **{
+                name: self.get_value(name)
+                for name in (
+                    "output", "connect", "spawn", "web", "listen", "web_port", "relay_port",
+                )
+            }
+        )  # fmt: skip
+        log = self.get_logger()
+        self._destinations = open_destinations(plan, announce=log.info, notify=log.warning)
+        self._campaign = None
 
     def activate(self) -> None:
         """Listen; what was said last before is heard now."""
@@ -61,7 +105,12 @@ class VisualizerNode(RigNode):
             for topic, callback in (
                 (interfaces.SETUP, self._begin),
                 (interfaces.ACCELERATION, self._take_block),
-                (interfaces.IMPACT, self._take_impact),
+                (interfaces.VIRTUAL_IMPACT, self._in_campaign(self._take_truth)),
+                (interfaces.IMPACT, self._in_campaign(self._take_impact)),
+                (interfaces.ESTIMATE, self._in_campaign(self._take_estimate)),
+                (interfaces.HAMMER_ESTIMATE, self._in_campaign(self._take_hammer)),
+                (interfaces.COMPARISON, self._in_campaign(self._take_comparison)),
+                (DIAGNOSTICS, self._take_diagnostics),
             )
         ]
 
@@ -78,34 +127,103 @@ class VisualizerNode(RigNode):
         self._destinations = ()
 
     def diagnose(self) -> dict[str, Any]:
-        """Return what was shown, and what was not."""
+        """Return what was shown, how fast it came, and what was not shown."""
+        rates = self._rates.measure(self._counts)
         return {
             **self._counts,
+            **{f"{name} per second": f"{rates[name]:.1f}" for name in ("blocks", "hits")},
             "views dropped": sum(item.dropped for item in self._destinations),
             "destinations lost": sum(item.is_lost for item in self._destinations),
         }
 
-    def _put(self, work: Work) -> None:
+    def find_warning(self) -> str:
+        """Return which destination shows nothing, or why hits are not laid over each other."""
+        lost = [item.name for item in self._destinations if item.is_lost]
+        if lost:
+            return f"nothing is shown by {' and '.join(lost)}"
+        return self._campaign.overlay.fault if self._campaign else ""
+
+    def _put(self, work: Work, size: int = 0) -> None:
         for destination in self._destinations:
-            destination.put(work)
+            destination.put(work, size)
+
+    def _put_latest(self, key: Hashable, work: Work) -> None:
+        for destination in self._destinations:
+            destination.put_latest(key, work)
 
     def _begin(self, message: RigSetup) -> None:
         setup = setup_from_msg(message)
-        # A layout sent again would undo what the user has arranged.
-        if self._samples is None or setup.samples.names != self._samples.names:
-            self._put(lambda log: log.log_setup(setup.name, setup.samples.names))
-        self._samples = setup.samples
+        # As for the estimator: each set-up begins a campaign.
+        self._counts["campaigns"] += 1
+        campaign = self._campaign = ShownCampaign(setup)
+        for destination in self._destinations:
+            destination.begin(lambda log: log.log_setup(setup.name, setup.samples.names))
+        self._put_results(campaign)
+        while self._early:
+            take, early = self._early.popleft()
+            take(campaign, early)
+
+    def _in_campaign(self, take: Callable[[ShownCampaign, Any], None]) -> Callable[[Any], None]:
+        """Return a callback that keeps what comes before the first set-up, as it may."""
+
+        def callback(message: Any) -> None:
+            if self._campaign is None:
+                self._early.append((take, message))
+            else:
+                take(self._campaign, message)
+
+        return callback
 
     def _take_block(self, message: AccelerationBlock) -> None:
-        traces = self._assembler.feed(block_from_msg(message))
+        self._counts["blocks"] += 1
+        block = block_from_msg(message)
+        traces = self._assembler.feed(block)
         if traces is not None:
             self._counts["hits"] += 1
-            self._put(lambda log: log.log_hit(traces))
+            self._put(lambda log: log.log_hit(traces), traces.time.nbytes + traces.values.nbytes)
+        if self._campaign is not None:
+            for hit in self._campaign.overlay.feed(block):
+                self._put_aligned(hit)
 
-    def _take_impact(self, message: Impact) -> None:
-        verdict = hit_results_from_msg(message, ())
+    def _put_aligned(self, hit: AlignedHit) -> None:
+        self._put(lambda log: log.log_aligned_hit(hit), hit.traces.nbytes)
+
+    def _take_truth(self, campaign: ShownCampaign, message: VirtualImpact) -> None:
+        campaign.add_truth(message)
+
+    def _take_impact(self, campaign: ShownCampaign, message: Impact) -> None:
+        verdict = campaign.add_hit(message)
         stamp = stamp_from_msg(message.header.stamp)
         self._put(lambda log: log.log_verdict(verdict, stamp))
+        if verdict.accepted:
+            hit = campaign.overlay.accept(label_from_msg(message))
+            if hit is not None:
+                self._put_aligned(hit)
+        self._put_results(campaign)
+
+    def _take_estimate(self, campaign: ShownCampaign, message: SampleEstimate) -> None:
+        campaign.add_estimate(message)
+        self._put_results(campaign)
+
+    def _take_hammer(self, campaign: ShownCampaign, message: HammerEstimate) -> None:
+        campaign.add_hammer(message)
+        self._put_results(campaign)
+
+    def _take_comparison(self, campaign: ShownCampaign, message: ModelComparison) -> None:
+        self._counts["comparisons"] += 1
+        campaign.add_comparison(message)
+        sample = message.sample
+        self._put_latest(
+            ("traces", sample), lambda log: log.log_sample(campaign.make_traces(sample))
+        )
+
+    def _take_diagnostics(self, message: DiagnosticArray) -> None:
+        if self._health.add(message):
+            health = self._health.make_health()
+            self._put_latest("health", lambda log: log.log_health(health))
+
+    def _put_results(self, campaign: ShownCampaign) -> None:
+        self._put_latest("results", lambda log: log.log_results(campaign.make_results()))
 
 
 def main() -> int:

@@ -25,7 +25,8 @@ class HitTraces:
     time : ndarray of float64, shape (n,)
         From the first point that came [s].
     values : ndarray of float32, shape (n, 2)
-        Hammer and sample [m/s^2]; a row of NaN breaks the line at a gap.
+        Hammer and sample [m/s^2]; a row of NaN breaks the line at a gap, a sample that was not
+        measured is NaN throughout.
     """
 
     label: HitLabel
@@ -70,7 +71,9 @@ def _join(blocks: list[Block]) -> HitTraces:
             times.append(np.array([expected / block.sampling_rate]))
             rows.append(np.full((1, 2), np.nan, dtype=np.float32))
         times.append((first + np.arange(count)) / block.sampling_rate)
-        rows.append(np.stack([_scale(block.hammer), _scale(block.specimen)], axis=1))
+        hammer = _scale(block.hammer)
+        specimen = _scale(block.specimen) if block.has_specimen else np.full_like(hammer, np.nan)
+        rows.append(np.stack([hammer, specimen], axis=1))
         expected = first + count
     return HitTraces(
         label=blocks[0].label,

@@ -1,4 +1,4 @@
-"""Where the view goes: a file, a viewer elsewhere, a viewer of our own.
+"""A place where the view goes, fed by a thread of its own.
 
 Logging into Rerun waits without limit for a viewer that does not take its data, and then a file
 logged to at the same time gets nothing either. So each destination has a recording stream and a
@@ -10,20 +10,28 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Hashable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Hashable, Sequence
+from typing import TYPE_CHECKING, Protocol
 
+from impact_rig.core.errors import RigError
 from impact_rig.visualization.log import ViewLog
 
 if TYPE_CHECKING:
     import rerun as rr
 
 Work = Callable[[ViewLog], None]
+SizedWork = tuple[Work, int]
+"""Something to be logged, and about how much it is [byte]."""
 Notice = Callable[[str], None]
 
-QUEUE_LENGTH = 256
-"""Views that may wait for a destination [-], our choice: some seconds of a fast campaign, about
-20 MB of traces. What comes on top is dropped."""
+QUEUE_LENGTH = 512
+"""Views that may wait for a destination [-], our choice: some seconds of a fast campaign. What
+comes on top is dropped."""
+QUEUE_SIZE = 64 * 2**20
+"""The same in bytes, our choice: 400 records as the paper has them."""
+FLUSH_SIZE = 2**20
+"""After how much it is seen to that a viewer has taken it [byte], our choice: within
+`FLUSH_TIMEOUT` a slow network passes so much on."""
 FLUSH_TIMEOUT = 3.0
 """How long a viewer may take to accept what it was sent [s], our choice: a viewer that draws
 slowly still reads its socket at once."""
@@ -31,8 +39,40 @@ CLOSE_TIMEOUT = 5.0
 """How long the end may take [s], below what process managers grant."""
 
 
-class Destination:
-    """One place where the view goes.
+class Destination(Protocol):
+    """One place where the view goes; nothing of this waits for it.
+
+    Attributes
+    ----------
+    name : str
+        For people: the file, or the viewer's address.
+    """
+
+    name: str
+
+    @property
+    def dropped(self) -> int:
+        """How many views it misses [-]."""
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether nothing can be shown there now."""
+
+    def begin(self, work: Work) -> None:
+        """Queue what a campaign begins with, its set-up: it is never dropped."""
+
+    def put(self, work: Work, size: int = 0) -> None:
+        """Queue something to be logged, of about `size` bytes."""
+
+    def put_latest(self, key: Hashable, work: Work) -> None:
+        """Keep something to be logged with the next refresh, in place of what `key` had."""
+
+    def close(self, timeout: float = CLOSE_TIMEOUT) -> None:
+        """Log what is queued, and give up after `timeout` seconds. Safe to call twice."""
+
+
+class StreamDestination:
+    """A destination that is one recording stream: once lost, it stays lost.
 
     Parameters
     ----------
@@ -44,46 +84,72 @@ class Destination:
         Least time between two versions of what is replaced as a whole [s].
     notify : callable
         Told in one sentence, once, when the destination is lost; called from another thread.
+    backlog : sequence of SizedWork
+        Logged before everything else.
     """
 
     def __init__(
-        self, name: str, stream: rr.RecordingStream, refresh_period: float, notify: Notice
+        self,
+        name: str,
+        stream: rr.RecordingStream,
+        refresh_period: float,
+        notify: Notice,
+        backlog: Sequence[SizedWork] = (),
     ) -> None:
         self.name = name
         self._stream = stream
         self._log = ViewLog(stream)
         self._period = refresh_period
         self._notify = notify
-        self._queue: deque[Work] = deque()
+        self._queue: deque[SizedWork] = deque(backlog)
+        self._size = 0
         self._latest: dict[Hashable, Work] = {}
         self._next_refresh = time.monotonic()
         self._condition = threading.Condition()
         self._is_closing = False
         self._is_lost = False
-        self.dropped = 0
+        self._dropped = 0
+        self._last_word = ""
         # A daemon: a viewer that never takes its data must not keep the process from ending.
         self._thread = threading.Thread(target=self._run, name=f"view to {name}", daemon=True)
         self._thread.start()
+
+    @property
+    def dropped(self) -> int:
+        """How many views it misses [-]: it was too far behind, or lost."""
+        return self._dropped
 
     @property
     def is_lost(self) -> bool:
         """Whether the destination took its data no longer; then everything is dropped."""
         return self._is_lost
 
-    def put(self, work: Work) -> None:
+    def begin(self, work: Work) -> None:
+        """Queue what a campaign begins with, after the last word on the campaign before it."""
+        with self._condition:
+            if self._is_lost or self._is_closing:
+                self._dropped += 1
+                return
+            self._queue.extend((last, 0) for last in (*self._latest.values(), work))
+            self._latest.clear()
+            self._condition.notify()
+
+    def put(self, work: Work, size: int = 0) -> None:
         """Queue something to be logged, or drop it if the destination is too far behind."""
         with self._condition:
-            if self._is_lost or self._is_closing or len(self._queue) >= QUEUE_LENGTH:
-                self.dropped += 1
+            is_full = len(self._queue) >= QUEUE_LENGTH or self._size + size > QUEUE_SIZE
+            if self._is_lost or self._is_closing or is_full:
+                self._dropped += 1
                 return
-            self._queue.append(work)
+            self._queue.append((work, size))
+            self._size += size
             self._condition.notify()
 
     def put_latest(self, key: Hashable, work: Work) -> None:
         """Keep something to be logged with the next refresh, in place of what `key` had."""
         with self._condition:
             if self._is_lost or self._is_closing:
-                self.dropped += 1
+                self._dropped += 1
                 return
             self._latest[key] = work
             self._condition.notify()
@@ -101,21 +167,25 @@ class Destination:
         if self._thread.is_alive():
             self._lose(f"{self.name} took its data too slowly and was given up")
 
+    def wait_for_end(self) -> None:
+        """Wait until the stream is closed: by `close`, or after it was lost."""
+        self._thread.join()
+
     def _run(self) -> None:
         try:
             is_last = False
             while not is_last:
                 batch, is_last = self._take()
-                for work in batch:
-                    work(self._log)
-                self._stream.flush(timeout_sec=FLUSH_TIMEOUT)
+                self._write(batch)
         except RuntimeError as error:
             self._lose(f"{self.name} takes no more data, the rig goes on without it: {error}")
         finally:
+            if not self._is_closing:
+                self._lose(f"{self.name} shows nothing any more: something cannot be drawn")
             # A file becomes complete by this; with a viewer that is stuck it never returns.
             self._stream.disconnect()
 
-    def _take(self) -> tuple[list[Work], bool]:
+    def _take(self) -> tuple[list[SizedWork], bool]:
         """Wait for work; return it, and whether it is the last."""
         with self._condition:
             while not (self._queue or self._is_closing or self._is_refresh_due()):
@@ -123,11 +193,32 @@ class Destination:
                 self._condition.wait(pause)
             batch = list(self._queue)
             self._queue.clear()
+            self._size = 0
             if self._is_closing or self._is_refresh_due():
-                batch += self._latest.values()
+                batch += [(work, 0) for work in self._latest.values()]
                 self._latest.clear()
                 self._next_refresh = time.monotonic() + self._period
             return batch, self._is_closing
+
+    def _write(self, batch: Sequence[SizedWork]) -> None:
+        unflushed = 0
+        for work, size in batch:
+            try:
+                work(self._log)
+            except RigError as error:
+                self._leave_out(f"{self.name}: a view is left out: {error}")
+            unflushed += size
+            if unflushed >= FLUSH_SIZE:
+                self._stream.flush(timeout_sec=FLUSH_TIMEOUT)
+                unflushed = 0
+        self._stream.flush(timeout_sec=FLUSH_TIMEOUT)
+
+    def _leave_out(self, why: str) -> None:
+        """Say why something is not shown, unless that was said last."""
+        self._dropped += 1
+        if why != self._last_word:
+            self._last_word = why
+            self._notify(why)
 
     def _is_refresh_due(self) -> bool:
         return bool(self._latest) and time.monotonic() >= self._next_refresh
@@ -137,7 +228,7 @@ class Destination:
             if self._is_lost:
                 return
             self._is_lost = True
-            self.dropped += len(self._queue) + len(self._latest)
+            self._dropped += len(self._queue) + len(self._latest)
             self._queue.clear()
             self._latest.clear()
         self._notify(why)

@@ -1,5 +1,7 @@
 """Blocks joined to the traces of a record."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -75,3 +77,10 @@ def test_an_endless_record_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPa
     (joined,) = feed(*(make_block(4 * i, np.zeros(4), last=i == 9) for i in range(10)))
 
     assert joined.time.size == 12
+
+
+def test_a_sample_that_was_not_measured_is_not_a_number():
+    block = make_block(0, [10, 20], last=True)
+    (joined,) = feed(replace(block, specimen=replace(block.specimen, output=np.empty(0))))
+
+    np.testing.assert_array_equal(joined.values, [[7, np.nan], [12, np.nan]])

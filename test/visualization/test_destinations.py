@@ -1,26 +1,31 @@
 """Where the view goes, and that nobody waits for it."""
 
+import contextlib
+import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
+import psutil
 import pytest
 
 from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.results.hit_traces import HitTraces
-from impact_rig.visualization import rerun_sdk, sink
-from impact_rig.visualization.destinations import check_viewer_address, open_destinations
-from impact_rig.visualization.sink import Destination
-from impact_rig.visualization.text import Verdict
+from impact_rig.visualization import destinations, rerun_sdk, sink
+from impact_rig.visualization.destinations import DestinationPlan
+from impact_rig.visualization.sink import StreamDestination
+from impact_rig.visualization.viewers import connection
+from impact_rig.visualization.viewers.addresses import make_viewer_address
+from impact_rig.visualization.viewers.program import find_viewer
 
 rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 
 PATIENCE = 20.0
-VERDICT = Verdict(HitLabel("steel small"), True)
 NOISE = HitTraces(
     HitLabel("steel small"),
     np.arange(5000) / 2.5e6,
@@ -32,120 +37,141 @@ def fail(text):
     raise AssertionError(text)
 
 
+def show_noise(destination, record=1):
+    hit = replace(NOISE, label=HitLabel("steel small", record))
+    destination.put(lambda log: log.log_hit(hit), hit.values.nbytes)
+
+
 def find_free_port():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
 
 
-def make_address(port):
-    return f"rerun+http://127.0.0.1:{port}/proxy"
+def wait_until(condition):
+    deadline = time.monotonic() + PATIENCE
+    pause = threading.Event()
+    while not condition():
+        assert time.monotonic() < deadline, "it never came true"
+        pause.wait(0.01)
 
 
 class Notices:
+    """Keeps what it is told, and waits for it."""
+
     def __init__(self):
         self.texts = []
-        self._told = threading.Event()
 
     def __call__(self, text):
         self.texts.append(text)
-        self._told.set()
 
-    def wait(self):
-        assert self._told.wait(PATIENCE), "no notice came"
-        return self.texts
+    def wait_for(self, part):
+        wait_until(lambda: any(part in text for text in self.texts))
 
 
 @pytest.fixture
-def viewer():
-    """Start what a viewer has of a network, without its windows; return it and its address."""
-    from rerun_cli.__main__ import __file__ as launcher
+def open_all():
+    """Return a function that opens destinations, which are closed at the end."""
+    opened = []
 
-    binary = launcher.replace("__main__.py", "rerun")
-    port = find_free_port()
-    process = subprocess.Popen(
-        [binary, "--serve-grpc", "--bind", "127.0.0.1", "--port", str(port)],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    deadline = time.monotonic() + PATIENCE
-    pause = threading.Event()
-    while True:
-        try:
-            socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
-            break
-        except OSError:
+    def run(*, announce=fail, notify=fail, **plan):
+        opened.extend(
+            destinations.open_destinations(
+                DestinationPlan(**plan), announce=announce, notify=notify
+            )
+        )
+        return opened
+
+    yield run
+    for destination in opened:
+        destination.close()
+
+
+@pytest.fixture
+def start():
+    """Return a function that starts Rerun's program and returns once a port of it is open."""
+    processes = []
+
+    def run(port, *arguments):
+        process = subprocess.Popen(
+            [find_viewer(), "--bind", "127.0.0.1", "--port", str(port), *map(str, arguments)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        processes.append(process)
+
+        def is_open():
             assert process.poll() is None
-            assert time.monotonic() < deadline
-            pause.wait(0.01)
-    yield process, make_address(port)
-    process.kill()
-    process.wait()
+            return any(item.laddr.port == port for item in list_listeners(process.pid))
+
+        wait_until(is_open)
+        return process
+
+    yield run
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def viewer(start):
+    """Return a function that starts what a viewer has of a network, without its windows."""
+    return lambda port: start(port, "--serve-grpc")
+
+
+def list_listeners(pid):
+    """Return the sockets that a process and those below it listen on."""
+    process = psutil.Process(pid)
+    return [
+        item
+        for each in (process, *process.children(recursive=True))
+        for item in each.net_connections("inet")
+        if item.status == psutil.CONN_LISTEN
+    ]
 
 
 def test_nothing_asked_for_is_an_error_that_says_what_to_set():
-    with pytest.raises(ParameterError, match=r"output .* connect .* spawn"):
-        open_destinations(notify=fail)
+    with pytest.raises(ParameterError, match=r"output .* connect .* spawn or web"):
+        DestinationPlan()
 
 
-@pytest.mark.parametrize(
-    "address",
-    [
-        "localhost",
-        "http://127.0.0.1:9876/proxy",
-        "rerun+http://:9876/proxy",
-        "rerun+http://h:x/proxy",
-        "rerun+http://h:1/",
-    ],
-)
-def test_a_wrong_address_is_named_with_a_right_one(address):
-    with pytest.raises(ParameterError, match=r"rerun\+http://127\.0\.0\.1:9876/proxy") as caught:
-        open_destinations(connect=address, notify=fail)
-    assert repr(address) in str(caught.value)
+@pytest.mark.parametrize("address", ["here", "", "127.0.0.1:80", "256.0.0.1"])
+def test_an_address_to_listen_on_must_be_one(address):
+    with pytest.raises(ParameterError, match=r"listen is .* 127\.0\.0\.1 for itself"):
+        DestinationPlan(web=True, listen=address)
 
 
-def test_the_port_of_an_address_is_reruns_own_unless_told():
-    assert check_viewer_address("rerun+http://lab/proxy") == ("lab", 9876)
-    assert check_viewer_address("rerun+https://lab:12/proxy") == ("lab", 12)
+def test_an_address_of_another_host_cannot_be_listened_on(open_all):
+    # Of the block that is kept for documentation: nobody's.
+    with pytest.raises(DeviceError, match=r"192\.0\.2\.1, port 0 cannot be listened on"):
+        open_all(web=True, listen="192.0.2.1")
 
 
-def test_a_file_must_be_named_rrd(tmp_path):
+def test_a_file_must_be_named_rrd(tmp_path, open_all):
     with pytest.raises(FileError, match=r"\.rrd"):
-        open_destinations(output=str(tmp_path / "view.txt"), notify=fail)
+        open_all(output=str(tmp_path / "view.txt"))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_that_cannot_be_written_is_named(tmp_path):
+def test_a_file_that_cannot_be_written_is_named(tmp_path, open_all):
     (tmp_path / "taken").write_text("")
     with pytest.raises(FileError, match=r"taken.*cannot be written"):
-        open_destinations(output=str(tmp_path / "taken" / "view.rrd"), notify=fail)
-
-
-def test_a_viewer_that_is_not_there_is_an_error_if_nothing_else_shows_the_view():
-    address = make_address(find_free_port())
-    with pytest.raises(DeviceError, match="no viewer answers at"):
-        open_destinations(connect=address, notify=fail)
-
-
-def test_the_file_is_written_though_the_viewer_is_not_there(tmp_path, read_recording):
-    path = tmp_path / "new" / "view.rrd"
-    notices = Notices()
-    (destination,) = open_destinations(
-        output=str(path), connect=make_address(find_free_port()), notify=notices
-    )
-    destination.put(lambda log: log.log_verdict(VERDICT, 0))
-    destination.close()
-
-    assert "no viewer answers at" in notices.texts[0]
-    assert read_recording(path).entities >= {"/verdict", "/log"}
+        open_all(output=str(tmp_path / "taken" / "view.rrd"))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="screens are known by other means")
-def test_a_viewer_needs_a_screen(monkeypatch):
+def test_a_window_needs_a_screen_and_without_one_the_rest_is_shown(
+    monkeypatch, tmp_path, open_all
+):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(DeviceError, match=r"no screen .* output"):
-        open_destinations(spawn=True, notify=fail)
+    with pytest.raises(DeviceError, match=r"no screen .* to a file"):
+        open_all(spawn=True)
+    notices = Notices()
+    (file,) = open_all(spawn=True, output=str(tmp_path / "view.rrd"), notify=notices)
+
+    assert "no screen" in notices.texts[0]
+    assert not file.is_lost
 
 
 def test_a_missing_rerun_is_named_with_the_command_that_installs_it(monkeypatch):
@@ -160,67 +186,175 @@ def test_an_old_rerun_is_named(monkeypatch):
         rerun_sdk.import_rerun()
 
 
-def test_file_and_viewer_at_once(tmp_path, viewer, read_recording):
-    _, address = viewer
-    path = tmp_path / "view.rrd"
-    destinations = open_destinations(output=str(path), connect=address, notify=fail)
-    for destination in destinations:
-        destination.put(lambda log: log.log_hit(NOISE))
+def test_file_viewer_and_web_page_at_once_and_only_this_host_reaches_them(
+    tmp_path, viewer, start, open_all, read_recording
+):
+    port, announced = find_free_port(), Notices()
+    viewer(port)
+    path, kept = tmp_path / "view.rrd", tmp_path / "kept.rrd"
+    file, live, relay = open_all(
+        output=str(path),
+        connect=make_viewer_address("127.0.0.1", port),
+        web=True,
+        announce=announced,
+    )
+    announced.wait_for("the view is at http://127.0.0.1:")
+    assert {item.laddr.ip for item in list_listeners(psutil.Process().pid)} == {"127.0.0.1"}
+    wait_until(lambda: not live.is_lost)
+    for destination in (file, live, relay):
+        show_noise(destination)
+    # Who comes late to the relay gets everything.
+    address = relay.name.removeprefix("the relay ")
+    late = start(find_free_port(), "--save", kept, address)
+    wait_until(lambda: kept.exists() and kept.stat().st_size > NOISE.values.nbytes)
+    for destination in (file, live, relay):
         destination.close()
+    late.send_signal(signal.SIGINT)
+    late.wait(PATIENCE)
 
-    assert [destination.is_lost for destination in destinations] == [False, False]
-    _, values = read_recording(path).find_traces("/hits/1")
-    np.testing.assert_array_equal(values, NOISE.values)
+    assert [destination.dropped for destination in (file, live, relay)] == [0, 0, 0]
+    for name in (path, kept):
+        _, values = read_recording(name).find_traces("/hits/1")
+        np.testing.assert_array_equal(values, NOISE.values)
 
 
-def test_a_viewer_that_dies_is_told_once_and_the_file_goes_on(tmp_path, viewer, read_recording):
-    process, address = viewer
+def test_whoever_wants_the_page_on_the_network_gets_it_there(open_all):
+    announced = Notices()
+    port = find_free_port()
+    open_all(web=True, listen="0.0.0.0", web_port=port, announce=announced)
+    announced.wait_for(f":{port}/?url=rerun%2Bhttp%3A%2F%2F{socket.gethostname()}%3A")
+
+    listeners = {item.laddr for item in list_listeners(psutil.Process().pid)}
+    assert ("0.0.0.0", port) in listeners
+    assert {ip for ip, _ in listeners} == {"0.0.0.0"}
+
+
+def test_the_web_page_ends_with_its_destination(open_all):
+    announced = Notices()
+    (relay,) = open_all(web=True, announce=announced)
+    announced.wait_for("the view is at")
+    relay.close()
+
+    assert list_listeners(psutil.Process().pid) == []
+
+
+def test_a_viewer_may_come_late_and_gets_everything_so_far(
+    tmp_path, viewer, start, open_all, read_recording
+):
+    port, notices = find_free_port(), Notices()
+    address = make_viewer_address("127.0.0.1", port)
+    (live,) = open_all(connect=address, announce=notices, notify=notices)
+    notices.wait_for("no viewer answers at")
+    live.begin(lambda log: log.log_setup("rig 7", ["steel small"]))
+    show_noise(live)
+    kept = tmp_path / "kept.rrd"
+    viewer(port)
+    late = start(find_free_port(), "--save", kept, address)
+    notices.wait_for("is there and shows the campaign so far")
+    wait_until(lambda: kept.exists() and kept.stat().st_size > NOISE.values.nbytes)
+    live.close()
+    late.send_signal(signal.SIGINT)
+    late.wait(PATIENCE)
+
+    assert (len(notices.texts), live.dropped) == (2, 0)
+    view = read_recording(kept)
+    np.testing.assert_array_equal(view.find_traces("/hits/1")[1], NOISE.values)
+    assert view.read_blueprint()
+
+
+def test_a_viewer_that_dies_is_told_once_and_the_file_goes_on_until_it_is_back(
+    tmp_path, viewer, open_all, read_recording
+):
+    port, notices = find_free_port(), Notices()
+    first = viewer(port)
     path = tmp_path / "view.rrd"
-    notices = Notices()
-    file, live = open_destinations(output=str(path), connect=address, notify=notices)
-    process.kill()
-    process.wait()
-    deadline = time.monotonic() + PATIENCE
+    file, live = open_all(
+        output=str(path),
+        connect=make_viewer_address("127.0.0.1", port),
+        announce=notices,
+        notify=notices,
+    )
+    wait_until(lambda: not live.is_lost)
+    first.kill()
+    first.wait()
     count = 0
-    while not live.is_lost:
-        assert time.monotonic() < deadline
-        for destination in (file, live):
-            destination.put(lambda log: log.log_hit(NOISE))
+
+    def is_missed():
+        nonlocal count
         count += 1
-        threading.Event().wait(0.01)
+        for destination in (file, live):
+            show_noise(destination, count)
+        return live.is_lost
+
+    wait_until(is_missed)
+    notices.wait_for("is gone or takes no data: the rig goes on without it")
+    viewer(port)
+    notices.wait_for("is there and shows the campaign so far")
+    wait_until(lambda: not live.is_lost)
     for destination in (file, live):
-        destination.put(lambda log: log.log_hit(NOISE))
         destination.close()
 
-    assert len(notices.wait()) == 1
-    assert "the rig goes on without it" in notices.texts[0]
-    assert live.dropped >= 1
-    assert f"/hits/{count + 1}" in read_recording(path).entities
+    assert len(notices.texts) == 2
+    assert (file.dropped, live.dropped) == (0, 0)
+    assert f"/hits/{count}" in read_recording(path).entities
 
 
-def test_a_viewer_that_is_stuck_costs_views_and_no_time(tmp_path, monkeypatch, read_recording):
-    # It accepts connections and never answers.
+def test_a_viewer_that_is_stopped_costs_nobody_any_time_and_is_shown_all_when_it_goes_on(
+    monkeypatch, viewer, open_all, tmp_path
+):
     monkeypatch.setattr(sink, "FLUSH_TIMEOUT", 0.2)
-    with socket.socket() as stuck:
-        stuck.bind(("127.0.0.1", 0))
-        stuck.listen()
-        address = make_address(stuck.getsockname()[1])
-        notices = Notices()
-        path = tmp_path / "view.rrd"
-        file, live = open_destinations(output=str(path), connect=address, notify=notices)
-        start = time.monotonic()
-        for _ in range(1000):
-            live.put(lambda log: log.log_hit(NOISE))
-        file.put(lambda log: log.log_hit(NOISE))
-        assert time.monotonic() - start < 1.0
-        notices.wait()
-        for destination in (file, live):
-            destination.close()
-
+    port, notices = find_free_port(), Notices()
+    stopped = viewer(port)
+    file, live = open_all(
+        output=str(tmp_path / "view.rrd"),
+        connect=make_viewer_address("127.0.0.1", port),
+        announce=notices,
+        notify=notices,
+    )
+    wait_until(lambda: not live.is_lost)
+    stopped.send_signal(signal.SIGSTOP)
+    start = time.monotonic()
+    for record in range(1000):
+        show_noise(live, record)
+    show_noise(file)
+    assert time.monotonic() - start < 1.0
+    notices.wait_for("is gone or takes no data")
     assert live.is_lost
-    assert live.dropped > 0
+    assert live.dropped > 0  # a thousand are more than are kept
+    file.close()
+    stopped.send_signal(signal.SIGCONT)
+    notices.wait_for("is there and shows the campaign so far")
+
     assert file.dropped == 0
-    assert "/hits/1" in read_recording(path).entities
+    assert len(notices.texts) == 2
+
+
+def test_somebody_who_answers_and_is_no_viewer_is_told_once_and_asked_ever_less(
+    monkeypatch, open_all
+):
+    monkeypatch.setattr(connection, "RETRY_PERIOD", 0.01)
+    asked = threading.Semaphore(0)
+    with socket.create_server(("127.0.0.1", 0)) as stranger:
+
+        def hang_up():
+            with contextlib.suppress(OSError):
+                while True:
+                    stranger.accept()[0].close()
+                    asked.release()
+
+        threading.Thread(target=hang_up, daemon=True).start()
+        notices = Notices()
+        address = make_viewer_address("127.0.0.1", stranger.getsockname()[1])
+        (live,) = open_all(connect=address, notify=notices)
+        show_noise(live)
+        for _ in range(6):
+            assert asked.acquire(timeout=PATIENCE)
+        live.close()
+        stranger.shutdown(socket.SHUT_RDWR)
+
+    (text,) = notices.texts
+    assert f"{address} takes no data" in text
+    assert live.is_lost
 
 
 class StubbornStream:
@@ -240,7 +374,7 @@ class StubbornStream:
 
 def test_a_destination_that_is_behind_drops_views_and_counts_them():
     stream, done = StubbornStream(), []
-    destination = Destination("slow", stream, 0.0, fail)
+    destination = StreamDestination("slow", stream, 0.0, fail)
     destination.put(lambda _: None)
     assert stream.reached.wait(PATIENCE)
     for i in range(sink.QUEUE_LENGTH + 5):
@@ -255,7 +389,7 @@ def test_a_destination_that_is_behind_drops_views_and_counts_them():
 def test_what_is_replaced_before_it_is_shown_is_not_shown_and_the_last_one_always_is():
     stream, done = StubbornStream(), []
     stream.let_go.set()
-    destination = Destination("file", stream, 3600.0, fail)
+    destination = StreamDestination("file", stream, 3600.0, fail)
     destination.put_latest("table", lambda _: done.append("first"))
     deadline = time.monotonic() + PATIENCE
     while not done:
@@ -270,17 +404,57 @@ def test_what_is_replaced_before_it_is_shown_is_not_shown_and_the_last_one_alway
     destination.close()
 
 
+def test_large_views_are_dropped_before_they_take_the_memory():
+    stream, done = StubbornStream(), []
+    destination = StreamDestination("slow", stream, 0.0, fail)
+    destination.put(lambda _: None)
+    assert stream.reached.wait(PATIENCE)
+    for i in range(3):
+        destination.put(lambda _, i=i: done.append(i), sink.QUEUE_SIZE // 2)
+    stream.let_go.set()
+    destination.close()
+
+    assert (done, destination.dropped) == ([0, 1], 1)
+
+
+def test_a_campaign_begins_after_the_last_word_on_the_one_before():
+    stream, done = StubbornStream(), []
+    destination = StreamDestination("file", stream, 3600.0, fail)
+    destination.put(lambda _: None)
+    assert stream.reached.wait(PATIENCE)
+    destination.put_latest("table", lambda _: done.append("old table"))
+    destination.begin(lambda _: done.append("set-up"))
+    destination.put_latest("table", lambda _: done.append("new table"))
+    stream.let_go.set()
+    destination.close()
+
+    assert done == ["old table", "set-up", "new table"]
+
+
+def test_a_view_that_cannot_be_drawn_is_told_once_and_the_others_are_shown():
+    def refuse(_):
+        raise ParameterError("the trace has no scale")
+
+    stream, done, notices = StubbornStream(), [], Notices()
+    stream.let_go.set()
+    destination = StreamDestination("file", stream, 0.0, notices)
+    for work in (refuse, refuse, lambda _: done.append("drawn")):
+        destination.put(work)
+    destination.close()
+
+    assert notices.texts == ["file: a view is left out: the trace has no scale"]
+    assert (done, destination.dropped, destination.is_lost) == (["drawn"], 2, False)
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="screens are known by other means")
-def test_a_viewer_of_our_own_that_ends_is_told_with_how_to_open_another(monkeypatch):
+def test_a_window_that_is_closed_is_told_with_how_to_open_another(monkeypatch, open_all):
     # A screen that is not there: the viewer starts and gives up.
     monkeypatch.setenv("DISPLAY", ":31415")
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     notices = Notices()
-    (destination,) = open_destinations(spawn=True, notify=notices)
-    destination.put(lambda log: log.log_hit(NOISE))
-    (text,) = notices.wait()
-    destination.close()
+    (relay,) = open_all(spawn=True, notify=notices)
+    show_noise(relay)
+    notices.wait_for("the viewer has ended")
 
-    assert "the viewer has ended" in text
-    assert "--connect rerun+http://127.0.0.1:" in text
-    assert not destination.is_lost
+    assert "--connect rerun+http://127.0.0.1:" in notices.texts[0]
+    assert not relay.is_lost

@@ -1,0 +1,1 @@
+"""What the visualizer is made of."""

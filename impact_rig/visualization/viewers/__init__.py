@@ -1,0 +1,1 @@
+"""Rerun's viewers: addresses, program, a relay for our own, ways to those elsewhere."""
