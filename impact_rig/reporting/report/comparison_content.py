@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 from impact_rig.reporting.figures.comparison import draw_comparison_figure
 from impact_rig.reporting.report.document import (
-    Column,
     Paragraph,
     Part,
     Picture,
@@ -13,6 +12,7 @@ from impact_rig.reporting.report.document import (
     Remarks,
     Section,
     Table,
+    drop_empty,
     make_column,
     make_table,
     make_text_column,
@@ -46,14 +46,14 @@ def make_comparison_section(runs: Sequence[Run]) -> Section:
     compared = compare_runs(results)
     parts: list[Part] = [Paragraph(_introduce(runs))]
     if compared:
-        parts += [_summarize(runs, compared), Paragraph(EXPLANATION)]
-        parts += _tabulate(runs, compared)
         named = [(run.name, run.campaign.results) for run in runs]
+        parts += [_summarize(runs, compared), Paragraph(EXPLANATION)]
         parts += [Picture(figure) for figure in draw_comparison_figure(named, prefix="comparison")]
     else:
         parts.append(Paragraph("No quantity was determined in two of the runs."))
     parts += _tell_setup_differences(runs, find_setup_differences(results))
-    return Section("Comparison of the runs", tuple(parts))
+    sections = [_compare_with_first(runs, place, compared) for place in range(1, len(runs))]
+    return Section("Comparison of the runs", tuple(parts), drop_empty(*sections))
 
 
 def _introduce(runs: Sequence[Run]) -> str:
@@ -79,46 +79,42 @@ def _summarize(runs: Sequence[Run], compared: Sequence[ComparedQuantity]) -> Rem
     return Remarks(tuple(items))
 
 
-def _tabulate(runs: Sequence[Run], compared: Sequence[ComparedQuantity]) -> list[Part]:
-    """Return a table for each quantity."""
+def _compare_with_first(
+    runs: Sequence[Run], place: int, compared: Sequence[ComparedQuantity]
+) -> Section:
+    """Return a table for each quantity that both runs determined."""
     by_name: dict[str, list[ComparedQuantity]] = {}
     for item in compared:
-        by_name.setdefault(item.quantity.name, []).append(item)
-    return [_tabulate_quantity(runs, items) for items in by_name.values()]
+        if math.isfinite(item.changes[place - 1].difference):
+            by_name.setdefault(item.quantity.name, []).append(item)
+    tables = tuple(_tabulate(runs, place, items) for items in by_name.values())
+    return Section(f"{runs[place].name} against {runs[0].name}", tables)
 
 
-def _tabulate_quantity(runs: Sequence[Run], items: Sequence[ComparedQuantity]) -> Table:
+def _tabulate(runs: Sequence[Run], place: int, items: Sequence[ComparedQuantity]) -> Table:
     quantity = items[0].quantity
-    columns = [make_text_column("Sample", [item.body for item in items])]
-    for place, run in enumerate(runs):
-        columns.append(
-            make_column(
-                f"{run.name} [{quantity.unit}]",
-                [_format_value(item, item.values[place], item.expanded[place]) for item in items],
-            )
-        )
-        if place > 0:
-            columns += _make_change_columns(items, place - 1)
-    marked = [
-        row
-        for row, item in enumerate(items)
-        if any(change.is_beyond_uncertainty for change in item.changes)
-    ]
-    title = quantity.name[0].upper() + quantity.name[1:]
-    return make_table(f"{title} {quantity.symbol} of the runs", columns, marked=marked)
-
-
-def _make_change_columns(items: Sequence[ComparedQuantity], place: int) -> list[Column]:
-    changes = [item.changes[place] for item in items]
+    changes = [item.changes[place - 1] for item in items]
     differences = [
         _format_value(item, change.difference, change.expanded)
         for item, change in zip(items, changes, strict=True)
     ]
-    return [
-        make_column(f"Difference [{items[0].quantity.unit}]", differences),
+    columns = [
+        make_text_column("Sample", [item.body for item in items]),
+        *(
+            make_column(
+                f"{runs[which].name} [{quantity.unit}]",
+                [_format_value(item, item.values[which], item.expanded[which]) for item in items],
+            )
+            for which in (0, place)
+        ),
+        make_column(f"Difference [{quantity.unit}]", differences),
         make_column("En", [format_number(change.normalised_error, 2) for change in changes]),
         make_text_column("Verdict", [_judge(change) for change in changes]),
     ]
+    marked = [row for row, change in enumerate(changes) if change.is_beyond_uncertainty]
+    title = f"{quantity.name[0].upper()}{quantity.name[1:]} {quantity.symbol}"
+    caption = f"{title}: {runs[place].name} against {runs[0].name}"
+    return make_table(caption, columns, marked=marked)
 
 
 def _judge(change: Change) -> str:

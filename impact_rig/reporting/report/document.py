@@ -8,6 +8,11 @@ from typing import ClassVar
 from impact_rig.reporting.figures.figure import ReportFigure
 from impact_rig.results.numbers import MISSING
 
+LONGEST_UNBROKEN = 24
+"""Rows of a table that are kept on one page of paper [-], our choice: a third of it."""
+LONGEST_LABEL = 28
+"""Characters of words in a cell that stay on one line [-], our choice."""
+
 
 @dataclass(frozen=True)
 class Paragraph:
@@ -57,16 +62,34 @@ class Column:
     Attributes
     ----------
     header : str
-        With its unit.
+        With its unit in brackets, if it has one.
     cells : tuple of str
         One for each row.
     is_text : bool
-        Words: on the left, free to wrap. Numbers stand on the right and stay whole.
+        Words: on the left. Numbers stand on the right and stay whole.
     """
 
     header: str
     cells: tuple[str, ...]
     is_text: bool = False
+
+    @property
+    def label(self) -> str:
+        """The header without its unit."""
+        return self.header.partition(" [")[0]
+
+    @property
+    def unit(self) -> str:
+        """The unit in brackets, or nothing; it stays on one line."""
+        return "".join(self.header.partition(" [")[1:]).strip()
+
+    @property
+    def style(self) -> str:
+        """How it is set: "number", "text", or "prose", which wraps."""
+        if not self.is_text:
+            return "number"
+        is_long = any(len(cell) > LONGEST_LABEL or "\n" in cell for cell in self.cells)
+        return "prose" if is_long else "text"
 
 
 @dataclass(frozen=True)
@@ -90,6 +113,11 @@ class Table:
     columns: tuple[Column, ...]
     notes: tuple[str, ...] = ()
     marked: frozenset[int] = frozenset()
+
+    @property
+    def is_short(self) -> bool:
+        """Whether it is kept on one page of paper."""
+        return len(self.rows) <= LONGEST_UNBROKEN
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
@@ -154,8 +182,8 @@ class Document:
 
     Attributes
     ----------
-    title, subtitle : str
-        The heading of all, and what it is about.
+    title, subtitle, name : str
+        The heading of all, what it is about, and what tells it from other reports.
     facts : tuple of (str, str)
         The few that belong beside the title.
     sections : tuple of Section
@@ -164,6 +192,7 @@ class Document:
 
     title: str
     subtitle: str
+    name: str
     facts: tuple[tuple[str, str], ...]
     sections: tuple[Section, ...]
 

@@ -46,13 +46,13 @@ def _tabulate_rejected(hits: Sequence[HitResults]) -> Part:
     columns = [
         make_text_column("Sample", [hit.sample for hit in hits]),
         *_make_label_columns(hits),
-        make_text_column("Why it was left out", ["\n".join(hit.reasons) for hit in hits]),
-        make_text_column(
-            "Injected by the virtual rig", ["\n".join(hit.injected_faults) for hit in hits]
-        ),
         make_column("Hammer peak [m/s²]", _format_peaks(hits, "hammer_peak_m_per_s2")),
+        make_text_column("Why it was left out", ["\n".join(hit.reasons) for hit in hits]),
+        make_text_column("Injected fault", ["\n".join(hit.injected_faults) for hit in hits]),
     ]
-    return make_table(f"Hits left out: {len(hits)}", columns)
+    is_virtual = any(hit.injected_faults for hit in hits)
+    note = "Injected fault: what the virtual rig did wrong on purpose."
+    return make_table(f"Hits left out: {len(hits)}", columns, [note] if is_virtual else [])
 
 
 def _fold_accepted(hits: Sequence[HitResults]) -> Folded:

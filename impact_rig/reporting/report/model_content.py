@@ -12,7 +12,7 @@ from impact_rig.reporting.report.document import (
     make_text_column,
 )
 from impact_rig.results.estimates import IdentificationResults, SampleResults
-from impact_rig.results.numbers import MEGA, MICRO, format_number, format_uncertain
+from impact_rig.results.numbers import MEGA, MICRO, MISSING, format_number, format_uncertain
 
 
 def tabulate_errors(samples: Sequence[SampleResults]) -> list[Table]:
@@ -20,20 +20,24 @@ def tabulate_errors(samples: Sequence[SampleResults]) -> list[Table]:
     if all(math.isnan(sample.mse_hammer_percent) for sample in samples):
         return []
 
-    def column(header: str, name: str, digits: int, scale: float = 1.0) -> Column:
-        values = [getattr(sample, name) * scale for sample in samples]
-        return make_column(header, _format(values, digits))
+    def column(header: str, name: str) -> Column:
+        values = [getattr(sample, name) for sample in samples]
+        return make_column(header, [_format_error(value) for value in values])
+
+    def shift(header: str, name: str) -> Column:
+        values = [getattr(sample, name) for sample in samples]
+        return make_column(header, _format(values, 1, MICRO))
 
     columns = [
         make_text_column("Sample", [sample.name for sample in samples]),
-        column("MSE hammer [%]", "mse_hammer_percent", 3),
-        column("MSE sample [%]", "mse_sample_percent", 2),
-        column("Contact hammer [%]", "contact_error_hammer_percent", 1),
-        column("Contact sample [%]", "contact_error_sample_percent", 1),
-        column("Printed hammer [%]", "printed_mse_hammer_percent", 2),
-        column("Printed sample [%]", "printed_mse_sample_percent", 2),
-        column("Shift hammer [µs]", "shift_hammer_s", 1, MICRO),
-        column("Shift sample [µs]", "shift_sample_s", 1, MICRO),
+        column("MSE hammer [%]", "mse_hammer_percent"),
+        column("MSE sample [%]", "mse_sample_percent"),
+        column("Contact hammer [%]", "contact_error_hammer_percent"),
+        column("Contact sample [%]", "contact_error_sample_percent"),
+        column("Printed hammer [%]", "printed_mse_hammer_percent"),
+        column("Printed sample [%]", "printed_mse_sample_percent"),
+        shift("Shift hammer [µs]", "shift_hammer_s"),
+        shift("Shift sample [µs]", "shift_sample_s"),
     ]
     note = (
         "MSE: mean square error over the record, with the force of equation (4) alone driving the"
@@ -179,6 +183,11 @@ def _make_value_columns(fits: Sequence[IdentificationResults]) -> tuple[Column, 
 
 def _format(values: Sequence[float], digits: int, scale: float = 1.0) -> list[str]:
     return [format_number(value * scale, digits) for value in values]
+
+
+def _format_error(value: float) -> str:
+    """Return an error with two significant digits: they reach over four decades."""
+    return f"{value:#.2g}".rstrip(".") if math.isfinite(value) else MISSING
 
 
 def _format_uncertain(

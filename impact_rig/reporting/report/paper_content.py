@@ -162,7 +162,7 @@ def _make_columns(rows: Sequence[_Row], quantity: Quantity) -> list[Column]:
         ),
         make_column(
             f"{'Paper' if published else 'Reference'} [{quantity.unit}]",
-            [format_number(value * quantity.scale, quantity.digits) for value in expected],
+            _format_expected([value * quantity.scale for value in expected], quantity.digits),
         ),
         make_column(
             f"Measured [{quantity.unit}]",
@@ -183,6 +183,12 @@ def _make_columns(rows: Sequence[_Row], quantity: Quantity) -> list[Column]:
             ],
         ),
     ]
+
+
+def _format_expected(values: Sequence[float], digits: int) -> list[str]:
+    """Return what is expected, without decimals that nobody gave."""
+    is_whole = all(value == round(value) for value in values if math.isfinite(value))
+    return [format_number(value, 0 if is_whole else digits) for value in values]
 
 
 def _find_difference(row: _Row, quantity: Quantity) -> float:

@@ -11,14 +11,23 @@ from impact_rig.results.run import Run
 NO_WARNINGS = "None: nothing was found that makes the numbers doubtful."
 
 
-def make_warnings_section(run: Run) -> Section:
-    """Tell what a reader of the numbers must know before anything else."""
-    results = run.campaign.results
-    items = [
-        *_warn_of_recording(run),
-        *_warn_of_samples_without_hits(results.samples, results),
-        *gather_remarks([(sample.name, sample.warnings) for sample in results.samples]),
-    ]
+def make_warnings_section(runs: Sequence[Run], unread: Sequence[str] = ()) -> Section:
+    """Tell what a reader of the numbers must know before anything else.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        One, or several, whose names then stand with their warnings.
+    unread : sequence of str
+        Why others are not in the report.
+    """
+    items = [Remark(text, "not in this report") for text in unread]
+    for run in runs:
+        whose = run.name if len(runs) > 1 else ""
+        items += [
+            Remark(item.text, ", ".join(filter(None, (whose, item.about))))
+            for item in _gather_warnings(run)
+        ]
     parts: tuple[Part, ...] = (Remarks(tuple(items), is_warning=True),)
     return Section("Warnings", parts if items else (Paragraph(NO_WARNINGS),))
 
@@ -42,6 +51,15 @@ def gather_remarks(remarks: Sequence[tuple[str, Iterable[str]]]) -> list[Remark]
     return [
         Remark(text, "all samples" if len(names) == len(remarks) > 1 else ", ".join(names))
         for text, names in holders.items()
+    ]
+
+
+def _gather_warnings(run: Run) -> list[Remark]:
+    results = run.campaign.results
+    return [
+        *_warn_of_recording(run),
+        *_warn_of_samples_without_hits(results.samples, results),
+        *gather_remarks([(sample.name, sample.warnings) for sample in results.samples]),
     ]
 
 

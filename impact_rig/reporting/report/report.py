@@ -3,8 +3,9 @@
 from collections.abc import Callable, Sequence
 
 from impact_rig.reporting.report.comparison_content import make_comparison_section
-from impact_rig.reporting.report.document import Document, Remark, Remarks, Section
+from impact_rig.reporting.report.document import Document, Section
 from impact_rig.reporting.report.guide_content import make_guide_section
+from impact_rig.reporting.report.remarks_content import make_warnings_section
 from impact_rig.reporting.report.run_content import make_run_sections
 from impact_rig.reporting.report.setup_content import format_time
 from impact_rig.results.run import Run
@@ -33,10 +34,7 @@ def make_report(
     ParameterError
         If a run names a sample that is not in its set-up.
     """
-    sections = []
-    if unread:
-        items = tuple(Remark(text) for text in unread)
-        sections.append(Section("Not in this report", (Remarks(items, is_warning=True),)))
+    sections = [make_warnings_section(runs, unread)]
     if len(runs) == 1:
         sections += make_run_sections(runs[0])
         report(1)
@@ -44,14 +42,23 @@ def make_report(
         sections.append(make_comparison_section(runs))
         for number, run in enumerate(runs, start=1):
             inner = make_run_sections(run, prefix=f"run-{number}")
-            sections.append(Section(f"Run {number}: {run.name}", (), inner))
+            title = f"Run {number}: {run.name}"
+            sections.append(Section(title, (), (make_warnings_section([run]), *inner)))
             report(number)
     return Document(
         title=TITLE,
-        subtitle=", ".join(dict.fromkeys(run.name for run in runs)),
+        subtitle=_describe_rigs(runs),
+        name=", ".join(run.name for run in runs),
         facts=_list_facts(runs),
         sections=(*sections, make_guide_section()),
     )
+
+
+def _describe_rigs(runs: Sequence[Run]) -> str:
+    setups = [run.campaign.results.setup for run in runs]
+    described = dict.fromkeys(setup.description or setup.name for setup in setups)
+    text = "; ".join(item for item in described if item)
+    return text[:1].upper() + text[1:]
 
 
 def _list_facts(runs: Sequence[Run]) -> tuple[tuple[str, str], ...]:
@@ -62,9 +69,9 @@ def _list_facts(runs: Sequence[Run]) -> tuple[tuple[str, str], ...]:
     hits = sum(len(item.hits) for item in results)
     left_out = sum(len(item.rejections) for item in results)
     facts = [
+        ("Run" if len(runs) == 1 else "Runs", ", ".join(run.name for run in runs)),
         ("Rig", ", ".join(rigs)),
         ("Measured", _find_dates(runs)),
-        ("Runs", str(len(runs)) if len(runs) > 1 else ""),
         ("Samples", str(len(names))),
         ("Hits in the means", f"{hits - left_out} of {hits}"),
     ]

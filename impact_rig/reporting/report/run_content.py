@@ -31,7 +31,6 @@ from impact_rig.reporting.report.paper_content import (
 from impact_rig.reporting.report.remarks_content import (
     gather_remarks,
     make_missing_section,
-    make_warnings_section,
 )
 from impact_rig.reporting.report.setup_content import make_setup_section
 from impact_rig.results.campaign import Results
@@ -40,7 +39,7 @@ from impact_rig.results.run import Run
 
 
 def make_run_sections(run: Run, *, prefix: str = "") -> tuple[Section, ...]:
-    """Return what there is to say of one run, what the reader must know first.
+    """Return what there is to say of one run but its warnings.
 
     Parameters
     ----------
@@ -51,10 +50,9 @@ def make_run_sections(run: Run, *, prefix: str = "") -> tuple[Section, ...]:
     """
     results = run.campaign.results
     return drop_empty(
-        make_warnings_section(run),
         _make_summary_section(results),
-        *_make_result_sections(run, prefix),
         make_setup_section(run),
+        *_make_result_sections(run, prefix),
         _make_samples_section(run, prefix),
         make_hits_section(results),
         make_missing_section(results),

@@ -88,7 +88,7 @@ def make_setup_section(run: Run) -> Section:
         Facts(_list_facts(run)),
         _tabulate_bodies(setup),
         *_tabulate_acquisitions(run.acquisitions),
-        _tabulate_settings(setup.analysis),
+        _fold_settings(setup.analysis),
         *_list_software(run.provenance),
     ]
     return Section("What was measured, and with what", tuple(parts))
@@ -171,9 +171,8 @@ def _tabulate_bodies(setup: SetupResults) -> Table:
         values = (getattr(item, field) * shown.scale for item in setup.samples)
         return ["", "", *(format_number(value, digits) for value in values)]
 
-    roles = ["", "carried by every sample, part of m2"] + [
-        "control sample, alike to the hammer" if item.name == setup.control_sample else ""
-        for item in setup.samples
+    roles = ["", "part of every m2"] + [
+        "control sample" if item.name == setup.control_sample else "" for item in setup.samples
     ]
     columns = [
         make_text_column("Body", [name for name, *_ in rows]),
@@ -216,7 +215,7 @@ def _tabulate_acquisitions(acquisitions: Sequence[Acquisition]) -> list[Part]:
     return [make_table("Sampling and calibration", columns, [note])]
 
 
-def _tabulate_settings(settings: SettingsResults) -> Table:
+def _fold_settings(settings: SettingsResults) -> Folded:
     names = [field.name for field in fields(settings)]
     shown = [SETTINGS[name] for name in names]
     columns = [
@@ -230,7 +229,8 @@ def _tabulate_settings(settings: SettingsResults) -> Table:
         ),
         make_text_column("Unit", [item.unit for item in shown]),
     ]
-    return make_table("Settings of judgement and evaluation", columns)
+    title = "Settings of judgement and evaluation"
+    return Folded(title, (make_table(title, columns),))
 
 
 def _list_software(provenance: Provenance | None) -> list[Part]:
@@ -242,7 +242,7 @@ def _list_software(provenance: Provenance | None) -> list[Part]:
             make_text_column("Software", [name for name, _ in provenance.versions]),
             make_text_column("Version", [text for _, text in provenance.versions]),
         ]
-        parts.append(make_table("Recorded with", columns))
+        parts.append(Folded("Software that recorded it", (make_table("Software", columns),)))
     if provenance.parameters:
         listings = tuple(Listing(node, text.rstrip()) for node, text in provenance.parameters)
         parts.append(Folded(f"Parameters of {len(listings)} nodes", listings))
