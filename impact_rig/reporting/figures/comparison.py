@@ -11,6 +11,7 @@ from impact_rig.reporting.figures.names import make_name, shorten_name
 from impact_rig.reporting.figures.panel import make_named_panel
 from impact_rig.reporting.figures.style import INK, drawing_style
 from impact_rig.reporting.figures.vector import render_panels
+from impact_rig.reporting.figures.words import format_count
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import MEGA, MICRO, compute_difference, format_uncertain
 
@@ -231,8 +232,8 @@ def _describe(
 ) -> str:
     samples = len({bar.sample for bar in bars})
     text = (
-        f"{quantity.symbol} of {samples} sample{'s' * (samples != 1)} in {len(runs)}"
-        f" run{'s' * (len(runs) != 1)}."
+        f"{quantity.symbol} of {format_count(samples, 'sample')} in"
+        f" {format_count(len(runs), 'run')}."
     )
     others = [bar for bar in differences if bar.run > 0]
     if not others:

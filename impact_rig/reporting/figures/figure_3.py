@@ -25,6 +25,7 @@ from impact_rig.reporting.figures.style import (
     drawing_style,
 )
 from impact_rig.reporting.figures.vector import render_panels
+from impact_rig.reporting.figures.words import format_count
 from impact_rig.results.figure_rows import FigureRow
 from impact_rig.results.numbers import MICRO, compute_difference, format_number, format_uncertain
 from impact_rig.results.references import explain_misprint
@@ -44,6 +45,8 @@ RING_GROWTH = 2.1
 """How much larger than our point the published one is [-]: both are seen."""
 MARGIN = 1.12
 """Room at the end of the axis of differences [-]."""
+SMALLEST_RANGE = 0.02
+"""Least that the axis of pulse widths shows either side of its middle, part of that [-]."""
 SMALLEST_LIMIT = 0.1
 """End of that axis if all hits are alike [us]."""
 
@@ -109,6 +112,10 @@ def _draw_widths(
     draw_material_lines(axes, rows, "relative_mass", "contact_time", looks)
     for place, row in enumerate(rows):
         _draw_width(axes, place, row, looks[row.material])
+    low, high = axes.get_ylim()
+    middle = 0.5 * (low + high)
+    half = max(0.5 * (high - low), SMALLEST_RANGE * middle)
+    axes.set_ylim(middle - half, middle + half)
     axes.set_title("a) all samples")
     axes.set_xlabel("relative mass m1 m2 / (m1 + m2) [g]")
     axes.set_ylabel("pulse width τp [µs]")
@@ -170,9 +177,9 @@ def _draw_differences(axes: "Axes", place: int, row: FigureRow, look: Look, limi
         axes.plot(
             [math.copysign(limit, reference)],
             [place],
-            marker="$→$" if reference > 0.0 else "$←$",
+            marker=">" if reference > 0.0 else "<",
             color=INK,
-            markersize=9.0,
+            markersize=5.0,
             clip_on=False,
         )
 
@@ -240,9 +247,10 @@ def _describe(rows: Sequence[FigureRow]) -> str:
     longest = max(rows, key=lambda row: row.contact_time)
     hits = sum(len(row.contact_times) for row in rows)
     text = (
-        f"Pulse width τp of {hits} hits on {len(rows)} samples against the relative mass: from"
-        f" {_describe_row(shortest)} to {_describe_row(longest)}."
+        f"Pulse width τp of {format_count(hits, 'hit')} on {format_count(len(rows), 'sample')}"
+        f" against the relative mass: {_describe_row(shortest)}"
     )
+    text += "." if len(rows) == 1 else f" to {_describe_row(longest)}."
     differences = [
         (abs(compute_difference(row.contact_time, row.reference.contact_time)), row.name)
         for row in rows

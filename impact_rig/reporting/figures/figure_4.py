@@ -20,6 +20,7 @@ from impact_rig.reporting.figures.style import (
     drawing_style,
 )
 from impact_rig.reporting.figures.vector import render_panels
+from impact_rig.reporting.figures.words import format_count
 from impact_rig.results.figure_rows import FigureRow
 from impact_rig.results.numbers import MICRO
 
@@ -109,8 +110,9 @@ def _describe(whose: str, rows: Sequence[FigureRow], attribute: str) -> str:
     smallest = min(rows, key=lambda row: getattr(row, attribute))
     largest = max(rows, key=lambda row: getattr(row, attribute))
     return (
-        f"Maximum amplitude of the {whose} against the pulse width, {len(rows)} samples: from"
-        f" {_describe_row(smallest, attribute)} to {_describe_row(largest, attribute)}."
+        f"Maximum amplitude of the {whose} against the pulse width,"
+        f" {format_count(len(rows), 'sample')}: {_describe_row(smallest, attribute)}"
+        + ("." if len(rows) == 1 else f" to {_describe_row(largest, attribute)}.")
     )
 
 

@@ -12,12 +12,12 @@ from impact_rig.reporting.figures.decimation import (
 from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure
 from impact_rig.reporting.figures.names import make_name, shorten_name
 from impact_rig.reporting.figures.panel import make_panel
-from impact_rig.reporting.figures.percent import format_percent
 from impact_rig.reporting.figures.style import (
     INK,
     drawing_style,
 )
 from impact_rig.reporting.figures.vector import render_panels
+from impact_rig.reporting.figures.words import format_percent
 from impact_rig.results.figure_rows import sort_as_figure_5
 from impact_rig.results.numbers import MICRO
 from impact_rig.results.palette import VERMILION, format_hex

@@ -9,12 +9,12 @@ from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figur
 from impact_rig.reporting.figures.looks import find_looks
 from impact_rig.reporting.figures.names import make_name
 from impact_rig.reporting.figures.panel import make_named_panel
-from impact_rig.reporting.figures.percent import format_percent
 from impact_rig.reporting.figures.style import (
     INK,
     drawing_style,
 )
 from impact_rig.reporting.figures.vector import render_panels
+from impact_rig.reporting.figures.words import format_percent
 from impact_rig.results.figure_rows import (
     LARGEST_MSE_HAMMER_PERCENT,
     LARGEST_MSE_SAMPLE_PERCENT,

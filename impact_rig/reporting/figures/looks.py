@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from impact_rig.reporting.figures.names import shorten_name
+from impact_rig.reporting.figures.names import LONGEST_NAME, shorten_name
+from impact_rig.reporting.figures.panel import LONGEST_COLUMN
 from impact_rig.reporting.figures.style import INK
 from impact_rig.results.figure_rows import FigureRow
 from impact_rig.results.palette import BLUE, GREEN, GREY, PURPLE, VERMILION, Colour, format_hex
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
+LONGEST_IN_TWO_COLUMNS = 12
+"""Characters of a material's name in a legend of two columns [-]: the markers fit beside them."""
 SERIES_COLOURS: tuple[Colour, ...] = (BLUE, VERMILION, GREEN, PURPLE, GREY)
 """Those of `palette.MATERIALS`, in its order, that stand out from a white and from a black ground
 (3:1, WCAG 2.2, 1.4.11), and grey."""
@@ -65,8 +68,9 @@ def make_material_handles(looks: dict[str, Look]) -> "list[Artist]":
     """Return the lines that a legend shows for the materials."""
     from matplotlib.lines import Line2D
 
+    longest = LONGEST_NAME if len(looks) <= LONGEST_COLUMN else LONGEST_IN_TWO_COLUMNS
     return [
-        Line2D([], [], color=look.colour, linestyle=look.dashes, label=shorten_name(name))
+        Line2D([], [], color=look.colour, linestyle=look.dashes, label=shorten_name(name, longest))
         for name, look in looks.items()
     ]
 

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 from impact_rig.reporting.figures.figure import ReportFigure
 from impact_rig.reporting.figures.names import make_name
-from impact_rig.reporting.figures.percent import format_percent
 from impact_rig.reporting.figures.sample_panel import MODEL_NAMES, draw_sample_panel, make_scene
 from impact_rig.reporting.figures.style import drawing_style
 from impact_rig.reporting.figures.vector import render_panels
+from impact_rig.reporting.figures.words import format_count, format_percent
 from impact_rig.results.estimates import SampleResults
 from impact_rig.results.numbers import MEGA, MICRO, format_uncertain
 from impact_rig.results.sample_traces import AlignedHit, SampleTraces
@@ -84,7 +84,7 @@ def _list_numbers(sample: SampleResults) -> list[str]:
 def _describe(sample: SampleResults, traces: SampleTraces, hits: int) -> str:
     text = (
         f"Acceleration of hammer and sample over time for {sample.name}:"
-        f" {hits} {'hit' if hits == 1 else 'hits'} and their mean,"
+        f" {format_count(hits, 'hit')} and their mean,"
         f" {', '.join(_list_numbers(sample))}."
     )
     peaks = [

@@ -15,10 +15,10 @@ from impact_rig.reporting.figures.decimation import (
     find_peak,
 )
 from impact_rig.reporting.figures.panel import make_panel
-from impact_rig.reporting.figures.percent import format_percent
 from impact_rig.reporting.figures.style import (
     INK,
 )
+from impact_rig.reporting.figures.words import format_count, format_percent
 from impact_rig.results.numbers import MICRO
 from impact_rig.results.palette import BLUE, GREEN, PURPLE, VERMILION, format_hex
 from impact_rig.results.sample_traces import (
@@ -174,8 +174,7 @@ def _make_legend(scene: Scene) -> "list[list[Artist]]":
     count = len(scene.hits)
     measured: list[Artist] = [Line2D([], [], **MEAN_LOOK, label="mean")]
     if count:
-        label = "1 hit" if count == 1 else f"{count} hits"
-        measured.insert(0, Line2D([], [], **HIT_LOOK, label=label))
+        measured.insert(0, Line2D([], [], **HIT_LOOK, label=format_count(count, "hit")))
     measured.append(Patch(color=CONTACT_COLOUR, alpha=0.25, label="contact τp"))
     models: list[Artist] = [
         Line2D([], [], **LOOKS[model.model], label=_name_model(model, scene.channel))

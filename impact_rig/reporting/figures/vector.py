@@ -20,7 +20,7 @@ LINK = "{http://www.w3.org/1999/xlink}href"
 PANELS_STYLE = (
     "display:flex;flex-wrap:wrap;gap:.5rem .75rem;justify-content:center;align-items:flex-start"
 )
-PANEL_STYLE = "flex:1 1 18rem;min-width:0;max-width:34rem;height:auto;stroke-linejoin:round"
+PANEL_STYLE = "flex:1 1 18rem;min-width:0;max-width:28rem;height:auto;stroke-linejoin:round"
 """As wide as there is room, two beside each other from some 37 rem, our choice: the ticks' text
 is then never below 8 px, nor larger than the page's."""
 DECIMALS = 2

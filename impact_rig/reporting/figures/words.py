@@ -1,4 +1,4 @@
-"""Mean square errors as people read them."""
+"""Numbers of things and mean square errors, as people read them."""
 
 SMALLEST_PERCENT = 1e-4
 """Mean square error below which no more is said than that [%], our choice: a hundredth of a
@@ -10,3 +10,8 @@ def format_percent(value: float) -> str:
     if value < SMALLEST_PERCENT:
         return f"< {SMALLEST_PERCENT:.4f} %"
     return f"{value:.3g} %"
+
+
+def format_count(count: int, thing: str) -> str:
+    """Return how many things there are: ``1 hit``, ``10 hits``."""
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
