@@ -181,13 +181,16 @@ def _draw_panel(
     for bar in bars:
         # In their order around the sample's place, the first at the top.
         shift = RUN_HEIGHT * (bar.run - 0.5 * (len(runs) - 1)) / (height / len(samples))
-        axes.errorbar(
-            [bar.value],
-            [samples.index(bar.sample) + shift],
-            xerr=[bar.expanded] if math.isfinite(bar.expanded) else None,
-            **_find_style(runs, bar.run),
-            gid=f"{kind}-{samples.index(bar.sample)}-{bar.run}",
+        place = samples.index(bar.sample)
+        style = _find_style(runs, bar.run)
+        axes.plot(
+            [bar.value - bar.expanded, bar.value + bar.expanded],
+            [place + shift] * 2,
+            color=style["color"],
+            linewidth=1.2,
+            gid=f"bar-{place}-{bar.run}",
         )
+        axes.plot([bar.value], [place + shift], **style, gid=f"{kind}-{place}-{bar.run}")
     axes.set_title(title)
     axes.set_xlabel(label)
     return panel
@@ -208,23 +211,16 @@ def _draw_bands(axes: "Axes", count: int) -> None:
 
 def _find_style(runs: Sequence[str], run: int) -> dict[str, Any]:
     places = [str(place) for place in range(len(runs))]
-    return {
-        "color": find_looks(places)[str(run)].colour,
-        "linestyle": "none",
-        "elinewidth": 1.2,
-        **find_marker(run),
-    }
+    return {"color": find_looks(places)[str(run)].colour, **find_marker(run)}
 
 
 def _make_handles(runs: Sequence[str]) -> "list[Artist]":
     from matplotlib.lines import Line2D
 
-    handles: list[Artist] = []
-    for run, name in enumerate(runs):
-        style = _find_style(runs, run)
-        del style["elinewidth"]
-        handles.append(Line2D([], [], **style, label=shorten_name(name, LONGEST_RUN)))
-    return handles
+    return [
+        Line2D([], [], **_find_style(runs, run), label=shorten_name(name, LONGEST_RUN))
+        for run, name in enumerate(runs)
+    ]
 
 
 def _describe(

@@ -129,10 +129,11 @@ def _draw_width(axes: "Axes", place: int, row: FigureRow, look: Look) -> None:
         **_make_tick("_", look.colour),
         gid=f"hits-{place}",
     )
-    axes.errorbar(
+    bar = [row.contact_time + sign * row.contact_time_expanded for sign in (-1.0, 1.0)]
+    axes.plot([row.relative_mass] * 2, bar, color=look.colour, gid=f"bar-{place}")
+    axes.plot(
         [row.relative_mass],
         [row.contact_time],
-        yerr=_find_bar(row),
         color=look.colour,
         **find_marker(row.size),
         gid=f"mean-{place}",
@@ -168,7 +169,9 @@ def _draw_differences(axes: "Axes", place: int, row: FigureRow, look: Look, limi
         **_make_tick("|", look.colour),
         gid=f"differences-{place}",
     )
-    axes.errorbar([0.0], [place], xerr=_find_bar(row), color=look.colour, **find_marker(row.size))
+    bar = [-row.contact_time_expanded, row.contact_time_expanded]
+    axes.plot(bar, [place] * 2, color=look.colour, gid=f"bar-{place}")
+    axes.plot([0.0], [place], color=look.colour, **find_marker(row.size))
     reference = row.reference.contact_time - row.contact_time
     if abs(reference) <= limit:
         axes.plot([reference], [place], **_make_ring(row.size))
@@ -191,17 +194,13 @@ def _find_limit(rows: Sequence[FigureRow]) -> float:
     return MARGIN * max([*differences, *bars, SMALLEST_LIMIT])
 
 
-def _find_bar(row: FigureRow) -> list[float] | None:
-    return [row.contact_time_expanded] if math.isfinite(row.contact_time_expanded) else None
-
-
 def _make_tick(marker: str, colour: str) -> dict[str, Any]:
     """Return the mark of one hit: thin, so that ten of them are ten."""
     return {
         "linestyle": "none",
         "marker": marker,
         "markersize": 13.0,
-        "markeredgecolor": colour,
+        "color": colour,
         "markeredgewidth": 0.6,
     }
 
@@ -210,8 +209,7 @@ def _make_ring(size: int) -> dict[str, Any]:
     """Return the mark of a published value: it is seen around our point when they agree."""
     marker = find_marker(size)
     return {
-        "linestyle": "none",
-        "marker": marker["marker"],
+        **marker,
         "markersize": RING_GROWTH * marker["markersize"],
         "markerfacecolor": "none",
         "markeredgecolor": INK,
@@ -224,7 +222,7 @@ def _make_mark_handles(rows: Sequence[FigureRow], tick: str) -> "list[Artist]":
 
     handles: list[Artist] = [
         Line2D([], [], **_make_tick(tick, INK), label="one hit"),
-        Line2D([], [], color=INK, linestyle="none", **find_marker(0), label="mean, 95 % bar"),
+        Line2D([], [], color=INK, **find_marker(0), label="mean, 95 % bar"),
     ]
     if any(math.isfinite(row.reference.contact_time) for row in rows):
         handles.append(Line2D([], [], **_make_ring(0), label=_name_reference(rows)))

@@ -95,7 +95,6 @@ def _draw_panel(
             [row.contact_time],
             [getattr(row, attribute)],
             color=looks[row.material].colour,
-            linestyle="none",
             **find_marker(row.size),
             gid=f"mean-{place}",
         )

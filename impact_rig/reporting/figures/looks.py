@@ -58,10 +58,11 @@ def find_looks(names: Sequence[str]) -> dict[str, Look]:
     }
 
 
-def find_marker(size: int) -> dict[str, Any]:
+def find_marker(place: int) -> dict[str, Any]:
     """Return the marker of the samples at one place among those of their material."""
-    marker = SIZE_MARKERS[size % len(SIZE_MARKERS)]
-    return {"marker": marker, "markersize": MARKER_SIZES.get(marker, MARKER_SIZE)}
+    marker = SIZE_MARKERS[place % len(SIZE_MARKERS)]
+    size = MARKER_SIZES.get(marker, MARKER_SIZE)
+    return {"marker": marker, "markersize": size, "linestyle": "none"}
 
 
 def make_material_handles(looks: dict[str, Look]) -> "list[Artist]":
@@ -88,7 +89,6 @@ def make_size_handles(rows: Sequence[FigureRow]) -> "list[Artist]":
             [],
             [],
             color=INK,
-            linestyle="none",
             **find_marker(size),
             label=names[size] if names else f"{size + 1}. by mass",
         )

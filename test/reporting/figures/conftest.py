@@ -1,0 +1,158 @@
+"""Campaigns to draw, and an eye that reads a figure as a program that knows nothing of ours."""
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from impact_rig.core.session import Session
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.reporting.figures.figure import ReportFigure
+from impact_rig.results.campaign import Results
+from impact_rig.results.flat_estimates import results_from_session
+from impact_rig.results.sample_traces import (
+    AlignedHit,
+    SampleTraces,
+    align_hit,
+    sample_traces_from_estimate,
+)
+
+SVG = "{http://www.w3.org/2000/svg}"
+SAMPLES = ("aluminium large", "steel medium", "brass small")
+HITS = 3
+
+
+@dataclass(frozen=True)
+class Struck:
+    """A small campaign with its traces."""
+
+    results: Results
+    samples: tuple[SampleTraces, ...]
+    hits: tuple[AlignedHit, ...]
+
+
+def strike(names: Iterable[str], count: int) -> Struck:
+    """Strike samples of the paper and keep the traces; no model is fitted, which takes long."""
+    rig, session, record = VirtualRig(PAPER_SETUP, VirtualRigSettings()), Session(PAPER_SETUP), 0
+    for name in names:
+        for impact in range(1, count + 1):
+            record += 1
+            for block in rig.strike(HitLabel(name, record, impact)).split(5000, 0):
+                session.feed(block)
+    found = session.estimate_all_without_models()
+    traces = [
+        sample_traces_from_estimate(estimate, session.find_mean(estimate.name))
+        for estimate in found.samples
+    ]
+    hits = [align_hit(hit) for hit in found.accepted]
+    return Struck(results_from_session(found, {}), tuple(traces), tuple(hits))
+
+
+@pytest.fixture(scope="session")
+def struck() -> Struck:
+    """Return three samples of the paper, three hits each."""
+    return strike(SAMPLES, HITS)
+
+
+@pytest.fixture(scope="session")
+def whole() -> Results:
+    """Return all samples of the paper, two hits each."""
+    return strike(PAPER_SETUP.samples.names, 2).results
+
+
+class Panel:
+    """One ``<svg>`` of a figure, read as it stands."""
+
+    def __init__(self, element: ET.Element, name: str) -> None:
+        self.element = element
+        self._name = name
+
+    def find(self, part: str) -> ET.Element | None:
+        """Return the element that the drawing calls `part`."""
+        identifier = f"{self._name}-{part}"
+        return next((e for e in self.element.iter() if e.get("id") == identifier), None)
+
+    def list_parts(self, beginning: str) -> list[str]:
+        """Return the names of the parts that begin like this."""
+        start = f"{self._name}-{beginning}"
+        names = [e.get("id", "") for e in self.element.iter()]
+        return [name.removeprefix(f"{self._name}-") for name in names if name.startswith(start)]
+
+    def read_points(self, part: str) -> np.ndarray:
+        """Return where markers, or the points of a line, are drawn, shape (n, 2)."""
+        element = self.find(part)
+        assert element is not None, part
+        uses = list(element.iter(f"{SVG}use"))
+        if uses:
+            return np.array([[float(use.get("x")), float(use.get("y"))] for use in uses])
+        path = next(element.iter(f"{SVG}path")).get("d")
+        numbers = [float(number) for number in re.findall(r"-?\d+(?:\.\d+)?", path)]
+        return np.array(numbers).reshape(-1, 2)
+
+    def read_styles(self, part: str) -> str:
+        """Return the styles of all paths of a part."""
+        return " ".join(e.get("style", "") for e in self.find(part).iter(f"{SVG}path"))
+
+    def list_texts(self) -> list[tuple[str, float]]:
+        """Return all text with its height in the picture, from the top down."""
+        texts = [
+            ("".join(e.itertext()), float(e.get("y", "0")))
+            for e in self.element.iter(f"{SVG}text")
+        ]
+        return sorted(texts, key=lambda text: text[1])
+
+    def read_texts(self) -> list[str]:
+        """Return all text."""
+        return ["".join(e.itertext()) for e in self.element.iter(f"{SVG}text")]
+
+    def read_bands(self) -> list[list[float]]:
+        """Return the horizontal edges of every shaded band of the axes."""
+        paths = [
+            e for e in self.element.iter(f"{SVG}path") if "opacity:0.13" in e.get("style", "")
+        ]
+        numbers = [re.findall(r"-?\d+(?:\.\d+)?", path.get("d")) for path in paths]
+        return [[min(x), max(x)] for x in ([float(n) for n in row[::2]] for row in numbers)]
+
+    def read_ticks(self, anchor: str, *, above: float = np.inf) -> np.ndarray:
+        """Return value and place of the numbers beside an axis, shape (n, 2).
+
+        `anchor` is "middle" for the horizontal axis and "end" for the vertical one, whose
+        numbers stand a little below their ticks; `above` leaves out what is further down.
+        """
+        key = "x" if anchor == "middle" else "y"
+        ticks = []
+        for element in self.element.iter(f"{SVG}text"):
+            text = "".join(element.itertext()).replace("\N{MINUS SIGN}", "-")
+            if f"text-anchor:{anchor}" not in element.get("style", ""):
+                continue
+            if re.fullmatch(r"-?\d+(\.\d+)?", text) and float(element.get("y")) < above:
+                ticks.append((float(text), float(element.get(key))))
+        return np.array(ticks)
+
+    def measure(self, places: np.ndarray, anchor: str, *, above: float = np.inf) -> np.ndarray:
+        """Return the values at places of an axis; on the vertical one they share an offset."""
+        values, ticks = self.read_ticks(anchor, above=above).T
+        slope, offset = np.polyfit(ticks, values, 1)
+        return slope * places + offset
+
+
+Read = Callable[[ReportFigure], list[Panel]]
+
+
+@pytest.fixture
+def read() -> Read:
+    """Return the function that reads the panels of a figure."""
+
+    def read_panels(figure: ReportFigure) -> list[Panel]:
+        root = ET.fromstring(figure.svg)
+        return [
+            Panel(element, f"{figure.name}-{place}")
+            for place, element in enumerate(root.findall(f"{SVG}svg"), start=1)
+        ]
+
+    return read_panels
