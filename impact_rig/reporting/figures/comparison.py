@@ -29,6 +29,8 @@ LINEAR_RANGE = 1.0
 LARGEST_LINEAR = 20.0
 """Differences up to which their axis is linear if any is larger than the second [%], our choice:
 one sample that is quite another does not hide the others."""
+ROOM = 2.0
+"""End of a logarithmic axis over the largest difference [-]."""
 CAPTION = (
     "a) Values with their 95 % intervals. b) The same as difference from the first run, in percent"
     " of its value. Each run has its colour and marker."
@@ -137,7 +139,7 @@ def _draw_quantity(
 ) -> ReportFigure:
     name = make_name(prefix, f"comparison {quantity.name}")
     if not bars:
-        reason = f"Not drawn: no run has {quantity.symbol} of any sample."
+        reason = f"No run has {quantity.symbol} of any sample."
         return make_missing_figure(name, quantity.title, reason)
     differences = _relate_to_first(bars)
     with drawing_style():
@@ -148,7 +150,7 @@ def _draw_quantity(
             label = f"difference of {quantity.symbol} from the first run [%]"
             title = "b) less the first run"
             panel = _draw_panel(title, label, runs, differences, "difference")
-            _scale_differences(panel.axes[0], max(abs(bar.value) for bar in differences))
+            _scale_differences(panel.axes[0], [bar.value for bar in differences])
             panels.append(panel)
         svg = render_panels(name, panels)
     alternative = _describe(quantity, runs, bars, differences)
@@ -196,10 +198,12 @@ def _draw_panel(
     return panel
 
 
-def _scale_differences(axes: "Axes", largest: float) -> None:
+def _scale_differences(axes: "Axes", values: Sequence[float]) -> None:
     axes.axvline(0.0, color=INK, linewidth=0.8, alpha=0.5, zorder=1.0)
-    if largest > LARGEST_LINEAR:
+    low, high = min(-LINEAR_RANGE, *values), max(LINEAR_RANGE, *values)
+    if max(-low, high) > LARGEST_LINEAR:
         axes.set_xscale("symlog", linthresh=LINEAR_RANGE)
+        axes.set_xlim(ROOM * low, ROOM * high)
         axes.xaxis.set_major_formatter("{x:g}")
 
 

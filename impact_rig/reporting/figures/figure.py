@@ -22,7 +22,8 @@ class ReportFigure:
         What the figure shows, with the key numbers, for those who do not see it: plain text, to
         be escaped by the page. Empty where `svg` is.
     caption : str
-        How to read it, plain text, to be escaped by the page.
+        How to read it, plain text, to be escaped by the page; of a figure that is not drawn, the
+        sentence that says why.
     """
 
     name: str

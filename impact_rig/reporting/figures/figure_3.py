@@ -236,8 +236,8 @@ def _name_reference(rows: Sequence[FigureRow], otherwise: str = "expected") -> s
 
 def _explain_missing(rows: Sequence[FigureRow]) -> str:
     if not any(math.isfinite(row.contact_time) for row in rows):
-        return "Fig. 3 is not drawn: no sample has a pulse width."
-    return "Fig. 3 is not drawn: the relative mass needs the masses of hammer and samples."
+        return "No sample has a pulse width."
+    return "The relative mass needs the masses of hammer and samples."
 
 
 def _describe(rows: Sequence[FigureRow]) -> str:

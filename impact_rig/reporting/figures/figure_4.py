@@ -66,7 +66,7 @@ def draw_figure_4(rows: Sequence[FigureRow], *, prefix: str = "") -> ReportFigur
         for _, _, attribute in PANELS
     }
     if not any(shown.values()):
-        reason = "Fig. 4 is not drawn: no sample has a pulse width and an amplitude."
+        reason = "No sample has a pulse width and an amplitude."
         return make_missing_figure(name, TITLE, reason)
     with drawing_style():
         panels = [

@@ -78,9 +78,9 @@ def draw_figure_5(samples: Sequence[SampleTraces], *, prefix: str = "") -> Repor
     ]
     if not cases:
         reason = (
-            "Fig. 5 is not drawn: no sample has a model to lay over its mean hit."
+            "No sample has a model to lay over its mean hit."
             if samples
-            else "Fig. 5 is not drawn: there are no traces. A report of the recording has them."
+            else "There are no traces: a report of the recording has them."
         )
         return make_missing_figure(name, TITLE, reason)
     order = sort_as_figure_5(tuple(sample.name for sample, _ in cases))

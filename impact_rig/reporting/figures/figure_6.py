@@ -83,7 +83,7 @@ def draw_figure_6(rows: Sequence[FigureRow], *, prefix: str = "") -> ReportFigur
     ]
     parts = [(part, compared) for part, compared in parts if compared]
     if not parts:
-        reason = "Fig. 6 is not drawn: no sample could be compared with the model."
+        reason = "No sample could be compared with the model."
         return make_missing_figure(name, TITLE, reason)
     with drawing_style():
         svg = render_panels(name, [_draw_part(part, compared) for part, compared in parts])

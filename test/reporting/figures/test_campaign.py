@@ -32,7 +32,7 @@ def test_a_campaign_has_the_paper_s_figures_3_to_6(figures):
 def test_results_alone_have_all_but_figure_5_which_says_why(struck):
     figures = draw_campaign_figures(struck.results, (), prefix="run 2")
     assert [figure.is_drawn for figure in figures] == [True, True, False, True]
-    assert "there are no traces" in figures[2].caption
+    assert "There are no traces" in figures[2].caption
     assert all(figure.name.startswith("run-2--figure") for figure in figures)
 
 
@@ -58,7 +58,7 @@ def test_figure_4_leaves_out_what_was_not_measured(rows, read):
     silent = [replace(row, specimen_peak=math.nan) for row in rows]
     assert len(read(draw_figure_4(silent))) == 1
     figure = draw_figure_4([replace(row, hammer_peak=math.nan) for row in silent])
-    assert "no sample has a pulse width and an amplitude" in figure.caption
+    assert "No sample has a pulse width and an amplitude" in figure.caption
 
 
 def test_figure_5_shows_the_paper_s_cases_from_top_to_bottom(figures, read):
@@ -93,7 +93,7 @@ def test_figure_5_says_the_error_of_every_case(struck, figures):
 
 def test_figure_5_without_any_model_says_so(struck):
     bare = [replace(sample, models=()) for sample in struck.samples]
-    assert "no sample has a model" in draw_figure_5(bare).caption
+    assert "No sample has a model" in draw_figure_5(bare).caption
 
 
 def test_figure_5_takes_a_trace_of_nan(struck):

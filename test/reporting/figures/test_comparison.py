@@ -71,7 +71,7 @@ def test_a_quantity_that_no_run_has_is_not_drawn_and_the_caption_says_why(struck
     )
     figures = draw_comparison_figure([("bare", replace(struck.results, samples=bare))])
     assert [figure.is_drawn for figure in figures] == [True, False, True]
-    assert figures[1].caption == "Not drawn: no run has k2 of any sample."
+    assert figures[1].caption == "No run has k2 of any sample."
 
 
 def test_samples_that_the_first_run_has_not_are_shown_without_a_difference(struck, read):

@@ -3,9 +3,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from impact_rig.results.figure_rows import make_figure_rows
 
 from impact_rig.reporting.figures.figure_3 import draw_figure_3
+from impact_rig.results.figure_rows import make_figure_rows
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_without_masses_there_is_no_figure_but_a_reason(rows):
 def test_without_pulse_widths_there_is_no_figure_but_a_reason(rows):
     figure = draw_figure_3([replace(row, contact_time=math.nan) for row in rows])
     assert not figure.is_drawn
-    assert "no sample has a pulse width" in figure.caption
+    assert "No sample has a pulse width" in figure.caption
     assert not draw_figure_3([]).is_drawn
 
 
