@@ -1,7 +1,7 @@
 """Recordings through the core: the same numbers as in the live run, bit by bit."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +15,10 @@ from impact_rig.recording.reading.mcap_reader import read_recording
 from impact_rig.results.campaign import Results
 from impact_rig.results.flat_estimates import results_from_session
 from impact_rig.results.hit_traces import HitTraces, TraceAssembler
+
+Report = Callable[[str, int, int], None]
+"""Is told now and then what is done (``reading`` [byte] or ``estimating`` [samples]), how much of
+it, and of how much."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +101,7 @@ def judge_recording(
     reject: Sequence[str] = (),
     *,
     keep_traces: bool = False,
+    report: Report | None = None,
 ) -> JudgedRecording:
     """Judge every hit of a recording, as the estimator does live.
 
@@ -110,6 +115,8 @@ def judge_recording(
         Hits that a person takes into the mean or leaves out, by name; see `find_label`.
     keep_traces : bool
         Whether the recorded traces are wanted as well.
+    report : callable, optional
+        Is told how far it is.
 
     Raises
     ------
@@ -121,7 +128,7 @@ def judge_recording(
     recording = read_recording(path)
     sessions: list[tuple[Session, list[HitTraces]]] = []
     assembler = TraceAssembler()
-    for event in recording.events():
+    for event in recording.events(_bind(report, "reading", recording.size)):
         if not isinstance(event, Block):
             # Each campaign begins with its set-up, and its estimates start afresh.
             setup = replace(event, analysis=changes.apply(event.analysis))
@@ -148,11 +155,20 @@ def analyze_recording(
     changes: SettingsChanges,
     accept: Sequence[str] = (),
     reject: Sequence[str] = (),
+    report: Report | None = None,
 ) -> AnalyzedRecording:
     """Judge every hit of a recording and estimate; parameters and errors as `judge_recording`."""
-    judged = judge_recording(path, changes, accept, reject)
-    campaigns = tuple(_finish(campaign.session, judged.faults) for campaign in judged.campaigns)
+    judged = judge_recording(path, changes, accept, reject, report=report)
+    campaigns = tuple(
+        _finish(campaign.session, judged.faults, report) for campaign in judged.campaigns
+    )
     return AnalyzedRecording(path, campaigns, judged.warnings)
+
+
+def _bind(report: Report | None, what: str, total: int) -> Callable[[int], None] | None:
+    if report is None:
+        return None
+    return lambda done: report(what, done, total)
 
 
 def _overrule(sessions: Sequence[Session], accept: Sequence[str], reject: Sequence[str]) -> None:
@@ -170,5 +186,11 @@ def _overrule(sessions: Sequence[Session], accept: Sequence[str], reject: Sequen
         session.overrule(overrules)
 
 
-def _finish(session: Session, faults: Mapping[int, tuple[str, ...]]) -> AnalyzedCampaign:
-    return AnalyzedCampaign(session.setup, results_from_session(session.estimate_all(), faults))
+def _finish(
+    session: Session, faults: Mapping[int, tuple[str, ...]], report: Report | None
+) -> AnalyzedCampaign:
+    report_samples = _bind(report, "estimating", len(session.names))
+    if report_samples is not None:
+        report_samples(0)
+    found = session.estimate_all(report_samples)
+    return AnalyzedCampaign(session.setup, results_from_session(found, faults))

@@ -35,7 +35,7 @@ class BenchProgress(ProgressBar):
     def report(self, part: Part, done: int, total: int) -> None:
         """Take the part that runs, and done and all of what it counts; 0: not known."""
         self.update(description=part.name, completed=done, total=total or None)
-        if part.name != self._part and not self.console.is_terminal:
+        if part.name != self._part and not self.is_drawn:
             self.console.print(f"{part.name}: {part.title}", soft_wrap=True)
         self._part = part.name
 

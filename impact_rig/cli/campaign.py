@@ -8,6 +8,7 @@ import click
 from impact_rig.cli import options
 from impact_rig.configuration.processes import make_run_folder_name
 
+LOOKING = "looking for the rig"
 RIG_TIMEOUT = 10.0
 """How long the rig may take to be found [s]."""
 
@@ -70,7 +71,8 @@ def command(
 
     options.check_keep(keep, impacts)
     options.set_discovery(network=network)
-    with CampaignClient(namespace) as client, CampaignView(make_console(stderr=True)) as view:
+    console = make_console(stderr=True)
+    with CampaignClient(namespace) as client, CampaignView(console, LOOKING) as view:
         client.wait_for_rig(RIG_TIMEOUT)
         if notes:
             client.publish_note(notes, RIG_TIMEOUT)

@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import MofNCompleteColumn
 
-from impact_rig.cli.progress_bar import ProgressBar
+from impact_rig.cli.progress_bar import ProgressBar, TimeLeft
 from impact_rig.reporting.columns import Column
 from impact_rig.reporting.terminal import print_table
 from impact_rig.results.numbers import MISSING, format_number
@@ -54,8 +54,7 @@ class StudyProgress(ProgressBar):
             console,
             "campaigns",
             MofNCompleteColumn(),
-            TextColumn("left:"),
-            TimeRemainingColumn(),
+            TimeLeft(),
             speed_period=SPEED_PERIOD,
         )
 

@@ -199,9 +199,22 @@ class Session:
             name, mean, contact_times, rejected, hammer, self.setup, self._traces[name][1]
         )
 
-    def estimate_all(self) -> SessionResults:
-        """Return everything found so far, the model fitted to every sample."""
-        return self._gather(self._estimate_with_models)
+    def estimate_all(self, report: Callable[[int], None] | None = None) -> SessionResults:
+        """Return everything found so far, the model fitted to every sample.
+
+        Parameters
+        ----------
+        report : callable, optional
+            Is told after each sample how many are done.
+        """
+
+        def estimate(name: str, hammer: BodyEstimate) -> SampleEstimate:
+            found = self._estimate_with_models(name, hammer)
+            if report is not None:
+                report(self.names.index(name) + 1)
+            return found
+
+        return self._gather(estimate)
 
     def estimate_all_without_models(self) -> SessionResults:
         """Return the same without the fitted models, which take most of the time."""

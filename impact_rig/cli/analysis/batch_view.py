@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import MofNCompleteColumn
 
-from impact_rig.cli.progress_bar import ProgressBar
+from impact_rig.cli.progress_bar import ProgressBar, TimeLeft
 
 
 class BatchProgress(ProgressBar):
@@ -22,18 +22,11 @@ class BatchProgress(ProgressBar):
     def __init__(self, console: Console, total: int) -> None:
         self._total = total
         self._done = 0
-        super().__init__(
-            console,
-            "recordings",
-            MofNCompleteColumn(),
-            TextColumn("left:"),
-            TimeRemainingColumn(),
-            total=total,
-        )
+        super().__init__(console, "recordings", MofNCompleteColumn(), TimeLeft(), total=total)
 
     def report(self, path: Path) -> None:
         """Take a finished recording."""
         self._done += 1
         self.update(completed=self._done)
-        if not self.console.is_terminal:
+        if not self.is_drawn:
             self.console.print(f"{self._done} of {self._total}: {path}", soft_wrap=True)

@@ -10,6 +10,7 @@ from impact_rig.analysis.batch import analyze_batch
 from impact_rig.analysis.batch_task import BatchTask
 from impact_rig.analysis.recording_analysis import AnalyzedRecording, analyze_recording
 from impact_rig.analysis.settings_changes import SettingsChanges
+from impact_rig.cli.analysis.analysis_progress import AnalysisProgress
 from impact_rig.cli.analysis.batch_view import BatchProgress
 from impact_rig.reporting.batch_tables import BatchCampaign, print_batch
 from impact_rig.reporting.budget_tables import print_budgets
@@ -37,7 +38,8 @@ def report_recording(
 
     Raises as `analyze_recording`.
     """
-    recording = analyze_recording(path, changes, accept, reject)
+    with AnalysisProgress(make_console(stderr=True), path) as bar:
+        recording = analyze_recording(path, changes, accept, reject, bar.report)
     _print_warnings(recording)
     several = len(recording.campaigns) > 1
     if form is Form.JSON:

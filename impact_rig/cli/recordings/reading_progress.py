@@ -3,16 +3,13 @@
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import DownloadColumn, TimeRemainingColumn
+from rich.progress import DownloadColumn
 
-from impact_rig.cli.progress_bar import ProgressBar
+from impact_rig.cli.progress_bar import PATIENCE, ProgressBar, TimeLeft
 from impact_rig.recording.reading.source import find_recording
 from impact_rig.recording.recovery.contents import Contents
 from impact_rig.recording.recovery.inspection import inspect_recording
 from impact_rig.reporting.terminal import make_console
-
-LARGE = 50_000_000
-"""Size from which a bar is worth its line [byte], our choice: below, it is gone at once."""
 
 
 class ReadingProgress(ProgressBar):
@@ -33,9 +30,9 @@ class ReadingProgress(ProgressBar):
             console,
             title,
             DownloadColumn(),
-            TimeRemainingColumn(),
+            TimeLeft(),
             total=total,
-            is_shown=total >= LARGE,
+            patience=PATIENCE,
         )
 
     def report(self, done: int) -> None:

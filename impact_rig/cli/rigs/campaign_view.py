@@ -1,67 +1,111 @@
 """What a person sees of a running campaign: a progress bar, rejections, questions."""
 
-import math
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, TextColumn
+from rich.progress import ProgressColumn, Task, TextColumn
+from rich.text import Text
 
-from impact_rig.cli.progress_bar import ProgressBar
+from impact_rig.cli.progress_bar import ProgressBar, format_time_left
 from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.campaign_client import CampaignClient, CampaignOutcome, CampaignRequest
+from impact_rig.reporting.columns import make_printable
 from impact_rig.reporting.tables import print_results
-from impact_rig.reporting.terminal import make_console
+from impact_rig.reporting.terminal import ALARM, GOOD, make_console
+from impact_rig.results.numbers import MICRO, format_number
 from impact_rig.results.results_file import format_json, results_to_json, write_results
 
 
 class CampaignView(ProgressBar):
     """Follows a campaign on standard error; use it in a ``with`` statement.
 
+    A rejected hit gets a line that stays, above the bar or in a log. A log also has a line for
+    each sample.
+
     Parameters
     ----------
     console : Console
-        Where to draw; without a terminal, one line per sample instead of a bar.
+        Where to draw.
+    title : str
+        What is done until the first sample's turn.
     """
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, title: str = "starting the rig") -> None:
         super().__init__(
             console,
-            "starting the rig",
-            MofNCompleteColumn(),
+            title,
+            TextColumn("{task.fields[done]}"),
+            _Rejected(),
             TextColumn("{task.fields[left]}"),
-            is_wide=True,
+            done="",
             left="",
+            rejected=0,
         )
         self._sample = ""
+        self._record = 0
 
     def follow(self, feedback: Any) -> None:
         """Show one feedback of the campaign action."""
-        total = feedback.sample_count * feedback.impacts
-        done = (feedback.sample_number - 1) * feedback.impacts + feedback.impact
-        left = feedback.time_left
-        self.update(
-            description=f"{feedback.sample}, hit {feedback.impact}/{feedback.impacts}"
-            + (f", {feedback.rejected} rejected" if feedback.rejected else ""),
-            total=total,
-            completed=done,
-            left="" if math.isnan(left) else f"{left:.0f} s left",
-        )
         if feedback.sample != self._sample:
             self._sample = feedback.sample
-            if not self.console.is_terminal:
+            if not self.is_drawn:
                 self.console.print(
                     f"sample {feedback.sample_number} of {feedback.sample_count}:"
                     f" {feedback.sample}"
                 )
+        if feedback.last.record != self._record:
+            self._record = feedback.last.record
+            self._take_verdict(feedback.last)
+        total = feedback.sample_count * feedback.impacts
+        done = (feedback.sample_number - 1) * feedback.impacts + feedback.impact
+        self.update(
+            description=_describe_place(feedback) if done < total else "estimating",
+            total=total,
+            completed=done,
+            done=f"{done} of {total}",
+            rejected=feedback.rejected,
+            left=format_time_left(feedback.time_left) if done < total else "",
+        )
+
+    def _take_verdict(self, hit: Any) -> None:
+        if hit.accepted:
+            contact_time = format_number(hit.contact_time * MICRO, 2)
+            word, rest, style = "accepted", f"τp {contact_time} µs", GOOD
+        else:
+            word, rest, style = "rejected", "; ".join(hit.reasons), ALARM
+            place = f"{hit.sample}, hit {hit.impact}.{hit.attempt} "
+            self.console.print(Text.assemble(place, (word, style), f": {make_printable(rest)}"))
+        codes = ", ".join(dict.fromkeys(reason.partition(":")[0] for reason in hit.reasons))
+        self.update(
+            status=Text.assemble(
+                f"last hit, {hit.impact}.{hit.attempt}: ", (word, style), f", {codes or rest}"
+            )
+        )
 
     def ask(self, sample: str) -> None:
         """Ask for a sample to be mounted, and wait for the answer."""
         self.hide()
         click.prompt(f"Mount {sample} and press Enter", default="", show_default=False, err=True)
         self.show()
+
+
+class _Rejected(ProgressColumn):
+    """How many hits were rejected, if any."""
+
+    def render(self, task: Task) -> Text:
+        count = task.fields["rejected"]
+        return Text(f"{count} rejected", ALARM) if count else Text()
+
+
+def _describe_place(feedback: Any) -> str:
+    # The hits that are counted are accepted ones: the next one is under way.
+    return (
+        f"{feedback.sample} ({feedback.sample_number} of {feedback.sample_count}),"
+        f" hit {min(feedback.impact + 1, feedback.impacts)} of {feedback.impacts}"
+    )
 
 
 def report_outcome(outcome: CampaignOutcome, folder: Path, *, as_json: bool) -> None:

@@ -35,9 +35,7 @@ class ReplayView(ProgressBar):
     """
 
     def __init__(self, console: Console) -> None:
-        super().__init__(
-            console, "opening", TextColumn("{task.fields[place]}"), is_wide=True, place=""
-        )
+        super().__init__(console, "opening", TextColumn("{task.fields[place]}"), place="")
         self._drawn = 0.0
 
     def follow(self, replayer: ReplayerNode) -> None:

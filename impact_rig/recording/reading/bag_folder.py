@@ -1,6 +1,6 @@
 """A recording in several files: a folder as rosbag2 writes it."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
@@ -52,6 +52,11 @@ class BagFolder:
         return tuple(part.path for part in self._parts)
 
     @property
+    def size(self) -> int:
+        """Of all files together [byte]."""
+        return sum(part.size for part in self._parts)
+
+    @property
     def is_complete(self) -> bool:
         """Whether every file is there and was closed."""
         return not self._problems and all(part.is_complete for part in self._parts)
@@ -76,6 +81,7 @@ class BagFolder:
         *,
         start_time: int | None = None,
         end_time: int | None = None,
+        report: Callable[[int], None] | None = None,
     ) -> Iterator[RawMessage]:
         """Yield messages, one file after the other; see `McapFile.read_messages`.
 
@@ -87,7 +93,7 @@ class BagFolder:
             # What is repeated later on may have been told before.
             for _ in self._join(lambda it: _is_state(it) and wanted(it), last, None, start_time):
                 pass
-        yield from self._join(wanted, last, start_time, end_time)
+        yield from self._join(wanted, last, start_time, end_time, report)
 
     def read_metadata(self) -> tuple[MetadataRecord, ...]:
         """Return what was noted beside the messages, each once."""
@@ -103,17 +109,26 @@ class BagFolder:
         last: dict[int, RawMessage],
         start_time: int | None,
         end_time: int | None,
+        report: Callable[[int], None] | None = None,
     ) -> Iterator[RawMessage]:
         """Yield the messages of the files; keep the last one of each channel in `last`."""
-        for part in self._parts:
+        sizes = [part.size for part in self._parts]
+        for place, part in enumerate(self._parts):
             unified: dict[int, Channel] = {}
+            before = sum(sizes[:place])
+
+            def report_part(done: int, before: int = before) -> None:
+                if report is not None:
+                    report(before + done)
 
             def is_wanted(channel: Channel, unified: dict[int, Channel] = unified) -> bool:
                 unified[channel.id] = self._unify(channel)
                 return wanted(unified[channel.id])
 
             met: set[int] = set()
-            for message in part.read_messages(is_wanted, start_time=start_time, end_time=end_time):
+            for message in part.read_messages(
+                is_wanted, start_time=start_time, end_time=end_time, report=report_part
+            ):
                 raw = message._replace(channel=unified[message.channel.id])
                 number = raw.channel.id
                 is_repeated = number not in met and _is_same(last.get(number), raw)

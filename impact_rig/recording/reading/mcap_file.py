@@ -6,7 +6,7 @@ there is one, it tells which chunks need not be read.
 
 import contextlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -126,6 +126,11 @@ class McapFile:
         return (self.path,)
 
     @property
+    def size(self) -> int:
+        """Of the file [byte]."""
+        return self._size
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """What the reader should know, in words; empty: nothing."""
         if self._is_complete:
@@ -155,6 +160,7 @@ class McapFile:
         *,
         start_time: int | None = None,
         end_time: int | None = None,
+        report: Callable[[int], None] | None = None,
     ) -> Iterator[RawMessage]:
         """Yield messages in file order, one chunk in memory at a time.
 
@@ -167,6 +173,8 @@ class McapFile:
             Tells whether a channel's messages are to be yielded.
         start_time, end_time : int, optional
             Only messages logged from the one to before the other, nanoseconds since the epoch.
+        report : callable, optional
+            Is told now and then how far the file was read [byte].
 
         Raises
         ------
@@ -177,7 +185,7 @@ class McapFile:
         table = TopicTable(self.path, wanted)
         with self._walk() as walk:
             leaps = self._find_leaps(table, start_time, end_time)
-            for message in _find_messages(walk, table, leaps):
+            for message in _find_messages(walk, table, leaps, report):
                 if lies_between(message.log_time, start_time, end_time):
                     yield message
 
@@ -276,7 +284,10 @@ class McapFile:
 
 
 def _find_messages(
-    walk: McapWalk, table: TopicTable, leaps: Mapping[int, int]
+    walk: McapWalk,
+    table: TopicTable,
+    leaps: Mapping[int, int],
+    report: Callable[[int], None] | None = None,
 ) -> Iterator[RawMessage]:
     chosen, unpack, head_size = table.chosen, MESSAGE_HEAD.unpack_from, MESSAGE_HEAD.size
     for frame in walk.find_frames(leaps):
@@ -294,6 +305,8 @@ def _find_messages(
                 table.add_schema(data[start:end])
             elif kind == Opcode.CHANNEL:
                 table.add_channel(data[start:end])
+        if report is not None:
+            report(frame.end)
 
 
 def lies_between(time: int, start_time: int | None, end_time: int | None) -> bool:

@@ -77,8 +77,18 @@ class Recording:
         """
         return MappingProxyType(self._faults)
 
-    def events(self) -> Iterator[RigSetup | Block]:
+    @property
+    def size(self) -> int:
+        """Of all its files together [byte]."""
+        return self._file.size
+
+    def events(self, report: Callable[[int], None] | None = None) -> Iterator[RigSetup | Block]:
         """Yield set-ups and blocks in file order, the first set-up before everything else.
+
+        Parameters
+        ----------
+        report : callable, optional
+            Is told now and then how much was read [byte].
 
         Yields
         ------
@@ -92,7 +102,7 @@ class Recording:
         """
         yield self.setup
         is_first = True
-        for raw in self._file.read_messages(self._is_event):
+        for raw in self._file.read_messages(self._is_event, report=report):
             if raw.channel.type_name == VIRTUAL_IMPACT_TYPE:
                 label, faults = self._convert(raw, _faults_from_msg)
                 self._faults[label] = faults

@@ -44,6 +44,10 @@ class RecordingSource(Protocol):
         """Its files, in their order."""
 
     @property
+    def size(self) -> int:
+        """Of all files together [byte]."""
+
+    @property
     def is_complete(self) -> bool:
         """Whether the recording was closed and nothing of it is missing."""
 
@@ -60,6 +64,7 @@ class RecordingSource(Protocol):
         *,
         start_time: int | None = None,
         end_time: int | None = None,
+        report: Callable[[int], None] | None = None,
     ) -> Iterator[RawMessage]:
         """Yield the wanted channels' messages in file order; see `McapFile.read_messages`."""
 

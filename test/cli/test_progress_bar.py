@@ -1,0 +1,165 @@
+"""The progress bar in real terminals: what it shows, and that it leaves nothing behind."""
+
+import io
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+from rich.console import Console
+from rich.progress import MofNCompleteColumn
+
+from impact_rig.cli.progress_bar import ProgressBar, TimeLeft, format_time_left
+
+from .pseudo_terminal import ESCAPE, HIDE_CURSOR, SHOW_CURSOR, find_widest, open_terminal
+
+PROGRAM = """
+import sys, time
+from rich.progress import MofNCompleteColumn
+from impact_rig.cli.progress_bar import ProgressBar, TimeLeft
+from impact_rig.reporting.terminal import make_console
+
+console = make_console(stderr=True)
+title, patience = sys.argv[1], float(sys.argv[2])
+with ProgressBar(console, title, MofNCompleteColumn(), TimeLeft(), total=1e4, patience=patience) \\
+        as bar:
+    for done in range(int(sys.argv[3])):
+        bar.update(completed=done, status="last hit, 12.3: accepted, τp 203.20 µs")
+        if done == 5:
+            console.print("steel small, hit 1.2 rejected: overload")
+        print(f"step {done}", flush=True) if done == 8 else time.sleep(0.02)
+print("the end")
+"""
+
+
+def make_words(title: str = "steel small", patience: float = 0.0, steps: int = 30) -> list[str]:
+    return [sys.executable, "-c", PROGRAM, title, str(patience), str(steps)]
+
+
+@pytest.mark.parametrize("columns", [24, 40, 60, 80, 132])
+def test_the_bar_fits_and_shows_its_figures_whole(columns: int) -> None:
+    title = "鋼 steel of a long name"
+    with open_terminal(make_words(title), columns) as terminal:
+        assert terminal.finish() == 0
+        assert find_widest(terminal.text) <= columns
+        assert "29/10000" in terminal.text
+        assert "τp 203.20 µs" in terminal.text.replace("\n", " ")
+        assert title in re.sub(r"\s+", " ", terminal.text)
+        assert "━" in terminal.text or columns < 40
+
+
+def test_what_is_told_meanwhile_stays_and_the_bar_goes() -> None:
+    with open_terminal(make_words()) as terminal:
+        assert terminal.finish() == 0
+    screen = play(terminal.raw)
+    assert screen == ["steel small, hit 1.2 rejected: overload", "step 8", "the end"]
+    assert terminal.raw.rindex(SHOW_CURSOR) > terminal.raw.rindex(HIDE_CURSOR)
+
+
+def play(raw: str) -> list[str]:
+    """Return the lines that a terminal shows in the end: what rich uses of its language."""
+    lines, row, column = [""], 0, 0
+    for piece in re.findall(r"\x1b\[[0-9;?]*[a-zA-Z]|\r|\n|[^\x1b\r\n]+", raw):
+        if piece == "\r":
+            column = 0
+        elif piece == "\n":
+            row += 1
+            lines += [""] * (row + 1 - len(lines))
+        elif piece.endswith("A"):
+            row -= int(piece[2:-1] or 1)
+        elif piece == "\x1b[2K":
+            lines[row] = ""
+        elif not piece.startswith("\x1b"):
+            line = lines[row].ljust(column)
+            lines[row] = line[:column] + piece + line[column + len(piece) :]
+            column += len(piece)
+    return [line for line in lines if line.strip()]
+
+
+def test_a_terminal_made_narrower_is_filled_no_further() -> None:
+    with open_terminal(make_words(steps=10_000), 120) as terminal:
+        terminal.read_until(lambda raw: raw.count(STATUS) > 1)
+        terminal.resize(44)
+        before = len(terminal.raw)
+        terminal.read_until(lambda raw: raw.count(STATUS, before) > 3)
+        # What was drawn while the size changed may still be as wide as before.
+        frames = ESCAPE.sub("", terminal.raw[before:]).split(STATUS)[2:]
+    assert max(map(find_widest, frames)) <= 44
+
+
+STATUS = "last hit"
+
+
+def test_ctrl_c_leaves_the_terminal_as_it_was() -> None:
+    with open_terminal(make_words(steps=10_000)) as terminal:
+        terminal.read_until(lambda raw: STATUS in raw)
+        terminal.process.send_signal(signal.SIGINT)
+        assert terminal.finish() != 0
+    assert HIDE_CURSOR in terminal.raw
+    assert terminal.raw.rindex(SHOW_CURSOR) > terminal.raw.rindex(HIDE_CURSOR)
+
+
+def test_what_is_done_soon_needs_no_bar() -> None:
+    with open_terminal(make_words(patience=60.0)) as terminal:
+        assert terminal.finish() == 0
+    assert "━" not in terminal.raw
+    assert HIDE_CURSOR not in terminal.raw
+
+
+@pytest.mark.parametrize("environment", [{}, {"FORCE_COLOR": "1"}, {"TTY_COMPATIBLE": "1"}])
+def test_a_pipe_gets_no_bar_even_if_it_is_to_be_coloured(
+    monkeypatch: pytest.MonkeyPatch, environment: dict[str, str]
+) -> None:
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    done = subprocess.run(make_words(), capture_output=True, text=True, check=True)
+    assert done.stdout == "step 8\nthe end\n"
+    assert "━" not in done.stderr
+    assert "hit 1.2 rejected" in done.stderr
+
+
+def test_a_dumb_terminal_gets_lines_and_no_escapes() -> None:
+    with open_terminal(make_words(), TERM="dumb") as terminal:
+        assert terminal.finish() == 0
+    assert "\x1b" not in terminal.raw
+    assert terminal.text.splitlines() == [
+        "steel small, hit 1.2 rejected: overload",
+        "step 8",
+        "the end",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (float("nan"), ""),
+        (0.4, "0 s left"),
+        (41.2, "41 s left"),
+        (61.0, "2 min left"),
+        (5400.0, "1.5 h left"),
+    ],
+)
+def test_the_time_left_is_as_exact_as_anybody_wants_it(seconds: float, words: str) -> None:
+    assert format_time_left(seconds) == words
+
+
+def test_a_restarted_bar_counts_from_nought() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=80)
+    with ProgressBar(console, "reading", MofNCompleteColumn(), TimeLeft(), total=9) as bar:
+        bar.update(completed=9)
+        bar.restart("estimating", 12)
+    assert "estimating" in console.file.getvalue()  # type: ignore[attr-defined]
+    assert " 0/12" in console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def test_a_bar_that_the_narrower_terminal_has_broken_is_taken_away_whole() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=100)
+    with ProgressBar(console, "t" * 50, total=9) as bar:
+        bar.update(completed=1)
+        console.width = 31
+        console.print("a line")
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    # The line of 50 + 2 + 40 letters takes three rows of 31: two above that of the cursor.
+    before = text[: text.index("a line")]
+    assert before.endswith("\r\x1b[2K" + "\x1b[1A\x1b[2K" * 2)
