@@ -28,7 +28,7 @@ DECIMALS = 2
 COORDINATES = ("d", "x", "y", "transform", "viewBox")
 
 _NUMBER = re.compile(r"-?\d+\.\d+")
-_REFERENCE = re.compile(r"#(m|p|image)[0-9a-f]{10,}")
+_REFERENCE = re.compile(r"#([\w.-]+)")
 _GIVEN_ID = re.compile(r"[a-z0-9]+(-[a-z0-9]+)+")
 """Ids that were given with set_gid have a hyphen, matplotlib's own have none."""
 _NO_METADATA = {"Creator": None, "Date": None, "Format": None, "Type": None}
@@ -58,11 +58,12 @@ def _render(prefix: str, panel: "Figure") -> str:
     panel.savefig(stream, format="svg", metadata=_NO_METADATA)
     root = ET.fromstring(stream.getvalue())  # noqa: S314 (our own text)
     _remove_foreign(root)
+    needed = _find_references(root)
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
         element.text = element.text and element.text.strip()
         element.tail = None
-        _adapt_attributes(element, prefix)
+        _adapt_attributes(element, prefix, needed)
     del root.attrib["width"], root.attrib["height"], root.attrib["version"]
     root.set("xmlns", SVG)
     root.set("style", PANEL_STYLE)
@@ -78,12 +79,18 @@ def _remove_foreign(root: ET.Element) -> None:
                 parent.remove(child)
 
 
-def _adapt_attributes(element: ET.Element, prefix: str) -> None:
+def _find_references(root: ET.Element) -> set[str]:
+    """Return the ids that something in the drawing refers to."""
+    texts = (element.get(name, "") for element in root.iter() for name in (LINK, "clip-path"))
+    return {match[1] for text in texts for match in _REFERENCE.finditer(text)}
+
+
+def _adapt_attributes(element: ET.Element, prefix: str, needed: set[str]) -> None:
     attributes = element.attrib
     if LINK in attributes:
         attributes["href"] = attributes.pop(LINK)
     identifier = attributes.pop("id", "")
-    if _REFERENCE.fullmatch(f"#{identifier}") or _GIVEN_ID.fullmatch(identifier):
+    if identifier in needed or _GIVEN_ID.fullmatch(identifier):
         attributes["id"] = f"{prefix}-{identifier}"
     for name in ("href", "clip-path"):
         if name in attributes:

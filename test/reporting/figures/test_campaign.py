@@ -1,4 +1,5 @@
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +28,12 @@ def test_a_campaign_has_the_paper_s_figures_3_to_6(figures):
     assert [figure.title[:7] for figure in figures] == ["Fig. 3.", "Fig. 4.", "Fig. 5.", "Fig. 6."]
     assert all(figure.is_drawn and figure.alternative and figure.caption for figure in figures)
     assert len({figure.name for figure in figures}) == 4
+
+
+def test_no_id_of_a_campaign_s_figures_is_there_twice(figures):
+    ids = re.findall(r'id="([^"]+)"', "".join(figure.svg for figure in figures))
+    assert len(ids) > 100
+    assert len(set(ids)) == len(ids)
 
 
 def test_results_alone_have_all_but_figure_5_which_says_why(struck):
