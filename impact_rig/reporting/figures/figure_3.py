@@ -273,9 +273,11 @@ def _explain(rows: Sequence[FigureRow], left_out: Sequence[str]) -> str:
     text = (
         "a) Each tick is one hit, the filled point the mean hit of a sample with its 95 %"
         f" interval{ring}. Colour and dashes stand for the material, markers for the sizes. b)"
-        " The same as differences from the mean of the sample; an arrow stands for what lies"
-        " beyond the axis."
+        " The same as differences from the mean of the sample."
     )
+    limit = _find_limit(rows)
+    if any(abs(row.reference.contact_time - row.contact_time) > limit for row in rows):
+        text += " An arrow stands for a value that lies beyond the axis."
     sentences = [text]
     if left_out:
         sentences.append(f"Not shown, for want of a mass or a pulse width: {', '.join(left_out)}.")

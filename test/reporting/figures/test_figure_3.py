@@ -106,3 +106,5 @@ def test_a_reference_far_away_does_not_squeeze_the_hits(rows, read):
     )
     spread = [np.ptp(read(figure)[1].read_points("differences-0")[:, 0]) for figure in (near, far)]
     assert spread[1] == pytest.approx(spread[0])
+    assert "An arrow" in far.caption
+    assert "An arrow" not in near.caption
