@@ -131,27 +131,43 @@ def _format_value(item: ComparedQuantity, value: float, expanded: float) -> str:
 def _tell_setup_differences(
     runs: Sequence[Run], differences: Sequence[SetupDifference]
 ) -> list[Part]:
-    if not differences:
+    rows = [_describe_difference(item) for item in differences]
+    rows += [
+        (label, "", cells)
+        for label, cells in (
+            ("sampling and full scale", [_describe_sampling(run) for run in runs]),
+            ("software that recorded", [_describe_software(run) for run in runs]),
+        )
+        if len({cell for cell in cells if cell != MISSING}) > 1
+    ]
+    if not rows:
         return [Paragraph("Masses, samples and settings are the same in all runs.")]
-    shown = [SETUP_FIELDS.get(item.field, SetupField(item.field)) for item in differences]
     columns = [
-        make_text_column(
-            "What",
-            [
-                f"{item.sample}: {field.label}" if item.sample else field.label
-                for item, field in zip(differences, shown, strict=True)
-            ],
-        ),
-        make_text_column("Unit", [field.unit for field in shown]),
+        make_text_column("What", [label for label, *_ in rows]),
+        make_text_column("Unit", [unit for _, unit, _ in rows]),
         *(
-            make_column(
-                run.name,
-                [
-                    field.format(item.values[place])
-                    for item, field in zip(differences, shown, strict=True)
-                ],
-            )
+            make_text_column(run.name, [cells[place] for *_, cells in rows])
             for place, run in enumerate(runs)
         ),
     ]
     return [make_table("What differs in the set-ups", columns)]
+
+
+def _describe_difference(item: SetupDifference) -> tuple[str, str, list[str]]:
+    shown = SETUP_FIELDS.get(item.field, SetupField(item.field))
+    label = f"{item.sample}: {shown.label}" if item.sample else shown.label
+    return label, shown.unit, [shown.format(value) for value in item.values]
+
+
+def _describe_sampling(run: Run) -> str:
+    described = [
+        f"{item.sampling_rate * 1e-3:.7g} kHz"
+        + "".join(f", {channel.name} {channel.full_scale:.7g} m/s²" for channel in item.channels)
+        for item in run.acquisitions
+    ]
+    return "; ".join(described) or MISSING
+
+
+def _describe_software(run: Run) -> str:
+    versions = run.provenance.versions if run.provenance else ()
+    return ", ".join(f"{name} {text}" for name, text in versions) or MISSING

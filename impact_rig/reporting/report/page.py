@@ -47,7 +47,7 @@ def render_page(document: Document, *, is_unfolded: bool = False) -> str:
     """
     environment = _make_environment()
     identifiers = Identifiers({RESERVED_ID})
-    return environment.get_template(PAGE).render(
+    page = environment.get_template(PAGE).render(
         document=document,
         headings=[_place(section, TOP_LEVEL, identifiers) for section in document.sections],
         identifiers=identifiers,
@@ -55,6 +55,7 @@ def render_page(document: Document, *, is_unfolded: bool = False) -> str:
         style=_mark_safe(_read_template(STYLE)),
         version=__version__,
     )
+    return page.lstrip()
 
 
 def _place(section: Section, level: int, identifiers: Identifiers) -> _Heading:

@@ -1,0 +1,245 @@
+"""`impact-rig report`: a file to hand over, whatever it is made of."""
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.devices.virtual.faults import Fault, FaultPlan
+from impact_rig.devices.virtual.rig import VirtualRigSettings
+from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure
+from impact_rig.reporting.report import comparison_content, run_content
+from impact_rig.reporting.report.pdf import BROWSERS
+from impact_rig.results.results_file import write_results
+
+Run = Callable[..., Any]
+SAMPLES = ("aluminium large", "brass medium")
+
+
+@pytest.fixture(scope="module")
+def recorded(record: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a run of two samples, two hits each."""
+    folder = tmp_path_factory.mktemp("runs") / "monday"
+    folder.mkdir()
+    campaign = record(folder / "session.mcap", VirtualRigSettings(seed=3), SAMPLES, 2)
+    write_results(folder / "results.json", campaign.results)
+    return folder
+
+
+@pytest.fixture
+def folder(recorded: Path, tmp_path: Path) -> Path:
+    """Return a copy of it that a test may write into."""
+    return Path(shutil.copytree(recorded, tmp_path / "monday"))
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the figures out: drawing them takes its time, and they have tests of their own."""
+
+    def miss(*values: object, prefix: str = "") -> tuple[ReportFigure, ...]:
+        names = (f"{prefix}{number}" for number in range(4))
+        return tuple(make_missing_figure(name, "A figure", "Not here.") for name in names)
+
+    monkeypatch.setattr(run_content, "draw_campaign_figures", miss)
+    monkeypatch.setattr(run_content, "draw_sample_figure", lambda *a, **b: miss()[0])
+    monkeypatch.setattr(comparison_content, "draw_comparison_figure", miss)
+
+
+def make_newer(folder: Path) -> Path:
+    """Make results.json one of a later version, and take the recording away."""
+    (folder / "session.mcap").unlink()
+    path = folder / "results.json"
+    content = json.loads(path.read_text())
+    content["format"]["version"] = 99
+    path.write_text(json.dumps(content))
+    return path
+
+
+def read_text(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def test_the_report_of_a_run_lies_in_its_folder_and_is_never_overwritten(run: Run, folder: Path):
+    outcome = run("report", folder)
+    assert (outcome.exit_code, outcome.stdout) == (0, "")
+    path = folder / "report.html"
+    assert outcome.stderr == f"report: {path}\n"
+    text = read_text(path)
+    assert "monday/session.mcap" in text
+    assert str(folder) not in text  # where it lies here is nobody's business
+    for words in ("Paper", "[µs]", "brass medium *", "Fig. 3", "<svg", "2500"):
+        assert words in text
+
+    again = run("report", folder)
+    assert again.exit_code == 2
+    assert f"error: {path} exists already: name another file with -o" in again.stderr
+    assert read_text(path) == text
+
+    # The same input gives the same bytes, also under another name of the recording.
+    other = folder / "new" / "other.html"
+    assert run("report", folder / "session.mcap", "-o", other).exit_code == 0
+    assert other.read_bytes() == path.read_bytes()
+
+
+def test_results_alone_are_reported_without_traces(run: Run, undrawn: None, folder: Path):
+    (folder / "session.mcap").unlink()
+    assert run("report", folder).exit_code == 0
+    text = read_text(folder / "report.html")
+    assert "They hold no traces" in text
+    assert "monday/results.json" in text
+    assert "Table 2." in text
+
+
+def test_a_run_that_cannot_be_read_does_not_keep_others_from_being_reported(
+    run: Run, undrawn: None, folder: Path, tmp_path: Path
+):
+    newer = make_newer(Path(shutil.copytree(folder, tmp_path / "newer")))
+    out = tmp_path / "both.html"
+    outcome = run("report", newer.parent, folder, tmp_path / "nothing", "-o", out)
+    assert outcome.exit_code == 2
+    errors = [line for line in outcome.stderr.splitlines() if line.startswith("error: ")]
+    assert len(errors) == 2
+    assert f"{newer}: has format version 99; this program reads version" in outcome.stderr
+    text = read_text(out)
+    assert "has format version 99" in text
+    assert "Table 2." in text
+    assert "Comparison" not in text
+
+
+def test_nothing_is_written_if_no_run_can_be_read(run: Run, folder: Path, tmp_path: Path):
+    newer = make_newer(folder)
+    out = tmp_path / "none.html"
+    outcome = run("report", newer, "-o", out)
+    assert outcome.exit_code == 2
+    assert not out.exists()
+    missing = run("report", tmp_path / "nothing")
+    assert (missing.exit_code, missing.stderr) == (
+        2,
+        f"error: there is no file {tmp_path / 'nothing'}\n",
+    )
+
+
+def test_a_recording_that_is_lost_is_told_of_by_the_results_beside_it(
+    run: Run, undrawn: None, folder: Path
+):
+    (folder / "session.mcap").write_bytes(b"\x89MCAP0\r\nlost")
+    outcome = run("report", folder)
+    assert outcome.exit_code == 0
+    text = read_text(folder / "report.html")
+    assert "this is the results.json beside it" in text
+    assert "Table 2." in text
+
+
+def test_several_runs_are_compared_here(
+    run: Run, undrawn: None, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    later = Path(shutil.copytree(folder, tmp_path / "tuesday"))
+    (later / "session.mcap").unlink()
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    assert run("report", folder, later).exit_code == 0
+    text = read_text(here / "report.html")
+    assert "tuesday against monday" in text
+    assert "none of 8 values changed beyond its uncertainty" in text
+    assert "Run 1: monday" in text
+    assert "Run 2: tuesday" in text
+
+
+def test_a_run_that_is_named_twice_is_used_once(run: Run, undrawn: None, folder: Path):
+    outcome = run("report", folder, folder / "session.mcap", "-o", folder / "x.html")
+    assert outcome.exit_code == 2
+    assert "it is used once" in outcome.stderr
+    assert "Comparison" not in read_text(folder / "x.html")
+
+
+def test_every_campaign_of_a_recording_has_its_part(
+    run: Run, undrawn: None, record: Callable[..., Any], tmp_path: Path
+):
+    path = tmp_path / "two.mcap"
+    record(path, VirtualRigSettings(), ("aluminium large",), 2, campaigns=2)
+    assert run("report", path).exit_code == 0
+    text = read_text(tmp_path / "report.html")
+    assert "two, campaign 2 against two, campaign 1" in text
+    assert text.count("0.9765625") == 2  # each has its calibration
+
+
+def test_a_run_without_an_accepted_hit_shows_why(
+    run: Run, undrawn: None, record: Callable[..., Any], tmp_path: Path
+):
+    from impact_rig.core.signals.record import HitLabel
+    from impact_rig.devices.virtual.rig import VirtualRig
+
+    weak = VirtualRigSettings(faults=FaultPlan(1.0, (Fault.WEAK_HIT,)))
+    hit = VirtualRig(PAPER_SETUP, weak).strike(HitLabel("steel small", 1))
+    path = tmp_path / "session.mcap"
+    write_one_hit(record, path, hit)
+    assert run("report", path).exit_code == 0
+    text = read_text(tmp_path / "report.html")
+    assert "no hit was accepted, so that nothing is estimated; left out for weak (1)" in text
+    assert "Hits left out: 1" in text
+
+
+def write_one_hit(record: Callable[..., Any], path: Path, hit: Any) -> None:
+    """Record one hit, whatever its verdict."""
+    from impact_rig.nodes import messages
+
+    recorder = record.__globals__["_Recorder"](path)
+    stamp = messages.stamp_to_msg(1_700_000_000_000_000_000)
+    recorder.add("/setup", messages.setup_to_msg(PAPER_SETUP, stamp))
+    for block in hit.split(1000, 0):
+        recorder.add("/acceleration", messages.block_to_msg(block))
+    recorder.writer.close()
+
+
+def test_without_a_browser_the_html_is_written_all_the_same(
+    run: Run, undrawn: None, folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("PATH", str(folder))
+    outcome = run("report", folder, "--pdf")
+    assert outcome.exit_code == 2
+    assert "error: the PDF needs a browser that prints: install chromium" in outcome.stderr
+    assert (folder / "report.html").exists()
+    assert not (folder / "report.pdf").exists()
+
+
+def test_the_pdf_lies_beside_the_html(run: Run, undrawn: None, folder: Path):
+    if not any(map(shutil.which, BROWSERS)):
+        pytest.skip("no Chromium: no PDF can be printed")
+    outcome = run("report", folder, "--pdf", "-o", folder / "for you.html")
+    assert (outcome.exit_code, outcome.stdout) == (0, "")
+    content = (folder / "for you.pdf").read_bytes()
+    assert content.startswith(b"%PDF-")
+    assert len(re.findall(rb"/Type\s*/Page\b", content)) >= 2
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "for you.html",
+        "for you.pdf",
+        "results.json",
+        "session.mcap",
+    ]
+
+
+def test_what_cannot_be_written_is_refused_before_anything_is_read(run: Run, folder: Path):
+    (folder / "report.pdf").write_text("precious")
+    outcome = run("report", folder, "--pdf")
+    assert outcome.exit_code == 2
+    assert "report.pdf exists already" in outcome.stderr
+    assert not (folder / "report.html").exists()
+    named_as_pdf = folder / "x.pdf"
+    named = run("report", folder, "-o", named_as_pdf)
+    assert named.exit_code == 2
+    assert named.stderr.startswith(f"error: {named_as_pdf} is named as a PDF: name the HTML file")
+
+
+def test_a_recording_of_something_else_is_refused_in_one_sentence(run: Run, tmp_path: Path):
+    path = tmp_path / "notes.mcap"
+    path.write_text("hello")
+    outcome = run("report", path)
+    assert outcome.exit_code == 2
+    assert outcome.stderr.startswith("error: ")
+    assert len(outcome.stderr.splitlines()) == 1
