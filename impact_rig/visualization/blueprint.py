@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from impact_rig.results.sample_traces import DRIVEN, PRINTED
 from impact_rig.visualization import entities
-from impact_rig.visualization.entities import BODIES, find_body
+from impact_rig.visualization.campaign_layout import lay_out_campaign, lay_out_trends
+from impact_rig.visualization.health_log import DISK, LEVELS, LOSSES, RATES
 from impact_rig.visualization.rerun_sdk import import_rerun
+from impact_rig.visualization.sample_layout import lay_out_printed, lay_out_samples
+from impact_rig.visualization.views import make_text_view, make_time_view
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
@@ -17,28 +18,39 @@ if TYPE_CHECKING:
 TAB_LAST_HIT = "Last hit"
 TAB_SAMPLES = "Samples"
 TAB_PRINTED = "Samples, model as printed"
+TAB_CAMPAIGN = "Campaign"
+TAB_TRENDS = "Trends"
 TAB_RESULTS = "Results"
 TAB_HEALTH = "Rig health"
-TABS = (TAB_LAST_HIT, TAB_SAMPLES, TAB_PRINTED, TAB_RESULTS, TAB_HEALTH)
+TABS = (
+    TAB_LAST_HIT,
+    TAB_SAMPLES,
+    TAB_PRINTED,
+    TAB_CAMPAIGN,
+    TAB_TRENDS,
+    TAB_RESULTS,
+    TAB_HEALTH,
+)
 
-LARGEST_GRID_WIDTH = 4
-"""Most plots side by side [-], our choice: a legend still fits into a quarter of a screen."""
 
-
-def make_blueprint(sample_names: Sequence[str], active_tab: str = TAB_LAST_HIT) -> rrb.Blueprint:
+def make_blueprint(
+    sample_names: Sequence[str], contact_times: Sequence[float] = ()
+) -> rrb.Blueprint:
     """Lay out the view for a sample set.
 
     Parameters
     ----------
     sample_names : sequence of str
-        One plot per sample, in this order; empty: no samples are known yet.
-    active_tab : str
-        One of `TABS`.
+        Plots for each sample, in this order; empty: no samples are known yet.
+    contact_times : sequence of float
+        Those that are expected [s], NaN where not known: plots begin with the part of the time in
+        which something happens. Without any they begin with whole records.
 
     Returns
     -------
     rerun.blueprint.Blueprint
-        Tabs: the last hit, the samples against both models, the results, the rig's health.
+        Tabs: the last hit, the samples against both models, the paper's figures, trends over the
+        hits, the results, the rig's health.
 
     Raises
     ------
@@ -47,12 +59,14 @@ def make_blueprint(sample_names: Sequence[str], active_tab: str = TAB_LAST_HIT) 
     """
     layout = import_rerun().blueprint
     tabs = layout.Tabs(
-        _make_last_hit(),
-        _make_grid(TAB_SAMPLES, DRIVEN, sample_names),
-        _make_grid(TAB_PRINTED, PRINTED, sample_names),
-        _make_results(),
-        layout.TextDocumentView(origin="/" + "/".join(entities.HEALTH), name=TAB_HEALTH),
-        active_tab=TABS.index(active_tab),
+        _lay_out_last_hit(),
+        lay_out_samples(TAB_SAMPLES, sample_names, contact_times),
+        lay_out_printed(TAB_PRINTED, sample_names, contact_times),
+        lay_out_campaign(TAB_CAMPAIGN, sample_names, contact_times),
+        lay_out_trends(TAB_TRENDS),
+        _lay_out_results(),
+        _lay_out_health(),
+        active_tab=0,
     )
     blueprint: rrb.Blueprint = layout.Blueprint(
         tabs,
@@ -64,65 +78,56 @@ def make_blueprint(sample_names: Sequence[str], active_tab: str = TAB_LAST_HIT) 
     return blueprint
 
 
-def _make_last_hit() -> rrb.Container:
+def _lay_out_last_hit() -> rrb.Container:
     layout = import_rerun().blueprint
     tab: rrb.Container = layout.Horizontal(
-        layout.TimeSeriesView(
-            origin="/" + "/".join(entities.HITS),
-            name="Measured acceleration [m/s²] over time in the record",
-            plot_legend=layout.PlotLegend(layout.Corner2D.RightTop),
+        make_time_view(
+            "Measured acceleration [m/s²] over the time in the record", [entities.HITS]
         ),
-        layout.TextDocumentView(origin="/" + "/".join(entities.VERDICT), name="Verdict"),
+        make_text_view("Verdict", entities.VERDICT),
         column_shares=[2, 1],
         name=TAB_LAST_HIT,
     )
     return tab
 
 
-def _make_grid(name: str, variant: str, sample_names: Sequence[str]) -> rrb.Container:
+def _lay_out_results() -> rrb.Container:
     sdk = import_rerun()
     layout = sdk.blueprint
-    columns = min(LARGEST_GRID_WIDTH, math.ceil(math.sqrt(len(sample_names))))
-    tab: rrb.Container = layout.Grid(
-        contents=[
-            layout.TimeSeriesView(
-                origin=sdk.new_entity_path([*entities.SAMPLES, sample]),
-                contents=[
-                    f"+ {sdk.new_entity_path([*find_body(sample, body), *part])}/**"
-                    for body in BODIES
-                    for part in (
-                        (entities.CONTACT,),
-                        (entities.OVERLAY,),
-                        (entities.MODELS, variant),
-                        (entities.POINTS,),
-                    )
-                ],
-                name=sample,
-                plot_legend=layout.PlotLegend(layout.Corner2D.RightTop),
-            )
-            for sample in sample_names
-        ],
-        grid_columns=max(columns, 1),
-        name=name,
-    )
-    return tab
-
-
-def _make_results() -> rrb.Container:
-    layout = import_rerun().blueprint
     tab: rrb.Container = layout.Vertical(
-        layout.TextDocumentView(
-            origin="/" + "/".join(entities.TABLES), name="Measured and expected"
-        ),
+        make_text_view("Measured and expected", entities.TABLES),
         layout.TextLogView(
-            origin="/" + "/".join(entities.LOG),
+            origin=sdk.new_entity_path(entities.LOG),
             name="Verdicts",
             columns=layout.TextLogColumns(
                 timeline_columns=[layout.encodings.TimelineColumn(entities.HIT, visible=False)],
                 text_log_columns=["LogLevel", "Body"],
             ),
         ),
-        row_shares=[1, 1],
+        row_shares=[2, 1],
         name=TAB_RESULTS,
+    )
+    return tab
+
+
+def _lay_out_health() -> rrb.Container:
+    sdk = import_rerun()
+    layout = sdk.blueprint
+    when = f"timeline {entities.WALL_CLOCK}"
+    tab: rrb.Container = layout.Horizontal(
+        make_text_view("Nodes", entities.HEALTH),
+        layout.Vertical(
+            layout.StateTimelineView(
+                origin=sdk.new_entity_path([*entities.HEALTH_HISTORY, LEVELS]),
+                name=f"State of the nodes ({when})",
+            ),
+            make_time_view(f"Rates [1/s] ({when})", [(*entities.HEALTH_HISTORY, RATES)]),
+            make_time_view(
+                f"Gaps, missing points, dropped, rejected ({when})",
+                [(*entities.HEALTH_HISTORY, LOSSES)],
+            ),
+            make_time_view(f"Room on the disk ({when})", [(*entities.HEALTH_HISTORY, DISK)]),
+        ),
+        name=TAB_HEALTH,
     )
     return tab

@@ -28,8 +28,21 @@ LOG: Path = ("log",)
 """One line per verdict."""
 TRENDS: Path = ("trends",)
 """Contact time and peaks of each hit, over the number of the hit and the time of day."""
-HEALTH: Path = ("health",)
+HEALTH: Path = ("health", "now")
 """What the nodes say of themselves."""
+HEALTH_HISTORY: Path = ("health", "history")
+"""Parent of kind / node / figure: what of it is followed over the time of day."""
+
+CONTACT_TIME = "contact_time"
+HAMMER_PEAK = "hammer_peak"
+SPECIMEN_PEAK = "sample_peak"
+"""Below the trends: what is followed over the hits."""
+
+FIGURE_3: Path = (*FIGURES, "3")
+FIGURE_4: Path = (*FIGURES, "4")
+FIGURE_5: Path = (*FIGURES, "5")
+FIGURE_6: Path = (*FIGURES, "6")
+"""Below Figs. 4 and 6 hammer and sample, below Fig. 5 the samples by name."""
 
 HAMMER = "hammer"
 SPECIMEN = "sample"
@@ -42,7 +55,9 @@ CONTACT = "contact"
 OVERLAY = "hits"
 """Below a body: all hits."""
 MODELS = "models"
-"""Below a body: parent of mean, model and residual, one for each way to calculate the model."""
+"""Below a body: mean, models and residual."""
+AS_PRINTED = "printed"
+"""Below a sample: mean, model as printed and residual of both bodies."""
 POINTS = "points"
 """Below a body: what was read from the mean."""
 SUMMARY = "summary"

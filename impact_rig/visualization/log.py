@@ -9,25 +9,29 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.figure_rows import make_figure_rows
 from impact_rig.results.hit_traces import HitTraces
-from impact_rig.results.palette import HAMMER, SPECIMEN
 from impact_rig.results.sample_traces import AlignedHit, SampleTraces
 from impact_rig.results.traced_campaign import TracedCampaign
 from impact_rig.visualization import entities
+from impact_rig.visualization.bars import log_bars, make_figure_6
 from impact_rig.visualization.blueprint import make_blueprint
 from impact_rig.visualization.entities import Path
+from impact_rig.visualization.figures import draw_figure_3, draw_figure_4
 from impact_rig.visualization.health import Health
-from impact_rig.visualization.plots import Line, PlotLog
+from impact_rig.visualization.health_log import HealthLog, write_health
+from impact_rig.visualization.hit_plots import TrendLog, draw_earlier_hits, draw_last_hit
+from impact_rig.visualization.plots import PlotLog
 from impact_rig.visualization.rerun_sdk import import_rerun
-from impact_rig.visualization.sample_plots import draw_aligned_hits, draw_sample
-from impact_rig.visualization.tables import write_health, write_results
+from impact_rig.visualization.sample_plots import draw_aligned_hits, draw_figure_5, draw_sample
+from impact_rig.visualization.tables import write_results, write_summary
 from impact_rig.visualization.text import write_log_line, write_verdict
 
 if TYPE_CHECKING:
     import rerun as rr
 
-HIT_WIDTH = 1.5
-"""Line width of the last hit [points]."""
+NO_HIT = "No hit yet."
+"""Stands where a campaign has nothing to show."""
 
 
 class ViewLog:
@@ -48,12 +52,17 @@ class ViewLog:
         self._rr = import_rerun()
         self._stream = stream
         self._plots = PlotLog(stream)
-        self._sample_names: tuple[str, ...] | None = None
+        self._trends = TrendLog(stream, self._plots)
+        self._health = HealthLog(stream)
+        self._layout: tuple[str, ...] | None = None
+        self._documents: set[Path] = set()
 
-    def log_setup(self, name: str, sample_names: Sequence[str]) -> None:
-        """Begin a campaign: hide what was shown before, lay the view out for a sample set.
+    def log_setup(
+        self, name: str, sample_names: Sequence[str], contact_times: Sequence[float] = ()
+    ) -> None:
+        """Begin a campaign: hide what was shown before, and lay the view out for a sample set.
 
-        With the same samples as before the layout is left as the user has arranged it.
+        With the same samples as before the layout stays as the user has arranged it.
 
         Parameters
         ----------
@@ -61,20 +70,26 @@ class ViewLog:
             Of the rig; the recording is called by it. Empty: not known.
         sample_names : sequence of str
             In their order.
+        contact_times : sequence of float
+            Those that are expected [s], NaN where not known: plots then begin with the part of
+            the time in which something happens. Without any they begin with whole records.
         """
-        self._plots.hide(())
+        self._plots.hide()
+        self._trends.begin()
+        for path in {entities.VERDICT, entities.TABLES, *self._documents}:
+            self._log_document(path, NO_HIT)
+        for path, bars in make_figure_6(()).items():
+            log_bars(self._stream, path, bars)
         if name:
             self._stream.send_recording_name(name)
-        if self._sample_names != tuple(sample_names):
-            self._sample_names = tuple(sample_names)
-            self._stream.send_blueprint(make_blueprint(sample_names))
+        if self._layout != tuple(sample_names):
+            self._layout = tuple(sample_names)
+            self._stream.send_blueprint(make_blueprint(sample_names, contact_times))
 
     def log_hit(self, traces: HitTraces) -> None:
         """Show a record's traces in place of the last one's; an empty record shows nothing."""
-        self._plots.hide(entities.HITS)
+        path = draw_last_hit(self._plots, traces)
         label = traces.label
-        lines = [Line("hammer", HAMMER, HIT_WIDTH), Line("sample", SPECIMEN, HIT_WIDTH)]
-        path = self._plots.draw_lines(entities.HITS, traces.time, traces.values, lines)
         self._stream.log(
             path,
             self._rr.AnyValues(
@@ -87,7 +102,7 @@ class ViewLog:
         )
 
     def log_verdict(self, verdict: HitResults, stamp: int) -> None:
-        """Show a hit's verdict, and add it to the log.
+        """Show a hit's verdict, and add it to the log and the trends.
 
         Parameters
         ----------
@@ -97,18 +112,8 @@ class ViewLog:
             Time of the hit, nanoseconds since the epoch.
         """
         self._log_document(entities.VERDICT, write_verdict(verdict))
-        level = self._rr.TextLogLevel.INFO if verdict.accepted else self._rr.TextLogLevel.WARN
-        rr = self._rr
-        self._stream.send_columns(
-            rr.new_entity_path(entities.LOG),
-            indexes=[
-                rr.TimeColumn(entities.HIT, sequence=[verdict.record]),
-                rr.TimeColumn(entities.WALL_CLOCK, timestamp=np.array([stamp], "datetime64[ns]")),
-                # A line is shown only where the timeline of the plots has it, too.
-                rr.TimeColumn(entities.HIT_TIME, duration=np.zeros(1, "timedelta64[ns]")),
-            ],
-            columns=rr.TextLog.columns(text=[write_log_line(verdict)], level=[level]),
-        )
+        self._log_lines([verdict], [stamp])
+        self._trends.log_hits([verdict], [stamp])
 
     def log_aligned_hit(self, hit: AlignedHit) -> None:
         """Lay a hit over the others of its sample; for hits in the mean."""
@@ -117,30 +122,67 @@ class ViewLog:
     def log_sample(self, traces: SampleTraces) -> None:
         """Show a sample's mean, models, residuals and marks in place of the ones before."""
         draw_sample(self._plots, traces)
+        draw_figure_5(self._plots, traces)
 
     def log_results(self, results: Results) -> None:
-        """Show tables and figures in place of the ones before."""
+        """Show tables, Figs. 3, 4 and 6 and what was found of each sample, replacing the last."""
         self._log_document(entities.TABLES, write_results(results))
+        for sample in results.samples:
+            summary = (*entities.SAMPLES, sample.name, entities.SUMMARY)
+            self._documents.add(summary)
+            self._log_document(summary, write_summary(results, sample))
+        rows = make_figure_rows(results)
+        draw_figure_3(self._plots, rows)
+        draw_figure_4(self._plots, rows)
+        for path, bars in make_figure_6(rows).items():
+            log_bars(self._stream, path, bars)
 
     def log_health(self, health: Health) -> None:
         """Show what the nodes say of themselves, and add their figures to the history."""
-        self._log_document(entities.HEALTH, write_health(health))
+        self._log_document(entities.HEALTH, write_health(health.nodes))
+        self._health.log(health)
 
     def log_campaign(self, campaign: TracedCampaign) -> None:
         """Show a campaign with everything there is to see of it, all at once."""
-        setup = campaign.results.setup
-        self.log_setup(setup.name, [sample.name for sample in setup.samples])
-        overlays: dict[str, list[AlignedHit]] = defaultdict(list)
-        for hit in campaign.hits:
-            self.log_hit(hit.recorded)
-            self.log_verdict(hit.result, hit.stamp)
+        results, hits = campaign.results, campaign.hits
+        self.log_setup(
+            results.setup.name,
+            [sample.name for sample in results.setup.samples],
+            [sample.contact_time_s for sample in results.samples],
+        )
+        self._log_lines([hit.result for hit in hits], [hit.stamp for hit in hits])
+        self._trends.log_hits([hit.result for hit in hits], [hit.stamp for hit in hits])
+        draw_earlier_hits(self._plots, [hit.recorded for hit in hits[:-1]])
+        for last in hits[-1:]:
+            self.log_hit(last.recorded)
+            self._log_document(entities.VERDICT, write_verdict(last.result))
+        overlays: dict[tuple[str, float], list[AlignedHit]] = defaultdict(list)
+        for hit in hits:
             if hit.aligned is not None and hit.result.accepted:
-                overlays[hit.result.sample].append(hit.aligned)
-        for hits in overlays.values():
-            draw_aligned_hits(self._plots, hits)
+                overlays[hit.result.sample, hit.aligned.sampling_rate].append(hit.aligned)
+        for overlay in overlays.values():
+            draw_aligned_hits(self._plots, overlay)
         for traces in campaign.samples:
             self.log_sample(traces)
-        self.log_results(campaign.results)
+        self.log_results(results)
+        self._log_document(entities.HEALTH, write_health(()))
+
+    def _log_lines(self, hits: Sequence[HitResults], stamps: Sequence[int]) -> None:
+        """Add verdicts to the log."""
+        if not hits:
+            return
+        rr = self._rr
+        levels = [rr.TextLogLevel.INFO if hit.accepted else rr.TextLogLevel.WARN for hit in hits]
+        self._stream.send_columns(
+            rr.new_entity_path(entities.LOG),
+            indexes=[
+                rr.TimeColumn(entities.HIT, sequence=[hit.record for hit in hits]),
+                rr.TimeColumn(entities.WALL_CLOCK, timestamp=np.array(stamps, "datetime64[ns]")),
+                # A line is shown only where the timeline of the plots has it, too.
+                rr.TimeColumn(entities.HIT_TIME, duration=np.zeros(len(hits), "timedelta64[ns]")),
+            ],
+            columns=rr.TextLog.columns(text=list(map(write_log_line, hits)), level=levels),
+        )
 
     def _log_document(self, path: Path, text: str) -> None:
         document = self._rr.TextDocument(text, media_type=self._rr.MediaType.MARKDOWN)

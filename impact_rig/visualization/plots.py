@@ -96,7 +96,13 @@ class PlotLog:
         self._shown: dict[Path, list[_Drawn]] = {}
 
     def draw_lines(
-        self, family: Path, time: FloatArray, values: NDArray[Any], lines: Sequence[Line]
+        self,
+        family: Path,
+        time: FloatArray,
+        values: NDArray[Any],
+        lines: Sequence[Line],
+        *,
+        keeps_peaks: bool = True,
     ) -> str:
         """Draw lines beside what the family shows already.
 
@@ -110,6 +116,9 @@ class PlotLog:
             A NaN breaks its line.
         lines : sequence of Line
             One per column.
+        keeps_peaks : bool
+            Where several points share a pixel, draw the lowest and the highest. Not for a few
+            points whose order matters.
 
         Returns
         -------
@@ -121,7 +130,7 @@ class PlotLog:
             names=[line.name for line in lines],
             colors=[line.colour for line in lines],
             widths=[line.width for line in lines],
-            aggregation_policy="MinMax",
+            aggregation_policy="MinMax" if keeps_peaks else "Off",
         )
         self._stream.log(path, style, static=True)
         self._send(path, time, values)
@@ -130,7 +139,13 @@ class PlotLog:
     def draw_points(
         self, family: Path, time: FloatArray, values: NDArray[Any], marks: Sequence[Mark]
     ) -> str:
-        """Draw points; as `draw_lines`, but NaN is no point."""
+        """Draw points; as `draw_lines`, but a NaN is no point."""
+        path = self.add_points(family, marks)
+        self._send(path, time, values)
+        return path
+
+    def add_points(self, family: Path, marks: Sequence[Mark]) -> str:
+        """Return the path of a new entity whose points the caller logs, on what timeline ever."""
         path = self._add(family, len(marks), is_points=True)
         style = self._rr.SeriesPoints(
             names=[mark.name for mark in marks],
@@ -139,11 +154,16 @@ class PlotLog:
             marker_sizes=[mark.size for mark in marks],
         )
         self._stream.log(path, style, static=True)
-        self._send(path, time, values)
         return path
 
-    def hide(self, parent: Path) -> None:
-        """Hide everything that is shown at or below `parent`."""
+    def draw_hidden(self, family: Path, time: FloatArray, values: NDArray[Any]) -> None:
+        """Draw lines that are superseded already, shape (n, columns)."""
+        path = self._make_path(family)
+        self._hide(_Drawn(path, values.shape[1], is_points=False))
+        self._send(path, time, values)
+
+    def hide(self, parent: Path = ()) -> None:
+        """Hide everything that is shown at or below `parent`; without one, everything."""
         for family in [item for item in self._shown if item[: len(parent)] == parent]:
             for drawn in self._shown.pop(family):
                 self._hide(drawn)
@@ -158,26 +178,35 @@ class PlotLog:
         self._stream.log(drawn.path, hidden, static=True)
 
     def _add(self, family: Path, count: int, *, is_points: bool) -> str:
-        self._versions[family] += 1
-        path = str(self._rr.new_entity_path([*family, self._versions[family]]))
+        path = self._make_path(family)
         self._shown.setdefault(family, []).append(_Drawn(path, count, is_points))
         return path
+
+    def _make_path(self, family: Path) -> str:
+        self._versions[family] += 1
+        return str(self._rr.new_entity_path([*family, str(self._versions[family])]))
 
     def _send(self, path: str, time: FloatArray, values: NDArray[Any]) -> None:
         if time.size == 0:
             return
         nanoseconds = np.rint(time * 1e9).astype("timedelta64[ns]")
-        rows, columns = values.shape
-        column = self._rr.ComponentColumn(
-            self._rr.Scalars.descriptor_scalars(),
-            _SinglePrecision(values),
-            offsets=np.arange(0, rows * columns + 1, columns, dtype=np.int32),
-        )
         self._stream.send_columns(
             path,
             indexes=[self._rr.TimeColumn(HIT_TIME, duration=nanoseconds)],
-            columns=[column],
+            columns=[make_scalars(values)],
         )
+
+
+def make_scalars(values: NDArray[Any]) -> rr.ComponentColumn:
+    """Return rows of scalars, shape (n, columns), as Rerun takes them, in single precision."""
+    sdk = import_rerun()
+    rows, columns = values.shape
+    column: rr.ComponentColumn = sdk.ComponentColumn(
+        sdk.Scalars.descriptor_scalars(),
+        _SinglePrecision(values),
+        offsets=np.arange(0, rows * columns + 1, columns, dtype=np.int32),
+    )
+    return column
 
 
 class _SinglePrecision:

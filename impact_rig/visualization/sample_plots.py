@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from impact_rig.core.signals.record import FloatArray
+from impact_rig.results.hit_traces import Float32Array
 from impact_rig.results.palette import (
     CONTACT,
     GREY,
@@ -16,7 +17,6 @@ from impact_rig.results.palette import (
     PURPLE,
     SPECIMEN,
     SPECIMEN_MODEL,
-    Colour,
 )
 from impact_rig.results.sample_traces import (
     DRIVEN,
@@ -27,33 +27,33 @@ from impact_rig.results.sample_traces import (
     SampleTraces,
 )
 from impact_rig.visualization import entities
-from impact_rig.visualization.entities import BODIES, find_body
-from impact_rig.visualization.entities import HAMMER as HAMMER_NAME
+from impact_rig.visualization.entities import BODIES, Path, find_body
 from impact_rig.visualization.plots import Line, Mark, PlotLog
 from impact_rig.visualization.text import format_percent
 
 MEASURED = {entities.HAMMER: HAMMER, entities.SPECIMEN: SPECIMEN}
 """Colours of what was measured, by body."""
 CALCULATED = {entities.HAMMER: HAMMER_MODEL, entities.SPECIMEN: SPECIMEN_MODEL}
-"""Colours of what a model says, by body."""
-IDENTIFIED_COLOUR: Colour = PURPLE
-"""Of the identified model, of either body."""
+"""Colours of what a model says, by body; of the identified model `PURPLE`, of either body."""
 HIT_OPACITY = 90
 """Of one hit among many, of 255, our choice: ten over each other are nearly solid."""
 HIT_WIDTH = 1.0
-"""Line width of one hit among many [points]."""
-MEASURED_WIDTH = 3.0
-"""Line width of a mean trace [points], our choice: the model lies visibly on top."""
-MODEL_WIDTH = 1.25
-"""Line width of models and residuals [points]."""
+"""Line width of one hit among many [points], our choice."""
+MEAN_WIDTH = 3.5
+"""Line width of a mean trace [points], our choice: the models lie visibly on top."""
+MODEL_WIDTH = 1.5
+"""Line width of models and residuals [points], our choice."""
 CONTACT_WIDTH = 1.0
-"""Line width of the contact window [points]."""
-POINT_SIZE = 4.0
-"""Size of what was read from the mean [points]."""
-CONTACT_HEIGHT = 1.05
+"""Line width of the contact window [points], our choice."""
+POINT_SIZE = 5.0
+"""Size of what was read from the mean [points], our choice."""
+CONTACT_HEIGHT = 1.1
 """Height of the contact window over the mean's peak [-], our choice."""
 EDGE = 1e-9
-"""Width of its upright lines [s]: the resolution of the timeline."""
+"""Width of the window's upright lines [s]: the resolution of the timeline."""
+THINNING = 2
+"""Of the points of means and models, which are smooth, every second is drawn, our choice, and
+their peaks."""
 
 
 def draw_aligned_hits(plots: PlotLog, hits: Sequence[AlignedHit]) -> None:
@@ -61,17 +61,16 @@ def draw_aligned_hits(plots: PlotLog, hits: Sequence[AlignedHit]) -> None:
 
     They are on the same points of time, so they share an entity.
     """
-    for body, row in zip(BODIES, range(2), strict=True):
+    for row, body in enumerate(BODIES):
         shown = [hit for hit in hits if hit.traces.shape[0] > row]
-        if not shown:
-            continue
-        time, values = _join_hits(shown, row)
-        line = Line("hits", (*MEASURED[body], HIT_OPACITY), HIT_WIDTH)
-        family = (*find_body(shown[0].label.sample, body), entities.OVERLAY)
-        plots.draw_lines(family, time, values, [line] * len(shown))
+        if shown:
+            time, values = _join_hits(shown, row)
+            line = Line("each hit", (*MEASURED[body], HIT_OPACITY), HIT_WIDTH)
+            family = (*find_body(shown[0].label.sample, body), entities.OVERLAY)
+            plots.draw_lines(family, time, values, [line] * len(shown))
 
 
-def _join_hits(hits: Sequence[AlignedHit], row: int) -> tuple[FloatArray, FloatArray]:
+def _join_hits(hits: Sequence[AlignedHit], row: int) -> tuple[FloatArray, Float32Array]:
     rate = hits[0].sampling_rate
     starts = [round(hit.start_time * rate) for hit in hits]
     first = min(starts)
@@ -84,75 +83,126 @@ def _join_hits(hits: Sequence[AlignedHit], row: int) -> tuple[FloatArray, FloatA
 
 def draw_sample(plots: PlotLog, traces: SampleTraces) -> None:
     """Draw mean, models, residuals and marks of a sample in place of the ones before."""
-    for row, body in enumerate(BODIES[: traces.mean.shape[0]]):
+    bodies = BODIES[: traces.mean.shape[0]]
+    for row, body in enumerate(bodies):
         parent = find_body(traces.name, body)
-        for part in (entities.CONTACT, entities.MODELS, entities.POINTS):
-            plots.hide((*parent, part))
-        _draw_models(plots, traces, row, DRIVEN, (DRIVEN, IDENTIFIED))
-        _draw_models(plots, traces, row, PRINTED, (PRINTED,))
+        columns, lines = _gather_lines(traces, row, (DRIVEN, IDENTIFIED))
+        _replace_lines(plots, (*parent, entities.MODELS), traces.time, columns, lines)
+        plots.hide((*parent, entities.CONTACT))
+        plots.hide((*parent, entities.POINTS))
         _draw_contact(plots, traces, row)
+    columns, lines = [], []
+    for row in range(len(bodies)):
+        more_columns, more_lines = _gather_lines(traces, row, (PRINTED,))
+        columns += more_columns
+        lines += more_lines
+    family = (*entities.SAMPLES, traces.name, entities.AS_PRINTED)
+    _replace_lines(plots, family, traces.time, columns, lines)
     _draw_half_amplitude(plots, traces)
     _draw_peaks(plots, traces)
 
 
-def _draw_models(
-    plots: PlotLog, traces: SampleTraces, row: int, variant: str, names: Sequence[str]
-) -> None:
+def draw_figure_5(plots: PlotLog, traces: SampleTraces) -> None:
+    """Draw the sample's mean and driven model over their peaks, in place of the ones before.
+
+    In `SampleTraces` that model has the mean's peak and is shifted onto it.
+    """
+    if traces.mean.shape[0] < len(BODIES):
+        return
+    peak = abs(find_peak(traces.mean[1])) or 1.0
+    columns = [traces.mean[1] / peak]
+    lines = [Line("measured", SPECIMEN, MEAN_WIDTH)]
+    model = traces.find_model(DRIVEN)
+    if model is not None:
+        columns.append(model.traces[1] / peak)
+        lines.append(Line("model", SPECIMEN_MODEL, MODEL_WIDTH))
+    family = (*entities.FIGURE_5, traces.name)
+    _replace_lines(plots, family, traces.time, columns, lines)
+
+
+def find_peak(trace: FloatArray) -> float:
+    """Return the value of the largest magnitude, signed; 0 where no point is finite."""
+    finite = trace[np.isfinite(trace)]
+    return float(finite[np.argmax(np.abs(finite))]) if finite.size else 0.0
+
+
+def _gather_lines(
+    traces: SampleTraces, row: int, models: Sequence[str]
+) -> tuple[list[FloatArray], list[Line]]:
+    """Return what is drawn of one body: the mean, those models that are there, the residual."""
     body = BODIES[row]
-    found = [model for name in names if (model := traces.find_model(name)) is not None]
-    title = "mean" if found else "mean (no model)"
+    found = [model for name in models if (model := traces.find_model(name)) is not None]
     columns = [traces.mean[row]]
-    lines = [Line(f"{body}, {title}", MEASURED[body], MEASURED_WIDTH)]
-    for model in found:
+    name = f"{body}, mean" if found else f"{body}, mean (no model)"
+    lines = [Line(name, MEASURED[body], MEAN_WIDTH)]
+    # The last is drawn on top: the first model, which the paper's figures show.
+    for model in reversed(found):
         columns.append(model.traces[row])
-        colour = IDENTIFIED_COLOUR if model.model == IDENTIFIED else CALCULATED[body]
-        lines.append(Line(_name_model(model, body), colour, MODEL_WIDTH))
+        colour = PURPLE if model.model == IDENTIFIED else CALCULATED[body]
+        lines.append(Line(_name_model(model, row), colour, MODEL_WIDTH))
     if found:
         columns.append(traces.find_residual(found[0])[row])
-        lines.append(Line(f"{body}, residual", GREY, MODEL_WIDTH))
-    family = (*find_body(traces.name, body), entities.MODELS, variant)
-    plots.draw_lines(family, traces.time, np.stack(columns, axis=1), lines)
+        lines.append(Line(f"{body}, residual of the model", GREY, MODEL_WIDTH))
+    return columns, lines
 
 
-def _name_model(model: ModelTraces, body: str) -> str:
-    is_hammer = body == HAMMER_NAME
-    error = model.mse_hammer_percent if is_hammer else model.mse_sample_percent
+def _name_model(model: ModelTraces, row: int) -> str:
+    error = (model.mse_hammer_percent, model.mse_sample_percent)[row]
     kind = "identified model" if model.model == IDENTIFIED else "model"
-    return f"{body}, {kind} (MSE {format_percent(error)} %)"
+    return f"{BODIES[row]}, {kind} (MSE {format_percent(error)} %)"
+
+
+def _replace_lines(
+    plots: PlotLog,
+    family: Path,
+    time: FloatArray,
+    columns: Sequence[FloatArray],
+    lines: Sequence[Line],
+) -> None:
+    values = np.stack(columns, axis=1)
+    peaks = np.argmax(np.abs(np.nan_to_num(values)), axis=0)
+    rows = np.union1d(np.arange(0, time.size, THINNING), peaks)
+    plots.hide(family)
+    plots.draw_lines(family, time[rows], values[rows], lines)
 
 
 def _draw_contact(plots: PlotLog, traces: SampleTraces, row: int) -> None:
     if not math.isfinite(traces.contact_time):
         return
     half = traces.contact_time / 2
-    top = CONTACT_HEIGHT * float(np.nanmax(np.abs(traces.mean[row])))
-    time = np.array([-half - EDGE, -half, half, half + EDGE])
-    values = np.array([[0.0], [top], [top], [0.0]])
-    name = f"contact, {traces.contact_time * 1e6:.2f} µs"
-    family = (*find_body(traces.name, BODIES[row]), entities.CONTACT)
-    plots.draw_lines(family, time, values, [Line(name, CONTACT, CONTACT_WIDTH)])
+    top = CONTACT_HEIGHT * find_peak(traces.mean[row])
+    plots.draw_lines(
+        (*find_body(traces.name, BODIES[row]), entities.CONTACT),
+        np.array([-half - EDGE, -half, half, half + EDGE]),
+        np.array([[0.0], [top], [top], [0.0]]),
+        [Line(f"contact, {traces.contact_time * 1e6:.2f} µs", CONTACT, CONTACT_WIDTH)],
+        keeps_peaks=False,
+    )
 
 
 def _draw_half_amplitude(plots: PlotLog, traces: SampleTraces) -> None:
-    if not math.isfinite(traces.half_amplitude_width):
-        return
-    half = traces.half_amplitude_width / 2
-    level = float(np.nanmax(traces.mean[0])) / 2
-    name = f"half amplitude, {traces.half_amplitude_width * 1e6:.2f} µs wide"
-    family = (*find_body(traces.name, entities.HAMMER), entities.POINTS)
-    mark = Mark(name, CONTACT, "diamond", POINT_SIZE)
-    plots.draw_points(family, np.array([-half, half]), np.full((2, 1), level), [mark])
+    width = traces.half_amplitude_width
+    if math.isfinite(width):
+        plots.draw_points(
+            (*find_body(traces.name, entities.HAMMER), entities.POINTS),
+            np.array([-width / 2, width / 2]),
+            np.full((2, 1), find_peak(traces.mean[0]) / 2),
+            [Mark(f"half amplitude, {width * 1e6:.2f} µs wide", CONTACT, "diamond", POINT_SIZE)],
+        )
 
 
 def _draw_peaks(plots: PlotLog, traces: SampleTraces) -> None:
     if traces.mean.shape[0] < len(BODIES):
         return
-    family = (*find_body(traces.name, entities.SPECIMEN), entities.POINTS)
     for name, time, marker in (
         ("U1", traces.first_peak_time, "up"),
         ("U2", traces.second_peak_time, "down"),
     ):
         if math.isfinite(time):
             height = float(np.interp(time, traces.time, traces.mean[1]))
-            mark = Mark(f"{name}, {height:.1f} m/s²", CONTACT, marker, POINT_SIZE)
-            plots.draw_points(family, np.array([time]), np.array([[height]]), [mark])
+            plots.draw_points(
+                (*find_body(traces.name, entities.SPECIMEN), entities.POINTS),
+                np.array([time]),
+                np.array([[height]]),
+                [Mark(f"{name}, {height:.1f} m/s²", CONTACT, marker, POINT_SIZE)],
+            )

@@ -39,6 +39,7 @@ class Recording:
     def __init__(self, path: Path) -> None:
         import rerun
 
+        self.size = path.stat().st_size
         self._reader = rerun.chunk.RrdReader(str(path))
         self.chunks = self._reader.stream().to_chunks()
 
@@ -71,11 +72,50 @@ class Recording:
         rows = [row for b in batches for row in b.column("Scalars:scalars").to_pylist()]
         return times / 1e9, np.array(rows, dtype=float)
 
-    def read_log(self) -> list[dict[str, Any]]:
-        """Return the lines of the log."""
+    def read_rows(self, entity: str) -> list[dict[str, Any]]:
+        """Return what an entity has over time, row by row."""
         return [
-            row for chunk in self.chunks if chunk.entity_path == "/log" for row in list_rows(chunk)
+            row
+            for chunk in self.chunks
+            if chunk.entity_path == entity and not chunk.is_static
+            for row in list_rows(chunk)
         ]
+
+    def is_plot(self, entity: str) -> bool:
+        """Whether an entity is drawn over time."""
+        return any(
+            chunk.entity_path == entity
+            and any(name.startswith("Series") for name in chunk.to_record_batch().schema.names)
+            for chunk in self.chunks
+        )
+
+    def find_hidden(self) -> set[str]:
+        """Return the entities of which every line or point is hidden."""
+        hidden = {
+            chunk.entity_path
+            for chunk in self.chunks
+            if any("visible_series" in name for name in chunk.to_record_batch().schema.names)
+        }
+        for entity in hidden:
+            kind = "Points" if self._has(entity, "SeriesPoints:markers") else "Lines"
+            assert not any(self.find_static(entity, f"Series{kind}:visible_series")), entity
+        return hidden
+
+    def _has(self, entity: str, component: str) -> bool:
+        return any(
+            chunk.entity_path == entity and component in chunk.to_record_batch().schema.names
+            for chunk in self.chunks
+        )
+
+    def quote(self, *parts: str) -> str:
+        """Return an entity path as the reader writes it."""
+        import rerun
+
+        return str(rerun.new_entity_path(list(parts)))
+
+    def count_blueprints(self) -> int:
+        """Return how many layouts were sent."""
+        return len(self._reader.blueprints())
 
     def read_blueprint(self) -> list[dict[str, Any]]:
         """Return every row of the blueprint that the viewer takes."""
@@ -107,7 +147,7 @@ def trace_campaign(setup: RigSetup, names: Iterable[str], impacts: int) -> Trace
             for block in rig.strike(HitLabel(name, record, impact)).split(5000, STAMP):
                 session.feed(block)
                 recorded += [hit for hit in [assembler.feed(block)] if hit is not None]
-    found = session.estimate_all()
+    found = session.estimate_all_without_models()
     judged = {hit.label: hit for hit in (*found.accepted, *found.rejected)}
     samples = [
         sample_traces_from_estimate(estimate, session.find_mean(estimate.name))
@@ -150,5 +190,5 @@ def write_view() -> Callable[..., None]:
 
 @pytest.fixture(scope="session")
 def campaign() -> TracedCampaign:
-    """Return the paper's campaign, two hits a sample, with its traces."""
-    return trace_campaign(PAPER_SETUP, PAPER_SETUP.samples.names, impacts=2)
+    """Return the paper's campaign, ten hits a sample, with its traces; no model is fitted."""
+    return trace_campaign(PAPER_SETUP, PAPER_SETUP.samples.names, impacts=10)

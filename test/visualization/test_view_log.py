@@ -1,28 +1,26 @@
 """What is logged can be read back from the file, whole, with its peaks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.hit_traces import HitTraces
 
 RATE = 2.5e6
 COUNT = 5000
-TIME = np.arange(COUNT) / RATE - 0.2e-3
+TIME = np.arange(COUNT) / RATE
 STAMP = 1_700_000_000_123_456_789
-
-
-def versed_sine(duration, peak):
-    phase = np.clip(TIME / duration, 0.0, 1.0)
-    return peak * np.sin(np.pi * phase) ** 2
+LARGEST_FILE = 15e6
 
 
 def make_hit(record=1, peak=800.0):
-    values = np.stack([versed_sine(160e-6, peak), -versed_sine(160e-6, 2 * peak)], axis=1)
-    return HitTraces(
-        HitLabel("steel small", record=record), TIME - TIME[0], values.astype(np.float32)
-    )
+    pulse = peak * np.sin(np.pi * np.clip((TIME - 0.2e-3) / 160e-6, 0.0, 1.0)) ** 2
+    values = np.stack([pulse, -2 * pulse], axis=1).astype(np.float32)
+    return HitTraces(HitLabel("steel small", record=record), TIME, values)
 
 
 @pytest.fixture
@@ -62,12 +60,9 @@ def test_peaks_are_kept_when_the_plot_is_small(record):
 def test_the_last_hit_hides_the_ones_before_it(record):
     view = record(*(lambda log, i=i: log.log_hit(make_hit(i)) for i in (1, 2, 3)))
 
-    for entity in ("/hits/1", "/hits/2"):
-        assert view.find_static(entity, "SeriesLines:visible_series") == [False, False]
-        assert view.find_static(entity, "SeriesLines:names") == ["earlier", "earlier"]
+    assert view.find_hidden() == {"/hits/1", "/hits/2"}
+    assert view.find_static("/hits/1", "SeriesLines:names") == ["earlier", "earlier"]
     assert view.find_static("/hits/3", "SeriesLines:names") == ["hammer", "sample"]
-    with pytest.raises(AssertionError, match="visible_series"):
-        view.find_static("/hits/3", "SeriesLines:visible_series")
 
 
 def test_a_missed_trigger_leaves_no_trace_of_the_hit_before(record):
@@ -75,7 +70,7 @@ def test_a_missed_trigger_leaves_no_trace_of_the_hit_before(record):
 
     view = record(lambda log: log.log_hit(make_hit()), lambda log: log.log_hit(empty))
 
-    assert view.find_static("/hits/1", "SeriesLines:visible_series") == [False, False]
+    assert view.find_hidden() == {"/hits/1"}
 
 
 def test_a_verdict_is_shown_and_logged_with_hit_number_and_time_of_day(record):
@@ -89,7 +84,127 @@ def test_a_verdict_is_shown_and_logged_with_hit_number_and_time_of_day(record):
 
     (text,) = view.find_static("/verdict", "TextDocument:text")
     assert "Rejected" in text
-    lines = view.read_log()
+    lines = view.read_rows("/log")
     assert [line["hit"] for line in lines] == [17, 18]
     assert [line["TextLog:level"] for line in lines] == [["INFO"], ["WARN"]]
     assert [line["wall_clock"] for line in lines] == [STAMP, STAMP + 1]
+
+
+def test_contact_time_and_peaks_are_followed_over_hit_number_and_time_of_day(record):
+    hits = [
+        HitResults("a", i, 1, i, i != 2, (), 160e-6 + i * 1e-6, 800.0 + i, 900.0 + i)
+        for i in (1, 2, 3)
+    ]
+
+    view = record(*(lambda log, hit=hit: log.log_verdict(hit, STAMP + hit.record) for hit in hits))
+
+    rows = view.read_rows("/trends/contact_time/1")
+    assert [(row["hit"], row["wall_clock"] - STAMP) for row in rows] == [(1, 1), (2, 2), (3, 3)]
+    accepted, rejected = np.array([row["Scalars:scalars"] for row in rows]).T
+    np.testing.assert_allclose(accepted, [161.0, np.nan, 163.0], rtol=1e-6)
+    np.testing.assert_allclose(rejected, [np.nan, 162.0, np.nan], rtol=1e-6)
+    assert view.find_static("/trends/hammer_peak/1", "SeriesPoints:names") == [
+        "accepted",
+        "rejected",
+    ]
+    peaks = [row["Scalars:scalars"][0] for row in view.read_rows("/trends/sample_peak/1")]
+    np.testing.assert_allclose(peaks, [901.0, np.nan, 903.0])
+
+
+def test_another_campaign_hides_everything_of_the_one_before(record, campaign):
+    names = PAPER_SETUP.samples.names
+
+    view = record(
+        lambda log: log.log_campaign(campaign),
+        lambda log: log.log_setup("paper", names),
+        lambda log: log.log_hit(make_hit()),
+        lambda log: log.log_verdict(HitResults("steel small", 1, 1, 1), STAMP),
+    )
+
+    drawn = {entity for entity in view.entities if view.is_plot(entity)}
+    fresh = {"/hits/3", "/trends/contact_time/2", "/trends/hammer_peak/2", "/trends/sample_peak/2"}
+    assert drawn - view.find_hidden() == fresh
+    (summary,) = view.find_static(r"/samples/steel\ small/summary", "TextDocument:text")
+    assert summary == "No hit yet."
+    assert view.find_static("/figures/6/sample/bars", "LineStrips2D:strips") == []
+
+
+def test_a_layout_is_sent_again_only_for_other_samples(record):
+    same = record(*[lambda log: log.log_setup("paper", ("a", "b"))] * 3)
+    others = record(
+        lambda log: log.log_setup("paper", ("a", "b")), lambda log: log.log_setup("mine", ("c",))
+    )
+
+    assert same.count_blueprints() == 1
+    assert others.count_blueprints() == 2
+
+
+def test_a_campaign_is_there_in_full_and_small(record, campaign):
+    view = record(lambda log: log.log_campaign(campaign))
+
+    assert len(campaign.hits) == 120
+    assert view.size < LARGEST_FILE
+    last = campaign.hits[-1].recorded
+    _, earlier = view.find_traces("/hits/1")
+    _, shown = view.find_traces("/hits/2")
+    assert earlier.shape == (COUNT, 2 * 119)
+    np.testing.assert_array_equal(shown, last.values)
+    np.testing.assert_array_equal(earlier[:, :2], campaign.hits[0].recorded.values)
+    assert len(view.read_rows("/log")) == 120
+    assert len(view.read_rows("/trends/contact_time/1")) == 120
+    assert view.find_hidden() == {"/hits/1"}
+    for traces in campaign.samples:
+        entity = view.quote("samples", traces.name, "sample", "hits", "1")
+        hits = [hit for hit in campaign.hits if hit.result.sample == traces.name]
+        _, overlay = view.find_traces(entity)
+        np.testing.assert_allclose(
+            np.nanmax(np.abs(overlay), axis=0),
+            [np.abs(hit.aligned.traces[1]).max() for hit in hits],
+            rtol=1e-6,
+        )
+
+
+def test_of_rejected_hits_there_is_the_record_and_nothing_laid_over_the_others(record, campaign):
+    hits = [replace(hit, result=replace(hit.result, accepted=False)) for hit in campaign.hits]
+
+    view = record(
+        lambda log: log.log_campaign(replace(campaign, samples=(), hits=tuple(hits[:3])))
+    )
+
+    assert view.find_traces("/hits/1")[1].shape == (COUNT, 4)
+    assert not [entity for entity in view.entities if "/hits/" in entity and "samples" in entity]
+
+
+def test_the_blueprint_has_its_tabs_and_views_for_every_sample(record):
+    view = record(lambda log: log.log_setup("paper", ("aluminium small", "steel large"), (2e-4,)))
+
+    rows = view.read_blueprint()
+    names = {
+        name
+        for row in rows
+        for kind in ("Container", "View")
+        for name in row.get(f"{kind}Blueprint:display_name") or ()
+    }
+    assert names >= {
+        "Last hit",
+        "Samples",
+        "Samples, model as printed",
+        "Campaign",
+        "Trends",
+        "Results",
+        "Rig health",
+        "Fig. 5: steel large",
+        "hammer of steel large [m/s²]",
+        "sample of steel large [m/s²]",
+    }
+    contents = {line for row in rows for line in row.get("ViewContents:query") or ()}
+    assert r"+ /samples/steel\ large/hammer/models/**" in contents
+    assert r"+ /samples/steel\ large/printed/**" in contents
+    assert {"+ /figures/3/**", "+ /hits/**", "+ /trends/contact_time/**"} <= contents
+    assert view.find_static("/__properties", "RecordingInfo:name") == ["paper"]
+
+
+def test_a_rig_without_samples_has_a_view(record):
+    view = record(lambda log: log.log_setup("", ()), lambda log: log.log_hit(make_hit()))
+
+    assert view.find_traces("/hits/1")[1].shape == (COUNT, 2)

@@ -1,0 +1,121 @@
+"""Logging of how the rig is doing: the newest state in words, and its history."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from impact_rig.results.palette import GREEN, GREY, ORANGE, VERMILION
+from impact_rig.visualization import entities
+from impact_rig.visualization.health import Health, Level, NodeHealth
+from impact_rig.visualization.rerun_sdk import import_rerun
+from impact_rig.visualization.text import escape_markdown
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+RATES = "rates"
+LOSSES = "losses"
+DISK = "disk"
+LEVELS = "levels"
+"""Below the history: what is drawn together."""
+LOSS_WORDS = ("gap", "missing", "dropped", "lost", "rejected")
+"""A figure with one of these in its name counts what went wrong."""
+COLOURS = {
+    Level.OK: GREEN,
+    Level.WARNING: ORANGE,
+    Level.ERROR: VERMILION,
+    Level.STALE: GREY,
+}
+SIGNS = {Level.OK: "✓", Level.WARNING: "⚠", Level.ERROR: "✗", Level.STALE: "?"}
+NO_HEALTH = "No node has said how it is doing. A recording or a file of results does not hold it."
+
+
+class HealthLog:
+    """Logs the health of a rig.
+
+    Parameters
+    ----------
+    stream : rerun.RecordingStream
+        Where to.
+    """
+
+    def __init__(self, stream: rr.RecordingStream) -> None:
+        self._rr = import_rerun()
+        self._stream = stream
+        self._levels: dict[str, Level] = {}
+
+    def log(self, health: Health) -> None:
+        """Add figures and changes of level to the history."""
+        for node in health.nodes:
+            self._log_level(node, health.stamp)
+            for name, text in node.values:
+                kind, value = find_kind(name), read_figure(text)
+                if kind and math.isfinite(value):
+                    path = (*entities.HEALTH_HISTORY, kind, node.name, name)
+                    self._send(path, health.stamp, self._rr.Scalars.columns(scalars=[value]))
+
+    def _log_level(self, node: NodeHealth, stamp: int) -> None:
+        level = find_level(node)
+        if self._levels.get(node.name) == level:
+            return
+        path = (*entities.HEALTH_HISTORY, LEVELS, node.name)
+        if node.name not in self._levels:
+            configuration = self._rr.StateConfiguration(
+                values=[item.name.lower() for item in COLOURS], colors=list(COLOURS.values())
+            )
+            self._stream.log(self._rr.new_entity_path(path), configuration, static=True)
+        self._levels[node.name] = level
+        self._send(path, stamp, self._rr.StateChange.columns(state=[level.name.lower()]))
+
+    def _send(self, path: entities.Path, stamp: int, columns: rr.ComponentColumnList) -> None:
+        moment = np.array([stamp], "datetime64[ns]")
+        self._stream.send_columns(
+            self._rr.new_entity_path(path),
+            indexes=[self._rr.TimeColumn(entities.WALL_CLOCK, timestamp=moment)],
+            columns=columns,
+        )
+
+
+def find_level(node: NodeHealth) -> Level:
+    """Return the level of a node; what is no level is an error."""
+    return Level(node.level) if node.level in set(Level) else Level.ERROR
+
+
+def find_kind(name: str) -> str:
+    """Return with what a figure is drawn, by its name; empty: it is not followed."""
+    if name.endswith("/s"):
+        return RATES
+    if any(word in name for word in LOSS_WORDS):
+        return LOSSES
+    return DISK if "free space" in name else ""
+
+
+def _escape(values: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Return pairs of Markdown, without those that say nothing."""
+    return [(escape_markdown(name), escape_markdown(value)) for name, value in values if value]
+
+
+def read_figure(text: str) -> float:
+    """Return the number that a figure starts with; NaN: it is none."""
+    try:
+        return float(text.split(maxsplit=1)[0])
+    except (ValueError, IndexError):
+        return math.nan
+
+
+def write_health(nodes: Sequence[NodeHealth]) -> str:
+    """Return the state of the nodes as Markdown, those that are not well first."""
+    if not nodes:
+        return NO_HEALTH
+    paragraphs = []
+    for node in sorted(nodes, key=find_level, reverse=True):
+        level = find_level(node)
+        title = f"## {SIGNS[level]} {escape_markdown(node.name)}: {level.name.lower()}"
+        paragraphs += [title, escape_markdown(node.message)]
+        figures = " · ".join(f"{name} **{value}**" for name, value in _escape(node.values))
+        paragraphs += [figures] if figures else []
+    return "\n\n".join(paragraphs)
