@@ -1,11 +1,15 @@
 """What all tests share: generated input that is the same each time, and a struck campaign."""
 
+# ruff: noqa: E402
+from impact_rig.configuration.threads import use_one_thread
+
+use_one_thread()  # before numpy is imported, which reads it once
+
 from collections.abc import Callable, Iterable
 
 import hypothesis
 import pytest
 
-from impact_rig.configuration.threads import use_one_thread
 from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
@@ -15,7 +19,6 @@ from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.results.campaign import Results
 from impact_rig.results.flat_estimates import results_from_session
 
-use_one_thread()
 hypothesis.settings.register_profile("rig", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("rig")
 
