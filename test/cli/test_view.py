@@ -1,0 +1,295 @@
+"""`impact-rig view`: recordings and results in Rerun, in whatever shows them."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+import urllib.request
+from pathlib import Path
+
+import psutil
+import pytest
+
+from impact_rig.devices.virtual.rig import VirtualRigSettings
+from impact_rig.results.results_file import write_results
+from impact_rig.visualization.viewers import program
+
+rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+
+PATIENCE = 60.0
+HITS = 2
+"""Of each of the two recorded campaigns."""
+ROS_FREE = """
+import sys
+sys.modules["rclpy"] = sys.modules["impact_rig_msgs"] = None
+from impact_rig.cli.main import main
+main()
+"""
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + PATIENCE
+    pause = threading.Event()
+    while not condition():
+        assert time.monotonic() < deadline, "it never came true"
+        pause.wait(0.02)
+
+
+def read_view(path):
+    """Return how many recordings and blueprints a file has, and its entities."""
+    from rerun.chunk import RrdReader
+
+    reader = RrdReader(str(path))
+    entities = {
+        chunk.entity_path
+        for entry in reader.recordings()
+        for chunk in reader.stream(store=entry).to_chunks()
+    }
+    return len(reader.recordings()), len(reader.blueprints()), entities
+
+
+def is_readable(path):
+    """Return whether a file that is being written has come so far."""
+    try:
+        read_view(path)
+    except (OSError, RuntimeError):
+        return False
+    return True
+
+
+def count_hits(entities):
+    return sum(path.startswith("/hits/") for path in entities)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory, record):
+    """Record two campaigns of two hits on one sample."""
+    path = tmp_path_factory.mktemp("run") / "session.mcap"
+    return record(path, VirtualRigSettings(seed=3), ["aluminium large"], 2, campaigns=2)
+
+
+@pytest.fixture
+def fake_viewer(tmp_path, monkeypatch):
+    """Put a program in the viewer's place; return a function that says what it is to do."""
+    viewer = tmp_path / "viewer"
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(program, "find_viewer", lambda: viewer)
+
+    def make(code):
+        viewer.write_text(f"#!{sys.executable}\nimport sys, time\n{textwrap.dedent(code)}")
+        viewer.chmod(0o755)
+
+    return make
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """Return the folder in which temporary files are made."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    return folder
+
+
+def test_a_recording_becomes_a_file_that_rerun_reads(run, recorded, tmp_path, temporary):
+    view = tmp_path / "new" / "view.rrd"
+    outcome = run("view", recorded.path.parent, "-o", view)
+
+    assert outcome.exit_code == 0, outcome.stderr
+    assert f"view: {view}" in outcome.stderr
+    recordings, blueprints, entities = read_view(view)
+    assert (recordings, blueprints) == (2, 2)
+    assert count_hits(entities) == HITS
+    assert {"/results", "/log", "/verdict"} <= entities
+    assert list(temporary.iterdir()) == []
+
+
+def test_each_campaign_and_each_path_is_a_recording_of_its_own(run, recorded, tmp_path):
+    results = tmp_path / "results.json"
+    write_results(results, recorded.results)
+    view = tmp_path / "view.rrd"
+    outcome = run("view", recorded.path, results, "-o", view)
+
+    assert outcome.exit_code == 0, outcome.stderr
+    assert read_view(view)[:2] == (3, 3)
+
+
+def test_results_alone_are_shown_as_far_as_they_go(run, recorded, tmp_path):
+    results = tmp_path / "results.json"
+    write_results(results, recorded.results)
+    view = tmp_path / "view.rrd"
+    outcome = run("view", results, "-o", view)
+
+    assert outcome.exit_code == 0
+    assert "results hold no traces: tables and figures alone are shown" in outcome.stderr
+    entities = read_view(view)[2]
+    assert "/results" in entities
+    assert count_hits(entities) == 0
+
+
+def test_no_ros_is_imported(recorded, tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", ROS_FREE, "view", recorded.path, "-o", tmp_path / "view.rrd"],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_nothing_is_overwritten(run, recorded, tmp_path):
+    view = tmp_path / "view.rrd"
+    view.write_text("mine")
+    outcome = run("view", recorded.path, "-o", view)
+
+    assert outcome.exit_code == 2
+    assert f"{view} exists already" in outcome.stderr
+    assert view.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["x.mcap", "-o", "view.txt"], "must end in .rrd"),
+        (["x.mcap", "--connect", "desk"], "rerun+http://127.0.0.1:9876/proxy"),
+        (["x.mcap", "-o", "view.rrd"], "there is no file x.mcap"),
+    ],
+)
+def test_what_cannot_be_meant_is_named(run, words, expected, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    outcome = run("view", *words)
+
+    assert outcome.exit_code == 2
+    assert expected in outcome.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bad_file_does_not_keep_the_others_from_being_shown(run, recorded, tmp_path):
+    newer = tmp_path / "results.json"
+    newer.write_text('{"format": {"name": "impact-rig results", "version": 99}}')
+    damaged = tmp_path / "damaged.rrd"
+    damaged.write_bytes(b"RRF2 and no more")
+    view = tmp_path / "view.rrd"
+    outcome = run("view", newer, recorded.path, damaged, "-o", view)
+
+    assert outcome.exit_code == 2
+    assert "version 99" in outcome.stderr
+    assert f"{damaged} is no view that Rerun can read" in outcome.stderr
+    assert count_hits(read_view(view)[2]) == HITS
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="screens are known by other means")
+def test_without_a_screen_it_is_said_what_to_do(run, recorded, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    outcome = run("view", recorded.path)
+
+    assert outcome.exit_code == 2
+    assert "no screen for a viewer" in outcome.stderr
+    for option in ("-o FILE.rrd", "--web", "--connect"):
+        assert option in outcome.stderr
+
+
+def test_a_window_gets_the_view_and_takes_it_away_when_it_is_closed(
+    run, recorded, tmp_path, temporary, fake_viewer
+):
+    seen, close = tmp_path / "seen.rrd", tmp_path / "close"
+    fake_viewer(
+        f"""
+        from pathlib import Path
+        assert sys.argv[1:-1] == ["--bind", "127.0.0.1", "--port", "auto"]
+        view = Path(sys.argv[-1])
+        while not Path({str(close)!r}).exists():
+            time.sleep(0.01)
+        Path({str(seen)!r}).write_bytes(view.read_bytes())
+        """
+    )
+    outcome = run("view", recorded.path)
+    assert outcome.exit_code == 0, outcome.stderr
+    assert list(temporary.iterdir()), "the viewer still needs it"
+    close.touch()
+    wait_until(lambda: not list(temporary.iterdir()))
+
+    assert count_hits(read_view(seen)[2]) == HITS
+
+
+def test_a_window_that_cannot_open_is_told_and_the_file_is_written(
+    run, recorded, tmp_path, fake_viewer, temporary
+):
+    fake_viewer("sys.exit(7)")
+    view = tmp_path / "view.rrd"
+    results = tmp_path / "results.json"
+    write_results(results, recorded.results)
+    outcome = run("view", results, "--spawn", "-o", view)
+
+    assert outcome.exit_code == 2
+    assert "the viewer has ended at once (exit code 7)" in outcome.stderr
+    assert view.exists()
+    wait_until(lambda: not list(temporary.iterdir()))
+
+
+def test_a_viewer_elsewhere_gets_everything(run, recorded, tmp_path):
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    kept, view = tmp_path / "kept.rrd", tmp_path / "view.rrd"
+    elsewhere = subprocess.Popen(
+        [program.find_viewer(), "--bind", "127.0.0.1", "--port", str(port), "--save", kept],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        wait_until(lambda: psutil.Process(elsewhere.pid).net_connections("inet"))
+        address = f"rerun+http://127.0.0.1:{port}/proxy"
+        outcome = run("view", recorded.path, "--connect", address, "-o", view)
+        assert outcome.exit_code == 0, outcome.stderr
+        wait_until(lambda: is_readable(kept) and read_view(kept) == read_view(view))
+    finally:
+        elsewhere.kill()
+        elsewhere.wait()
+
+
+def test_nobody_at_the_other_end_is_told_and_the_rest_is_shown(run, recorded, tmp_path):
+    view = tmp_path / "view.rrd"
+    address = "rerun+http://127.0.0.1:1/proxy"
+    outcome = run("view", recorded.path, "--connect", address, "-o", view)
+
+    assert outcome.exit_code == 2
+    assert f"no viewer answers at {address}" in outcome.stderr
+    assert read_view(view)[0] == 2
+
+
+def test_a_web_page_is_served_to_this_host_until_ctrl_c(recorded, tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "impact_rig.cli.main", "view", recorded.path, "--web"],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+    )
+    try:
+        line = next(line for line in process.stderr if "the view is at" in line)
+        address = line.split("the view is at ")[1].split(";")[0]
+        with urllib.request.urlopen(address, timeout=PATIENCE) as page:
+            assert b"<canvas" in page.read()
+        running = psutil.Process(process.pid)
+        family = [running, *running.children(recursive=True)]
+        listeners = {
+            item.laddr.ip
+            for each in family
+            for item in each.net_connections("inet")
+            if item.status == psutil.CONN_LISTEN
+        }
+        assert listeners == {"127.0.0.1"}
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE) == 0
+        gone, _ = psutil.wait_procs(family, PATIENCE)
+        assert len(gone) == len(family)
+    finally:
+        process.kill()
+        process.communicate()
+    assert [path for path in Path(tmp_path).iterdir() if "view" in path.name] == []
