@@ -19,6 +19,7 @@ from launch.actions import (
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
+from impact_rig.configuration.processes import WINDOW, make_viewer_parameters
 from impact_rig.core.errors import ParameterError
 
 SWITCH = ["true", "false"]
@@ -77,13 +78,12 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "viewer",
         default_value="",
-        description="address of a Rerun viewer that runs, rerun+http://HOST:9876/proxy; empty:"
-        " open one on this host",
+        description="where to show it, by commas: spawn (a window), web (a web page, the log says"
+        " where), the address of a Rerun viewer that runs, rerun+http://HOST:9876/proxy; empty:"
+        " spawn, unless `view` names a file",
     ),
     DeclareLaunchArgument(
-        "view",
-        default_value="",
-        description="write the view into this .rrd file, and open no viewer",
+        "view", default_value="", description="write the view into this .rrd file"
     ),
     DeclareLaunchArgument(
         "exit_when_done",
@@ -143,10 +143,10 @@ def make_replay(context: LaunchContext) -> list[Action]:
 
 
 def choose_destination(viewer: str, view: str) -> dict[str, Any]:
-    """Return the visualizer's parameters: file, running viewer, or one of its own."""
-    if view:
-        return {"output": str(Path(view).expanduser().resolve())}
-    return {"connect": viewer} if viewer else {"spawn": True}
+    """Return the visualizer's parameters: file and viewers, or a window if nothing is chosen."""
+    viewers = [name for name in split_names(viewer) if name]
+    file = {"output": str(Path(view).expanduser().resolve())} if view else {}
+    return {**file, **make_viewer_parameters(viewers or ([] if view else [WINDOW]))}
 
 
 def make_node(name: str, values: dict[str, Any], params_file: str) -> Action:

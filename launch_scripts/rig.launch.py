@@ -95,8 +95,8 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "viewer",
         default_value="",
-        description="address of a Rerun viewer that runs, rerun+http://HOST:9876/proxy; empty: a"
-        " file in the folder of the run",
+        description="show it live, too, by commas: spawn (a window), web (a web page, the log says"
+        " where), the address of a Rerun viewer that runs, rerun+http://HOST:9876/proxy",
     ),
     DeclareLaunchArgument("namespace", default_value="", description="ROS namespace of the rig"),
     DeclareLaunchArgument(
@@ -139,7 +139,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
         record=read("record") == "true",
         recording=RecordingPlan(read("bag") == "true", read("compression"), read("notes")),
         visualize=read("visualizer") == "true",
-        viewer_url=read("viewer"),
+        viewers=split_names(read("viewer")),
     )
     actions = [make_node(process, read("params_file")) for process in processes]
     if read("namespace"):
@@ -181,6 +181,11 @@ def make_discovery(default: str) -> Action:
     """Return the action that says how far the nodes look, unless the environment does."""
     variable = "ROS_AUTOMATIC_DISCOVERY_RANGE"
     return SetEnvironmentVariable(variable, EnvironmentVariable(variable, default_value=default))
+
+
+def split_names(text: str) -> list[str]:
+    """Return what stands between commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def read_number(name: str, text: str, kind: Callable[[str], float | int]) -> Any:

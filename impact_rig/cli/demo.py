@@ -7,7 +7,13 @@ import click
 from impact_rig.cli import options
 from impact_rig.cli.rigs.recording_options import list_recording_arguments, recording_options
 from impact_rig.configuration import run
-from impact_rig.configuration.processes import LOG_NAME, VIEW_NAME, RecordingPlan
+from impact_rig.configuration.processes import (
+    LOG_NAME,
+    PAGE,
+    VIEW_NAME,
+    RecordingPlan,
+    make_viewer_parameters,
+)
 
 START_TIMEOUT = 90.0
 """How long the processes may take to start [s]: seconds on two cores, more on a busy host."""
@@ -23,6 +29,9 @@ VIEW_TIMEOUT = 10.0
 """How long the visualizer is waited for [s]: it may be missing its library, and the campaign goes
 on without it."""
 
+PAGE_NOTICE = "the view is at"
+"""What the visualizer says of its web page."""
+
 
 @click.command(
     epilog="""
@@ -32,6 +41,7 @@ on without it."""
       impact-rig demo --samples "steel small" "aluminium large" --impacts 3
       impact-rig demo --faults 0.1             what goes wrong on a real rig
       impact-rig demo --impacts 12 --keep 10   the ten most consistent of twelve
+      impact-rig demo --viewer spawn           watch it in Rerun
       impact-rig demo --json > results.json
     """
 )
@@ -39,6 +49,7 @@ on without it."""
 @options.virtual_rig_options
 @options.output_option
 @recording_options
+@options.viewer_option
 @options.samples_option
 @options.impacts_option
 @options.keep_option
@@ -50,6 +61,7 @@ def command(
     faults: float | None,
     output: Path | None,
     recording: RecordingPlan,
+    viewers: tuple[str, ...],
     samples: tuple[str, ...],
     impacts: int,
     keep: int,
@@ -68,10 +80,12 @@ def command(
     options.check_keep(keep, impacts)
     rig = run.load_rig_file(rig_file)
     run.check_samples(rig, samples)
+    make_viewer_parameters(viewers)
     folder = run.make_run_folder(output)
     options.set_discovery(network=False)
     arguments = [word for setting in SETTINGS for word in ("--set", setting)]
     arguments += list_recording_arguments(recording)
+    arguments += [word for viewer in viewers for word in ("--viewer", viewer)]
     for name, value in (
         ("--rig-file", rig_file), ("--plant", plant), ("--seed", seed), ("--faults", faults),
     ):  # fmt: skip
@@ -84,6 +98,8 @@ def command(
             with CampaignClient() as client, CampaignView(make_console(stderr=True)) as view:
                 client.wait_for_rig(START_TIMEOUT, running.check)
                 client.wait_for_listeners(SUBSCRIBERS, VIEW_TIMEOUT)
+                if PAGE in viewers:
+                    click.echo(running.find_line(PAGE_NOTICE, VIEW_TIMEOUT), err=True)
                 request = CampaignRequest(samples, impacts, ATTEMPTS, keep_hits=keep)
                 outcome = run_campaign(client, request, view)
     except KeyboardInterrupt:

@@ -108,6 +108,18 @@ def json_option(command: Callable[..., Any]) -> Callable[..., Any]:
     )
 
 
+def viewer_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--viewer``."""
+    return click.option(
+        "--viewer",
+        "viewers",
+        multiple=True,
+        metavar="spawn|web|ADDRESS",
+        help="Show it live, too: in a window, on a web page, in the Rerun viewer at"
+        " rerun+http://HOST:9876/proxy; repeatable. The file is written all the same.",
+    )(command)
+
+
 def network_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add ``--network``, which lets ROS look beyond this host."""
     return click.option(

@@ -21,6 +21,7 @@ from impact_rig.core.errors import RigError
       impact-rig up --template > my-rig.toml   a rig file to fill in
       impact-rig up --rig-file my-rig.toml     your own samples
       impact-rig up --set hammer.swing_time=0.3
+      impact-rig up --viewer spawn --viewer web    watch it in a window and a browser
       impact-rig up --bag --set recorder.split_duration=3600    a file an hour
     Then, in another terminal:
       impact-rig campaign
@@ -34,7 +35,7 @@ from impact_rig.core.errors import RigError
 @click.option("--namespace", default="", help="ROS namespace of the rig. [none]")
 @click.option("--record/--no-record", default=True, help="Record everything to MCAP. [yes]")
 @click.option("--visualizer/--no-visualizer", default=True, help="Write a Rerun view. [yes]")
-@click.option("--viewer", default="", help="Show it in the Rerun viewer at this address instead.")
+@options.viewer_option
 @click.option(
     "--set",
     "settings",
@@ -56,7 +57,7 @@ def command(
     namespace: str,
     record: bool,
     visualizer: bool,
-    viewer: str,
+    viewers: tuple[str, ...],
     settings: tuple[str, ...],
     template: bool,
     stop_with_input: bool,
@@ -82,7 +83,7 @@ def command(
         record=record,
         recording=recording,
         visualize=visualizer,
-        viewer_url=viewer,
+        viewers=viewers,
         overrides=overrides,
     )
     log = log_file.open("w", encoding="utf-8") if log_file else sys.stdout

@@ -1,10 +1,12 @@
 """The processes that make a rig: one list, for the command line and for ROS launch files."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any
+
+from impact_rig.core.errors import ParameterError
 
 RECORDING_NAME = "session.mcap"
 BAG_NAME = "session"
@@ -12,6 +14,10 @@ BAG_NAME = "session"
 VIEW_NAME = "session.rrd"
 RESULTS_NAME = "results.json"
 LOG_NAME = "nodes.log"
+
+WINDOW = "spawn"
+PAGE = "web"
+"""Viewers of this host, beside which there may be one elsewhere, at an address."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +68,7 @@ def list_rig_processes(
     record: bool = True,
     recording: RecordingPlan = RecordingPlan(),
     visualize: bool = True,
-    viewer_url: str = "",
+    viewers: Sequence[str] = (),
     overrides: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> tuple[NodeProcess, ...]:
     """Return the nodes of a rig with their parameters.
@@ -81,8 +87,8 @@ def list_rig_processes(
         How.
     visualize : bool
         Whether model and measurement are shown.
-    viewer_url : str
-        Show them in the viewer at this address; empty: write them into a file.
+    viewers : sequence of str
+        Where, beside the file in the folder; see `make_viewer_parameters`.
     overrides : mapping, optional
         Further parameters by node; they go before all others.
 
@@ -90,6 +96,11 @@ def list_rig_processes(
     -------
     tuple of NodeProcess
         In no particular order: each node waits for the others.
+
+    Raises
+    ------
+    ParameterError
+        If a viewer is none, or there is nobody to feed it.
     """
     folder = Path(output)
     hammer: dict[str, Any] = {} if record else {"require_recorder": False}
@@ -113,13 +124,46 @@ def list_rig_processes(
             NodeProcess("recorder", {"output": str(folder / recording.name), **given})
         )
     if visualize:
-        view = {"connect": viewer_url} if viewer_url else {"output": str(folder / VIEW_NAME)}
+        view = {"output": str(folder / VIEW_NAME), **make_viewer_parameters(viewers)}
         processes.append(NodeProcess("visualizer", view))
+    elif viewers:
+        raise ParameterError(
+            f"a viewer ({', '.join(viewers)}) is fed by the visualizer: do not leave it out"
+        )
     further = overrides or {}
     return tuple(
         NodeProcess(process.name, {**process.parameters, **further.get(process.name, {})})
         for process in processes
     )
+
+
+def make_viewer_parameters(viewers: Sequence[str]) -> dict[str, Any]:
+    """Return the visualizer's parameters for viewers.
+
+    Parameters
+    ----------
+    viewers : sequence of str
+        `WINDOW`, `PAGE` and the address of a viewer elsewhere, each once at most.
+
+    Raises
+    ------
+    ParameterError
+        If one is something else, or there are two addresses.
+    """
+    parameters: dict[str, Any] = {}
+    for viewer in viewers:
+        if viewer in (WINDOW, PAGE):
+            parameters[viewer] = True
+        elif not viewer.startswith("rerun"):
+            raise ParameterError(
+                f"viewer is {viewer!r}: it must be {WINDOW}, {PAGE}, or an address such as"
+                " rerun+http://HOST:9876/proxy"
+            )
+        elif parameters.setdefault("connect", viewer) != viewer:
+            raise ParameterError(
+                f"two viewers elsewhere, {parameters['connect']} and {viewer}: name one of them"
+            )
+    return parameters
 
 
 def make_run_folder_name(now: datetime) -> str:

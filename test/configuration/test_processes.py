@@ -2,11 +2,17 @@
 
 from datetime import datetime
 
+import pytest
+
 from impact_rig.configuration.processes import (
     RecordingPlan,
     list_rig_processes,
     make_run_folder_name,
+    make_viewer_parameters,
 )
+from impact_rig.core.errors import ParameterError
+
+ADDRESS = "rerun+http://desk:9876/proxy"
 
 
 def by_name(**options):
@@ -31,6 +37,37 @@ def test_without_recorder_nobody_waits_for_one():
     assert "visualizer" not in nodes
     assert nodes["hammer"] == {"require_recorder": False}
     assert nodes["accelerometer"] == {"required_subscribers": "estimator"}
+
+
+def test_viewers_stand_beside_the_file():
+    assert by_name(viewers=("spawn", "web", ADDRESS))["visualizer"] == {
+        "output": "out/session.rrd",
+        "spawn": True,
+        "web": True,
+        "connect": ADDRESS,
+    }
+    assert make_viewer_parameters(["web", "web", ADDRESS, ADDRESS]) == {
+        "web": True,
+        "connect": ADDRESS,
+    }
+
+
+@pytest.mark.parametrize(
+    ("viewers", "expected"),
+    [
+        (("browser",), r"viewer is 'browser': it must be spawn, web, or an address"),
+        (("http://desk/",), r"viewer is 'http://desk/'"),
+        ((ADDRESS, "rerun+http://lab/proxy"), r"two viewers elsewhere"),
+    ],
+)
+def test_a_viewer_that_cannot_be_meant_is_named(viewers, expected):
+    with pytest.raises(ParameterError, match=expected):
+        by_name(viewers=viewers)
+
+
+def test_a_viewer_needs_the_node_that_feeds_it():
+    with pytest.raises(ParameterError, match="is fed by the visualizer"):
+        by_name(viewers=("web",), visualize=False)
 
 
 def test_overrides_go_before_everything_else():

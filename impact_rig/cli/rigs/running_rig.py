@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from impact_rig.core.errors import RigError
 
 STOP_TIMEOUT = 15.0
 """How long the nodes may take to close their files and end [s]."""
+LOOK_PERIOD = 0.05
+"""How often the log is looked at [s]."""
 SHOWN_LOG_LINES = 15
 """How much of the log is shown when the rig ends by itself."""
 
@@ -38,6 +41,26 @@ class RunningRig:
             return
         lines = self._log.read_text("utf-8", errors="replace").splitlines()[-SHOWN_LOG_LINES:]
         raise RigError("\n".join([f"the rig ended by itself; the end of {self._log}:", *lines]))
+
+    def find_line(self, part: str, timeout: float) -> str:
+        """Wait for a text in the log; return it and the rest of its line, or that it never came.
+
+        Parameters
+        ----------
+        part : str
+            Of the log.
+        timeout : float
+            [s]
+        """
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            self.check()
+            _, found, rest = self._log.read_text("utf-8", errors="replace").partition(part)
+            line, ended, _ = rest.partition("\n")
+            if found and ended:
+                return part + line
+            time.sleep(LOOK_PERIOD)
+        return f"{part}: see {self._log}"
 
 
 @contextlib.contextmanager
