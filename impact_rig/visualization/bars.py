@@ -32,6 +32,8 @@ FILLING = 0.7
 """Height of a bar over the height of its row [-], our choice."""
 STRANDS = 8
 """Lines side by side that fill a bar [-], our choice: the ends of lines are round."""
+OVERLAP = 1.4
+"""Width of a strand over the distance to the next [-], our choice: no gap shows."""
 VALUE_GAP = 1.5
 """From the end of a bar to the middle of its value [units of the plane], our choice."""
 LABEL_RISE = 0.4
@@ -124,7 +126,7 @@ def log_bars(stream: rr.RecordingStream, family: Path, bars: Bars) -> None:
                 for offset in offsets
             ],
             colors=[colour for *_, colour in found for _ in offsets],
-            radii=1.1 * strand,
+            radii=OVERLAP * strand,
         ),
     )
     ticks = find_ticks(bars.top)

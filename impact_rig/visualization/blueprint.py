@@ -126,7 +126,7 @@ def _lay_out_health() -> rrb.Container:
                 f"Gaps, missing points, dropped, rejected ({when})",
                 [(*entities.HEALTH_HISTORY, LOSSES)],
             ),
-            make_time_view(f"Room on the disk ({when})", [(*entities.HEALTH_HISTORY, DISK)]),
+            make_time_view(f"Room on the disk [GB] ({when})", [(*entities.HEALTH_HISTORY, DISK)]),
         ),
         name=TAB_HEALTH,
     )

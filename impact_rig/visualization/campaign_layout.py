@@ -46,7 +46,7 @@ def lay_out_campaign(
                 width_range,
                 legend="none",
             ),
-            row_shares=[7, 3, 3],
+            row_shares=[8, 3, 3],
         ),
         layout.Vertical(
             _lay_out_figure_5(sample_names, find_time_range(contact_times)),

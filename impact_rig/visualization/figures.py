@@ -54,7 +54,7 @@ def draw_figure_3(plots: PlotLog, rows: Sequence[FigureRow]) -> None:
     for row in rows:
         mass = row.relative_mass * GRAM
         colour = (*colours[row.material], HIT_OPACITY)
-        marks.append(Mark("each hit", colour, find_marker(row), HIT_SIZE))
+        marks.append(Mark(row.name, colour, find_marker(row), HIT_SIZE))
         points.append([(time, mass) for time in row.contact_times])
     for row in rows:
         marks.append(Mark(row.name, colours[row.material], find_marker(row), MEAN_SIZE))

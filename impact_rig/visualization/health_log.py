@@ -30,6 +30,10 @@ COLOURS = {
     Level.ERROR: VERMILION,
     Level.STALE: GREY,
 }
+GIGA = 1e-9
+"""Bytes to gigabytes."""
+BYTE_FIGURES = ("free space", "size")
+"""Figures that are a number of bytes."""
 SIGNS = {Level.OK: "✓", Level.WARNING: "⚠", Level.ERROR: "✗", Level.STALE: "?"}
 NO_HEALTH = "No node has said how it is doing. A recording or a file of results does not hold it."
 
@@ -54,6 +58,7 @@ class HealthLog:
             self._log_level(node, health.stamp)
             for name, text in node.values:
                 kind, value = find_kind(name), read_figure(text)
+                value *= GIGA if kind == DISK else 1.0
                 if kind and math.isfinite(value):
                     path = (*entities.HEALTH_HISTORY, kind, node.name, name)
                     self._send(path, health.stamp, self._rr.Scalars.columns(scalars=[value]))
@@ -96,7 +101,16 @@ def find_kind(name: str) -> str:
 
 def _escape(values: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
     """Return pairs of Markdown, without those that say nothing."""
-    return [(escape_markdown(name), escape_markdown(value)) for name, value in values if value]
+    return [
+        (escape_markdown(name), escape_markdown(_format_figure(name, text)))
+        for name, text in values
+        if text
+    ]
+
+
+def _format_figure(name: str, text: str) -> str:
+    size = read_figure(text)
+    return f"{size * GIGA:.3f} GB" if name in BYTE_FIGURES and math.isfinite(size) else text
 
 
 def read_figure(text: str) -> float:

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 EARLIER = "earlier"
 """Name of everything superseded."""
 
+OPAQUE = 255
+"""Full opacity."""
 Shade = tuple[int, int, int] | tuple[int, int, int, int]
 """Red, green, blue and perhaps opacity, 0 to 255."""
 
@@ -128,7 +130,7 @@ class PlotLog:
         path = self._add(family, len(lines), is_points=False)
         style = self._rr.SeriesLines(
             names=[line.name for line in lines],
-            colors=[line.colour for line in lines],
+            colors=_pack([line.colour for line in lines]),
             widths=[line.width for line in lines],
             aggregation_policy="MinMax" if keeps_peaks else "Off",
         )
@@ -149,7 +151,7 @@ class PlotLog:
         path = self._add(family, len(marks), is_points=True)
         style = self._rr.SeriesPoints(
             names=[mark.name for mark in marks],
-            colors=[mark.colour for mark in marks],
+            colors=_pack([mark.colour for mark in marks]),
             markers=[mark.marker for mark in marks],
             marker_sizes=[mark.size for mark in marks],
         )
@@ -173,7 +175,7 @@ class PlotLog:
         hidden = archetype.from_fields(
             visible_series=[False] * drawn.count,
             names=[EARLIER] * drawn.count,
-            colors=[GREY] * drawn.count,
+            colors=_pack([GREY] * drawn.count),
         )
         self._stream.log(drawn.path, hidden, static=True)
 
@@ -207,6 +209,13 @@ def make_scalars(values: NDArray[Any]) -> rr.ComponentColumn:
         offsets=np.arange(0, rows * columns + 1, columns, dtype=np.int32),
     )
     return column
+
+
+def _pack(shades: Sequence[Shade]) -> NDArray[np.uint32]:
+    """Return colours as Rerun stores them; its own conversion takes longer than the logging."""
+    return np.array(
+        [int.from_bytes([*shade, OPAQUE][:4], "big") for shade in shades], dtype=np.uint32
+    )
 
 
 class _SinglePrecision:

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 from impact_rig.visualization import entities
 from impact_rig.visualization.entities import BODIES, Path, find_body
 from impact_rig.visualization.rerun_sdk import import_rerun
-from impact_rig.visualization.views import Range, find_known, make_text_view, make_time_view
+from impact_rig.visualization.views import (
+    Legend,
+    Range,
+    find_known,
+    make_text_view,
+    make_time_view,
+)
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
@@ -20,6 +26,7 @@ BEFORE, AFTER = 1.0, 4.5
 """What plots begin with, in longest contact times from the middle of the pulse [-], our choice:
 some periods of the sample's decay."""
 OVERVIEW = "All [m/s²]: hammer blue, sample orange, model on top, residual grey, contact green"
+OVERVIEW_AS_PRINTED = "All [m/s²]: hammer blue, sample orange, model on top, residual grey"
 LAYERS = (entities.CONTACT, entities.OVERLAY, entities.MODELS, entities.POINTS)
 """What is drawn of a body, from below."""
 
@@ -55,17 +62,26 @@ def lay_out_samples(
 
 
 def lay_out_printed(
-    name: str, sample_names: Sequence[str], contact_times: Sequence[float]
+    title: str, sample_names: Sequence[str], contact_times: Sequence[float]
 ) -> rrb.Container:
-    """Return a tab with every sample against the model as printed."""
+    """Return a tab with every sample against the model as printed, and a tab for each of them."""
     time_range = find_time_range(contact_times)
-    return _make_grid(
-        name,
-        [
-            make_time_view(sample, [(*entities.SAMPLES, sample, entities.AS_PRINTED)], time_range)
-            for sample in sample_names
-        ],
+
+    def view(sample: str, heading: str, legend: Legend) -> rrb.TimeSeriesView:
+        parent = (*entities.SAMPLES, sample, entities.AS_PRINTED)
+        return make_time_view(heading, [parent], time_range, legend=legend)
+
+    layout = import_rerun().blueprint
+    tab: rrb.Container = layout.Tabs(
+        _make_grid(OVERVIEW_AS_PRINTED, [view(name, name, "none") for name in sample_names]),
+        *(
+            layout.Vertical(view(name, f"{name} [m/s²]", "right"), name=name)
+            for name in sample_names
+        ),
+        name=title,
+        active_tab=0,
     )
+    return tab
 
 
 def find_time_range(contact_times: Sequence[float]) -> Range | None:

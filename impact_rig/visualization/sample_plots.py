@@ -160,10 +160,11 @@ def _replace_lines(
     lines: Sequence[Line],
 ) -> None:
     values = np.stack(columns, axis=1)
-    peaks = np.argmax(np.abs(np.nan_to_num(values)), axis=0)
-    rows = np.union1d(np.arange(0, time.size, THINNING), peaks)
+    is_drawn = np.zeros(time.size, dtype=bool)
+    is_drawn[::THINNING] = True
+    is_drawn[np.argmax(np.abs(np.nan_to_num(values)), axis=0)] = True
     plots.hide(family)
-    plots.draw_lines(family, time[rows], values[rows], lines)
+    plots.draw_lines(family, time[is_drawn], values[is_drawn], lines)
 
 
 def _draw_contact(plots: PlotLog, traces: SampleTraces, row: int) -> None:
@@ -194,15 +195,23 @@ def _draw_half_amplitude(plots: PlotLog, traces: SampleTraces) -> None:
 def _draw_peaks(plots: PlotLog, traces: SampleTraces) -> None:
     if traces.mean.shape[0] < len(BODIES):
         return
-    for name, time, marker in (
-        ("U1", traces.first_peak_time, "up"),
-        ("U2", traces.second_peak_time, "down"),
-    ):
-        if math.isfinite(time):
-            height = float(np.interp(time, traces.time, traces.mean[1]))
-            plots.draw_points(
-                (*find_body(traces.name, entities.SPECIMEN), entities.POINTS),
-                np.array([time]),
-                np.array([[height]]),
-                [Mark(f"{name}, {height:.1f} m/s²", CONTACT, marker, POINT_SIZE)],
-            )
+    found = [
+        (name, time, marker, float(np.interp(time, traces.time, traces.mean[1])))
+        for name, time, marker in (
+            ("U1", traces.first_peak_time, "up"),
+            ("U2", traces.second_peak_time, "down"),
+        )
+        if math.isfinite(time)
+    ]
+    if found:
+        values = np.full((len(found), len(found)), np.nan)
+        np.fill_diagonal(values, [height for *_, height in found])
+        plots.draw_points(
+            (*find_body(traces.name, entities.SPECIMEN), entities.POINTS),
+            np.array([time for _, time, *_ in found]),
+            values,
+            [
+                Mark(f"{name}, {height:.1f} m/s²", CONTACT, marker, POINT_SIZE)
+                for name, _, marker, height in found
+            ],
+        )

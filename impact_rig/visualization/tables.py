@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
 from impact_rig.results.campaign import Results
@@ -144,10 +145,14 @@ def _write_quantity(
 
 
 def _write_remarks(title: str, remarks: Iterable[tuple[str, tuple[str, ...]]]) -> list[str]:
+    """Return a heading and each remark once, with the names of whom it is about."""
+    names = defaultdict(list)
+    for name, texts in remarks:
+        for text in texts:
+            names[text].append(name)
     items = [
-        f"- **{escape_markdown(name)}**: {escape_markdown(text)}"
-        for name, texts in remarks
-        for text in texts
+        f"- **{escape_markdown(', '.join(about))}**: {escape_markdown(text)}"
+        for text, about in names.items()
     ]
     return [f"## {title}", "\n".join(items)] if items else []
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 from impact_rig.visualization.entities import Path
@@ -12,6 +13,8 @@ from impact_rig.visualization.rerun_sdk import import_rerun
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
+Legend = Literal["left", "right", "none"]
+"""In which upper corner of a plot names stand."""
 Range = tuple[float, float]
 """First and last time that a plot begins with [s]."""
 
@@ -21,7 +24,7 @@ def make_time_view(
     parents: Sequence[Path],
     time_range: Range | None = None,
     *,
-    legend: Literal["left", "right", "none"] = "right",
+    legend: Legend = "right",
 ) -> rrb.TimeSeriesView:
     """Return a plot over time of everything below `parents`.
 
@@ -34,24 +37,29 @@ def make_time_view(
     time_range : tuple of float, optional
         What it begins with [s]; without one, everything.
     legend : str
-        In which upper corner names stand: "left", "right" or "none".
+        In which upper corner names stand.
     """
     sdk = import_rerun()
     layout = sdk.blueprint
-    axis = None
-    if time_range is not None:
-        start, end = (
-            sdk.TimeRangeBoundary.absolute(seconds=round(moment, 9)) for moment in time_range
-        )
-        axis = layout.TimeAxis(view_range=sdk.TimeRange(start, end))
     corner = layout.Corner2D.LeftTop if legend == "left" else layout.Corner2D.RightTop
     view: rrb.TimeSeriesView = layout.TimeSeriesView(
         contents=[f"+ {sdk.new_entity_path(parent)}/**" for parent in parents],
         name=name,
-        axis_x=axis,
+        axis_x=_make_axis(time_range) if time_range else None,
         plot_legend=layout.PlotLegend(corner, visible=legend != "none"),
     )
     return view
+
+
+@lru_cache
+def _make_axis(time_range: Range) -> rrb.TimeAxis:
+    """Return an axis; many plots share the few that there are, and each takes a millisecond."""
+    sdk = import_rerun()
+    start, end = (
+        sdk.TimeRangeBoundary.absolute(seconds=round(moment, 9)) for moment in time_range
+    )
+    axis: rrb.TimeAxis = sdk.blueprint.TimeAxis(view_range=sdk.TimeRange(start, end))
+    return axis
 
 
 def make_text_view(name: str, path: Path) -> rrb.TextDocumentView:
