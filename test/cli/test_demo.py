@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -53,6 +54,26 @@ def read_with_rosbags(path: Path) -> dict[str, int]:
             assert reader.deserialize(data, connection.msgtype) is not None
             counts[connection.topic] = counts.get(connection.topic, 0) + 1
     return counts
+
+
+@pytest.fixture
+def viewer():
+    """Start what a viewer has of a network, without its windows."""
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    from impact_rig.visualization.viewers.program import find_viewer
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    process = subprocess.Popen(
+        [find_viewer(), "--serve-grpc", "--bind", "127.0.0.1", "--port", str(port)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    process.address = f"rerun+http://127.0.0.1:{port}/proxy"
+    yield process
+    process.kill()
+    process.wait()
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +130,29 @@ def test_the_same_seed_gives_identical_results_however_it_is_recorded(demo):
     assert (folder / "again" / "results.json").read_bytes() == (
         folder / "results.json"
     ).read_bytes()
+
+
+def test_a_viewer_that_is_stopped_and_then_killed_changes_nothing(demo, viewer):
+    folder, _, _ = demo
+    process = start_rig_command(
+        "demo", "--samples", "steel small", "aluminium large", "--impacts", "3", "--seed", "7",
+        "--faults", "0.2", "--output", "watched", "--viewer", viewer.address, folder=folder,
+    )  # fmt: skip
+    for line in process.stderr:
+        if "sample 1 of 2" in line:
+            viewer.send_signal(signal.SIGSTOP)
+        if "sample 2 of 2" in line:
+            viewer.kill()
+            break
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, errors
+    assert (folder / "watched" / "results.json").read_bytes() == (
+        folder / "results.json"
+    ).read_bytes()
+    log = (folder / "watched" / "nodes.log").read_text("utf-8")
+    # Once, and not otherwise on a host so busy that the view comes after the campaign.
+    assert log.count("is gone or takes no data") + log.count("no viewer answers") == 1
+    assert (folder / "watched" / "session.rrd").stat().st_size > 0
 
 
 def test_every_rejection_names_the_fault_that_was_injected(demo):
