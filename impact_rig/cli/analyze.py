@@ -13,7 +13,12 @@ from impact_rig.analysis.settings_changes import SettingsChanges
 from impact_rig.analysis.trace_analysis import analyze_traces
 from impact_rig.analysis.trace_options import TraceOptions
 from impact_rig.cli.analysis.channel_options import add_channel_options
-from impact_rig.cli.analysis.recording_report import Form, report_batch, report_recording
+from impact_rig.cli.analysis.recording_report import (
+    Form,
+    report_batch,
+    report_recording,
+    report_results,
+)
 from impact_rig.cli.quantity import Cutoff
 from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.recording.reading.source import find_recording, is_recording
@@ -23,6 +28,9 @@ from impact_rig.reporting.trace_tables import print_trace_results
 from impact_rig.results.results_file import format_json
 from impact_rig.results.trace_series import TraceResults, trace_results_to_json
 
+RESULTS_SUFFIX = ".json"
+RESULTS_OPTIONS = {"files", "as_json", "budget"}
+
 
 @click.command(
     "analyze",
@@ -31,6 +39,7 @@ from impact_rig.results.trace_series import TraceResults, trace_results_to_json
     Examples:
       impact-rig analyze runs/2025-01-31T12-00-00/session.mcap
       impact-rig analyze session.mcap --json > results.json
+      impact-rig analyze results.json          the tables once more
       impact-rig analyze runs/* --json > all.json
       impact-rig analyze --scheduler tcp://cluster:8786 /data/*.mcap
       impact-rig analyze session.mcap --reject 17 --accept "steel small/3.1"
@@ -114,8 +123,14 @@ def command(
 
     A recording (.mcap, or the folder of a run) gives the numbers of the live run, bit by bit, and
     needs no further options; many are analyzed side by side. Plain traces of any laboratory give
-    contact times, and with masses stiffness and damping as well. No ROS is needed.
+    contact times, and with masses stiffness and damping as well. A results.json is shown as it
+    is. No ROS is needed.
     """
+    form = Form.JSON if as_json else Form.BUDGETS if budget else Form.TABLES
+    if any(path.suffix == RESULTS_SUFFIX for path in files):
+        _check_results_alone(context, files)
+        report_results(files[0], form)
+        return
     paths, errors = _find_files(files)
     recordings = [path for path in paths if is_recording(path)]
     traces = [path for path in paths if not is_recording(path)]
@@ -124,7 +139,6 @@ def command(
             f"{recordings[0]} is a recording and {traces[0]} a plain trace: analyze them apart"
         )
 
-    form = Form.JSON if as_json else Form.BUDGETS if budget else Form.TABLES
     changes = SettingsChanges(cutoff, pulse_factor, double_hit_level, keep)
     if recordings:
         is_batch = len(files) > 1
@@ -172,6 +186,20 @@ def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:
     repeated = find_repeated_files(found)
     paths = [path for place, path in enumerate(found) if place not in repeated]
     return paths, errors + list(repeated.values())
+
+
+def _check_results_alone(context: click.Context, files: Sequence[Path]) -> None:
+    """Refuse what a results file has no use for: its hits are judged, its numbers estimated."""
+    results = next(path for path in files if path.suffix == RESULTS_SUFFIX)
+    if len(files) > 1:
+        raise ParameterError(f"{results} is a results file: it is shown alone, without others")
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if parameter.name not in RESULTS_OPTIONS and source is not ParameterSource.DEFAULT:
+            raise ParameterError(
+                f"{parameter.opts[0]} changes nothing in {results}, a results file: analyze its"
+                " recording"
+            )
 
 
 def _check_recording_options(context: click.Context) -> None:

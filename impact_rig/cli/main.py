@@ -8,6 +8,7 @@ from typing import IO, Any
 import click
 
 from impact_rig import __version__
+from impact_rig.cli.help_text import HelpContext
 from impact_rig.configuration.threads import use_one_thread
 from impact_rig.core.errors import RigError
 
@@ -78,6 +79,8 @@ class _Failure(click.ClickException):
 class RigGroup(click.Group):
     """A click group that imports a subcommand's module only when it is called."""
 
+    context_class = HelpContext
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the subcommands, the main job first."""
         return list(COMMANDS)
@@ -88,6 +91,7 @@ class RigGroup(click.Group):
         if entry is None:
             return None
         command: click.Command = importlib.import_module(entry.module).command
+        command.context_class = HelpContext
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

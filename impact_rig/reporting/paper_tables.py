@@ -159,12 +159,6 @@ def print_contact_times(console: Console, results: Results) -> None:
     columns = [
         *_make_columns(rows, CONTACT_TIME),
         make_optional(
-            "w10/w50",
-            [format_number(item.width_ratio, 3) for item in samples],
-            "w10/w50: width at a tenth of the peak over that at half of it, which tells pulse"
-            f" shapes apart: {shapes}.",
-        ),
-        make_optional(
             "Hits",
             [str(item.impacts_accepted) for item in samples],
             styles=["" if item.impacts_accepted else ALARM for item in samples],
@@ -173,6 +167,12 @@ def print_contact_times(console: Console, results: Results) -> None:
             "Rejected",
             [str(item.impacts_rejected) for item in samples],
             styles=[ALARM if item.impacts_rejected else "" for item in samples],
+        ),
+        make_optional(
+            "w10/w50",
+            [format_number(item.width_ratio, 3) for item in samples],
+            "w10/w50: width at a tenth of the peak over that at half of it, which tells pulse"
+            f" shapes apart: {shapes}.",
         ),
         make_optional(
             "Spread",

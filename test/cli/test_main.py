@@ -34,6 +34,28 @@ def test_every_command_has_help_with_examples(run: Run, name: str) -> None:
     outcome = run(name, "--help")
     assert outcome.exit_code == 0
     assert "Examples:" in outcome.stdout
+    assert max(map(len, outcome.stdout.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("name", main.COMMANDS)
+def test_no_help_is_wider_than_the_terminal_and_none_loses_a_word(
+    run: Run, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    whole = "".join(run(name, "--help").stdout.split())
+    for columns in (40, 60, 200):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        text = run(name, "--help").stdout
+        assert max(map(len, text.splitlines())) <= columns
+        assert "".join(text.split()) == whole
+
+
+def test_an_example_too_long_for_its_line_is_told_from_the_next(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    lines = run("--help").stdout.splitlines()
+    place = lines.index("    impact-rig demo")
+    assert lines[place + 1] == "      the whole job, no hardware needed"
 
 
 def test_the_help_loads_nothing_heavy() -> None:

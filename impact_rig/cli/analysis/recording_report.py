@@ -1,10 +1,11 @@
-"""What `impact-rig analyze` shows of recordings: one in full, many side by side."""
+"""What `impact-rig analyze` shows of recordings and results: one in full, many side by side."""
 
 from collections.abc import Sequence
 from enum import Enum, auto
 from pathlib import Path
 
 import click
+from rich.console import Console
 
 from impact_rig.analysis.batch import analyze_batch
 from impact_rig.analysis.batch_task import BatchTask
@@ -16,7 +17,8 @@ from impact_rig.reporting.batch_tables import BatchCampaign, print_batch
 from impact_rig.reporting.budget_tables import print_budgets
 from impact_rig.reporting.tables import print_results
 from impact_rig.reporting.terminal import make_console
-from impact_rig.results.results_file import format_json, results_to_json
+from impact_rig.results.campaign import Results
+from impact_rig.results.results_file import format_json, read_results, results_to_json
 
 
 class Form(Enum):
@@ -50,9 +52,22 @@ def report_recording(
     for number, campaign in enumerate(recording.campaigns, start=1):
         if several:
             console.print(f"{path}, campaign {number}\n", style="bold underline")
-        if form is Form.BUDGETS:
-            print_budgets(console, campaign.results.samples, campaign.results.hammer)
-        print_results(console, campaign.results)
+        _print(console, campaign.results, form)
+
+
+def report_results(path: Path, form: Form) -> None:
+    """Print what a results file says; raises as `read_results`."""
+    results = read_results(path)
+    if form is Form.JSON:
+        click.echo(format_json(results_to_json(results)), nl=False)
+    else:
+        _print(make_console(), results, form)
+
+
+def _print(console: Console, results: Results, form: Form) -> None:
+    if form is Form.BUDGETS:
+        print_budgets(console, results.samples, results.hammer)
+    print_results(console, results)
 
 
 def report_batch(
