@@ -133,6 +133,20 @@ def read_recording() -> type[Recording]:
     return Recording
 
 
+@pytest.fixture
+def record(
+    tmp_path: Path, write_view: Callable[..., None], read_recording: type[Recording]
+) -> Callable[..., Recording]:
+    """Return a function that logs things into a file and reads it back."""
+
+    def run(*works: Callable[[ViewLog], None]) -> Recording:
+        path = tmp_path / "view.rrd"
+        write_view(path, *works)
+        return read_recording(path)
+
+    return run
+
+
 def trace_campaign(setup: RigSetup, names: Iterable[str], impacts: int) -> TracedCampaign:
     """Strike samples and keep everything there is to see."""
     rig, session, assembler = (

@@ -56,18 +56,6 @@ def make_aligned(record, start=START, rows=2):
     )
 
 
-@pytest.fixture
-def record(tmp_path, write_view, read_recording):
-    """Return a function that logs things into a file and reads it back."""
-
-    def run(*works):
-        path = tmp_path / "view.rrd"
-        write_view(path, *works)
-        return read_recording(path)
-
-    return run
-
-
 def test_hits_are_laid_over_each_other_as_they_come(record):
     view = record(
         lambda log: log.log_aligned_hit(make_aligned(1)),

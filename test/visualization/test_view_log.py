@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
@@ -21,18 +20,6 @@ def make_hit(record=1, peak=800.0):
     pulse = peak * np.sin(np.pi * np.clip((TIME - 0.2e-3) / 160e-6, 0.0, 1.0)) ** 2
     values = np.stack([pulse, -2 * pulse], axis=1).astype(np.float32)
     return HitTraces(HitLabel("steel small", record=record), TIME, values)
-
-
-@pytest.fixture
-def record(tmp_path, write_view, read_recording):
-    """Return a function that logs things into a file and reads it back."""
-
-    def run(*works):
-        path = tmp_path / "view.rrd"
-        write_view(path, *works)
-        return read_recording(path)
-
-    return run
 
 
 def test_a_hit_is_there_in_full_with_its_peaks(record):
