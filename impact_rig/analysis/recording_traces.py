@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from impact_rig.analysis.recording_analysis import JudgedCampaign, judge_recording
+from impact_rig.analysis.recording_analysis import JudgedCampaign, Report, judge_recording
 from impact_rig.analysis.settings_changes import SettingsChanges
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.session import SessionResults
@@ -41,6 +41,7 @@ def trace_recording(
     reject: Sequence[str] = (),
     *,
     with_models: bool,
+    report: Report | None = None,
 ) -> TracedRecording:
     """Judge every hit of a recording, estimate, and keep the traces.
 
@@ -54,6 +55,8 @@ def trace_recording(
         Hits that a person takes into the mean or leaves out, by name; see `find_label`.
     with_models : bool
         Fit the model as well, which takes a tenth of a second for each sample.
+    report : callable, optional
+        Is told how far it is.
 
     Raises
     ------
@@ -63,19 +66,28 @@ def trace_recording(
         If the settings cannot be used, or a person's word on a hit makes no sense.
     """
     changes = changes or SettingsChanges()
-    judged = judge_recording(path, changes, accept, reject, keep_traces=True)
+    judged = judge_recording(path, changes, accept, reject, keep_traces=True, report=report)
     campaigns = tuple(
-        _trace_campaign(campaign, judged.faults, with_models=with_models)
+        _trace_campaign(campaign, judged.faults, report, with_models=with_models)
         for campaign in judged.campaigns
     )
     return TracedRecording(path, campaigns, judged.warnings)
 
 
 def _trace_campaign(
-    campaign: JudgedCampaign, faults: Mapping[int, tuple[str, ...]], *, with_models: bool
+    campaign: JudgedCampaign,
+    faults: Mapping[int, tuple[str, ...]],
+    report: Report | None,
+    *,
+    with_models: bool,
 ) -> TracedCampaign:
     session = campaign.session
-    found = session.estimate_all() if with_models else session.estimate_all_without_models()
+
+    def tell(done: int) -> None:
+        if report is not None:
+            report("estimating", done, len(session.names))
+
+    found = session.estimate_all(tell) if with_models else session.estimate_all_without_models()
     means = [(estimate, session.find_mean(estimate.name)) for estimate in found.samples]
     traces = [
         sample_traces_from_estimate(estimate, mean) for estimate, mean in means if mean is not None

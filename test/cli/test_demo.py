@@ -150,7 +150,7 @@ def test_a_viewer_that_is_stopped_and_then_killed_changes_nothing(demo, viewer):
         folder / "results.json"
     ).read_bytes()
     log = (folder / "watched" / "nodes.log").read_text("utf-8")
-    # Once, and not otherwise on a host so busy that the view comes after the campaign.
+    # The second where the host is so busy that the visualizer comes up after the kill.
     assert log.count("is gone or takes no data") + log.count("no viewer answers") == 1
     assert (folder / "watched" / "session.rrd").stat().st_size > 0
 

@@ -65,7 +65,7 @@ def _read_campaigns(
 ) -> tuple[tuple[TracedCampaign, ...], tuple[str, ...]]:
     """Return the campaigns of a source, and what the user should know."""
     from impact_rig.analysis.recording_traces import trace_recording
-    from impact_rig.cli.progress_bar import ProgressBar
+    from impact_rig.cli.analysis.analysis_progress import AnalysisProgress
     from impact_rig.reporting.terminal import make_console
     from impact_rig.results.results_file import read_results
     from impact_rig.results.traced_campaign import TracedCampaign
@@ -73,8 +73,8 @@ def _read_campaigns(
     if not source.is_recording:
         alone = TracedCampaign(read_results(source.path), (), ())
         return (alone,), ("results hold no traces: tables and figures alone are shown",)
-    with ProgressBar(make_console(stderr=True), f"reading {source.named}"):
-        traced = trace_recording(source.path, with_models=fit)
+    with AnalysisProgress(make_console(stderr=True), source.path) as bar:
+        traced = trace_recording(source.path, with_models=fit, report=bar.report)
     remarks = [remark for campaign in traced.campaigns for remark in find_remarks(campaign)]
     return traced.campaigns, (*traced.warnings, *remarks)
 
