@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from impact_rig.analysis.recording_traces import trace_recording
-from impact_rig.core.errors import FileError
+from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
 from impact_rig.recording.reading.mcap_reader import read_recording
@@ -123,7 +123,14 @@ def name_sources(sources: Sequence[RunSource]) -> tuple[str, ...]:
 
 
 def _read_results_alone(source: RunSource, name: str, warnings: tuple[str, ...] = ()) -> Run:
-    campaign = TracedCampaign(read_results(source.path), (), ())
+    results = read_results(source.path)
+    try:
+        samples = results.setup.to_samples()
+        for sample in results.samples:
+            samples.find(sample.name)
+    except ParameterError as error:
+        raise FileError(f"results {source.path}: {error}") from None
+    campaign = TracedCampaign(results, (), ())
     return Run(name, source.place, campaign, warnings=warnings)
 
 

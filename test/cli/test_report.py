@@ -11,6 +11,7 @@ import pytest
 
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.devices.virtual.faults import Fault, FaultPlan
+from impact_rig.devices.virtual.plants import Plant
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure
 from impact_rig.reporting.report import comparison_content, run_content
@@ -26,7 +27,8 @@ def recorded(record: Callable[..., Any], tmp_path_factory: pytest.TempPathFactor
     """Return the folder of a run of two samples, two hits each."""
     folder = tmp_path_factory.mktemp("runs") / "monday"
     folder.mkdir()
-    campaign = record(folder / "session.mcap", VirtualRigSettings(seed=3), SAMPLES, 2)
+    settings = VirtualRigSettings(seed=3, plant=Plant.DYNAMICS)
+    campaign = record(folder / "session.mcap", settings, SAMPLES, 2)
     write_results(folder / "results.json", campaign.results)
     return folder
 
@@ -109,6 +111,16 @@ def test_a_run_that_cannot_be_read_does_not_keep_others_from_being_reported(
     assert "has format version 99" in text
     assert "Table 2." in text
     assert "Comparison" not in text
+
+
+def test_results_that_contradict_themselves_are_refused_in_one_sentence(run: Run, folder: Path):
+    (folder / "session.mcap").unlink()
+    path = folder / "results.json"
+    path.write_text(path.read_text().replace('"name": "brass medium"', '"name": "other"', 1))
+    outcome = run("report", folder)
+    assert outcome.exit_code == 2
+    assert outcome.stderr.startswith(f"error: results {path}: ")
+    assert "brass medium" in outcome.stderr
 
 
 def test_nothing_is_written_if_no_run_can_be_read(run: Run, folder: Path, tmp_path: Path):

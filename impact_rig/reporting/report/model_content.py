@@ -14,6 +14,9 @@ from impact_rig.reporting.report.document import (
 from impact_rig.results.estimates import IdentificationResults, SampleResults
 from impact_rig.results.numbers import MEGA, MICRO, MISSING, format_number, format_uncertain
 
+SMALLEST_ERROR = 1e-4
+"""Below which an error is not told in digits [%], our choice."""
+
 
 def tabulate_errors(samples: Sequence[SampleResults]) -> list[Table]:
     """Return how far model and measurement lie apart; nothing if no sample was compared."""
@@ -187,7 +190,9 @@ def _format(values: Sequence[float], digits: int, scale: float = 1.0) -> list[st
 
 def _format_error(value: float) -> str:
     """Return an error with two significant digits: they reach over four decades."""
-    return f"{value:#.2g}".rstrip(".") if math.isfinite(value) else MISSING
+    if not math.isfinite(value):
+        return MISSING
+    return f"{value:#.2g}".rstrip(".") if value >= SMALLEST_ERROR else f"< {SMALLEST_ERROR:.4f}"
 
 
 def _format_uncertain(

@@ -11,6 +11,19 @@ import pytest
 
 from impact_rig.core.errors import DeviceError
 from impact_rig.reporting.report import pdf
+from impact_rig.reporting.report.document import (
+    Document,
+    Facts,
+    Folded,
+    Listing,
+    Paragraph,
+    Remark,
+    Remarks,
+    Section,
+    make_table,
+    make_text_column,
+)
+from impact_rig.reporting.report.page import render_page
 from impact_rig.reporting.report.pdf import find_browser, print_pdf
 
 WHITE = (255, 255, 255)
@@ -58,6 +71,26 @@ def test_the_page_never_scrolls_sideways(browser, files, width):
         for _ in range(2):
             assert not browser.evaluate(WIDER_THAN_IT)
             browser.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+
+
+def test_no_name_is_too_long_for_the_page(browser, tmp_path):
+    word = "x" * 300
+    section = Section(
+        word,
+        (
+            Paragraph(word),
+            Facts(((word, word),)),
+            Remarks((Remark(word, word),), is_warning=True),
+            make_table(word, [make_text_column(word, [word, word])], [word]),
+            Folded(word, (Listing(word, word),)),
+        ),
+    )
+    path = tmp_path / "long.html"
+    document = Document(word, word, word, ((word, word),), (section,))
+    path.write_text(render_page(document, is_unfolded=True), encoding="utf-8")
+    for width in (PHONE, 1200):
+        browser.open(path, width=width)
+        assert not browser.evaluate(WIDER_THAN_IT)
 
 
 def test_wide_tables_scroll_in_their_own_box_on_a_phone(browser, files):
