@@ -17,18 +17,15 @@ from impact_rig.visualization import entities
 from impact_rig.visualization.entities import Path
 from impact_rig.visualization.plots import Mark, PlotLog
 
-MARKERS = ("square", "up", "asterisk", "diamond", "circle", "plus")
+MARKERS = ("square", "up", "asterisk", "diamond", "circle", "left")
 """Of sizes, the smallest first: the paper's squares, triangles and stars, then others."""
 HIT_SIZE = 2.5
 """Size of one hit [points], our choice."""
 MEAN_SIZE = 6.0
 """Size of a mean [points], our choice."""
-REFERENCE_SIZE = 11.0
-"""Size of a published or expected value [points], our choice: it surrounds the mean."""
-REFERENCE_OPACITY = 110
-"""Its opacity, of 255, our choice."""
-HIT_OPACITY = 140
-"""Of one hit, of 255, our choice."""
+REFERENCE_SIZE = 10.0
+"""Size of a published or expected value [points], our choice: a cross that is seen
+around the mean."""
 GRAM = 1e3
 """Kilograms to grams."""
 
@@ -45,21 +42,27 @@ def find_colours(rows: Sequence[FigureRow]) -> dict[str, Colour]:
 def draw_figure_3(plots: PlotLog, rows: Sequence[FigureRow]) -> None:
     """Draw relative mass and pulse width: each hit, the mean, and what is expected, around it."""
     colours = find_colours(rows)
+    masses = [row.relative_mass * GRAM for row in rows]
     name = "paper" if all(row.reference.is_published for row in rows) else "expected"
-    # What comes first is drawn below.
-    marks = [Mark(name, (*GREY, REFERENCE_OPACITY), "circle", REFERENCE_SIZE)]
-    points: list[Points] = [
-        [(row.reference.contact_time, row.relative_mass * GRAM) for row in rows]
-    ]
-    for row in rows:
-        mass = row.relative_mass * GRAM
-        colour = (*colours[row.material], HIT_OPACITY)
-        marks.append(Mark(row.name, colour, find_marker(row), HIT_SIZE))
-        points.append([(time, mass) for time in row.contact_times])
-    for row in rows:
-        marks.append(Mark(row.name, colours[row.material], find_marker(row), MEAN_SIZE))
-        points.append([(row.contact_time, row.relative_mass * GRAM)])
-    _replace_points(plots, entities.FIGURE_3, points, marks)
+    _replace_points(
+        plots,
+        (*entities.FIGURE_3, "reference"),
+        [[(row.reference.contact_time, mass) for row, mass in zip(rows, masses, strict=True)]],
+        [Mark(name, GREY, "plus", REFERENCE_SIZE)],
+    )
+    for part, size, times in (
+        ("hits", HIT_SIZE, [row.contact_times for row in rows]),
+        ("means", MEAN_SIZE, [(row.contact_time,) for row in rows]),
+    ):
+        _replace_points(
+            plots,
+            (*entities.FIGURE_3, part),
+            [
+                [(time, mass) for time in of_sample]
+                for of_sample, mass in zip(times, masses, strict=True)
+            ],
+            [Mark(row.name, colours[row.material], find_marker(row), size) for row in rows],
+        )
 
 
 def draw_figure_4(plots: PlotLog, rows: Sequence[FigureRow]) -> None:
@@ -82,7 +85,6 @@ def find_marker(row: FigureRow) -> str:
 def _replace_points(
     plots: PlotLog, family: Path, points: Sequence[Points], marks: Sequence[Mark]
 ) -> None:
-    plots.hide(family)
     found = sorted(
         (time, column, value)
         for column, items in enumerate(points)
@@ -92,4 +94,4 @@ def _replace_points(
     values = np.full((len(found), len(marks)), np.nan)
     for row, (_, column, value) in enumerate(found):
         values[row, column] = value
-    plots.draw_points(family, np.array([time for time, *_ in found]), values, marks)
+    plots.replace_points(family, np.array([time for time, *_ in found]), values, marks)

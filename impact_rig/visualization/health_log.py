@@ -22,6 +22,8 @@ LOSSES = "losses"
 DISK = "disk"
 LEVELS = "levels"
 """Below the history: what is drawn together."""
+RATE_ENDINGS = (" per second", "/s")
+"""A figure whose name ends so is a rate."""
 LOSS_WORDS = ("gap", "missing", "dropped", "lost", "rejected")
 """A figure with one of these in its name counts what went wrong."""
 COLOURS = {
@@ -92,7 +94,7 @@ def find_level(node: NodeHealth) -> Level:
 
 def find_kind(name: str) -> str:
     """Return with what a figure is drawn, by its name; empty: it is not followed."""
-    if name.endswith("/s"):
+    if name.endswith(RATE_ENDINGS):
         return RATES
     if any(word in name for word in LOSS_WORDS):
         return LOSSES

@@ -64,6 +64,7 @@ def test_bytes_are_read_as_gigabytes(record):
     ("name", "kind"),
     [
         ("blocks/s", "rates"),
+        ("hits per second", "rates"),
         ("missing points", "losses"),
         ("views dropped", "losses"),
         ("impacts rejected", "losses"),
