@@ -68,7 +68,7 @@ def _summarize(runs: Sequence[Run], compared: Sequence[ComparedQuantity]) -> Rem
         changed = [item for item in known if item.changes[place].is_beyond_uncertainty]
         named = ", ".join(f"{item.quantity.symbol} of {item.body}" for item in changed)
         if not known:
-            text = "has no value in common with the first run"
+            text = "no value has an uncertainty in both runs: nothing can be said of changes"
         elif changed:
             text = (
                 f"{len(changed)} of {len(known)} values changed beyond their uncertainty: {named}"
@@ -162,7 +162,11 @@ def _describe_difference(item: SetupDifference) -> tuple[str, str, list[str]]:
 def _describe_sampling(run: Run) -> str:
     described = [
         f"{item.sampling_rate * 1e-3:.7g} kHz"
-        + "".join(f", {channel.name} {channel.full_scale:.7g} m/s²" for channel in item.channels)
+        + "".join(
+            f", {channel.name} {channel.full_scale:.7g} m/s²"
+            for channel in item.channels
+            if channel.full_scale
+        )
         for item in run.acquisitions
     ]
     return "; ".join(described) or MISSING

@@ -80,9 +80,11 @@ def tabulate_contact_times(results: Results) -> Table:
     return make_table("Table 2. Contact time τp", columns, notes)
 
 
-def tabulate_stiffness(results: Results) -> Table:
-    """Return Table 3, the hammer below the samples."""
+def tabulate_stiffness(results: Results) -> list[Table]:
+    """Return Table 3, the hammer below the samples; nothing if no stiffness is known."""
     rows = _make_rows(results, with_hammer=True)
+    if not _has_values(rows, STIFFNESS):
+        return []
     equivalent = [
         format_uncertain(
             item.equivalent_stiffness_n_per_m * MEGA,
@@ -100,12 +102,17 @@ def tabulate_stiffness(results: Results) -> Table:
     if results.hammer.control_sample:
         control = results.hammer.control_sample
         notes.append(f"Hammer: k1 = 2 k_eq of the control sample, {control}.")
-    return make_table("Table 3. Stiffness k", columns, notes)
+    return [make_table("Table 3. Stiffness k", columns, notes)]
 
 
-def tabulate_damping(results: Results) -> Table:
-    """Return Table 4, by the logarithmic decrement, the hammer below the samples."""
+def tabulate_damping(results: Results) -> list[Table]:
+    """Return Table 4, by the logarithmic decrement, the hammer below the samples.
+
+    Nothing if no damping is known.
+    """
     rows = _make_rows(results, with_hammer=True)
+    if not _has_values(rows, DAMPING_COEFFICIENT):
+        return []
     bodies = [row.body for row in rows]
     columns = [
         *_make_columns(rows, DAMPING_COEFFICIENT),
@@ -119,7 +126,7 @@ def tabulate_damping(results: Results) -> Table:
         make_column("Δ", [format_number(body.log_decrement, 3) for body in bodies]),
         make_column("Hits", _count_hits(results)),
     ]
-    return make_table("Table 4. Damping coefficient c", columns, _explain_mark(rows))
+    return [make_table("Table 4. Damping coefficient c", columns, _explain_mark(rows))]
 
 
 def find_largest_differences(results: Results) -> dict[str, tuple[float, str]]:
@@ -189,6 +196,10 @@ def _format_expected(values: Sequence[float], digits: int) -> list[str]:
     """Return what is expected, without decimals that nobody gave."""
     is_whole = all(value == round(value) for value in values if math.isfinite(value))
     return [format_number(value, 0 if is_whole else digits) for value in values]
+
+
+def _has_values(rows: Sequence[_Row], quantity: Quantity) -> bool:
+    return any(math.isfinite(quantity.read_value(row.body)) for row in rows)
 
 
 def _find_difference(row: _Row, quantity: Quantity) -> float:

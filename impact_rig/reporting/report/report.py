@@ -7,7 +7,7 @@ from impact_rig.reporting.report.document import Document, Section
 from impact_rig.reporting.report.guide_content import make_guide_section
 from impact_rig.reporting.report.remarks_content import make_warnings_section
 from impact_rig.reporting.report.run_content import make_run_sections
-from impact_rig.reporting.report.setup_content import format_time
+from impact_rig.reporting.report.setup_content import format_time, is_dated
 from impact_rig.results.run import Run
 
 TITLE = "Impact test report"
@@ -80,8 +80,8 @@ def _list_facts(runs: Sequence[Run]) -> tuple[tuple[str, str], ...]:
 
 def _find_dates(runs: Sequence[Run]) -> str:
     """Return the days of the measurements, and the moment where there is one run."""
-    times = [run.provenance.start_time for run in runs if run.provenance]
-    known = sorted(format_time(time) for time in times if time)
+    found = [run.provenance for run in runs if run.provenance]
+    known = sorted(format_time(item.start_time) for item in found if is_dated(item))
     if not known:
         return "date not known"
     if len(runs) == 1:

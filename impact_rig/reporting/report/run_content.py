@@ -37,6 +37,8 @@ from impact_rig.results.campaign import Results
 from impact_rig.results.estimates import SampleResults
 from impact_rig.results.run import Run
 
+NOT_DETERMINED = "Of no sample; why stands under “Not determined”."
+
 
 def make_run_sections(run: Run, *, prefix: str = "") -> tuple[Section, ...]:
     """Return what there is to say of one run but its warnings.
@@ -87,12 +89,17 @@ def _make_result_sections(run: Run, prefix: str) -> tuple[Section, ...]:
     identified = tabulate_identifications(samples)
     return drop_empty(
         Section("Contact time", (tabulate_contact_times(results), figure_3, figure_4)),
-        Section("Stiffness", (tabulate_stiffness(results),)),
-        Section("Damping", (tabulate_damping(results), *tabulate_free_decays(samples))),
+        _tell("Stiffness", tabulate_stiffness(results)),
+        _tell("Damping", [*tabulate_damping(results), *tabulate_free_decays(samples)]),
         Section("Model against measurement", (figure_5, figure_6, *tabulate_errors(samples))),
         Section("Pulse shape", tuple(shapes)),
         Section("Identification", tuple(identified)),
     )
+
+
+def _tell(title: str, tables: Sequence[Part]) -> Section:
+    """Return a section with tables, or the word that there are none."""
+    return Section(title, tuple(tables) or (Paragraph(NOT_DETERMINED),))
 
 
 def _make_samples_section(run: Run, prefix: str) -> Section:

@@ -23,6 +23,8 @@ from impact_rig.results.setup_results import SettingsResults, SetupResults
 
 GRAM = 1e3
 """Kilograms to grams."""
+EARLIEST_TIME = 631_152_000_000_000_000
+"""1990-01-01 [ns since the epoch], our choice: files without a date are imported as of 1970."""
 WITHOUT_TRACES = (
     "This run was read from its results alone. They hold no traces and say nothing of date,"
     " calibration and software: Fig. 5 and the traces of each sample are missing here. A report of"
@@ -103,12 +105,16 @@ def format_time(nanoseconds: int) -> str:
     return f"{moment:%Y-%m-%d %H:%M:%S} UTC"
 
 
+def is_dated(provenance: Provenance) -> bool:
+    """Return whether a recording says when it was made."""
+    return provenance.start_time >= EARLIEST_TIME
+
+
 def format_period(provenance: Provenance) -> str:
     """Return when a recording began and how long it took."""
-    if not provenance.start_time:
-        return "not known: the recording has no message"
     duration = (provenance.end_time - provenance.start_time) * 1e-9
-    return f"{format_time(provenance.start_time)}, for {duration:.1f} s"
+    moment = format_time(provenance.start_time) if is_dated(provenance) else "date not known"
+    return f"{moment}, for {duration:.1f} s"
 
 
 def _list_facts(run: Run) -> tuple[tuple[str, str], ...]:

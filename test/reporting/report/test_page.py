@@ -12,7 +12,7 @@ import pytest
 from impact_rig.reporting.report.document import Document, Identifiers, Paragraph, Section
 from impact_rig.reporting.report.page import render_page
 from impact_rig.reporting.report.report import make_report
-from impact_rig.results.estimates import SampleResults
+from impact_rig.results.estimates import HammerResults, SampleResults
 from impact_rig.results.run import Run
 from impact_rig.results.traced_campaign import TracedCampaign
 
@@ -285,6 +285,29 @@ def test_a_sample_without_a_model_says_why(told: Run, undrawn: None):
     assert read.text.count(note) == 2  # with the sample, and in the list of what is missing
     rows = [row[0] for row in read.find_table("Identification")]
     assert first.name not in rows
+
+
+def test_what_no_hit_determines_has_no_table_but_a_word(told: Run, undrawn: None):
+    results = told.campaign.results
+    samples = tuple(
+        SampleResults(sample.name, 2, 0, contact_time_s=1e-4) for sample in results.samples
+    )
+    bare = replace(results, samples=samples, hammer=HammerResults(notes=("k1: no control",)))
+    run = replace(told, campaign=TracedCampaign(bare, (), ()))
+    read = Reader(render_page(make_report([run])))
+    assert read.text.count("Of no sample; why stands under") == 2
+    assert "hammer: k1: no control" in read.text
+    assert [caption for caption in read.captions if caption.startswith("Table")] == [
+        "Table 2. Contact time τp"
+    ]
+
+
+@pytest.mark.parametrize("start", [0, 1_000_000_000])
+def test_a_recording_without_a_date_is_not_of_1970(told: Run, undrawn: None, start: int):
+    provenance = replace(told.provenance, start_time=start, end_time=start, notes=())
+    read = Reader(render_page(make_report([replace(told, provenance=provenance)])))
+    assert "date not known, for 0.0 s" in read.text
+    assert "1970" not in read.text
 
 
 def test_several_runs_are_compared_before_each_is_told_of(comparison_page: str):
