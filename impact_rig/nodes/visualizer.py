@@ -4,6 +4,7 @@ A process of its own that only listens: it may drop views, never data, and nothi
 """
 
 import os
+import time
 from collections import deque
 from collections.abc import Callable, Hashable
 from typing import Any
@@ -21,7 +22,7 @@ from impact_rig_msgs.msg import (
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RigNode
 from impact_rig.nodes.visualizing.rate_meter import RateMeter
 from impact_rig.nodes.visualizing.rig_health import DIAGNOSTICS, RigHealth
 from impact_rig.nodes.visualizing.shown_campaign import ShownCampaign
@@ -81,6 +82,8 @@ class VisualizerNode(RigNode):
             maxlen=WAITING_MESSAGES
         )
         self._health = RigHealth(self.get_namespace())
+        self._blocks_before = 0
+        self._next_health = 0.0
         self._rates = RateMeter()
         self._counts = {"campaigns": 0, "blocks": 0, "hits": 0, "comparisons": 0}
 
@@ -156,8 +159,11 @@ class VisualizerNode(RigNode):
         # As for the estimator: each set-up begins a campaign.
         self._counts["campaigns"] += 1
         campaign = self._campaign = ShownCampaign(setup)
+        contact_times = [sample.reference_contact_time for sample in setup.samples.samples]
         for destination in self._destinations:
-            destination.begin(lambda log: log.log_setup(setup.name, setup.samples.names))
+            destination.begin(
+                lambda log: log.log_setup(setup.name, setup.samples.names, contact_times)
+            )
         self._put_results(campaign)
         while self._early:
             take, early = self._early.popleft()
@@ -218,8 +224,15 @@ class VisualizerNode(RigNode):
         )
 
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
-        if self._health.add(message):
-            health = self._health.make_health()
+        if not self._health.add(message):
+            return
+        health = self._health.make_health()
+        blocks, now = self._counts["blocks"], time.monotonic()
+        if blocks != self._blocks_before and now >= self._next_health:
+            # While hits come their history is kept, second by second.
+            self._blocks_before, self._next_health = blocks, now + DIAGNOSTIC_PERIOD
+            self._put(lambda log: log.log_health(health))
+        else:
             self._put_latest("health", lambda log: log.log_health(health))
 
     def _put_results(self, campaign: ShownCampaign) -> None:

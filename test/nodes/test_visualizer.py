@@ -91,12 +91,12 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
         text for (text,) in find_column(chunks, "/log", "TextLog:text") if "rejected" in text
     ]
     assert "weak" in rejected
-    (health,) = find_column(chunks, "/health", "TextDocument:text")[-1]
+    (health,) = find_column(chunks, "/health/now", "TextDocument:text")[-1]
     assert "estimator" in health
     assert "visualizer" in health
     assert "blocks per second" in health
     drawn = list_entities(chunks, r"/samples/aluminium\ large/")
-    for part in ("driven", "printed"):
+    for part in ("models", "printed"):
         assert any(part in name for name in drawn)
     # Of two hits one is in the mean.
     assert len({name for name in drawn if "/hammer/hits/" in name}) == 1
