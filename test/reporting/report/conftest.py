@@ -32,6 +32,7 @@ from impact_rig.results.sample_traces import align_hit, sample_traces_from_estim
 from impact_rig.results.traced_campaign import TracedCampaign, TracedHit
 
 from .browser import Browser
+from .reader import Reader
 
 HOSTILE = "<script>alert('sample')</script>--><b>"
 """A sample's name that would run, or end what it stands in, if it were not escaped."""
@@ -114,6 +115,12 @@ def told() -> Run:
 def page(told: Run) -> str:
     """Return the report of one run."""
     return render_page(make_report([told]))
+
+
+@pytest.fixture(scope="session")
+def read(page: str) -> Reader:
+    """Return it as a parser reads it."""
+    return Reader(page)
 
 
 @pytest.fixture(scope="session")
