@@ -158,7 +158,8 @@ def _open_file(sdk: Any, path: Path, notify: Notice) -> Destination:
         path.parent.mkdir(parents=True, exist_ok=True)
         # Tried first: Rerun would say why not in its own words, on another channel.
         path.open("ab").close()
-        stream = make_stream(sdk, sdk.FileSink(str(path)))
+        # A footer's index would be kept in memory and grow with every hit.
+        stream = make_stream(sdk, sdk.FileSink(str(path), write_footer=False))
     except (OSError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise FileError(f"{path} cannot be written: {reason}") from error

@@ -209,8 +209,12 @@ class StreamDestination:
                 self._leave_out(f"{self.name}: a view is left out: {error}")
             unflushed += size
             if unflushed >= FLUSH_SIZE:
-                self._stream.flush(timeout_sec=FLUSH_TIMEOUT)
+                self._flush()
                 unflushed = 0
+        self._flush()
+
+    def _flush(self) -> None:
+        """See to it that everything logged was taken; RuntimeError: it was not."""
         self._stream.flush(timeout_sec=FLUSH_TIMEOUT)
 
     def _leave_out(self, why: str) -> None:

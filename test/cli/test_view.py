@@ -56,7 +56,7 @@ def is_readable(path):
     """Return whether a file that is being written has come so far."""
     try:
         read_view(path)
-    except (OSError, RuntimeError):
+    except (OSError, RuntimeError, ValueError):
         return False
     return True
 

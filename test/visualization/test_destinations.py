@@ -119,6 +119,13 @@ def viewer(start):
     return lambda port: start(port, "--serve-grpc")
 
 
+def has_hit(read_recording, path):
+    """Return whether the first hit has come to a file that is being written."""
+    with contextlib.suppress(OSError, RuntimeError, ValueError):
+        return "/hits/1" in read_recording(path).entities
+    return False
+
+
 def list_listeners(pid):
     """Return the sockets that a process and those below it listen on."""
     process = psutil.Process(pid)
@@ -206,7 +213,7 @@ def test_file_viewer_and_web_page_at_once_and_only_this_host_reaches_them(
     # Who comes late to the relay gets everything.
     address = relay.name.removeprefix("the relay ")
     late = start(find_free_port(), "--save", kept, address)
-    wait_until(lambda: kept.exists() and kept.stat().st_size > NOISE.values.nbytes)
+    wait_until(lambda: has_hit(read_recording, kept))
     for destination in (file, live, relay):
         destination.close()
     late.send_signal(signal.SIGINT)
@@ -216,6 +223,33 @@ def test_file_viewer_and_web_page_at_once_and_only_this_host_reaches_them(
     for name in (path, kept):
         _, values = read_recording(name).find_traces("/hits/1")
         np.testing.assert_array_equal(values, NOISE.values)
+
+
+def test_a_stuck_viewer_holds_up_the_page_until_it_goes_on(
+    monkeypatch, tmp_path, start, open_all, read_recording
+):
+    monkeypatch.setattr(sink, "FLUSH_TIMEOUT", 0.2)
+    notices = Notices()
+    (relay,) = open_all(web=True, announce=notices, notify=notices)
+    address, kept = relay.name.removeprefix("the relay "), tmp_path / "kept.rrd"
+    stuck = start(find_free_port(), "--save", kept, address)
+    show_noise(relay)
+    wait_until(lambda: has_hit(read_recording, kept))
+    stuck.send_signal(signal.SIGSTOP)
+
+    def is_held_up():
+        for record in range(2, 20):
+            show_noise(relay, record)
+        return relay.is_lost
+
+    wait_until(is_held_up)
+    notices.wait_for("is held up by a viewer that takes no data")
+    stuck.send_signal(signal.SIGCONT)
+    notices.wait_for("goes on")
+    wait_until(lambda: not relay.is_lost)
+    relay.close()
+
+    assert sum("held up" in text for text in notices.texts) == 1
 
 
 def test_whoever_wants_the_page_on_the_network_gets_it_there(open_all):
@@ -251,7 +285,7 @@ def test_a_viewer_may_come_late_and_gets_everything_so_far(
     viewer(port)
     late = start(find_free_port(), "--save", kept, address)
     notices.wait_for("is there and shows the campaign so far")
-    wait_until(lambda: kept.exists() and kept.stat().st_size > NOISE.values.nbytes)
+    wait_until(lambda: has_hit(read_recording, kept))
     live.close()
     late.send_signal(signal.SIGINT)
     late.wait(PATIENCE)

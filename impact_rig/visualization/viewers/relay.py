@@ -1,7 +1,7 @@
 """Viewers of our own, a window and a web page, fed through a relay that keeps what was shown.
 
 Viewers close and come back, as many as there are: the relay, in this process, gives each all that
-it has.
+it has. One that is stuck holds up the others: Rerun waits for it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Relay(StreamDestination):
     refresh_period, notify
         As `StreamDestination` takes them; `notify` is also told when the window was closed.
     announce : callable
-        Told in one sentence where the page is.
+        Told in one sentence where the page is, and that viewers are shown everything again.
 
     Raises
     ------
@@ -74,6 +74,8 @@ class Relay(StreamDestination):
         )
         address = addresses.make_viewer_address(addresses.find_reachable_name(listen), port)
         self._page: WebPage | None = None
+        self._is_held_up = False
+        self._announce = announce
         super().__init__(f"the relay {address}", stream, refresh_period, notify)
         if has_page:
             self._page = WebPage(
@@ -83,12 +85,40 @@ class Relay(StreamDestination):
             local = addresses.make_viewer_address(addresses.find_loopback(listen), port)
             _open_window(local, notify)
 
+    @property
+    def is_lost(self) -> bool:
+        """Whether nothing can be shown now; what a viewer holds up is shown when it lets go."""
+        return self._is_held_up or super().is_lost
+
     def close(self, timeout: float = CLOSE_TIMEOUT) -> None:
         """Log what is queued, and serve no longer; a viewer keeps what it has."""
         super().close(timeout)
         if self._page is not None:
             self._page.close()
             self._page = None
+
+    def _flush(self) -> None:
+        """Wait as long as a viewer is stuck; who puts something never does."""
+        while True:
+            try:
+                super()._flush()
+            except RuntimeError:
+                if self._is_closing:
+                    raise
+                self._hold_up()
+            else:
+                break
+        if self._is_held_up:
+            self._is_held_up = False
+            self._announce(f"{self.name} goes on")
+
+    def _hold_up(self) -> None:
+        if not self._is_held_up:
+            self._is_held_up = True
+            self._notify(
+                f"{self.name} is held up by a viewer that takes no data: the rig goes on, and the"
+                " view when that viewer goes on or is closed"
+            )
 
 
 def _open_window(relay: str, notify: Notice) -> None:
