@@ -10,10 +10,11 @@ from impact_rig.bench.part import Part
 from impact_rig.bench.run import BenchResults
 from impact_rig.cli.progress_bar import ProgressBar
 from impact_rig.reporting.columns import Column
-from impact_rig.reporting.terminal import print_table
+from impact_rig.reporting.terminal import ALARM, GOOD, print_table, print_text
 from impact_rig.results.results_file import record_to_json
 
 VERDICTS = {True: "reached", False: "MISSED", None: ""}
+STYLES = {True: GOOD, False: ALARM, None: ""}
 SIGNIFICANT_DIGITS = 3
 """Of a figure [-], our choice: its spread is seldom below a percent."""
 GIGA = 1e9
@@ -47,9 +48,10 @@ def print_bench(console: Console, results: BenchResults) -> None:
             notes = [f"{item.name}: {item.note}" for item in part.figures if item.note]
             print_table(console, part.title, _make_columns(part.figures), notes)
     machine = results.machine
-    console.print(
+    print_text(
+        console,
         f"{machine.processor}, {machine.cores} cores, {machine.memory_byte / GIGA:.0f} GB,"
-        f" {machine.system}, Python {machine.python}, impact_rig {machine.software}"
+        f" {machine.system}, Python {machine.python}, impact_rig {machine.software}",
     )
 
 
@@ -61,7 +63,12 @@ def _make_columns(figures: tuple[Figure, ...]) -> list[Column]:
         Column("quartiles", spreads, is_optional=True),
         Column("n", [str(len(figure.values)) for figure in figures]),
         Column("asked", [str(figure.goal or "") for figure in figures], is_text=True),
-        Column("", [VERDICTS[figure.is_reached] for figure in figures], is_text=True),
+        Column(
+            "",
+            [VERDICTS[figure.is_reached] for figure in figures],
+            is_text=True,
+            styles=[STYLES[figure.is_reached] for figure in figures],
+        ),
     ]
 
 

@@ -18,11 +18,11 @@ from impact_rig.cli.checks.ros_checks import (
     check_domain,
 )
 from impact_rig.cli.checks.software_checks import check_libraries, check_python
-from impact_rig.reporting.terminal import make_console
+from impact_rig.reporting.terminal import ALARM, GOOD, WARNING, make_console
 from impact_rig.results.results_file import format_json
 
 EXIT_FAULT = 1
-STYLES = {Status.OK: "green", Status.WARNING: "yellow", Status.FAULT: "bold red"}
+STYLES = {Status.OK: GOOD, Status.WARNING: WARNING, Status.FAULT: ALARM}
 
 
 @click.command(

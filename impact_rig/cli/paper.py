@@ -11,9 +11,11 @@ from impact_rig.reporting.paper_arithmetic import (
     PaperArithmetic,
     compute_paper,
 )
-from impact_rig.reporting.terminal import make_console, print_table
+from impact_rig.reporting.terminal import ALARM, make_console, print_table, print_text
 from impact_rig.results.numbers import format_number
 from impact_rig.results.results_file import format_json, record_to_json
+
+MISPRINT_MARK = "*"
 
 
 @click.command(
@@ -50,7 +52,7 @@ def _print_stiffness(console: Console, paper: PaperArithmetic) -> None:
         printed = format_number(sample.printed_stiffness_n_per_m / 1e6, 2)
         rows.append(
             (
-                f"{sample.name} *" if sample.is_misprinted else sample.name,
+                f"{sample.name} {MISPRINT_MARK}" if sample.is_misprinted else sample.name,
                 format_number(sample.moving_mass_kg * 1e3, 2),
                 format_number(sample.printed_contact_time_s * 1e6, 2),
                 printed,
@@ -70,7 +72,8 @@ def _print_stiffness(console: Console, paper: PaperArithmetic) -> None:
                 )
             )
             notes.append(
-                f"* misprint in Table 2: {sample.printed_contact_time_s * 1e6:.2f} µs would give"
+                f"{MISPRINT_MARK} misprint in Table 2:"
+                f" {sample.printed_contact_time_s * 1e6:.2f} µs would give"
                 f" {sample.computed_stiffness_n_per_m / 1e6:.1f} MN/m;"
                 f" {sample.corrected_contact_time_s * 1e6:.1f} µs agrees with Table 3."
             )
@@ -87,8 +90,10 @@ def _print_stiffness(console: Console, paper: PaperArithmetic) -> None:
     )
     notes.append(f"k1 = 2 k_eq of {hammer.control_sample}; k2 uses the printed k1.")
     headers = ("Sample", "m2 [g]", "τp [µs]", "printed", "computed", "Diff. %")
+    # The misprint is marked by its star, and by the size of its difference.
+    styles = [ALARM if row[0].endswith(MISPRINT_MARK) else "" for row in rows]
     columns = [
-        Column(header, cells, is_text=index == 0)
+        Column(header, cells, is_text=index == 0, styles=styles)
         for index, (header, cells) in enumerate(zip(headers, zip(*rows, strict=True), strict=True))
     ]
     print_table(console, "Table 3 from Tables 1 and 2. Stiffness k2 [MN/m]", columns, notes)
@@ -117,23 +122,26 @@ def _print_facts(console: Console, paper: PaperArithmetic) -> None:
         key=lambda sample: abs(sample.without_accelerometer_percent),
     )
     speed = paper.speed
-    console.print(
+    print_text(
+        console,
         f"m2 includes the accelerometer of {ACCELEROMETER_MASS * 1e3:g} g: without it"
-        f" {worst.name} would be off by {worst.without_accelerometer_percent:+.1f} %."
+        f" {worst.name} would be off by {worst.without_accelerometer_percent:+.1f} %.",
     )
-    console.print(
+    print_text(
+        console,
         "Impact speed: 3.7° in 207 ms is"
         f" {speed.computed_angular_speed_rad_per_s:.3f} rad/s, so"
         f" {speed.computed_speed_m_per_s * 100:.2f} cm/s; the paper prints"
         f" {speed.printed_angular_speed_rad_per_s:g} rad/s and"
-        f" {speed.printed_speed_m_per_s * 100:.2f} cm/s, which is the default here."
+        f" {speed.printed_speed_m_per_s * 100:.2f} cm/s, which is the default here.",
     )
     console.print()
 
 
 def _print_agreement(console: Console, paper: PaperArithmetic) -> None:
-    console.print(
+    print_text(
+        console,
         f"Table 3 agrees within 0.1 % in {paper.cells_within_0_1_percent} of"
         f" {len(paper.samples)} cells, within 0.5 % in {paper.cells_within_0_5_percent};"
-        f" misprinted: {', '.join(paper.misprinted)}."
+        f" misprinted: {', '.join(paper.misprinted)}.",
     )

@@ -8,7 +8,7 @@ from rich.progress import MofNCompleteColumn
 
 from impact_rig.cli.progress_bar import ProgressBar, TimeLeft
 from impact_rig.reporting.columns import Column
-from impact_rig.reporting.terminal import print_table
+from impact_rig.reporting.terminal import ALARM, GOOD, NOTE, print_table, print_text
 from impact_rig.results.numbers import MISSING, format_number
 from impact_rig.study.cases import Part
 from impact_rig.study.goals import ESTIMATOR_NAMES, SYMBOLS, JudgedGoal, judge_goals
@@ -76,7 +76,9 @@ def print_study(console: Console, results: StudyResults) -> None:
         is_wide = console.width >= WIDE_TERMINAL
         print_table(console, title, _make_bias_columns(chosen, is_wide=is_wide))
     if rows:
-        console.print("\n".join(_make_notes(Part.BIAS, results)) + "\n")
+        for note in _make_notes(Part.BIAS, results):
+            print_text(console, note, NOTE)
+        console.print()
     _print_goals(console, judge_goals(results))
 
 
@@ -174,6 +176,11 @@ def _print_goals(console: Console, goals: Sequence[JudgedGoal]) -> None:
         Column("Goal", [goal.subject for goal in goals], is_text=True),
         Column("asked", [goal.goal for goal in goals], is_text=True),
         Column("found (95 %)", [goal.text for goal in goals]),
-        Column("", ["reached" if goal.is_reached else "MISSED" for goal in goals], is_text=True),
+        Column(
+            "",
+            ["reached" if goal.is_reached else "MISSED" for goal in goals],
+            is_text=True,
+            styles=[GOOD if goal.is_reached else ALARM for goal in goals],
+        ),
     ]
     print_table(console, "Goals", columns)

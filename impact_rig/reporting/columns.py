@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from rich.cells import cell_len
 
@@ -48,11 +49,20 @@ class Column:
         """The header in one line."""
         return re.sub(r"(?<=[-/])\n", "", self.header).replace("\n", " ")
 
-    @property
+    @cached_property
     def width(self) -> int:
         """Width at which no cell wraps [characters]."""
-        lines = [line for text in (self.header, *self.cells) for line in text.split("\n")]
-        return max(cell_len(make_printable(line)) for line in lines)
+        return max(cell_len(line) for text in self._texts for line in text.split("\n"))
+
+    @cached_property
+    def narrowest(self) -> int:
+        """Width down to which words may wrap [characters]: hardly any is broken."""
+        longest = max(cell_len(word) for text in self._texts for word in (*text.split(), ""))
+        return min(max(NARROWEST_TEXT, longest), EASY_TEXT)
+
+    @property
+    def _texts(self) -> list[str]:
+        return [make_printable(text) for text in (self.header, *self.cells)]
 
 
 def make_optional(
@@ -91,7 +101,7 @@ def choose_columns(columns: Sequence[Column], width: int) -> tuple[list[Column],
         if not column.is_optional or any(cell not in ("", MISSING) for cell in column.cells)
     ]
     left_out: list[Column] = []
-    while find_width(shown, EASY_TEXT) > width:
+    while _add_widths(_find_widths(shown, EASY_TEXT)) > width:
         optional = [column for column in shown if column.is_optional]
         if not optional:
             break
@@ -100,31 +110,25 @@ def choose_columns(columns: Sequence[Column], width: int) -> tuple[list[Column],
     return shown, left_out
 
 
-def find_width(columns: Sequence[Column], text_width: int) -> int:
-    """Return the width of a table [characters].
+def share_width(columns: Sequence[Column], width: int) -> list[int] | None:
+    """Return the widths of columns side by side [characters]: words share what numbers leave.
 
-    Parameters
-    ----------
-    columns : sequence of Column
-        Side by side.
-    text_width : int
-        Where words wrap [characters]; numbers do not.
+    None: there is no room for them side by side.
     """
-    return sum(_find_widths(columns, text_width)) + len(COLUMN_GAP) * (len(columns) - 1)
-
-
-def share_width(columns: Sequence[Column], width: int) -> list[int]:
-    """Return the widths of columns side by side: words share what numbers leave [characters]."""
-    widest = max(column.width for column in columns)
-    fitting = (
-        text_width
-        for text_width in range(widest, NARROWEST_TEXT, -1)
-        if find_width(columns, text_width) <= width
-    )
-    return _find_widths(columns, next(fitting, NARROWEST_TEXT))
+    for text_width in range(max(column.width for column in columns), 0, -1):
+        widths = _find_widths(columns, text_width)
+        if _add_widths(widths) <= width:
+            return widths
+    return None
 
 
 def _find_widths(columns: Sequence[Column], text_width: int) -> list[int]:
+    """Return the widths where texts take so much, as far as they can do with it."""
     return [
-        min(column.width, text_width) if column.is_text else column.width for column in columns
+        min(column.width, max(text_width, column.narrowest)) if column.is_text else column.width
+        for column in columns
     ]
+
+
+def _add_widths(widths: Sequence[int]) -> int:
+    return sum(widths) + len(COLUMN_GAP) * (len(widths) - 1)

@@ -17,10 +17,8 @@ from rich.text import Text
 
 from impact_rig.reporting.columns import (
     COLUMN_GAP,
-    NARROWEST_TEXT,
     Column,
     choose_columns,
-    find_width,
     make_printable,
     share_width,
 )
@@ -30,6 +28,7 @@ TITLE = "bold"
 NOTE = "dim"
 ALARM = f"bold {format_hex(VERMILION)}"
 """What a person must look at."""
+WARNING = format_hex(VERMILION)
 GOOD = format_hex(GREEN)
 """What is as it should be. The two are told apart by colour-blind readers, and read well on dark
 and on light."""
@@ -93,10 +92,11 @@ def print_table(
     """
     shown, left_out = choose_columns(columns, console.width)
     print_text(console, title, TITLE)
-    if find_width(shown, NARROWEST_TEXT) <= console.width:
-        console.print(_make_table(shown, console.width))
-    else:
+    widths = share_width(shown, console.width)
+    if widths is None:
         _print_rows(console, shown)
+    else:
+        console.print(_make_table(shown, widths))
     for note in (*notes, *(column.note for column in shown if column.note)):
         print_text(console, note, NOTE)
     if left_out:
@@ -111,6 +111,12 @@ def print_text(console: Console, text: str | Text, style: str = "") -> None:
     console.print(shown, width=min(console.width, EASY_LINE))
 
 
+def print_warning(text: str) -> None:
+    """Print on standard error what a person must know, in one line."""
+    console = make_console(stderr=True)
+    console.print(Text.assemble(("warning: ", ALARM), make_printable(text)), soft_wrap=True)
+
+
 def print_item(console: Console, text: str, style: str = "") -> None:
     """Print an item of a list, its lines below each other."""
     table = Table.grid(padding=(0, 1, 0, 0))
@@ -118,12 +124,12 @@ def print_item(console: Console, text: str, style: str = "") -> None:
     console.print(table, width=min(console.width, EASY_LINE))
 
 
-def _make_table(columns: Sequence[Column], width: int) -> Table:
+def _make_table(columns: Sequence[Column], widths: Sequence[int]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
-    for column, own_width in zip(columns, share_width(columns, width), strict=True):
+    for column, width in zip(columns, widths, strict=True):
         table.add_column(
             Text(column.header),
-            width=own_width,
+            width=width,
             justify="left" if column.is_text else "right",
             overflow="fold",
         )

@@ -8,7 +8,6 @@ import re
 import select
 import struct
 import subprocess
-import sys
 import termios
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -111,16 +110,6 @@ def open_terminal(
         yield terminal
     finally:
         terminal.close()
-
-
-def run_in_terminal(
-    *words: object, columns: int = 80, **environment: str | None
-) -> tuple[int, str, str]:
-    """Run `impact-rig` in a terminal; return exit code, text without escapes, and raw text."""
-    command = [sys.executable, "-m", "impact_rig.cli.main", *map(str, words)]
-    with open_terminal(command, columns, **environment) as terminal:
-        code = terminal.finish()
-        return code, terminal.text, terminal.raw
 
 
 def find_widest(text: str) -> int:

@@ -16,7 +16,7 @@ from impact_rig.cli.analysis.batch_view import BatchProgress
 from impact_rig.reporting.batch_tables import BatchCampaign, print_batch
 from impact_rig.reporting.budget_tables import print_budgets
 from impact_rig.reporting.tables import print_results
-from impact_rig.reporting.terminal import make_console
+from impact_rig.reporting.terminal import make_console, print_warning
 from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import format_json, read_results, results_to_json
 
@@ -139,4 +139,4 @@ def _make_entry(campaign: BatchCampaign) -> dict[str, object]:
 
 def _print_warnings(recording: AnalyzedRecording) -> None:
     for warning in recording.warnings:
-        click.echo(f"warning: {warning}", err=True)
+        print_warning(warning)

@@ -24,7 +24,7 @@ from impact_rig.recording.recovery.contents import RECOVERY_RECORD, Contents
 from impact_rig.recording.recovery.recorded_hits import HitState, RecordedHit
 from impact_rig.recording.writing.origin import ORIGIN_RECORD
 from impact_rig.reporting.columns import Column, make_optional
-from impact_rig.reporting.terminal import print_table
+from impact_rig.reporting.terminal import ALARM, GOOD, print_table
 from impact_rig.results.numbers import MISSING, format_number
 
 MOST_HITS = 20
@@ -33,7 +33,7 @@ MOST_HITS = 20
 
 def print_contents(console: Console, contents: Contents) -> None:
     """Print what a recording holds: the verdict first, then facts and tables."""
-    style = "bold green" if contents.is_sound else "bold red"
+    style = GOOD if contents.is_sound else ALARM
     console.print(Text(describe_verdict(contents), style=style))
     console.print()
     _print_facts(console, contents)
@@ -41,7 +41,7 @@ def print_contents(console: Console, contents: Contents) -> None:
     print_incomplete_hits(console, contents)
     print_topics(console, contents)
     for remark in contents.remarks:
-        console.print(Text(f"warning: {remark}", style="yellow"))
+        console.print(Text.assemble(("warning: ", ALARM), remark))
 
 
 def print_parameters(console: Console, contents: Contents) -> None:
@@ -68,7 +68,9 @@ def print_topics(console: Console, contents: Contents) -> None:
         (2, "Unverified", [topic.unverified for topic in topics]),
     ):
         if any(numbers):
-            columns.insert(place, Column(header, [str(number) for number in numbers]))
+            cells = [str(number) for number in numbers]
+            styles = [ALARM if number else "" for number in numbers]
+            columns.insert(place, Column(header, cells, styles=styles))
     print_table(console, f"Topics: {len(topics)}", columns)
 
 
@@ -84,7 +86,12 @@ def print_incomplete_hits(console: Console, contents: Contents) -> None:
         f"Hits damaged or lost: {len(hits)}",
         [
             Column("Hit", [_name_hit(hit) for hit in shown], is_text=True),
-            Column("State", [hit.state.value for hit in shown], is_text=True),
+            Column(
+                "State",
+                [hit.state.value for hit in shown],
+                is_text=True,
+                styles=[ALARM] * len(shown),
+            ),
             Column("Why", [hit.reason for hit in shown], is_text=True),
         ],
         notes if len(hits) > MOST_HITS else (),
@@ -189,7 +196,11 @@ def _print_samples(console: Console, contents: Contents) -> None:
             Column("Sample", names, is_text=True),
             Column("Hits", [str(sum(item == name for item, _ in hits)) for name in names]),
             Column("Accepted", [str(verdicts[name, True]) for name in names]),
-            Column("Rejected", [str(verdicts[name, False]) for name in names]),
+            Column(
+                "Rejected",
+                [str(verdicts[name, False]) for name in names],
+                styles=[ALARM if verdicts[name, False] else "" for name in names],
+            ),
         ],
         [f"Rejected for {_describe_reasons(contents)}."] if count_reasons(contents) else (),
     )

@@ -10,7 +10,7 @@ from impact_rig.cli.recordings.contents_view import print_incomplete_hits
 from impact_rig.recording.recovery.contents import Contents
 from impact_rig.recording.recovery.recovery import Recovery
 from impact_rig.reporting.columns import Column
-from impact_rig.reporting.terminal import print_table
+from impact_rig.reporting.terminal import ALARM, GOOD, print_table
 
 
 def print_recovery(console: Console, recovery: Recovery) -> None:
@@ -25,12 +25,12 @@ def print_recovery(console: Console, recovery: Recovery) -> None:
     console.print(Text(f"saved: {describe_hits(contents)}"))
     saved = f"{count(recovery.written, 'message')} in {recovery.output}"
     # A path in two pieces is of no use to anybody.
-    console.print(Text(f"       {saved}", style="bold green"), soft_wrap=True)
+    console.print(Text(f"       {saved}", style=GOOD), soft_wrap=True)
     unread = sum(file.unread for file in contents.files)
     if recovery.is_complete:
         console.print(Text("lost:  nothing that was in it"))
     else:
-        console.print(Text(f"lost:  {_describe_loss(contents, unread)}"))
+        console.print(Text(f"lost:  {_describe_loss(contents, unread)}", style=ALARM))
     if contents.unverified:
         console.print(Text(_describe_unverified(recovery)))
     console.print()

@@ -1,0 +1,156 @@
+"""Every table in a real terminal of every width, and in pipes."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from impact_rig.results.campaign import Results
+from impact_rig.results.results_file import format_json, results_to_json
+
+from .pseudo_terminal import ESCAPE, find_widest, open_terminal
+
+WIDTHS = (40, 60, 80, 100, 132, 200)
+PROGRAM = """
+import contextlib, fcntl, json, struct, sys, termios
+from impact_rig.cli.main import cli
+
+widths, commands = map(json.loads, sys.argv[1:])
+for columns in widths:
+    if columns:
+        fcntl.ioctl(1, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
+    for words in commands:
+        with contextlib.suppress(SystemExit):
+            cli(words, prog_name="impact-rig")
+        print("\\f", end="", flush=True)
+"""
+TABLE = """
+from impact_rig.reporting.columns import Column
+from impact_rig.reporting.terminal import ALARM, make_console, print_table
+
+column = Column("Verdict", ("rejected", "accepted"), is_text=True, styles=(ALARM, ""))
+print_table(make_console(), "Hits", [column], ["A note."])
+"""
+ALARM = "\x1b[1;38;5;166m"
+"""Bold vermilion, of 256 colours: what a person must look at."""
+NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?![\w.]*\d)")
+REASONS = (
+    "overload: 250 points in a row of the hammer at the rail of 1999 m/s^2 (203.8 g)",
+    "double_hit: a second pulse of 40 % of the largest follows after 376 us",
+)
+NAMES = {
+    "steel small": "鋼の試料 第一号 とても長い名前の円柱",
+    "brass large": "brass_with_a_name_that_has_no_place_to_break_it",
+    "bronze medium": "bronze medium of the second delivery, turned to size",
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("widths")
+
+
+@pytest.fixture
+def commands(folder: Path, results: Results) -> dict[str, list[str]]:
+    """Return commands without ROS that print tables of all kinds."""
+    hits = tuple(
+        replace(hit, accepted=False, reasons=REASONS, injected_faults=("overload", "double_hit"))
+        if place % 3 == 0
+        else hit
+        for place, hit in enumerate(results.hits)
+    )
+    text = format_json(results_to_json(replace(results, hits=hits)))
+    for name, other in NAMES.items():
+        text = text.replace(f'"{name}"', f'"{other}"')
+    path = folder / "results.json"
+    path.write_text(text, "utf-8")
+    times = np.arange(5000) * 1e-6
+    pulse = (
+        800.0 * np.where(abs(times - 1e-3) < 1e-4, np.cos(np.pi * (times - 1e-3) / 2e-4), 0) ** 2
+    )
+    traces = []
+    for number, factor in enumerate((1.0, 1.01, 0.01), start=1):
+        trace = folder / f"a_trace_of_a_long_name_{number}.npy"
+        np.save(trace, np.stack((times, factor * pulse)))
+        traces.append(str(trace))
+    return {
+        "results": ["analyze", str(path)],
+        "budget": ["analyze", str(path), "--budget"],
+        "traces": ["analyze", *traces, "--hammer-unit", "m/s^2"],
+        "paper": ["paper"],
+    }
+
+
+def find_numbers(text: str) -> set[str]:
+    return set(NUMBER.findall(text))
+
+
+def make_words(commands: dict[str, list[str]], *widths: int) -> list[str]:
+    """Return a program that runs all commands one after the other; 0: in a pipe."""
+    return [sys.executable, "-c", PROGRAM, json.dumps(widths), json.dumps([*commands.values()])]
+
+
+def run_in_pipe(words: list[str], **environment: str) -> str:
+    variables = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
+    done = subprocess.run(
+        words, capture_output=True, text=True, check=True, env={**variables, **environment}
+    )
+    assert "\x1b" not in done.stderr
+    return done.stdout
+
+
+def test_every_table_fits_every_terminal_and_shows_whole_numbers(
+    commands: dict[str, list[str]],
+) -> None:
+    piped = dict(zip(commands, run_in_pipe(make_words(commands, 0)).split("\f"), strict=False))
+    check_pipe(piped["results"])
+    with open_terminal(make_words(commands, *WIDTHS)) as terminal:
+        assert terminal.finish() == 0
+    pages = iter(terminal.text.split("\f"))
+    for columns in WIDTHS:
+        for name, whole in piped.items():
+            page = next(pages)
+            assert "Traceback" not in page
+            assert "error:" not in page
+            assert find_widest(page) <= columns, (name, columns)
+            assert "…" not in page
+            assert find_numbers(page) <= find_numbers(whole), (name, columns)
+
+
+def check_pipe(text: str) -> None:
+    """Hold that tables in a pipe are plain, and as wide as they need."""
+    lines = text.splitlines()
+    for name in NAMES.values():
+        assert any(line.startswith(name) for line in lines)
+    for reason in REASONS:
+        assert any(reason in line for line in lines)
+    assert "A wider terminal" not in text
+    assert "\x1b" not in text
+
+
+def test_colour_is_for_terminals_and_says_nothing_alone() -> None:
+    words = [sys.executable, "-c", TABLE]
+    raw, texts = {}, set()
+    for name, environment in (
+        ("", {}),
+        ("NO_COLOR", {"NO_COLOR": "1"}),
+        ("dumb", {"TERM": "dumb"}),
+    ):
+        with open_terminal(words, **environment) as terminal:
+            assert terminal.finish() == 0
+            raw[name] = terminal.raw
+            texts.add(terminal.text)
+    assert ALARM in raw[""]
+    assert "38;" not in raw["NO_COLOR"]
+    assert "\x1b" not in raw["dumb"]
+    plain = run_in_pipe(words)
+    coloured = run_in_pipe(words, FORCE_COLOR="1", TERM="xterm-256color")
+    assert "\x1b" not in plain
+    assert ALARM in coloured
+    assert texts == {plain} == {ESCAPE.sub("", coloured)}
