@@ -55,7 +55,7 @@ class ViewLog:
         self._trends = TrendLog(stream, self._plots)
         self._health = HealthLog(stream)
         self._layout: tuple[str, ...] | None = None
-        self._documents: set[Path] = set()
+        self._summarised: set[str] = set()
 
     def log_setup(
         self, name: str, sample_names: Sequence[str], contact_times: Sequence[float] = ()
@@ -76,7 +76,8 @@ class ViewLog:
         """
         self._plots.hide()
         self._trends.begin()
-        for path in {entities.VERDICT, entities.TABLES, *self._documents}:
+        summaries = (_find_summary(sample) for sample in (*self._summarised, *sample_names))
+        for path in dict.fromkeys((entities.VERDICT, entities.TABLES, *summaries)):
             self._log_document(path, NO_HIT)
         for path, bars in make_figure_6(()).items():
             log_bars(self._stream, path, bars)
@@ -128,9 +129,8 @@ class ViewLog:
         """Show tables, Figs. 3, 4 and 6 and what was found of each sample, replacing the last."""
         self._log_document(entities.TABLES, write_results(results))
         for sample in results.samples:
-            summary = (*entities.SAMPLES, sample.name, entities.SUMMARY)
-            self._documents.add(summary)
-            self._log_document(summary, write_summary(results, sample))
+            self._summarised.add(sample.name)
+            self._log_document(_find_summary(sample.name), write_summary(results, sample))
         rows = make_figure_rows(results)
         draw_figure_3(self._plots, rows)
         draw_figure_4(self._plots, rows)
@@ -143,11 +143,14 @@ class ViewLog:
         self._health.log(health)
 
     def log_campaign(self, campaign: TracedCampaign) -> None:
-        """Show a campaign with everything there is to see of it, all at once."""
+        """Show a campaign with everything there is to see of it, all at once.
+
+        Samples of the set that were not struck have no place in the view, unless none was.
+        """
         results, hits = campaign.results, campaign.hits
         self.log_setup(
             results.setup.name,
-            [sample.name for sample in results.setup.samples],
+            [sample.name for sample in results.samples or results.setup.samples],
             [sample.contact_time_s for sample in results.samples],
         )
         self._log_lines([hit.result for hit in hits], [hit.stamp for hit in hits])
@@ -188,3 +191,7 @@ class ViewLog:
         document = self._rr.TextDocument(text, media_type=self._rr.MediaType.MARKDOWN)
         # Static: to be seen wherever the time cursor stands.
         self._stream.log(self._rr.new_entity_path(path), document, static=True)
+
+
+def _find_summary(sample: str) -> Path:
+    return (*entities.SAMPLES, sample, entities.SUMMARY)

@@ -162,6 +162,33 @@ def test_of_rejected_hits_there_is_the_record_and_nothing_laid_over_the_others(r
     assert not [entity for entity in view.entities if "/hits/" in entity and "samples" in entity]
 
 
+def test_samples_that_were_not_struck_have_no_place_in_the_view_of_a_file(record, campaign):
+    struck = replace(campaign.results, samples=campaign.results.samples[:2])
+
+    view = record(lambda log: log.log_campaign(replace(campaign, results=struck)))
+
+    names = {
+        name
+        for row in view.read_blueprint()
+        for name in row.get("ViewBlueprint:display_name") or ()
+    }
+    assert "hammer of aluminium medium [m/s²]" in names
+    assert "hammer of aluminium large [m/s²]" not in names
+
+
+def test_a_campaign_without_a_single_hit_has_a_view_that_says_so(record, campaign):
+    results = replace(campaign.results, samples=(), hits=())
+
+    view = record(
+        lambda log: log.log_campaign(replace(campaign, results=results, samples=(), hits=()))
+    )
+
+    (text,) = view.find_static("/results", "TextDocument:text")
+    assert text == "Nothing is measured yet."
+    (text,) = view.find_static("/verdict", "TextDocument:text")
+    assert text == "No hit yet."
+
+
 def test_the_blueprint_has_its_tabs_and_views_for_every_sample(record):
     view = record(lambda log: log.log_setup("paper", ("aluminium small", "steel large"), (2e-4,)))
 
