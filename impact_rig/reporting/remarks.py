@@ -7,7 +7,15 @@ from rich.console import Console
 
 from impact_rig.core.hits.verdict import Reason
 from impact_rig.reporting.columns import Column
-from impact_rig.reporting.terminal import ALARM, NOTE, TITLE, print_item, print_table, print_text
+from impact_rig.reporting.terminal import (
+    ALARM,
+    NOTE,
+    TITLE,
+    WARNING,
+    print_item,
+    print_table,
+    print_text,
+)
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.estimates import SampleResults
 from impact_rig.results.numbers import MISSING
@@ -33,7 +41,7 @@ def print_rejections(console: Console, results: Results) -> None:
             "Why",
             ["\n".join(hit.reasons) for hit in hits],
             is_text=True,
-            styles=[NOTE if _is_surplus(hit) else ALARM for hit in hits],
+            styles=[NOTE if _is_surplus(hit) else WARNING for hit in hits],
         ),
     ]
     if any(hit.injected_faults for hit in hits):
