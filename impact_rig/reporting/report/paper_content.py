@@ -23,6 +23,7 @@ from impact_rig.results.estimates import HammerResults, SampleResults
 from impact_rig.results.numbers import (
     MEGA,
     MICRO,
+    MISSING,
     compute_difference,
     format_difference,
     format_number,
@@ -36,6 +37,11 @@ from impact_rig.results.references import (
 )
 
 HAMMER = "hammer"
+AGREES, DISAGREES = "yes", "no"
+JUDGEMENT = (
+    "Agrees: the difference is no larger than the measured value's uncertainty; that of the"
+    " expected value is not known."
+)
 _EXPECTED: dict[str, Callable[[Reference], float]] = {
     CONTACT_TIME.name: lambda reference: reference.contact_time,
     STIFFNESS.name: lambda reference: reference.stiffness,
@@ -73,11 +79,13 @@ def tabulate_contact_times(results: Results) -> Table:
         for row in rows
         if row.reference.published and row.reference.is_misprinted
     ]
+    if any(_judge(row, CONTACT_TIME) != MISSING for row in rows):
+        notes.append(JUDGEMENT)
     notes.append(
         "w10/w50: width at a tenth of the peak over that at half of it, which tells pulse shapes"
         f" apart: {shapes}. Spread: standard deviation over the hits in the mean."
     )
-    return make_table("Table 2. Contact time τp", columns, notes)
+    return make_table("Table 2. Contact time τp", columns, notes, _mark(rows, CONTACT_TIME))
 
 
 def tabulate_stiffness(results: Results) -> list[Table]:
@@ -102,7 +110,7 @@ def tabulate_stiffness(results: Results) -> list[Table]:
     if results.hammer.control_sample:
         control = results.hammer.control_sample
         notes.append(f"Hammer: k1 = 2 k_eq of the control sample, {control}.")
-    return [make_table("Table 3. Stiffness k", columns, notes)]
+    return [make_table("Table 3. Stiffness k", columns, notes, _mark(rows, STIFFNESS))]
 
 
 def tabulate_damping(results: Results) -> list[Table]:
@@ -126,7 +134,8 @@ def tabulate_damping(results: Results) -> list[Table]:
         make_column("Δ", [format_number(body.log_decrement, 3) for body in bodies]),
         make_column("Hits", _count_hits(results)),
     ]
-    return [make_table("Table 4. Damping coefficient c", columns, _explain_mark(rows))]
+    notes, marked = _explain_mark(rows), _mark(rows, DAMPING_COEFFICIENT)
+    return [make_table("Table 4. Damping coefficient c", columns, notes, marked)]
 
 
 def find_largest_differences(results: Results) -> dict[str, tuple[float, str]]:
@@ -189,7 +198,22 @@ def _make_columns(rows: Sequence[_Row], quantity: Quantity) -> list[Column]:
                 for row, value in zip(rows, expected, strict=True)
             ],
         ),
+        make_text_column("Agrees", [_judge(row, quantity) for row in rows]),
     ]
+
+
+def _judge(row: _Row, quantity: Quantity) -> str:
+    """Return whether a difference is explained by the measured value's uncertainty."""
+    expanded = quantity.read_expanded(row.body)
+    difference = quantity.read_value(row.body) - _EXPECTED[quantity.name](row.reference)
+    if not (math.isfinite(difference) and expanded > 0.0):
+        return MISSING
+    return DISAGREES if abs(difference) > expanded else AGREES
+
+
+def _mark(rows: Sequence[_Row], quantity: Quantity) -> list[int]:
+    """Return the rows that do not agree with what is expected."""
+    return [place for place, row in enumerate(rows) if _judge(row, quantity) == DISAGREES]
 
 
 def _format_expected(values: Sequence[float], digits: int) -> list[str]:
