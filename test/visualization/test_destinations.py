@@ -85,6 +85,9 @@ def open_all():
     yield run
     for destination in opened:
         destination.close()
+    # A server goes after its stream: none is to be found by the next test.
+    own = psutil.Process()
+    wait_until(lambda: all(item.status != psutil.CONN_LISTEN for item in own.net_connections()))
 
 
 @pytest.fixture
@@ -247,7 +250,9 @@ def test_a_stuck_viewer_holds_up_the_page_until_it_goes_on(
     stuck.send_signal(signal.SIGCONT)
     notices.wait_for("goes on")
     wait_until(lambda: not relay.is_lost)
-    relay.close()
+    # Who looks keeps the server from ending.
+    stuck.kill()
+    stuck.wait()
 
     assert sum("held up" in text for text in notices.texts) == 1
 
@@ -269,7 +274,7 @@ def test_the_web_page_ends_with_its_destination(open_all):
     announced.wait_for("the view is at")
     relay.close()
 
-    assert list_listeners(psutil.Process().pid) == []
+    wait_until(lambda: not list_listeners(psutil.Process().pid))
 
 
 def test_a_viewer_may_come_late_and_gets_everything_so_far(
