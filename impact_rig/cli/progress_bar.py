@@ -9,10 +9,7 @@ from typing import Any, Self
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
-from rich.control import Control
-from rich.live_render import LiveRender
 from rich.progress import BarColumn, Progress, ProgressColumn, Task
-from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
@@ -146,45 +143,11 @@ class _OneTask(Progress):
     def __init__(self, *columns: ProgressColumn, **options: Any) -> None:
         super().__init__(*columns, **options)
         self.columns = columns  # rich has some of its own where there are none
-        self.live._live_render = _ResizedRender(self.console)  # noqa: SLF001 - no other way
 
     def get_renderables(self) -> Iterable[RenderableType]:
         for task in self.tasks:
             figures = [column(task) for column in self.columns if not isinstance(column, str)]
             yield _Layout(task, [item for item in figures if isinstance(item, Text) and item])
-
-
-class _ResizedRender(LiveRender):
-    """What rich draws again and again, taken away also where it was drawn for a wider terminal.
-
-    A terminal that is made narrower breaks the lines it shows: they take more rows than were
-    drawn.
-    """
-
-    def __init__(self, console: Console) -> None:
-        super().__init__("")
-        self._console = console
-        self._widths: list[int] = []
-
-    def position_cursor(self) -> Control:
-        self._count_rows()
-        return super().position_cursor()
-
-    def restore_cursor(self) -> Control:
-        self._count_rows()
-        return super().restore_cursor()
-
-    def _count_rows(self) -> None:
-        if self._shape is not None:
-            width = self._console.width
-            rows = sum(max(1, math.ceil(own / width)) for own in self._widths)
-            self._shape = (self._shape[0], rows)
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        segments = list(super().__rich_console__(console, options))
-        lines = Segment.split_lines(item for item in segments if isinstance(item, Segment))
-        self._widths = [Segment.get_line_length(line) for line in lines]
-        yield from segments
 
 
 class _Layout:

@@ -151,15 +151,3 @@ def test_a_restarted_bar_counts_from_nought() -> None:
         bar.restart("estimating", 12)
     assert "estimating" in console.file.getvalue()  # type: ignore[attr-defined]
     assert " 0/12" in console.file.getvalue()  # type: ignore[attr-defined]
-
-
-def test_a_bar_that_the_narrower_terminal_has_broken_is_taken_away_whole() -> None:
-    console = Console(file=io.StringIO(), force_terminal=True, width=100)
-    with ProgressBar(console, "t" * 50, total=9) as bar:
-        bar.update(completed=1)
-        console.width = 31
-        console.print("a line")
-    text = console.file.getvalue()  # type: ignore[attr-defined]
-    # The line of 50 + 2 + 40 letters takes three rows of 31: two above that of the cursor.
-    before = text[: text.index("a line")]
-    assert before.endswith("\r\x1b[2K" + "\x1b[1A\x1b[2K" * 2)
