@@ -107,12 +107,14 @@ def start_viewer(path):
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     command = ["--headless", "--window-size", f"{WIDTH}x{HEIGHT}", "--bind", "127.0.0.1"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "rerun", *command, "--port", str(port)],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    said = path.with_suffix(".txt")
+    with said.open("w") as output:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "rerun", *command, "--port", str(port)],
+            stdout=output,
+            stderr=output,
+            start_new_session=True,
+        )
     deadline = time.monotonic() + PATIENCE
     while True:
         try:
@@ -121,7 +123,10 @@ def start_viewer(path):
             return Viewer(client, process)
         except (OSError, RuntimeError):
             if process.poll() is not None:
-                pytest.skip(NO_DRIVER)
+                text = said.read_text()
+                if "No graphics adapter was found" in text:
+                    pytest.skip(NO_DRIVER)
+                raise AssertionError(text) from None
             assert time.monotonic() < deadline, "the viewer does not answer"
 
 
