@@ -21,7 +21,7 @@ from impact_rig.core.errors import RigError
       impact-rig up --template > my-rig.toml   a rig file to fill in
       impact-rig up --rig-file my-rig.toml     your own samples
       impact-rig up --set hammer.swing_time=0.3
-      impact-rig up --viewer spawn --viewer web    watch it in a window and a browser
+      impact-rig up --viewer web               watch it in a browser
       impact-rig up --bag --set recorder.split_duration=3600    a file an hour
     Then, in another terminal:
       impact-rig campaign

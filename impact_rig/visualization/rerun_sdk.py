@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
 from types import ModuleType
 
 from impact_rig.core.errors import RigError
 
 MINIMUM_VERSION = (0, 41)
 """Oldest rerun-sdk that is known to show everything that is logged here."""
+
+LOG_VARIABLE = "RUST_LOG"
+"""Of the environment: how much programs in Rust, as Rerun, write to standard error."""
 
 
 def import_rerun() -> ModuleType:
@@ -20,8 +27,9 @@ def import_rerun() -> ModuleType:
     """
     wanted = ".".join(map(str, MINIMUM_VERSION))
     try:
-        import rerun
-        import rerun.blueprint
+        with _keep_silent():
+            import rerun
+            import rerun.blueprint
     except ImportError as error:
         raise RigError(
             "the view needs the Python package rerun-sdk, which is not installed:"
@@ -34,3 +42,20 @@ def import_rerun() -> ModuleType:
             f" pip install 'rerun-sdk>={wanted}'"
         )
     return rerun
+
+
+@contextlib.contextmanager
+def _keep_silent() -> Iterator[None]:
+    """Let Rerun write nothing to standard error, unless the environment says how much it may.
+
+    It reads that once, when it is imported. What matters is told by those who use it, once and in
+    a sentence.
+    """
+    if LOG_VARIABLE in os.environ or "rerun" in sys.modules:
+        yield
+        return
+    os.environ[LOG_VARIABLE] = "off"
+    try:
+        yield
+    finally:
+        os.environ.pop(LOG_VARIABLE, None)
