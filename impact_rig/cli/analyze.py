@@ -22,9 +22,9 @@ from impact_rig.cli.analysis.recording_report import (
 from impact_rig.cli.quantity import Cutoff
 from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.recording.reading.source import find_recording, is_recording
-from impact_rig.reporting.budget_tables import print_budgets
-from impact_rig.reporting.terminal import make_console
-from impact_rig.reporting.trace_tables import print_trace_results
+from impact_rig.reporting.terminal.budget_tables import print_budgets
+from impact_rig.reporting.terminal.console import make_console
+from impact_rig.reporting.terminal.trace_tables import print_trace_results
 from impact_rig.results.results_file import format_json
 from impact_rig.results.trace_series import TraceResults, trace_results_to_json
 

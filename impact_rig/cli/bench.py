@@ -75,7 +75,7 @@ def command(
     from impact_rig.bench.run import load_part, run_parts
     from impact_rig.cli.bench_view import BenchProgress, print_bench, results_to_json
     from impact_rig.core.errors import RigError
-    from impact_rig.reporting.terminal import make_console
+    from impact_rig.reporting.terminal.console import make_console
     from impact_rig.results.results_file import format_json
 
     names = list(dict.fromkeys(parts or PARTS))

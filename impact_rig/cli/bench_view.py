@@ -9,8 +9,8 @@ from impact_rig.bench.figures import Figure
 from impact_rig.bench.part import Part
 from impact_rig.bench.run import BenchResults
 from impact_rig.cli.progress_bar import ProgressBar
-from impact_rig.reporting.columns import Column
-from impact_rig.reporting.terminal import ALARM, GOOD, print_table, print_text
+from impact_rig.reporting.terminal.columns import Column
+from impact_rig.reporting.terminal.console import ALARM, GOOD, print_table, print_text
 from impact_rig.results.results_file import record_to_json
 
 VERDICTS = {True: "reached", False: "MISSED", None: ""}

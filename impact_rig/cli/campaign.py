@@ -67,7 +67,7 @@ def command(
     """
     from impact_rig.cli.rigs.campaign_view import CampaignView, report_outcome, run_campaign
     from impact_rig.nodes.campaign_client import CampaignClient, CampaignRequest
-    from impact_rig.reporting.terminal import make_console
+    from impact_rig.reporting.terminal.console import make_console
 
     options.check_keep(keep, impacts)
     options.set_discovery(network=network)

@@ -75,7 +75,7 @@ def command(
     """
     from impact_rig.cli.rigs.campaign_view import CampaignView, report_outcome, run_campaign
     from impact_rig.cli.rigs.running_rig import run_rig, use_private_domain
-    from impact_rig.reporting.terminal import make_console
+    from impact_rig.reporting.terminal.console import make_console
 
     options.check_keep(keep, impacts)
     rig = run.load_rig_file(rig_file)

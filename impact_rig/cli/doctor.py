@@ -18,7 +18,7 @@ from impact_rig.cli.checks.ros_checks import (
     check_domain,
 )
 from impact_rig.cli.checks.software_checks import check_libraries, check_python
-from impact_rig.reporting.terminal import ALARM, GOOD, WARNING, make_console
+from impact_rig.reporting.terminal.console import ALARM, GOOD, WARNING, make_console
 from impact_rig.results.results_file import format_json
 
 EXIT_FAULT = 1

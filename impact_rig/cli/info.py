@@ -69,7 +69,7 @@ def command(
 
 def _print(contents: "Contents", *, parameters: bool) -> None:
     from impact_rig.cli.recordings.contents_view import print_contents, print_parameters
-    from impact_rig.reporting.terminal import make_console
+    from impact_rig.reporting.terminal.console import make_console
 
     console = make_console()
     print_contents(console, contents)

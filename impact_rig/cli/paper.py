@@ -4,15 +4,15 @@ import click
 from rich.console import Console
 
 from impact_rig.core.setup.paper import ACCELEROMETER_MASS
-from impact_rig.reporting.columns import Column
-from impact_rig.reporting.paper_arithmetic import (
+from impact_rig.reporting.terminal.columns import Column
+from impact_rig.reporting.terminal.console import ALARM, make_console, print_table, print_text
+from impact_rig.results.numbers import format_number
+from impact_rig.results.paper_arithmetic import (
     CellArithmetic,
     HammerArithmetic,
     PaperArithmetic,
     compute_paper,
 )
-from impact_rig.reporting.terminal import ALARM, make_console, print_table, print_text
-from impact_rig.results.numbers import format_number
 from impact_rig.results.results_file import format_json, record_to_json
 
 MISPRINT_MARK = "*"

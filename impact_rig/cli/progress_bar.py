@@ -13,8 +13,8 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task
 from rich.table import Table
 from rich.text import Text
 
-from impact_rig.reporting.columns import COLUMN_GAP, make_printable
-from impact_rig.reporting.terminal import EASY_LINE, GOOD
+from impact_rig.reporting.terminal.columns import COLUMN_GAP, make_printable
+from impact_rig.reporting.terminal.console import EASY_LINE, GOOD
 
 WIDEST_BAR = 40
 """[characters], our choice: a longer one says no more."""

@@ -57,7 +57,7 @@ def command(
     it is only read, and nothing is overwritten. No ROS is needed.
     """
     from impact_rig.cli.recordings.recovery_view import print_recovery, recovery_to_json
-    from impact_rig.reporting.terminal import make_console
+    from impact_rig.reporting.terminal.console import make_console
     from impact_rig.results.results_file import format_json
 
     if output is not None and len(files) > 1:
@@ -83,7 +83,7 @@ def _recover(path: Path, output: Path | None, *, keep_unverified: bool) -> "Reco
     from impact_rig.cli.recordings.reading_progress import ReadingProgress, measure
     from impact_rig.recording.reading.source import find_recording
     from impact_rig.recording.recovery.recovery import PASSES, name_output, recover_recording
-    from impact_rig.reporting.terminal import make_console
+    from impact_rig.reporting.terminal.console import make_console
 
     found = find_recording(path)
     target = output or name_output(found)

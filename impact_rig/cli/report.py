@@ -104,7 +104,7 @@ def _read_sources(sources: "Sequence[RunSource]") -> "tuple[list[Run], list[str]
 def _read(source: "RunSource", name: str) -> "tuple[Run, ...]":
     from impact_rig.analysis.report_sources import read_runs
     from impact_rig.cli.recordings.provenance import read_provenance
-    from impact_rig.reporting.terminal import make_console
+    from impact_rig.reporting.terminal.console import make_console
 
     with ProgressBar(make_console(stderr=True), f"reading {source.named}"):
         runs = read_runs(source, name)
@@ -116,7 +116,7 @@ def _read(source: "RunSource", name: str) -> "tuple[Run, ...]":
 
 def _make_document(runs: "Sequence[Run]", errors: Sequence[str]) -> "Document":
     from impact_rig.reporting.report.report import make_report
-    from impact_rig.reporting.terminal import make_console
+    from impact_rig.reporting.terminal.console import make_console
 
     with ProgressBar(make_console(stderr=True), "drawing", total=len(runs)) as bar:
         return make_report(runs, errors, lambda done: bar.update(completed=done))
@@ -136,7 +136,7 @@ def _write_pdf(document: "Document", path: Path) -> list[str]:
     from impact_rig.recording.writing.new_file import write_new_file
     from impact_rig.reporting.report.page import render_page
     from impact_rig.reporting.report.pdf import find_browser, print_pdf
-    from impact_rig.reporting.terminal import make_console
+    from impact_rig.reporting.terminal.console import make_console
 
     try:
         browser = find_browser()

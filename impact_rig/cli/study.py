@@ -66,7 +66,7 @@ def command(
     """
     from impact_rig.cli.study_view import StudyProgress, print_study
     from impact_rig.core.errors import ParameterError
-    from impact_rig.reporting.terminal import make_console
+    from impact_rig.reporting.terminal.console import make_console
     from impact_rig.results.results_file import format_json
     from impact_rig.study.cases import FULL_CAMPAIGNS, QUICK_CAMPAIGNS, Configuration, Part
     from impact_rig.study.files import results_to_json, write_figure, write_results

@@ -7,8 +7,8 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn
 
 from impact_rig.cli.progress_bar import ProgressBar, TimeLeft
-from impact_rig.reporting.columns import Column
-from impact_rig.reporting.terminal import ALARM, GOOD, NOTE, print_table, print_text
+from impact_rig.reporting.terminal.columns import Column
+from impact_rig.reporting.terminal.console import ALARM, GOOD, NOTE, print_table, print_text
 from impact_rig.results.numbers import MISSING, format_number
 from impact_rig.study.cases import Part
 from impact_rig.study.goals import ESTIMATOR_NAMES, SYMBOLS, JudgedGoal, judge_goals

@@ -1,1 +1,1 @@
-"""Results for people and programs: tables in a terminal, and results.json."""
+"""Results for people: in a terminal, in figures, in a report."""

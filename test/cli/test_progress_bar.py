@@ -18,7 +18,7 @@ PROGRAM = """
 import sys, time
 from rich.progress import MofNCompleteColumn
 from impact_rig.cli.progress_bar import ProgressBar, TimeLeft
-from impact_rig.reporting.terminal import make_console
+from impact_rig.reporting.terminal.console import make_console
 
 console = make_console(stderr=True)
 title, patience = sys.argv[1], float(sys.argv[2])

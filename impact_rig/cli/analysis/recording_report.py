@@ -13,10 +13,10 @@ from impact_rig.analysis.recording_analysis import AnalyzedRecording, analyze_re
 from impact_rig.analysis.settings_changes import SettingsChanges
 from impact_rig.cli.analysis.analysis_progress import AnalysisProgress
 from impact_rig.cli.analysis.batch_view import BatchProgress
-from impact_rig.reporting.batch_tables import BatchCampaign, print_batch
-from impact_rig.reporting.budget_tables import print_budgets
-from impact_rig.reporting.tables import print_results
-from impact_rig.reporting.terminal import make_console, print_warning
+from impact_rig.reporting.terminal.batch_tables import BatchCampaign, print_batch
+from impact_rig.reporting.terminal.budget_tables import print_budgets
+from impact_rig.reporting.terminal.campaign_tables import print_results
+from impact_rig.reporting.terminal.console import make_console, print_warning
 from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import format_json, read_results, results_to_json
 

@@ -23,8 +23,8 @@ from impact_rig.core.hits.overrule import describe_label
 from impact_rig.recording.recovery.contents import RECOVERY_RECORD, Contents
 from impact_rig.recording.recovery.recorded_hits import HitState, RecordedHit
 from impact_rig.recording.writing.origin import ORIGIN_RECORD
-from impact_rig.reporting.columns import Column, make_optional
-from impact_rig.reporting.terminal import ALARM, GOOD, print_table
+from impact_rig.reporting.terminal.columns import Column, make_optional
+from impact_rig.reporting.terminal.console import ALARM, GOOD, print_table
 from impact_rig.results.numbers import MISSING, format_number
 
 MOST_HITS = 20

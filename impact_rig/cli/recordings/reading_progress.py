@@ -9,7 +9,7 @@ from impact_rig.cli.progress_bar import PATIENCE, ProgressBar, TimeLeft
 from impact_rig.recording.reading.source import find_recording
 from impact_rig.recording.recovery.contents import Contents
 from impact_rig.recording.recovery.inspection import inspect_recording
-from impact_rig.reporting.terminal import make_console
+from impact_rig.reporting.terminal.console import make_console
 
 
 class ReadingProgress(ProgressBar):

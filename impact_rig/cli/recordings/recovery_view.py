@@ -9,8 +9,8 @@ from impact_rig.cli.recordings.contents_report import contents_to_json, count, d
 from impact_rig.cli.recordings.contents_view import print_incomplete_hits
 from impact_rig.recording.recovery.contents import Contents
 from impact_rig.recording.recovery.recovery import Recovery
-from impact_rig.reporting.columns import Column
-from impact_rig.reporting.terminal import ALARM, GOOD, print_table
+from impact_rig.reporting.terminal.columns import Column
+from impact_rig.reporting.terminal.console import ALARM, GOOD, print_table
 
 
 def print_recovery(console: Console, recovery: Recovery) -> None:

@@ -66,7 +66,7 @@ def _read_campaigns(
     """Return the campaigns of a source, and what the user should know."""
     from impact_rig.analysis.recording_traces import trace_recording
     from impact_rig.cli.analysis.analysis_progress import AnalysisProgress
-    from impact_rig.reporting.terminal import make_console
+    from impact_rig.reporting.terminal.console import make_console
     from impact_rig.results.results_file import read_results
     from impact_rig.results.traced_campaign import TracedCampaign
 

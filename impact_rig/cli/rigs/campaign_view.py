@@ -12,9 +12,9 @@ from impact_rig.cli.progress_bar import ProgressBar, format_time_left
 from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.campaign_client import CampaignClient, CampaignOutcome, CampaignRequest
-from impact_rig.reporting.columns import make_printable
-from impact_rig.reporting.tables import print_results
-from impact_rig.reporting.terminal import ALARM, GOOD, make_console
+from impact_rig.reporting.terminal.campaign_tables import print_results
+from impact_rig.reporting.terminal.columns import make_printable
+from impact_rig.reporting.terminal.console import ALARM, GOOD, make_console
 from impact_rig.results.numbers import MICRO, format_number
 from impact_rig.results.results_file import format_json, results_to_json, write_results
 

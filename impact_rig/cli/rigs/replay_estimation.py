@@ -13,8 +13,8 @@ from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.core.errors import FileError
 from impact_rig.nodes.replaying.replay_host import ReplayHost
 from impact_rig.nodes.replaying.replay_recording import RecordingToReplay
-from impact_rig.reporting.tables import print_results
-from impact_rig.reporting.terminal import make_console
+from impact_rig.reporting.terminal.campaign_tables import print_results
+from impact_rig.reporting.terminal.console import make_console
 from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import format_json, results_to_json, write_results
 

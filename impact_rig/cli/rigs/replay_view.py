@@ -14,7 +14,7 @@ from rich.progress import TextColumn
 from impact_rig.cli.progress_bar import ProgressBar
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.nodes.replaying.replay_host import ReplayHost
-from impact_rig.reporting.terminal import make_console
+from impact_rig.reporting.terminal.console import make_console
 
 DISCOVERY_TIME = 1.0
 """How long those who listen already may take to be found [s], our choice: on one host it is

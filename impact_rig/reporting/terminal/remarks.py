@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from impact_rig.core.hits.verdict import Reason
-from impact_rig.reporting.columns import Column
-from impact_rig.reporting.terminal import (
+from impact_rig.reporting.terminal.columns import Column
+from impact_rig.reporting.terminal.console import (
     ALARM,
     NOTE,
     TITLE,

@@ -6,13 +6,13 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from impact_rig.reporting.budget_tables import print_budgets
-from impact_rig.reporting.model_tables import (
+from impact_rig.reporting.terminal.budget_tables import print_budgets
+from impact_rig.reporting.terminal.model_tables import (
     print_free_decays,
     print_identifications,
     print_pulse_shapes,
 )
-from impact_rig.reporting.remarks import print_warnings
+from impact_rig.reporting.terminal.remarks import print_warnings
 from impact_rig.results.estimates import (
     BudgetLineResults,
     FreeDecayResults,

@@ -6,8 +6,8 @@ import pytest
 from rich.cells import cell_len
 from rich.console import Console
 
-from impact_rig.reporting.columns import Column, make_optional
-from impact_rig.reporting.terminal import (
+from impact_rig.reporting.terminal.columns import Column, make_optional
+from impact_rig.reporting.terminal.console import (
     ALARM,
     print_item,
     print_table,

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.setup.samples import Sample, SampleSet
-from impact_rig.reporting.tables import print_results
+from impact_rig.reporting.terminal.campaign_tables import print_results
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.estimates import HammerResults, SampleResults
 from impact_rig.results.setup_results import setup_results_from_setup

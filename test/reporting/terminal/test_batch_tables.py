@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from impact_rig.reporting.batch_tables import BatchCampaign, print_batch, shorten_paths
+from impact_rig.reporting.terminal.batch_tables import BatchCampaign, print_batch, shorten_paths
 from impact_rig.results.campaign import Results
 from impact_rig.results.estimates import HammerResults, SampleResults
 from impact_rig.results.setup_results import SetupResults

@@ -3,20 +3,20 @@
 from rich.console import Console
 from rich.text import Text
 
-from impact_rig.reporting.model_tables import (
+from impact_rig.reporting.terminal.console import ALARM, GOOD, TITLE, print_text
+from impact_rig.reporting.terminal.model_tables import (
     print_comparison,
     print_free_decays,
     print_identifications,
     print_pulse_shapes,
 )
-from impact_rig.reporting.paper_tables import (
+from impact_rig.reporting.terminal.paper_tables import (
     find_largest_differences,
     print_contact_times,
     print_damping,
     print_stiffness,
 )
-from impact_rig.reporting.remarks import print_notes, print_rejections, print_warnings
-from impact_rig.reporting.terminal import ALARM, GOOD, TITLE, print_text
+from impact_rig.reporting.terminal.remarks import print_notes, print_rejections, print_warnings
 from impact_rig.results.campaign import Results
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from rich.console import Console
 
-from impact_rig.reporting.columns import Column
-from impact_rig.reporting.terminal import print_table
+from impact_rig.reporting.terminal.columns import Column
+from impact_rig.reporting.terminal.console import print_table
 from impact_rig.results.estimates import BudgetLineResults, HammerResults, SampleResults
 from impact_rig.results.numbers import MEGA, MICRO, format_uncertain
 

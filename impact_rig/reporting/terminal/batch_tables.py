@@ -9,8 +9,8 @@ from statistics import fmean, stdev
 
 from rich.console import Console
 
-from impact_rig.reporting.columns import Column, leave_out_repeated, make_optional
-from impact_rig.reporting.terminal import ALARM, print_table
+from impact_rig.reporting.terminal.columns import Column, leave_out_repeated, make_optional
+from impact_rig.reporting.terminal.console import ALARM, print_table
 from impact_rig.results.campaign import Results
 from impact_rig.results.estimates import SampleResults
 from impact_rig.results.numbers import MEGA, MICRO, MISSING, format_number, format_uncertain

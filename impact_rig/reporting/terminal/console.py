@@ -15,7 +15,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from impact_rig.reporting.columns import (
+from impact_rig.reporting.terminal.columns import (
     COLUMN_GAP,
     Column,
     choose_columns,

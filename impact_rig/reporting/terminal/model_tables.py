@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from impact_rig.core.model.pulses import VERSED_SINE
-from impact_rig.reporting.columns import Column, make_optional
-from impact_rig.reporting.terminal import print_item, print_table
+from impact_rig.reporting.terminal.columns import Column, make_optional
+from impact_rig.reporting.terminal.console import print_item, print_table
 from impact_rig.results.estimates import IdentificationResults, SampleResults
 from impact_rig.results.numbers import MEGA, MICRO, format_number, format_uncertain
 

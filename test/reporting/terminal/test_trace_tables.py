@@ -5,7 +5,7 @@ import json
 
 from rich.console import Console
 
-from impact_rig.reporting.trace_tables import print_trace_results
+from impact_rig.reporting.terminal.trace_tables import print_trace_results
 from impact_rig.results.estimates import HammerResults, SampleResults
 from impact_rig.results.results_file import format_json
 from impact_rig.results.trace_series import (

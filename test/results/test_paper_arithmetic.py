@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from impact_rig.reporting.paper_arithmetic import compute_paper
+from impact_rig.results.paper_arithmetic import compute_paper
 
 PAPER = compute_paper()
 CELLS = {cell.name: cell for cell in PAPER.samples}

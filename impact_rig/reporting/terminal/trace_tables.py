@@ -6,14 +6,14 @@ from pathlib import PurePath
 
 from rich.console import Console
 
-from impact_rig.reporting.columns import Column, make_optional
-from impact_rig.reporting.model_tables import (
+from impact_rig.reporting.terminal.columns import Column, make_optional
+from impact_rig.reporting.terminal.console import ALARM, GOOD, print_table
+from impact_rig.reporting.terminal.model_tables import (
     print_free_decays,
     print_identifications,
     print_pulse_shapes,
 )
-from impact_rig.reporting.remarks import print_notes, print_warnings
-from impact_rig.reporting.terminal import ALARM, GOOD, print_table
+from impact_rig.reporting.terminal.remarks import print_notes, print_warnings
 from impact_rig.results.estimates import HammerResults, SampleResults
 from impact_rig.results.numbers import MEGA, MICRO, MISSING, format_number, format_uncertain
 from impact_rig.results.trace_series import TraceResults

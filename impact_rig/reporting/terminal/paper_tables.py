@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from rich.console import Console
 
 from impact_rig.core.model.pulses import HALF_SINE, HERTZ, VERSED_SINE
-from impact_rig.reporting.columns import Column, make_optional
-from impact_rig.reporting.terminal import ALARM, print_table
+from impact_rig.reporting.terminal.columns import Column, make_optional
+from impact_rig.reporting.terminal.console import ALARM, print_table
 from impact_rig.results.campaign import Results
 from impact_rig.results.estimates import HammerResults, SampleResults
 from impact_rig.results.numbers import (
