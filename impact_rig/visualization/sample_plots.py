@@ -159,12 +159,14 @@ def _replace_lines(
     columns: Sequence[FloatArray],
     lines: Sequence[Line],
 ) -> None:
-    values = np.stack(columns, axis=1)
     is_drawn = np.zeros(time.size, dtype=bool)
     is_drawn[::THINNING] = True
-    is_drawn[np.argmax(np.abs(np.nan_to_num(values)), axis=0)] = True
+    for column in columns:
+        is_drawn[np.argmax(np.nan_to_num(np.abs(column)))] = True
+    rows = np.flatnonzero(is_drawn)
+    values = np.stack([column[rows].astype(np.float32) for column in columns], axis=1)
     plots.hide(family)
-    plots.draw_lines(family, time[is_drawn], values[is_drawn], lines)
+    plots.draw_lines(family, time[rows], values, lines)
 
 
 def _draw_contact(plots: PlotLog, traces: SampleTraces, row: int) -> None:
