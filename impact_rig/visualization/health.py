@@ -43,8 +43,9 @@ class Health:
     Attributes
     ----------
     nodes : tuple of NodeHealth
-        In the order in which they are shown; of figures that read as numbers the history is
-        kept, so a node gives a figure the same name each time.
+        All of the rig. Of rates ("blocks per second"), of what went wrong ("gaps", "missing
+        points", "views dropped", "impacts rejected") and of the "free space" the history is kept,
+        by the name of the figure.
     stamp : int
         When, nanoseconds since the epoch.
     """

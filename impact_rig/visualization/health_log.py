@@ -37,7 +37,7 @@ GIGA = 1e-9
 BYTE_FIGURES = ("free space", "size")
 """Figures that are a number of bytes."""
 SIGNS = {Level.OK: "✓", Level.WARNING: "⚠", Level.ERROR: "✗", Level.STALE: "?"}
-NO_HEALTH = "No node has said how it is doing. A recording or a file of results does not hold it."
+NO_HEALTH = "No node has said how it is doing. In the view of a file none does."
 
 
 class HealthLog:
