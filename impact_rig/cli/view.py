@@ -88,8 +88,8 @@ def command(
 
 def _check(places: _Places) -> None:
     """Refuse what cannot be, before anything is read."""
-    from impact_rig.visualization.viewers.addresses import check_viewer_address
-    from impact_rig.visualization.viewers.program import check_screen
+    from impact_rig.visualization.destinations.addresses import check_viewer_address
+    from impact_rig.visualization.destinations.program import check_screen
 
     if places.output is not None:
         if places.output.suffix != VIEW_SUFFIX:
@@ -144,7 +144,7 @@ def _show(parts: Sequence[Path], folder: Path, places: _Places) -> tuple[bool, l
 
 def _write(parts: Sequence[Path], output: Path) -> None:
     from impact_rig.recording.writing.new_file import write_new_file
-    from impact_rig.visualization.view_file import join_views
+    from impact_rig.visualization.destinations.view_file import join_views
 
     with write_new_file(output) as part:
         join_views(part, parts)
@@ -152,7 +152,7 @@ def _write(parts: Sequence[Path], output: Path) -> None:
 
 
 def _send(parts: Sequence[Path], address: str) -> None:
-    from impact_rig.visualization.view_file import send_view
+    from impact_rig.visualization.destinations.view_file import send_view
 
     for part in parts:
         send_view(part, address)
@@ -160,8 +160,8 @@ def _send(parts: Sequence[Path], address: str) -> None:
 
 
 def _open_window(parts: Sequence[Path], folder: Path) -> None:
-    from impact_rig.visualization.viewers.addresses import LOOPBACK
-    from impact_rig.visualization.viewers.program import check_screen, start_viewer
+    from impact_rig.visualization.destinations.addresses import LOOPBACK
+    from impact_rig.visualization.destinations.program import check_screen, start_viewer
 
     check_screen()
     command = ["--bind", LOOPBACK, "--port", "auto", *(str(part.resolve()) for part in parts)]
@@ -178,12 +178,12 @@ def _open_window(parts: Sequence[Path], folder: Path) -> None:
 
 
 def _serve(parts: Sequence[Path]) -> None:
-    from impact_rig.visualization.viewers.addresses import (
+    from impact_rig.visualization.destinations.addresses import (
         LOOPBACK,
         find_port,
         make_viewer_address,
     )
-    from impact_rig.visualization.viewers.web_page import WebPage
+    from impact_rig.visualization.destinations.web_page import WebPage
 
     page_port, port = find_port(LOOPBACK, 0), find_port(LOOPBACK, 0)
     errors: list[str] = []

@@ -34,9 +34,9 @@ from impact_rig.recording.interfaces.messages import (
 )
 from impact_rig.results.hit_traces import TraceAssembler
 from impact_rig.results.sample_traces import AlignedHit
-from impact_rig.visualization.destinations import DestinationPlan, open_destinations
-from impact_rig.visualization.sink import Destination, Work
-from impact_rig.visualization.viewers.addresses import LOOPBACK
+from impact_rig.visualization.destinations.addresses import LOOPBACK
+from impact_rig.visualization.destinations.destination import Destination, Work
+from impact_rig.visualization.destinations.opening import DestinationPlan, open_destinations
 
 NICENESS = 10
 """How far the process steps back [steps of nice], our choice."""

@@ -14,18 +14,18 @@ from impact_rig.results.hit_traces import HitTraces
 from impact_rig.results.sample_traces import AlignedHit, SampleTraces
 from impact_rig.results.traced_campaign import TracedCampaign
 from impact_rig.visualization import entities
-from impact_rig.visualization.bars import log_bars, make_figure_6
-from impact_rig.visualization.blueprint import make_blueprint
+from impact_rig.visualization.drawing.bars import log_bars, make_figure_6
+from impact_rig.visualization.drawing.figures import draw_figure_3, draw_figure_4
+from impact_rig.visualization.drawing.health_log import HealthLog, write_health
+from impact_rig.visualization.drawing.hits import TrendLog, draw_earlier_hits, draw_last_hit
+from impact_rig.visualization.drawing.plots import PlotLog
+from impact_rig.visualization.drawing.samples import draw_aligned_hits, draw_figure_5, draw_sample
+from impact_rig.visualization.drawing.tables import write_results, write_summary
+from impact_rig.visualization.drawing.text import write_log_line, write_verdict
 from impact_rig.visualization.entities import Path
-from impact_rig.visualization.figures import draw_figure_3, draw_figure_4
 from impact_rig.visualization.health import Health
-from impact_rig.visualization.health_log import HealthLog, write_health
-from impact_rig.visualization.hit_plots import TrendLog, draw_earlier_hits, draw_last_hit
-from impact_rig.visualization.plots import PlotLog
+from impact_rig.visualization.layout.blueprint import make_blueprint
 from impact_rig.visualization.rerun_sdk import import_rerun
-from impact_rig.visualization.sample_plots import draw_aligned_hits, draw_figure_5, draw_sample
-from impact_rig.visualization.tables import write_results, write_summary
-from impact_rig.visualization.text import write_log_line, write_verdict
 
 if TYPE_CHECKING:
     import rerun as rr

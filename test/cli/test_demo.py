@@ -60,7 +60,7 @@ def read_with_rosbags(path: Path) -> dict[str, int]:
 def viewer():
     """Start what a viewer has of a network, without its windows."""
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
-    from impact_rig.visualization.viewers.program import find_viewer
+    from impact_rig.visualization.destinations.program import find_viewer
 
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

@@ -16,7 +16,7 @@ import pytest
 
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import write_results
-from impact_rig.visualization.viewers import program
+from impact_rig.visualization.destinations import program
 
 rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 

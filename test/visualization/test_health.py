@@ -2,8 +2,8 @@
 
 import pytest
 
+from impact_rig.visualization.drawing.health_log import find_kind, write_health
 from impact_rig.visualization.health import Health, Level, NodeHealth
-from impact_rig.visualization.health_log import find_kind, write_health
 
 STAMP = 1_700_000_000_000_000_000
 

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from impact_rig.results import palette
-from impact_rig.visualization.blueprint import (
+from impact_rig.visualization.entities import HIT, HIT_TIME, WALL_CLOCK
+from impact_rig.visualization.health import Health, Level, NodeHealth
+from impact_rig.visualization.layout.blueprint import (
     TAB_CAMPAIGN,
     TAB_HEALTH,
     TAB_LAST_HIT,
@@ -22,8 +24,6 @@ from impact_rig.visualization.blueprint import (
     TAB_TRENDS,
     TABS,
 )
-from impact_rig.visualization.entities import HIT, HIT_TIME, WALL_CLOCK
-from impact_rig.visualization.health import Health, Level, NodeHealth
 
 experimental = pytest.importorskip("rerun.experimental", reason="rerun-sdk is not installed")
 PATIENCE = 60.0

@@ -43,7 +43,7 @@ def make_part(path: Path, folder: Path, *, fit: bool) -> Path:
     FileError
         If there is nothing of that name, or it cannot be read.
     """
-    from impact_rig.visualization.view_file import check_view, write_view
+    from impact_rig.visualization.destinations.view_file import check_view, write_view
 
     if path.suffix == VIEW_SUFFIX and not path.is_dir():
         check_view(path)

@@ -7,7 +7,7 @@ import pytest
 
 from impact_rig.results.figure_rows import make_figure_rows
 from impact_rig.results.palette import MATERIALS
-from impact_rig.visualization.bars import WIDTH, Bars, find_ticks, make_figure_6
+from impact_rig.visualization.drawing.bars import WIDTH, Bars, find_ticks, make_figure_6
 
 NAN = float("nan")
 

@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Hashable
 
-from impact_rig.visualization.sink import QUEUE_LENGTH, QUEUE_SIZE, SizedWork, Work
+from impact_rig.visualization.destinations.destination import (
+    QUEUE_LENGTH,
+    QUEUE_SIZE,
+    SizedWork,
+    Work,
+)
 
 
 class History:

@@ -6,7 +6,7 @@ import pytest
 
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.estimates import HammerResults
-from impact_rig.visualization.tables import write_results, write_summary
+from impact_rig.visualization.drawing.tables import write_results, write_summary
 
 
 def read_rows(markdown):

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from impact_rig.results.figure_rows import sort_as_figure_5
-from impact_rig.visualization import bars, entities
+from impact_rig.visualization import entities
+from impact_rig.visualization.drawing import bars
+from impact_rig.visualization.layout.samples import find_time_range
+from impact_rig.visualization.layout.views import Range, find_known, make_time_view
 from impact_rig.visualization.rerun_sdk import import_rerun
-from impact_rig.visualization.sample_layout import find_time_range
-from impact_rig.visualization.views import Range, find_known, make_time_view
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb

@@ -5,7 +5,7 @@ import socket
 import pytest
 
 from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.visualization.viewers.addresses import (
+from impact_rig.visualization.destinations.addresses import (
     check_listen_address,
     check_viewer_address,
     find_loopback,

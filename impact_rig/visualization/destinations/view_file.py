@@ -10,11 +10,11 @@ from pathlib import Path
 
 from impact_rig.core.errors import DeviceError, FileError
 from impact_rig.results.traced_campaign import TracedCampaign
-from impact_rig.visualization.destinations import make_stream
+from impact_rig.visualization.destinations.addresses import check_viewer_address, is_answering
+from impact_rig.visualization.destinations.opening import make_stream
+from impact_rig.visualization.destinations.program import find_viewer
 from impact_rig.visualization.log import ViewLog
 from impact_rig.visualization.rerun_sdk import import_rerun
-from impact_rig.visualization.viewers.addresses import check_viewer_address, is_answering
-from impact_rig.visualization.viewers.program import find_viewer
 
 VIEW_SUFFIX = ".rrd"
 """Of Rerun's files."""

@@ -22,7 +22,7 @@ from impact_rig.results.references import (
     find_hammer_reference,
     find_reference,
 )
-from impact_rig.visualization.text import escape_markdown, format_percent, write_reason
+from impact_rig.visualization.drawing.text import escape_markdown, format_percent, write_reason
 
 LEGEND = (
     "Behind ± stands the half-width of the 95 % interval. A dash: not determined, see the notes."

@@ -1,7 +1,7 @@
 """What is kept for a viewer that comes late."""
 
-from impact_rig.visualization.sink import QUEUE_LENGTH, QUEUE_SIZE
-from impact_rig.visualization.viewers.history import History
+from impact_rig.visualization.destinations.destination import QUEUE_LENGTH, QUEUE_SIZE
+from impact_rig.visualization.destinations.history import History
 
 
 def list_names(history):

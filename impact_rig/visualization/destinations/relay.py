@@ -9,10 +9,14 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING, Any
 
-from impact_rig.visualization.sink import CLOSE_TIMEOUT, Notice, StreamDestination
-from impact_rig.visualization.viewers import addresses
-from impact_rig.visualization.viewers.program import start_viewer
-from impact_rig.visualization.viewers.web_page import WebPage
+from impact_rig.visualization.destinations import addresses
+from impact_rig.visualization.destinations.destination import (
+    CLOSE_TIMEOUT,
+    Notice,
+    StreamDestination,
+)
+from impact_rig.visualization.destinations.program import start_viewer
+from impact_rig.visualization.destinations.web_page import WebPage
 
 if TYPE_CHECKING:
     import rerun as rr

@@ -16,12 +16,16 @@ import pytest
 from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.results.hit_traces import HitTraces
-from impact_rig.visualization import destinations, rerun_sdk, sink
-from impact_rig.visualization.destinations import DestinationPlan
-from impact_rig.visualization.sink import StreamDestination
-from impact_rig.visualization.viewers import connection
-from impact_rig.visualization.viewers.addresses import make_viewer_address
-from impact_rig.visualization.viewers.program import find_viewer
+from impact_rig.visualization import rerun_sdk
+from impact_rig.visualization.destinations import connection
+from impact_rig.visualization.destinations.addresses import make_viewer_address
+from impact_rig.visualization.destinations.destination import (
+    QUEUE_LENGTH,
+    QUEUE_SIZE,
+    StreamDestination,
+)
+from impact_rig.visualization.destinations.opening import DestinationPlan, open_destinations
+from impact_rig.visualization.destinations.program import find_viewer
 
 rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 
@@ -75,11 +79,7 @@ def open_all():
     opened = []
 
     def run(*, announce=fail, notify=fail, **plan):
-        opened.extend(
-            destinations.open_destinations(
-                DestinationPlan(**plan), announce=announce, notify=notify
-            )
-        )
+        opened.extend(open_destinations(DestinationPlan(**plan), announce=announce, notify=notify))
         return opened
 
     yield run
@@ -231,7 +231,7 @@ def test_file_viewer_and_web_page_at_once_and_only_this_host_reaches_them(
 def test_a_stuck_viewer_holds_up_the_page_until_it_goes_on(
     monkeypatch, tmp_path, start, open_all, read_recording
 ):
-    monkeypatch.setattr(sink, "FLUSH_TIMEOUT", 0.2)
+    monkeypatch.setattr("impact_rig.visualization.destinations.destination.FLUSH_TIMEOUT", 0.2)
     notices = Notices()
     (relay,) = open_all(web=True, announce=notices, notify=notices)
     address, kept = relay.name.removeprefix("the relay "), tmp_path / "kept.rrd"
@@ -341,7 +341,7 @@ def test_a_viewer_that_dies_is_told_once_and_the_file_goes_on_until_it_is_back(
 def test_a_viewer_that_is_stopped_costs_nobody_any_time_and_is_shown_all_when_it_goes_on(
     monkeypatch, viewer, open_all, tmp_path
 ):
-    monkeypatch.setattr(sink, "FLUSH_TIMEOUT", 0.2)
+    monkeypatch.setattr("impact_rig.visualization.destinations.destination.FLUSH_TIMEOUT", 0.2)
     port, notices = find_free_port(), Notices()
     stopped = viewer(port)
     file, live = open_all(
@@ -416,12 +416,12 @@ def test_a_destination_that_is_behind_drops_views_and_counts_them():
     destination = StreamDestination("slow", stream, 0.0, fail)
     destination.put(lambda _: None)
     assert stream.reached.wait(PATIENCE)
-    for i in range(sink.QUEUE_LENGTH + 5):
+    for i in range(QUEUE_LENGTH + 5):
         destination.put(lambda _, i=i: done.append(i))
     stream.let_go.set()
     destination.close()
 
-    assert done == list(range(sink.QUEUE_LENGTH))
+    assert done == list(range(QUEUE_LENGTH))
     assert destination.dropped == 5
 
 
@@ -449,7 +449,7 @@ def test_large_views_are_dropped_before_they_take_the_memory():
     destination.put(lambda _: None)
     assert stream.reached.wait(PATIENCE)
     for i in range(3):
-        destination.put(lambda _, i=i: done.append(i), sink.QUEUE_SIZE // 2)
+        destination.put(lambda _, i=i: done.append(i), QUEUE_SIZE // 2)
     stream.let_go.set()
     destination.close()
 

@@ -9,16 +9,20 @@ from uuid import uuid4
 
 from impact_rig.core.errors import DeviceError, FileError, ParameterError
 from impact_rig.visualization import entities
-from impact_rig.visualization.rerun_sdk import import_rerun
-from impact_rig.visualization.sink import Destination, Notice, StreamDestination
-from impact_rig.visualization.viewers.addresses import (
+from impact_rig.visualization.destinations.addresses import (
     LOOPBACK,
     check_listen_address,
     check_viewer_address,
 )
-from impact_rig.visualization.viewers.connection import ViewerConnection
-from impact_rig.visualization.viewers.program import check_screen
-from impact_rig.visualization.viewers.relay import Relay
+from impact_rig.visualization.destinations.connection import ViewerConnection
+from impact_rig.visualization.destinations.destination import (
+    Destination,
+    Notice,
+    StreamDestination,
+)
+from impact_rig.visualization.destinations.program import check_screen
+from impact_rig.visualization.destinations.relay import Relay
+from impact_rig.visualization.rerun_sdk import import_rerun
 
 if TYPE_CHECKING:
     import rerun as rr

@@ -1,7 +1,7 @@
 """Verdicts in words."""
 
 from impact_rig.results.campaign import HitResults
-from impact_rig.visualization.text import format_percent, write_log_line, write_verdict
+from impact_rig.visualization.drawing.text import format_percent, write_log_line, write_verdict
 
 HIT = {"sample": "steel small", "record": 17, "impact": 3, "attempt": 2}
 

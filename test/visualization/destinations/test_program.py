@@ -10,14 +10,14 @@ import psutil
 import pytest
 
 from impact_rig.core.errors import RigError
-from impact_rig.visualization.viewers import program
+from impact_rig.visualization.destinations import program
 
 PATIENCE = 20.0
 SLEEP = "import time; time.sleep(600)"
 HOST = """
 import sys
 from pathlib import Path
-from impact_rig.visualization.viewers import program
+from impact_rig.visualization.destinations import program
 program.find_viewer = lambda: Path(sys.executable)
 process = program.{start}(["-c", {code!r}])
 print(process.pid, flush=True)

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 from impact_rig.visualization import entities
 from impact_rig.visualization.entities import BODIES, Path, find_body
-from impact_rig.visualization.rerun_sdk import import_rerun
-from impact_rig.visualization.views import (
+from impact_rig.visualization.layout.views import (
     Legend,
     Range,
     find_known,
     make_text_view,
     make_time_view,
 )
+from impact_rig.visualization.rerun_sdk import import_rerun
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb

@@ -14,10 +14,10 @@ from impact_rig.results.figure_rows import (
 )
 from impact_rig.results.palette import GREY, Colour
 from impact_rig.visualization import entities
+from impact_rig.visualization.drawing.figures import find_colours
+from impact_rig.visualization.drawing.text import format_percent
 from impact_rig.visualization.entities import Path
-from impact_rig.visualization.figures import find_colours
 from impact_rig.visualization.rerun_sdk import import_rerun
-from impact_rig.visualization.text import format_percent
 
 if TYPE_CHECKING:
     import rerun as rr

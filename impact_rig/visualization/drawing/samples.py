@@ -27,9 +27,9 @@ from impact_rig.results.sample_traces import (
     SampleTraces,
 )
 from impact_rig.visualization import entities
+from impact_rig.visualization.drawing.plots import Line, Mark, PlotLog
+from impact_rig.visualization.drawing.text import format_percent
 from impact_rig.visualization.entities import BODIES, Path, find_body
-from impact_rig.visualization.plots import Line, Mark, PlotLog
-from impact_rig.visualization.text import format_percent
 
 MEASURED = {entities.HAMMER: HAMMER, entities.SPECIMEN: SPECIMEN}
 """Colours of what was measured, by body."""

@@ -6,15 +6,15 @@ import threading
 from collections.abc import Callable, Hashable
 from typing import TYPE_CHECKING
 
-from impact_rig.visualization.sink import (
+from impact_rig.visualization.destinations.addresses import check_viewer_address, is_answering
+from impact_rig.visualization.destinations.destination import (
     CLOSE_TIMEOUT,
     FLUSH_TIMEOUT,
     Notice,
     StreamDestination,
     Work,
 )
-from impact_rig.visualization.viewers.addresses import check_viewer_address, is_answering
-from impact_rig.visualization.viewers.history import History
+from impact_rig.visualization.destinations.history import History
 
 if TYPE_CHECKING:
     import rerun as rr

@@ -5,14 +5,14 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 
-from impact_rig.visualization.sink import Notice
-from impact_rig.visualization.viewers.addresses import (
+from impact_rig.visualization.destinations.addresses import (
     find_loopback,
     find_reachable_name,
     is_answering,
     make_page_address,
 )
-from impact_rig.visualization.viewers.program import start_server, stop_server
+from impact_rig.visualization.destinations.destination import Notice
+from impact_rig.visualization.destinations.program import start_server, stop_server
 
 LOOK_PERIOD = 0.05
 """How often it is looked whether the page is up [s], our choice."""

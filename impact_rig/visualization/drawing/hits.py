@@ -13,7 +13,7 @@ from impact_rig.results.hit_traces import HitTraces
 from impact_rig.results.numbers import MICRO
 from impact_rig.results.palette import CONTACT, GREY, HAMMER, SPECIMEN
 from impact_rig.visualization import entities
-from impact_rig.visualization.plots import Line, Mark, PlotLog, make_scalars
+from impact_rig.visualization.drawing.plots import Line, Mark, PlotLog, make_scalars
 from impact_rig.visualization.rerun_sdk import import_rerun
 
 if TYPE_CHECKING:

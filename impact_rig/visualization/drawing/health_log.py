@@ -10,9 +10,9 @@ import numpy as np
 
 from impact_rig.results.palette import GREEN, GREY, ORANGE, VERMILION
 from impact_rig.visualization import entities
+from impact_rig.visualization.drawing.text import escape_markdown
 from impact_rig.visualization.health import Health, Level, NodeHealth
 from impact_rig.visualization.rerun_sdk import import_rerun
-from impact_rig.visualization.text import escape_markdown
 
 if TYPE_CHECKING:
     import rerun as rr

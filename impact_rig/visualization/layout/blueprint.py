@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from impact_rig.visualization import entities
-from impact_rig.visualization.campaign_layout import lay_out_campaign, lay_out_trends
-from impact_rig.visualization.health_log import DISK, LEVELS, LOSSES, RATES
+from impact_rig.visualization.drawing.health_log import DISK, LEVELS, LOSSES, RATES
+from impact_rig.visualization.layout.campaign import lay_out_campaign, lay_out_trends
+from impact_rig.visualization.layout.samples import lay_out_printed, lay_out_samples
+from impact_rig.visualization.layout.views import make_text_view, make_time_view
 from impact_rig.visualization.rerun_sdk import import_rerun
-from impact_rig.visualization.sample_layout import lay_out_printed, lay_out_samples
-from impact_rig.visualization.views import make_text_view, make_time_view
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb

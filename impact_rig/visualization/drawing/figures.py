@@ -14,8 +14,8 @@ import numpy as np
 from impact_rig.results.figure_rows import FigureRow
 from impact_rig.results.palette import GREY, MATERIALS, Colour
 from impact_rig.visualization import entities
+from impact_rig.visualization.drawing.plots import Mark, PlotLog
 from impact_rig.visualization.entities import Path
-from impact_rig.visualization.plots import Mark, PlotLog
 
 MARKERS = ("square", "up", "asterisk", "diamond", "circle", "left")
 """Of sizes, the smallest first: the paper's squares, triangles and stars, then others."""

@@ -1,0 +1,1 @@
+"""Where the view goes: files, viewers here and elsewhere, a web page."""

@@ -1,0 +1,1 @@
+"""How the view is laid out: tabs, and the views in them."""

@@ -1,1 +1,0 @@
-"""Rerun's viewers: addresses, program, a relay for our own, ways to those elsewhere."""
