@@ -21,7 +21,7 @@ from rclpy.task import Future
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import RigNode
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""
 
 
