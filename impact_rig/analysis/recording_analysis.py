@@ -9,7 +9,6 @@ from impact_rig.analysis.settings_changes import SettingsChanges
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits.overrule import describe_label, make_overrules
 from impact_rig.core.session import Session
-from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block
 from impact_rig.recording.reading.mcap_reader import read_recording
 from impact_rig.results.campaign import Results
@@ -22,22 +21,6 @@ it, and of how much."""
 
 
 @dataclass(frozen=True)
-class AnalyzedCampaign:
-    """One campaign of a recording.
-
-    Attributes
-    ----------
-    setup : RigSetup
-        Masses, samples and the settings that were used.
-    results : Results
-        What was found.
-    """
-
-    setup: RigSetup
-    results: Results
-
-
-@dataclass(frozen=True)
 class AnalyzedRecording:
     """What a recording holds.
 
@@ -45,14 +28,14 @@ class AnalyzedRecording:
     ----------
     path : Path
         Of the file.
-    campaigns : tuple of AnalyzedCampaign
-        Those with hits, in their order; at least one.
+    campaigns : tuple of Results
+        What was found in those with hits, in their order; at least one.
     warnings : tuple of str
         What the user should know of the file.
     """
 
     path: Path
-    campaigns: tuple[AnalyzedCampaign, ...]
+    campaigns: tuple[Results, ...]
     warnings: tuple[str, ...]
 
 
@@ -188,9 +171,9 @@ def _overrule(sessions: Sequence[Session], accept: Sequence[str], reject: Sequen
 
 def _finish(
     session: Session, faults: Mapping[int, tuple[str, ...]], report: Report | None
-) -> AnalyzedCampaign:
+) -> Results:
     report_samples = _bind(report, "estimating", len(session.names))
     if report_samples is not None:
         report_samples(0)
     found = session.estimate_all(report_samples)
-    return AnalyzedCampaign(session.setup, results_from_session(found, faults))
+    return results_from_session(found, faults)

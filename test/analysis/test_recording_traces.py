@@ -39,14 +39,14 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_results_are_those_of_the_analysis(path: Path) -> None:
     (campaign,) = trace_recording(path, with_models=True).campaigns
     (analyzed,) = analyze_recording(path, SettingsChanges()).campaigns
-    assert repr(campaign.results) == repr(analyzed.results)
+    assert repr(campaign.results) == repr(analyzed)
 
 
 def test_without_models_everything_else_is_the_same(path: Path) -> None:
     (campaign,) = trace_recording(path, with_models=False).campaigns
     (analyzed,) = analyze_recording(path, SettingsChanges()).campaigns
-    assert repr(campaign.results.hits) == repr(analyzed.results.hits)
-    for sample, other in zip(campaign.results.samples, analyzed.results.samples, strict=True):
+    assert repr(campaign.results.hits) == repr(analyzed.hits)
+    for sample, other in zip(campaign.results.samples, analyzed.samples, strict=True):
         assert sample.identifications == ()
         assert repr((sample.stiffness_n_per_m, sample.budget)) == repr(
             (other.stiffness_n_per_m, other.budget)
