@@ -3,21 +3,30 @@
 While the bodies touch, the model is a linear system driven by a constant and a cosine, since
 F(t) = F0 sin^2(pi t / tau_p). Both are solutions of linear equations themselves, so that with
 them in the state y nothing but y' = A y is left, and y(t) = e^(At) y(0). Afterwards each body is
-a damped oscillator, again e^(At). On a uniform grid e^(At) y is built by doubling, Y[n:2n] =
-e^(An dt) Y[0:n]: exact for every damping and every pulse, critical damping and resonance
-included, where eigenvectors or a particular solution would fail.
+a damped oscillator, again e^(At). That is exact for every damping and every pulse, critical
+damping and resonance included, where eigenvectors or a particular solution would fail. Nothing is
+stepped through time, and many impacts are calculated at once.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from scipy.linalg import expm
+from numpy.typing import NDArray
 
 from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.model.propagation import exponentiate, propagate_output
 from impact_rig.core.model.stiffness import estimate_equivalent_mass
 from impact_rig.core.signals.record import FloatArray
+
+BATCH = 64
+"""Impacts that are calculated at once [-], measured: what they need stays near the processor."""
+
+
+FULL_TURN = 2.0 * np.pi
+NEIGHBOURS = np.array([-1.0, 0.0, 1.0])
 
 
 class ModelVariant(Enum):
@@ -134,23 +143,115 @@ def simulate_impact(
         x1'' and x2'' [m/s^2]. With v1 and c1 the printed model steps at t = 0 and at tau_p:
         that is the model, and nothing here smooths it.
     """
-    check_positive("sampling rate", sampling_rate, "Hz")
-    time = start + np.arange(count) / sampling_rate
-    first_contact = int(np.searchsorted(time, 0.0, side="left"))
-    first_free = int(np.searchsorted(time, model.contact_time, side="right"))
-    contact = _ContactPhase(model, variant)
-    hammer = np.zeros(count)
-    specimen = np.zeros(count)
-    if first_free > first_contact:
-        inside = slice(first_contact, first_free)
-        hammer[inside], specimen[inside] = contact.evaluate(time[inside], 1.0 / sampling_rate)
-    if count > first_free:
-        state = contact.find_state(model.contact_time)
-        late = time[first_free:] - model.contact_time
-        if variant is ModelVariant.PRINTED:
-            hammer[first_free:] = _evaluate_free(model.hammer, state[[0, 2]], late, sampling_rate)
-        specimen[first_free:] = _evaluate_free(model.specimen, state[[1, 3]], late, sampling_rate)
+    hammer, specimen = simulate_impacts(
+        [model], sampling_rate, count, start=start, variant=variant
+    )[0]
     return hammer, specimen
+
+
+def simulate_impacts(
+    models: Sequence[ImpactModel],
+    sampling_rate: float,
+    count: int,
+    *,
+    start: float | FloatArray = 0.0,
+    variant: ModelVariant = ModelVariant.PRINTED,
+) -> FloatArray:
+    """Simulate many impacts at once; parameters as `simulate_impact`, one start or one each.
+
+    Returns
+    -------
+    ndarray, shape (models, 2, count)
+        x1'' and x2'' of each [m/s^2].
+    """
+    check_positive("sampling rate", sampling_rate, "Hz")
+    starts = np.broadcast_to(np.asarray(start, dtype=np.float64), (len(models),))
+    result = np.zeros((len(models), 2, count))
+    for first in range(0, len(models), BATCH):
+        part = slice(first, first + BATCH)
+        _simulate(models[part], sampling_rate, starts[part], variant, result[part])
+    return result
+
+
+def _simulate(
+    models: Sequence[ImpactModel],
+    sampling_rate: float,
+    starts: FloatArray,
+    variant: ModelVariant,
+    out: FloatArray,
+) -> None:
+    """Fill `out`, shape (models, 2, count), which is zero."""
+    count, bodies = out.shape[2], _Bodies(models)
+    first = _find_point(starts, sampling_rate, np.zeros(len(models)), count, is_inside=True)
+    free = _find_point(starts, sampling_rate, bodies.contact_time, count, is_inside=False)
+    contact = _ContactPhase(bodies, variant)
+    _place(
+        contact.evaluate(starts + first / sampling_rate, sampling_rate, free - first),
+        first,
+        free,
+        out,
+    )
+    late = starts + free / sampling_rate - bodies.contact_time
+    ends = np.full(len(models), count)
+    # The driven hammer rests once the force is gone.
+    moving = slice(0 if variant is ModelVariant.PRINTED else 1, 2)
+    _place(
+        _evaluate_free(bodies, contact.find_end(), late, sampling_rate, ends - free, moving),
+        free,
+        ends,
+        out[:, moving],
+    )
+
+
+def _find_point(
+    starts: FloatArray,
+    sampling_rate: float,
+    limits: FloatArray,
+    count: int,
+    *,
+    is_inside: bool,
+) -> NDArray[np.intp]:
+    """Return the first points at or (not `is_inside`) beyond a time, at most `count`."""
+    # The grid is start + n / rate as rounded: the points around say which one it is.
+    near = np.ceil((limits - starts) * sampling_rate)[:, np.newaxis] + NEIGHBOURS
+    times = starts[:, np.newaxis] + near / sampling_rate
+    limit = limits[:, np.newaxis]
+    is_before = times < limit if is_inside else times <= limit
+    points = near[:, 0] + is_before.sum(axis=1)
+    return np.asarray(points.clip(0.0, count), dtype=np.intp)
+
+
+def _place(
+    values: FloatArray, first: NDArray[np.intp], end: NDArray[np.intp], out: FloatArray
+) -> None:
+    """Copy values, shape (models, bodies, longest), to where each model has them."""
+    for record, source, begin, stop in zip(out, values, first, end, strict=True):
+        record[:, begin:stop] = source[:, : stop - begin]
+
+
+class _Bodies:
+    """Parameters of many models, each an array of shape (models,) or (models, 2)."""
+
+    def __init__(self, models: Sequence[ImpactModel]) -> None:
+        table = np.array(
+            [
+                (
+                    model.hammer.mass,
+                    model.specimen.mass,
+                    model.hammer.stiffness,
+                    model.specimen.stiffness,
+                    model.hammer.damping_coefficient,
+                    model.specimen.damping_coefficient,
+                    model.contact_time,
+                    model.impact_speed,
+                    model.peak_force,
+                )
+                for model in models
+            ],
+            dtype=np.float64,
+        )
+        self.masses, self.stiffness, self.damping = table[:, 0:2], table[:, 2:4], table[:, 4:6]
+        self.contact_time, self.impact_speed, self.peak_force = table[:, 6:9].T
 
 
 class _ContactPhase:
@@ -160,89 +261,78 @@ class _ContactPhase:
     and a length d that makes all entries of about one size; z' = w N z.
     """
 
-    def __init__(self, model: ImpactModel, variant: ModelVariant) -> None:
-        first, second = model.hammer, model.specimen
-        self._rate = 2.0 * np.pi / model.contact_time
-        if variant is ModelVariant.PRINTED:
-            k1, c1, direction, speed = (
-                first.stiffness,
-                first.damping_coefficient,
-                (0.0, -1.0),
-                model.impact_speed,
-            )
-        else:
-            k1, c1, direction, speed = 0.0, 0.0, (-1.0, 1.0), 0.0
-        k2, c2 = second.stiffness, second.damping_coefficient
-        masses = np.array([first.mass, second.mass])
-        drive = np.array(direction) * model.peak_force / 2.0 / masses
-        length = float(max(np.abs(drive).max() / self._rate, abs(speed)) / self._rate)
-        self._length = length or 1.0
-        stiffness = np.array([[k1, -k1], [-k1, k1 + k2]]) / masses[:, np.newaxis]
-        damping = np.array([[c1, -c1], [-c1, c1 + c2]]) / masses[:, np.newaxis]
-        drive /= self._length * self._rate**2
-        self._matrix = np.zeros((7, 7))
-        self._matrix[0, 2] = self._matrix[1, 3] = 1.0
-        self._matrix[2:4, 0:2] = -stiffness / self._rate**2
-        self._matrix[2:4, 2:4] = -damping / self._rate
-        self._matrix[2:4, 4] = drive
-        self._matrix[2:4, 5] = -drive
-        self._matrix[5, 6], self._matrix[6, 5] = -1.0, 1.0
-        relative_speed = speed / (self._length * self._rate)
-        self._initial = np.array([0.0, 0.0, relative_speed, 0.0, 1.0, 1.0, 0.0])
+    def __init__(self, bodies: _Bodies, variant: ModelVariant) -> None:
+        count = bodies.contact_time.size
+        is_printed = variant is ModelVariant.PRINTED
+        self._rate = rate = FULL_TURN / bodies.contact_time
+        direction = np.array((0.0, -1.0) if is_printed else (-1.0, 1.0))
+        drive = direction * (bodies.peak_force / 2.0)[:, np.newaxis] / bodies.masses
+        speed = bodies.impact_speed if is_printed else np.zeros(count)
+        length = np.maximum(np.abs(drive).max(axis=1) / rate, np.abs(speed)) / rate
+        self._length = np.where(length > 0.0, length, 1.0)
+        drive = drive / (self._length * rate**2)[:, np.newaxis]
 
-    def find_state(self, time: float) -> FloatArray:
-        """Return (x1, x2, x1', x2') at `time` [s]."""
-        scaled: FloatArray = expm(self._matrix * self._rate * time) @ self._initial
-        state = self._length * scaled[:4]
-        state[2:] *= self._rate
+        self._matrix = matrix = np.zeros((count, 7, 7))
+        matrix[:, 0, 2] = matrix[:, 1, 3] = 1.0
+        for column, values, scale in ((0, bodies.stiffness, rate**2), (2, bodies.damping, rate)):
+            scaled = values / bodies.masses / scale[:, np.newaxis]
+            matrix[:, 3, column + 1] = -scaled[:, 1]
+            if is_printed:
+                on_second = values[:, 0] / bodies.masses[:, 1] / scale
+                matrix[:, 2, column] = -scaled[:, 0]
+                matrix[:, 2, column + 1] = scaled[:, 0]
+                matrix[:, 3, column] = on_second
+                matrix[:, 3, column + 1] -= on_second
+        matrix[:, 2:4, 4] = drive
+        matrix[:, 2:4, 5] = -drive
+        matrix[:, 5, 6], matrix[:, 6, 5] = -1.0, 1.0
+        self._initial = np.zeros((count, 7))
+        self._initial[:, 2] = speed / (self._length * rate)
+        self._initial[:, 4:6] = 1.0
+
+    def find_end(self) -> FloatArray:
+        """Return x1, x2 over tau_p and x1', x2' at tau_p, shape (models, 2, 2) [m/s]."""
+        turn = exponentiate(self._matrix * FULL_TURN)
+        state = (turn @ self._initial[:, :, np.newaxis])[:, :4, 0].reshape(-1, 2, 2)
+        state = state * (self._length * self._rate)[:, np.newaxis, np.newaxis]
+        state[:, 0] /= FULL_TURN
         return state
 
-    def evaluate(self, time: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
-        """Return both accelerations [m/s^2] on a uniform grid of `step` [s]."""
-        initial = expm(self._matrix * self._rate * time[0]) @ self._initial
-        states = propagate(self._matrix * self._rate * step, initial, time.size)
-        hammer, specimen = self._length * self._rate**2 * (self._matrix[2:4] @ states)
-        return hammer, specimen
+    def evaluate(
+        self, first: FloatArray, sampling_rate: float, counts: NDArray[np.intp]
+    ) -> FloatArray:
+        """Return both accelerations from the time `first` on, shape (models, 2, longest)."""
+        angles = np.stack([self._rate * first, self._rate / sampling_rate])
+        shift, step = exponentiate(self._matrix * angles[:, :, np.newaxis, np.newaxis])
+        initial = (shift @ self._initial[:, :, np.newaxis])[:, :, 0]
+        scale = (self._length * self._rate**2)[:, np.newaxis, np.newaxis]
+        return propagate_output(
+            step, initial, scale * self._matrix[:, 2:4], int(counts.max(initial=0))
+        )
 
 
 def _evaluate_free(
-    body: Body, state: FloatArray, time: FloatArray, sampling_rate: float
+    bodies: _Bodies,
+    state: FloatArray,
+    late: FloatArray,
+    sampling_rate: float,
+    counts: NDArray[np.intp],
+    which: slice,
 ) -> FloatArray:
-    """Return the acceleration [m/s^2] of a body left alone in `state` = (x, x')."""
-    matrix = np.array(
-        [[0.0, 1.0], [-body.stiffness / body.mass, -body.damping_coefficient / body.mass]]
-    )
-    states = propagate(matrix / sampling_rate, expm(matrix * time[0]) @ state, time.size)
-    return np.asarray(matrix[1] @ states)
+    """Return the accelerations of bodies left alone, `late` after the contact.
 
-
-def propagate(matrix: FloatArray, initial: FloatArray, count: int) -> FloatArray:
-    """Compute e^(n M) y for n = 0 ... count - 1; M, shape (d, d), is system matrix times step."""
-    return propagate_power(expm(matrix), initial, count)
-
-
-def propagate_power(power: FloatArray, initial: FloatArray, count: int) -> FloatArray:
-    """Compute P^n y for n = 0 ... count - 1 by doubling.
-
-    Parameters
-    ----------
-    power : ndarray, shape (d, d)
-        P, which takes the state over one step.
-    initial : ndarray, shape (d,)
-        y.
-    count : int
-        Number of columns.
-
-    Returns
-    -------
-    ndarray, shape (d, count)
+    States, shape (models, 2, 2), are positions over tau_p and velocities, which makes entries of
+    about one size; the result has the shape (models, bodies, longest).
     """
-    result = np.empty((initial.size, count))
-    result[:, 0] = initial
-    done = 1
-    while done < count:
-        more = min(done, count - done)
-        np.matmul(power, result[:, :more], out=result[:, done : done + more])
-        done += more
-        power = power @ power
-    return result
+    tau = bodies.contact_time
+    masses = bodies.masses[:, which]
+    matrix = np.zeros((late.size, masses.shape[1], 2, 2))
+    matrix[..., 0, 1] = 1.0
+    matrix[..., 1, 0] = bodies.stiffness[:, which] / masses * -(tau**2)[:, np.newaxis]
+    matrix[..., 1, 1] = bodies.damping[:, which] / masses * -tau[:, np.newaxis]
+    times = np.stack([late, np.full(late.size, 1.0 / sampling_rate)]) / tau
+    shift, step = exponentiate(matrix * times[:, :, np.newaxis, np.newaxis, np.newaxis])
+    own = np.swapaxes(state, 1, 2)[:, which, :, np.newaxis]
+    readout = matrix[..., 1:, :] / tau[:, np.newaxis, np.newaxis, np.newaxis]
+    longest = int(counts.max(initial=0))
+    return propagate_output(step, (shift @ own)[..., 0], readout, longest)[:, :, 0]

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
-from impact_rig.core.model.impact import ImpactModel, propagate
+from impact_rig.core.model.impact import ImpactModel
+from impact_rig.core.model.propagation import propagate
 from impact_rig.core.signals.record import FloatArray
 
 SPEED, FORCE, KAPPA_1, DELTA_1, KAPPA_2, DELTA_2, JERK = range(7)
@@ -86,7 +87,7 @@ def compute_printed_sensitivities(
     matrix, initial = _make_contact_system(scaled)
     rows = np.zeros((ROWS, 2, count))
     if free > first:
-        states = propagate(matrix * step, expm(matrix * time[first]) @ initial, free - first)
+        states = propagate(expm(matrix * step), expm(matrix * time[first]) @ initial, free - first)
         rows[:, :, first:free] = _read_contact(scaled, matrix, states)
     end = (expm(matrix) @ initial)[:, np.newaxis]
     at_end = _read_contact(scaled, matrix, end)[:, :, 0]
@@ -96,7 +97,7 @@ def compute_printed_sensitivities(
         after_end[:, body] = _read_free(scaled, body, free_initial[:, np.newaxis])[:, 0]
         if count > free:
             arrived = expm(free_matrix * (time[free] - 1.0)) @ free_initial
-            states = propagate(free_matrix * step, arrived, count - free)
+            states = propagate(expm(free_matrix * step), arrived, count - free)
             rows[:, body, free:] = _read_free(scaled, body, states)
     at_start = _read_contact(scaled, matrix, initial[:, np.newaxis])[:, :, 0]
 

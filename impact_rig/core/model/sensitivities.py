@@ -16,8 +16,9 @@ from scipy.linalg import expm
 
 from impact_rig.core.checks import check_positive
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.model.impact import ImpactModel, ModelVariant, propagate_power
+from impact_rig.core.model.impact import ImpactModel, ModelVariant
 from impact_rig.core.model.printed_sensitivities import compute_printed_sensitivities
+from impact_rig.core.model.propagation import propagate
 from impact_rig.core.signals.record import FloatArray
 
 DRIVEN_PARAMETERS = ("tau_p", "t0", "k2", "c2", "F0")
@@ -143,7 +144,7 @@ def respond_to_versed_sine(
     initial = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0])
     if free > first:
         powers = expm(matrix * np.array([time[first], step, 1.0])[:, np.newaxis, np.newaxis])
-        states = propagate_power(powers[1], powers[0] @ initial, free - first)
+        states = propagate(powers[1], powers[0] @ initial, free - first)
         inside = result[:, first:free]
         _differentiate_oscillator(states, stiffness, damping, inside)
         force = 0.5 * (states[4] - states[5])
@@ -157,7 +158,7 @@ def respond_to_versed_sine(
     if time.size > free:
         late = max(float(time[free]) - 1.0, 0.0)
         powers = expm(matrix[:4, :4] * np.array([late, step])[:, np.newaxis, np.newaxis])
-        states = propagate_power(powers[1], powers[0] @ last[:4], time.size - free)
+        states = propagate(powers[1], powers[0] @ last[:4], time.size - free)
         _differentiate_oscillator(states, stiffness, damping, result[:, free:])
     return result
 

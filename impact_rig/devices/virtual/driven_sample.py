@@ -10,7 +10,8 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
-from impact_rig.core.model.impact import ImpactModel, propagate
+from impact_rig.core.model.impact import ImpactModel
+from impact_rig.core.model.propagation import propagate
 from impact_rig.core.model.pulses import PulseShape, compute_pulse
 from impact_rig.core.signals.record import FloatArray
 
@@ -63,7 +64,7 @@ def simulate_driven(
     if late.size:
         first = expm(matrix * late[0]) @ state
         specimen[count - late.size :] = matrix[1] @ propagate(
-            matrix / sampling_rate, first, late.size
+            expm(matrix / sampling_rate), first, late.size
         )
     return -force / model.hammer.mass, specimen
 
