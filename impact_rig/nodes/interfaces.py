@@ -19,6 +19,7 @@ from impact_rig_msgs.msg import (
     ReplayerState,
     RigSetup,
     SampleEstimate,
+    StreamBlock,
     VirtualImpact,
 )
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -30,6 +31,9 @@ RESULT_DEPTH = 256
 campaigns."""
 COMPARISON_DEPTH = 64
 """The same for traces of 80 kB [messages]."""
+STREAM_DEPTH = 100
+"""How much of a running stream may wait, where no parameter says otherwise [messages], our choice:
+1 s in blocks of 10 ms."""
 
 
 def _make_qos(depth: int, *, latched: bool) -> QoSProfile:
@@ -62,6 +66,8 @@ class Topic:
 
 SETUP = Topic("setup", RigSetup, _make_qos(1, latched=True))
 ACCELERATION = Topic("acceleration", AccelerationBlock, _make_qos(200, latched=False))
+STREAM = Topic("acceleration/stream", StreamBlock, _make_qos(STREAM_DEPTH, latched=False))
+"""The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
 RELEASE = Topic("release", HammerRelease, _make_qos(RESULT_DEPTH, latched=True))
 VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _make_qos(RESULT_DEPTH, latched=True))
 IMPACT = Topic("impact", Impact, _make_qos(RESULT_DEPTH, latched=True))

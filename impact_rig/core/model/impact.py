@@ -293,7 +293,7 @@ class _ContactPhase:
     def find_end(self) -> FloatArray:
         """Return x1, x2 over tau_p and x1', x2' at tau_p, shape (models, 2, 2) [m/s]."""
         turn = exponentiate(self._matrix * FULL_TURN)
-        state = (turn @ self._initial[:, :, np.newaxis])[:, :4, 0].reshape(-1, 2, 2)
+        state: FloatArray = (turn @ self._initial[:, :, np.newaxis])[:, :4, 0].reshape(-1, 2, 2)
         state = state * (self._length * self._rate)[:, np.newaxis, np.newaxis]
         state[:, 0] /= FULL_TURN
         return state
