@@ -11,7 +11,7 @@ from impact_rig.core.errors import RigError
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.session import Session
-from impact_rig.nodes import interfaces, messages
+from impact_rig.nodes import estimate_messages, interfaces
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.recording.storage_gate import StorageGate
 from impact_rig.nodes.rig_node import RigNode
@@ -115,7 +115,7 @@ class EstimatorNode(RigNode):
             self._publish(session, hit)
 
     def _publish(self, session: Session, hit: JudgedHit) -> None:
-        self._impact.publish(messages.hit_to_msg(hit))
+        self._impact.publish(estimate_messages.hit_to_msg(hit))
         self._counts["impacts accepted" if hit.accepted else "impacts rejected"] += 1
         if not hit.accepted:
             return
@@ -123,7 +123,7 @@ class EstimatorNode(RigNode):
         struck, control = hit.label.sample, session.setup.samples.control_sample
         if struck == control:
             hammer = session.estimate_hammer()
-            self._hammer_estimate.publish(messages.hammer_to_msg(hammer, control, stamp))
+            self._hammer_estimate.publish(estimate_messages.hammer_to_msg(hammer, control, stamp))
         self._publish_estimate(session.estimate_sample(struck), stamp)
         if struck == control:
             # What the control sample says of the hammer changes every other sample's k2.
@@ -134,9 +134,11 @@ class EstimatorNode(RigNode):
     def _publish_estimate(self, estimate: SampleEstimate, stamp: Time) -> None:
         if estimate.contact is None:
             return
-        self._estimate.publish(messages.estimate_to_msg(estimate, stamp))
+        self._estimate.publish(estimate_messages.estimate_to_msg(estimate, stamp))
         for comparison in estimate.comparisons:
-            self._comparison.publish(messages.comparison_to_msg(estimate, comparison, stamp))
+            self._comparison.publish(
+                estimate_messages.comparison_to_msg(estimate, comparison, stamp)
+            )
 
     def _answer(self, _: GetResults.Request, response: GetResults.Response) -> GetResults.Response:
         response.setup_stamp = self._setup_stamp
@@ -144,15 +146,15 @@ class EstimatorNode(RigNode):
             return response
         results = self._session.estimate_all()
         stamp = self.get_clock().now().to_msg()
-        response.hammer = messages.hammer_to_msg(
+        response.hammer = estimate_messages.hammer_to_msg(
             results.hammer, results.setup.samples.control_sample, stamp
         )
-        response.samples = messages.estimate_to_msgs(results.samples, stamp)
+        response.samples = estimate_messages.estimate_to_msgs(results.samples, stamp)
         for estimate in response.samples:
             # Now with the model fitted: recorder and view want to know.
             self._estimate.publish(estimate)
-        response.accepted = [messages.hit_to_msg(hit) for hit in results.accepted]
-        response.rejected = [messages.hit_to_msg(hit) for hit in results.rejected]
+        response.accepted = [estimate_messages.hit_to_msg(hit) for hit in results.accepted]
+        response.rejected = [estimate_messages.hit_to_msg(hit) for hit in results.rejected]
         return response
 
 

@@ -10,7 +10,7 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.nodes import messages
+from impact_rig.nodes import estimate_messages, messages
 from impact_rig.nodes.visualizing import shown_campaign
 from impact_rig.nodes.visualizing.shown_campaign import ShownCampaign
 from impact_rig.results.flat_estimates import results_from_session
@@ -32,7 +32,7 @@ class Told:
             self.truths.append(messages.virtual_hit_to_msg(hit, STAMP))
             self.faults[record] = tuple(fault.value for fault in hit.faults)
             for block in hit.split(5000, 0):
-                self.verdicts += map(messages.hit_to_msg, self.session.feed(block))
+                self.verdicts += map(estimate_messages.hit_to_msg, self.session.feed(block))
         self.found = self.session.estimate_all_without_models()
 
     def tell(self, campaign, *, with_peaks=True):
@@ -40,15 +40,17 @@ class Told:
             campaign.add_truth(message)
         for message in self.verdicts:
             campaign.add_hit(message)
-        campaign.add_hammer(messages.hammer_to_msg(self.found.hammer, CONTROL_SAMPLE, STAMP))
+        campaign.add_hammer(
+            estimate_messages.hammer_to_msg(self.found.hammer, CONTROL_SAMPLE, STAMP)
+        )
         for estimate in self.found.samples:
             self.tell_comparisons(campaign, estimate, with_peaks=with_peaks)
-            campaign.add_estimate(messages.estimate_to_msg(estimate, STAMP))
+            campaign.add_estimate(estimate_messages.estimate_to_msg(estimate, STAMP))
 
     @staticmethod
     def tell_comparisons(campaign, estimate, *, with_peaks):
         for comparison in estimate.comparisons:
-            message = messages.comparison_to_msg(estimate, comparison, STAMP)
+            message = estimate_messages.comparison_to_msg(estimate, comparison, STAMP)
             if not with_peaks:
                 message.hammer_peak = message.specimen_peak = math.nan
             campaign.add_comparison(message)
