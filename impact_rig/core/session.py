@@ -75,6 +75,7 @@ class Session:
         self._means: dict[str, MeanHit] = {}
         self._hammer: tuple[MeanHit, BodyEstimate] | None = None
         self._traces: dict[str, tuple[MeanHit, TraceEstimates]] = {}
+        self._results: SessionResults | None = None
 
     def feed(self, block: Block) -> tuple[JudgedHit, ...]:
         """Take the next block and return the hits that it completed, judged.
@@ -94,6 +95,7 @@ class Session:
         What is accepted here may still turn out an outlier, or surplus, once more hits have come.
         """
         self.setup.samples.find(record.label.sample)
+        self._results = None
         hit = judge_hit(record, self.setup.analysis)
         hits = self._hits.setdefault(hit.label.sample, [])
         if hit.accepted:
@@ -119,6 +121,7 @@ class Session:
             for hit in hits:
                 overrule_hit(hit, overrules)
         self._overrules = overrules
+        self._results = None
         self._selections.clear()
         self._means.clear()
 
@@ -202,11 +205,15 @@ class Session:
     def estimate_all(self, report: Callable[[int], None] | None = None) -> SessionResults:
         """Return everything found so far, the model fitted to every sample.
 
+        Asked again before another hit has come, it costs nothing.
+
         Parameters
         ----------
         report : callable, optional
             Is told after each sample how many are done.
         """
+        if self._results is not None:
+            return self._results
 
         def estimate(name: str, hammer: BodyEstimate) -> SampleEstimate:
             found = self._estimate_with_models(name, hammer)
@@ -214,7 +221,8 @@ class Session:
                 report(self.names.index(name) + 1)
             return found
 
-        return self._gather(estimate)
+        self._results = self._gather(estimate)
+        return self._results
 
     def estimate_all_without_models(self) -> SessionResults:
         """Return the same without the fitted models, which take most of the time."""

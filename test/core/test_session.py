@@ -179,6 +179,15 @@ def test_a_sampling_rate_too_low_for_the_filter_is_named(
         session.feed(blocks[0])
 
 
+def test_results_asked_for_twice_are_the_same_until_another_hit_comes(strike: Strike) -> None:
+    session = Session(SETUP)
+    strike_series(strike, session, [900.0] * 2)
+    first = session.estimate_all()
+    assert session.estimate_all() is first
+    strike_series(strike, session, [900.0], first=3)
+    assert len(session.estimate_all().accepted) == 3
+
+
 def strike_series(
     strike: Strike, session: Session, heights: list[float], sample: str = "alike", first: int = 1
 ) -> list[JudgedHit]:
