@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import butter, filtfilt
+from scipy.signal import butter, filtfilt, sosfiltfilt
 
 from impact_rig.core.errors import ParameterError, SignalError
 from impact_rig.core.signals.filtering import check_cutoff, low_pass
@@ -49,6 +49,17 @@ def test_agrees_with_a_filter_designed_and_run_in_another_way() -> None:
     one_pass = CUTOFF / (np.sqrt(2) - 1) ** 0.25
     expected = filtfilt(*butter(2, one_pass / (RATE / 2)), trace, method="gust")
     np.testing.assert_allclose(low_pass(trace, CUTOFF, RATE), expected, atol=1e-8)
+
+
+@given(count=st.integers(16, 1200), channels=st.integers(1, 3), seed=st.integers(0, 100))
+def test_is_what_scipy_makes_of_the_same_filter_and_padding(
+    count: int, channels: int, seed: int
+) -> None:
+    traces = np.random.default_rng(seed).standard_normal((channels, count))
+    one_pass = CUTOFF / (np.sqrt(2) - 1) ** 0.25
+    sections = butter(2, one_pass, fs=RATE, output="sos")
+    expected = sosfiltfilt(sections, traces, padtype="even", padlen=min(count - 1, 150))
+    np.testing.assert_allclose(low_pass(traces, CUTOFF, RATE), expected, rtol=0, atol=1e-12)
 
 
 def test_a_steady_trace_stays_as_it_is() -> None:
