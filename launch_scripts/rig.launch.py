@@ -28,8 +28,7 @@ from impact_rig.configuration.processes import (
 )
 from impact_rig.configuration.run import load_rig_file, make_run_folder, merge_virtual
 from impact_rig.core.errors import ParameterError
-from impact_rig.devices.virtual.faults import Fault
-from impact_rig.devices.virtual.plants import Plant
+from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.recording.writing.mcap_writer import COMPRESSIONS
 
 PLANTS = [plant.value for plant in Plant]

@@ -9,8 +9,7 @@ from typing import Any
 import click
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.devices.virtual.faults import Fault
-from impact_rig.devices.virtual.plants import Plant
+from impact_rig.devices.virtual.choices import Fault, Plant
 
 PLANTS = [plant.value for plant in Plant]
 FAULTS = ", ".join(fault.value for fault in Fault)

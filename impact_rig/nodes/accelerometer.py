@@ -11,14 +11,14 @@ from std_srvs.srv import Trigger
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.model.pulses import PULSE_SHAPES
 from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.digitizer import DigitizerSettings
 from impact_rig.devices.virtual.faults import (
-    Fault,
     FaultPlan,
     faults_from_names,
     scheduled_fault_from_text,
 )
-from impact_rig.devices.virtual.plants import Plant, pulse_shape_from_name
+from impact_rig.devices.virtual.plants import pulse_shape_from_name
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.process import run_node

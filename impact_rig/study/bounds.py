@@ -14,8 +14,9 @@ from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.identification.cramer_rao import compute_model_bound
 from impact_rig.core.model.pulses import VERSED_SINE
 from impact_rig.core.setup.samples import RigSetup
+from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.digitizer import find_scale
-from impact_rig.devices.virtual.plants import Plant, find_nominal_model
+from impact_rig.devices.virtual.plants import find_nominal_model
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.study.cases import Case
 

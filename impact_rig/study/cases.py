@@ -8,8 +8,8 @@ from typing import Any
 from impact_rig.core.checks import check_between
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.pulses import PULSE_SHAPES
+from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.digitizer import DigitizerSettings
-from impact_rig.devices.virtual.plants import Plant
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 
 

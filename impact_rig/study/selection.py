@@ -13,8 +13,8 @@ from impact_rig.core.hits.verdict import Reason
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.virtual.faults import Fault, FaultPlan, ScheduledFault
-from impact_rig.devices.virtual.plants import Plant
+from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.devices.virtual.faults import FaultPlan, ScheduledFault
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.study.campaigns import strike
 

@@ -23,7 +23,7 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.filtering import low_pass
 from impact_rig.core.signals.record import FloatArray, HitLabel
-from impact_rig.devices.virtual.plants import Plant
+from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.study.campaigns import strike
 

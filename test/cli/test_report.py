@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.devices.virtual.faults import Fault, FaultPlan
-from impact_rig.devices.virtual.plants import Plant
+from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.devices.virtual.faults import FaultPlan
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure
 from impact_rig.reporting.report import comparison_content, run_content

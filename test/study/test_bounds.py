@@ -9,7 +9,8 @@ import pytest
 from impact_rig.core.identification.cramer_rao import compute_model_bound
 from impact_rig.core.model.pulses import HERTZ
 from impact_rig.core.setup.paper import HAMMER_DAMPING_COEFFICIENT, PAPER_SETUP
-from impact_rig.devices.virtual.plants import Plant, find_nominal_model
+from impact_rig.devices.virtual.choices import Plant
+from impact_rig.devices.virtual.plants import find_nominal_model
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.study.bounds import find_bounds
 from impact_rig.study.campaigns import make_exact

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.digitizer import DigitizerSettings
-from impact_rig.devices.virtual.plants import Plant
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.study.campaigns import (
     CampaignSource,

@@ -4,7 +4,8 @@ from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.verdict import Reason, Rejection
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.virtual.faults import Fault, ScheduledFault
+from impact_rig.devices.virtual.choices import Fault
+from impact_rig.devices.virtual.faults import ScheduledFault
 from impact_rig.study.selection import (
     RIGHT_REASONS,
     SERIES_HITS,

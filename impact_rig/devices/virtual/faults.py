@@ -2,24 +2,13 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from enum import Enum
 
 import numpy as np
 
 from impact_rig.core.checks import check_between
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.signals.record import HitLabel
-
-
-class Fault(Enum):
-    """Faults that the virtual rig can inject."""
-
-    DOUBLE_HIT = "double_hit"
-    OVERLOAD = "overload"
-    WEAK_HIT = "weak_hit"
-    MISSED_TRIGGER = "missed_trigger"
-    DEAD_CHANNEL = "dead_channel"
-    LOST_BLOCK = "lost_block"
+from impact_rig.devices.virtual.choices import Fault
 
 
 def fault_from_name(name: str) -> Fault:

@@ -7,7 +7,6 @@ truth: on them the bias of an estimator is measured.
 
 import math
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
@@ -33,15 +32,8 @@ from impact_rig.core.model.stiffness import (
 )
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import FloatArray
+from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.driven_sample import simulate_driven
-
-
-class Plant(Enum):
-    """Which physics the virtual rig has."""
-
-    PUBLISHED = "published"
-    DYNAMICS = "dynamics"
-    DYNAMICS_PRINTED = "dynamics_printed"
 
 
 @dataclass(frozen=True)

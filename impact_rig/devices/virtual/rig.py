@@ -12,11 +12,11 @@ from impact_rig.core.model.pulses import VERSED_SINE, PulseShape
 from impact_rig.core.setup.paper import HAMMER_DAMPING_COEFFICIENT
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block, ChannelBlock, FloatArray, HitLabel
+from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.digitizer import DigitizerSettings, digitize, find_scale
-from impact_rig.devices.virtual.faults import Fault, FaultPlan
+from impact_rig.devices.virtual.faults import FaultPlan
 from impact_rig.devices.virtual.plants import (
     HitPhysics,
-    Plant,
     check_pulse_shape,
     find_nominal_model,
     simulate_plant,

@@ -10,8 +10,8 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.digitizer import DigitizerSettings
-from impact_rig.devices.virtual.plants import Plant
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 
 SAMPLE = "aluminium large"

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.faults import (
-    Fault,
     FaultPlan,
     ScheduledFault,
     fault_from_name,

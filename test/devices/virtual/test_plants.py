@@ -23,10 +23,10 @@ from impact_rig.core.model.pulses import (
 )
 from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.setup.samples import Sample, SampleSet
+from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.driven_sample import simulate_driven
 from impact_rig.devices.virtual.plants import (
     HitPhysics,
-    Plant,
     find_nominal_model,
     pulse_shape_from_name,
     simulate_plant,

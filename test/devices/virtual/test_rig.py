@@ -16,8 +16,8 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual import rig as virtual_rig
-from impact_rig.devices.virtual.faults import Fault, FaultPlan
-from impact_rig.devices.virtual.plants import Plant
+from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.devices.virtual.faults import FaultPlan
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 
 BLOCK_SIZE = 1000

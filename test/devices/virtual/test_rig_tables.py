@@ -9,8 +9,8 @@ from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import Session, SessionResults
 from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.virtual.faults import Fault, FaultPlan, ScheduledFault
-from impact_rig.devices.virtual.plants import Plant
+from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.devices.virtual.faults import FaultPlan, ScheduledFault
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 
 BLOCK_SIZE = 1000

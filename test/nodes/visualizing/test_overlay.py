@@ -8,7 +8,8 @@ import pytest
 from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.virtual.faults import Fault, FaultPlan, ScheduledFault
+from impact_rig.devices.virtual.choices import Fault
+from impact_rig.devices.virtual.faults import FaultPlan, ScheduledFault
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes.visualizing.overlay import WAITING_HITS, HitOverlay
 

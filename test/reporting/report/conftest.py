@@ -10,8 +10,8 @@ import pytest
 from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.virtual.faults import Fault, FaultPlan, ScheduledFault
-from impact_rig.devices.virtual.plants import Plant
+from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.devices.virtual.faults import FaultPlan, ScheduledFault
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure
 from impact_rig.reporting.report import comparison_content, run_content

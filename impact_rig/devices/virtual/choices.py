@@ -1,0 +1,22 @@
+"""What a virtual rig can be asked for by name: light, since every command's help lists it."""
+
+from enum import Enum
+
+
+class Plant(Enum):
+    """Which physics the virtual rig has."""
+
+    PUBLISHED = "published"
+    DYNAMICS = "dynamics"
+    DYNAMICS_PRINTED = "dynamics_printed"
+
+
+class Fault(Enum):
+    """Faults that the virtual rig can inject."""
+
+    DOUBLE_HIT = "double_hit"
+    OVERLOAD = "overload"
+    WEAK_HIT = "weak_hit"
+    MISSED_TRIGGER = "missed_trigger"
+    DEAD_CHANNEL = "dead_channel"
+    LOST_BLOCK = "lost_block"
