@@ -14,6 +14,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.special import beta, betainc, betaincinv
 
 from impact_rig.core.checks import check_between, check_positive
+from impact_rig.core.setup.paper import PULSE_NAME
 from impact_rig.core.signals.record import FloatArray
 
 LARGEST_ASYMMETRY = 0.9
@@ -79,7 +80,7 @@ def _make_sine_power(name: str, power: float, mean: float) -> PulseShape:
 HALF_SINE = _make_sine_power("half-sine", 1.0, 2.0 / np.pi)
 SINE_POWER_1_5 = _make_sine_power("sin^1.5", 1.5, float(beta(1.25, 0.5)) / np.pi)
 """A common stand-in for a Hertz contact."""
-VERSED_SINE = _make_sine_power("versed-sine", 2.0, 0.5)
+VERSED_SINE = _make_sine_power(PULSE_NAME, 2.0, 0.5)
 
 
 def _find_hertz_width(level: float) -> float:

@@ -20,6 +20,8 @@ HAMMER_STIFFNESS = 22.54e6
 """k1, Table 3 [N/m]."""
 HAMMER_DAMPING_COEFFICIENT = 1909.0
 """c1, Table 4 [N s/m]."""
+PULSE_NAME = "versed-sine"
+"""What the paper calls its contact force, equation (4)."""
 CONTROL_SAMPLE = "aluminium large"
 
 

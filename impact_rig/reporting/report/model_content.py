@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from impact_rig.core.model.pulses import VERSED_SINE
+from impact_rig.core.setup.paper import PULSE_NAME
 from impact_rig.reporting.report.document import (
     Column,
     Table,
@@ -54,7 +54,7 @@ def tabulate_errors(samples: Sequence[SampleResults]) -> list[Table]:
 def tabulate_pulse_shapes(samples: Sequence[SampleResults]) -> list[Table]:
     """Return what the pulses look like, and tau_p and k2 under the best shape."""
     rows = [
-        (sample, sample.pulse_shape, best, sample.pulse_shape.find_fit(VERSED_SINE.name))
+        (sample, sample.pulse_shape, best, sample.pulse_shape.find_fit(PULSE_NAME))
         for sample in samples
         if (best := sample.pulse_shape.best_fit) is not None
     ]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
-from impact_rig.core.model.pulses import VERSED_SINE
+from impact_rig.core.setup.paper import PULSE_NAME
 from impact_rig.reporting.terminal.columns import Column, make_optional
 from impact_rig.reporting.terminal.console import print_item, print_table
 from impact_rig.results.estimates import IdentificationResults, SampleResults
@@ -43,7 +43,7 @@ def print_comparison(console: Console, samples: Sequence[SampleResults]) -> None
 def print_pulse_shapes(console: Console, samples: Sequence[SampleResults]) -> None:
     """Print what the pulses look like, and what tau_p and k2 become under the best shape."""
     rows = [
-        (sample.name, sample.pulse_shape, best, sample.pulse_shape.find_fit(VERSED_SINE.name))
+        (sample.name, sample.pulse_shape, best, sample.pulse_shape.find_fit(PULSE_NAME))
         for sample in samples
         if (best := sample.pulse_shape.best_fit) is not None
     ]
