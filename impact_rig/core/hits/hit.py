@@ -147,20 +147,21 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
     except SignalError as error:
         rejections += (Rejection(Reason.TRUNCATED, str(error)),)
         return JudgedHit(record.label, rejections, record.stamp)
-    rejections += check_strength(record, filtered.traces, settings)
-    rejections += check_pulse(record, filtered.traces[0], filtered.pulse, settings)
-    width = filtered.pulse.half_amplitude_width / record.sampling_rate
-    peaks = np.abs(filtered.traces).max(axis=1)
+    pulse, peaks = filtered.pulse, np.abs(filtered.traces).max(axis=1).tolist()
+    overloaded = any(item.reason is Reason.OVERLOAD for item in rejections)
+    rejections += check_strength(record, peaks, settings, overloaded=overloaded)
+    rejections += check_pulse(record, filtered.traces[0], pulse, settings)
+    width = pulse.half_amplitude_width / record.sampling_rate
     return JudgedHit(
         label=record.label,
         rejections=rejections,
         stamp=record.stamp,
-        impact_time=filtered.pulse.middle / record.sampling_rate,
+        impact_time=pulse.middle / record.sampling_rate,
         contact_time=settings.pulse_factor * width,
         half_amplitude_width=width,
-        width_ratio=filtered.pulse.width_ratio,
-        hammer_peak=float(peaks[0]),
-        specimen_peak=float(peaks[1]) if peaks.size > 1 else math.nan,
+        width_ratio=pulse.width_ratio,
+        hammer_peak=peaks[0],
+        specimen_peak=peaks[1] if len(peaks) > 1 else math.nan,
         filtered=filtered,
     )
 
@@ -170,7 +171,7 @@ def _filter_record(record: Record, baseline_stop: int, settings: AnalysisSetting
     if record.specimen is not None:
         channels.append(record.specimen)
     raw = np.stack([channel.acceleration for channel in channels])
-    raw = raw - raw[:, :baseline_stop].mean(axis=1, keepdims=True)
+    raw -= raw[:, :baseline_stop].mean(axis=1, keepdims=True)
     traces = low_pass(raw, settings.cutoff_frequency, record.sampling_rate)
     traces.setflags(write=False)
     return FilteredHit(

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import find_peaks
+from scipy.signal import find_peaks, peak_prominences
 
 from impact_rig.core.hits.pulse_width import PulseWidth, find_crossing
 from impact_rig.core.model.pulses import HALF_SINE, VERSED_SINE
@@ -80,8 +80,11 @@ def find_second_pulse(trace: FloatArray, pulse: PulseWidth, level: float) -> Sec
     """
     upright = trace if pulse.peak > 0 else -trace
     least = LEVEL_MARGIN * level * abs(pulse.peak)
+    peaks, _ = find_peaks(upright, height=least)
+    if peaks.size <= 1:
+        return None
+    peaks = peaks[peak_prominences(upright, peaks)[0] >= least]
     duration = estimate_duration(pulse)
-    peaks, _ = find_peaks(upright, height=least, prominence=least)
     for index in sorted(map(int, peaks), key=lambda index: -upright[index]):
         if index == pulse.peak_index:
             continue

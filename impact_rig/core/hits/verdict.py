@@ -1,5 +1,6 @@
 """Is a hit good? Every reason against it, named."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -118,7 +119,7 @@ def check_channels(record: Record, settings: AnalysisSettings) -> tuple[Rejectio
 
 
 def check_strength(
-    record: Record, traces: FloatArray, settings: AnalysisSettings
+    record: Record, peaks: Sequence[float], settings: AnalysisSettings, *, overloaded: bool
 ) -> tuple[Rejection, ...]:
     """Find whether a hit is too weak or too strong for the ranges of its channels.
 
@@ -126,20 +127,16 @@ def check_strength(
     ----------
     record : Record
         The hit.
-    traces : ndarray, shape (channels, n)
-        Hammer, then sample where measured: filtered, baseline zero [m/s^2].
+    peaks : sequence of float
+        Largest |acceleration| after the low-pass of hammer, then sample where measured [m/s^2].
     settings : AnalysisSettings
-        `minimum_peak`, `maximum_peak` and `overload_run` are used; where full scale is not known,
-        nothing is weak or strong.
+        `minimum_peak` and `maximum_peak` are used; where full scale is not known, nothing is
+        weak or strong.
+    overloaded : bool
+        A channel stood at its rail: then the peak is not known, and the overload says so.
     """
     found = []
-    channels = _name_channels(record)
-    # At the rail the peak is not known, and the overload says so.
-    overloaded = any(
-        find_longest_rail_run(trace) >= settings.overload_run for _, trace in channels
-    )
-    for (name, trace), filtered in zip(channels, traces, strict=True):
-        peak = float(np.max(np.abs(filtered)))
+    for (name, trace), peak in zip(_name_channels(record), peaks, strict=True):
         least, most = (
             part * trace.full_scale for part in (settings.minimum_peak, settings.maximum_peak)
         )
@@ -193,18 +190,22 @@ def find_longest_rail_run(trace: Trace) -> int:
     The rail is full scale where that is known; else a flat top is a rail if the trace steps
     into it.
     """
-    magnitude = np.abs(trace.acceleration)
-    if magnitude.size == 0:
+    values = trace.acceleration
+    if values.size == 0:
         return 0
+    peak = max(float(values.max()), -float(values.min()))
+    rail = peak * (1.0 - 1e-9)
     if trace.full_scale > 0.0:
         # A converter of b bits ends one step below its positive full scale.
         rail = (1.0 - RAIL_TOLERANCE) * trace.full_scale - RAIL_STEPS * trace.resolution
-        return _find_longest_run(magnitude >= rail)
-    peak = float(magnitude.max())
-    at_rail = magnitude >= peak * (1.0 - 1e-9)
+        if peak < rail:
+            return 0
+    at_rail = np.abs(values) >= rail
     run = _find_longest_run(at_rail)
+    if trace.full_scale > 0.0:
+        return run
     first = int(np.argmax(at_rail))
-    step = peak - float(magnitude[first - 1]) if first > 0 else 0.0
+    step = peak - abs(float(values[first - 1])) if first > 0 else 0.0
     return run if step > CORNER_STEP * peak else 1
 
 
@@ -214,9 +215,18 @@ def _find_longest_run(flags: NDArray[np.bool_]) -> int:
 
 
 def _is_dead(trace: Trace, quiet_count: int) -> bool:
-    quiet = trace.acceleration[:quiet_count]
-    largest = float(np.max(np.abs(trace.acceleration - np.median(quiet))))
-    return largest <= max(DEAD_LEVEL * trace.full_scale, DEAD_NOISE * float(np.std(quiet)))
+    values, quiet = trace.acceleration, trace.acceleration[:quiet_count]
+    level = DEAD_LEVEL * trace.full_scale
+    # No deviation is less than half the range of all, no standard deviation more than half the
+    # range of the quiet part: a good hit is told from a dead channel by these alone.
+    if _find_half_range(values) > max(level, DEAD_NOISE * _find_half_range(quiet)):
+        return False
+    largest = float(np.max(np.abs(values - np.median(quiet))))
+    return largest <= max(level, DEAD_NOISE * float(np.std(quiet)))
+
+
+def _find_half_range(values: FloatArray) -> float:
+    return (float(values.max()) - float(values.min())) / 2.0
 
 
 def _name_channels(record: Record) -> list[tuple[str, Trace]]:

@@ -46,7 +46,12 @@ def judge_pulse(record: Record) -> tuple[Rejection, ...]:
 
 def judge_strength(record: Record) -> tuple[Rejection, ...]:
     channels = [record.hammer] if record.specimen is None else [record.hammer, record.specimen]
-    return check_strength(record, np.stack([item.acceleration for item in channels]), SETTINGS)
+    return check_strength(
+        record,
+        [float(np.abs(channel.acceleration).max()) for channel in channels],
+        SETTINGS,
+        overloaded=Reason.OVERLOAD in find_reasons(check_channels(record, SETTINGS)),
+    )
 
 
 class TestStream:
