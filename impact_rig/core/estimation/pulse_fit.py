@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import least_squares
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.optimize import leastsq
 
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.hits.pulse_width import TENTH_LEVEL, find_crossing
@@ -146,10 +147,9 @@ def cut_window(
     # Above, the low-pass is shorter than a fortieth of the width.
     if 0.0 < relative_cutoff * fine <= HIGHEST_RELATIVE_CUTOFF:
         kernel = _find_kernel(relative_cutoff * fine)
-        reach = fine * (kernel.size - 1)
-        model_points = np.arange(first - reach, points[-1] + reach + 1, fine)
-        distance = np.abs(points[:, np.newaxis] - model_points) // fine
-        smoothing = np.append(kernel, 0.0)[np.minimum(distance, kernel.size)]
+        reach = kernel.size // 2
+        model_points = np.arange(first - fine * reach, points[-1] + fine * reach + 1, fine)
+        smoothing = _make_smoothing(kernel, points.size, step // fine)
     return PulseWindow(
         time=np.asarray((points - middle) / width, dtype=np.float64),
         measured=upright[points],
@@ -161,29 +161,40 @@ def cut_window(
 
 @lru_cache(maxsize=16)
 def _find_kernel(relative_cutoff: float) -> FloatArray:
-    """Return one half of the zero-phase impulse response, from its middle on."""
+    """Return the zero-phase impulse response, its middle in the middle."""
     reach = max(math.ceil(KERNEL_REACH / relative_cutoff), MINIMUM_POINTS)
     impulse = np.zeros(4 * reach + 1)
     impulse[2 * reach] = 1.0
-    kernel = low_pass(impulse, relative_cutoff, 1.0)[2 * reach : 3 * reach + 1]
-    return np.asarray(kernel / (2.0 * kernel.sum() - kernel[0]))
+    half = low_pass(impulse, relative_cutoff, 1.0)[2 * reach : 3 * reach + 1]
+    kernel = np.concatenate((half[:0:-1], half))
+    return np.asarray(kernel / kernel.sum())
+
+
+def _make_smoothing(kernel: FloatArray, count: int, stride: int) -> FloatArray:
+    """Return the matrix of `count` rows, each with the kernel `stride` further to the right."""
+    margin = np.zeros((count - 1) * stride)
+    padded = np.concatenate((margin, kernel, margin))
+    rows = sliding_window_view(padded, kernel.size + margin.size)
+    return np.ascontiguousarray(rows[::-stride][:count])
 
 
 def fit_pulse(window: PulseWindow, shape: PulseShape) -> PulseFit:
     """Fit start, duration, asymmetry, amplitude and offset of one shape."""
     problem = _PulseProblem(window, shape)
     duration = shape.pulse_factor
-    found = least_squares(
+    # MINPACK itself: what `least_squares` puts around it takes longer than these fits.
+    found = leastsq(
         problem.find_residual,
         np.array([-duration / 2.0, duration, 0.0, 1.0, 0.0]),
-        problem.find_jacobian,
-        method="lm",
+        Dfun=problem.find_jacobian,
+        full_output=True,
+        col_deriv=True,
         ftol=TOLERANCE,
         xtol=TOLERANCE,
-        max_nfev=MOST_EVALUATIONS,
-    )
-    residual = problem.find_residual(found.x)
-    start, duration, asymmetry, amplitude, offset = (float(value) for value in found.x)
+        maxfev=MOST_EVALUATIONS,
+    )[0]
+    residual = problem.find_residual(found)
+    start, duration, asymmetry, amplitude, offset = (float(value) for value in found)
     is_inside = duration > SHORTEST_DURATION and abs(asymmetry) < LARGEST_ASYMMETRY
     return PulseFit(
         is_inside=is_inside,
@@ -212,7 +223,7 @@ class _PulseProblem:
         return self._residual
 
     def find_jacobian(self, parameters: FloatArray) -> FloatArray:
-        """Return its derivatives, shape (n, 5)."""
+        """Return its derivatives, shape (5, n)."""
         self._evaluate(parameters)
         return self._jacobian
 
@@ -220,15 +231,15 @@ class _PulseProblem:
         if self._at == parameters.tobytes():
             return
         self._at = parameters.tobytes()
-        start, duration, asymmetry, amplitude, offset = (float(value) for value in parameters)
+        start, duration, asymmetry, amplitude, offset = parameters.tolist()
         # What is no pulse at all may lead a step astray: it ends at the border.
         duration = max(duration, SHORTEST_DURATION)
         asymmetry = min(max(asymmetry, -LARGEST_ASYMMETRY), LARGEST_ASYMMETRY)
         pulse, derivatives = differentiate_pulse(
             self._window.model_time - start, duration, self._shape, asymmetry
         )
-        columns = np.vstack((amplitude * derivatives, pulse)).T
+        rows = np.concatenate((amplitude * derivatives, pulse[np.newaxis]))
         if self._window.smoothing is not None:
-            columns = self._window.smoothing @ columns
-        self._residual = amplitude * columns[:, 3] + offset - self._window.measured
-        self._jacobian = np.column_stack((columns, np.ones(columns.shape[0])))
+            rows = rows @ self._window.smoothing.T
+        self._residual = amplitude * rows[3] + offset - self._window.measured
+        self._jacobian = np.concatenate((rows, np.ones((1, rows.shape[1]))))
