@@ -15,17 +15,16 @@ from impact_rig.configuration.processes import RECORDING_NAME, make_run_folder_n
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.recording.record_storage import SYNC_CHUNK, SYNC_HIT, SYNCS
+from impact_rig.nodes.recording.record_storage import SYNC_CHUNK, SYNCS
+from impact_rig.nodes.recording.recorder_parameters import declare_parameters
 from impact_rig.nodes.recording.recording_run import RecordingRun
 from impact_rig.nodes.rig_node import RigNode, split_names
 from impact_rig.nodes.topics import name_type
 from impact_rig.recording.interfaces.message_definitions import find_message_definition
 from impact_rig.recording.writing.disk_file import DiskFullError
-from impact_rig.recording.writing.mcap_writer import COMPRESSIONS, DEFAULT_CHUNK_SIZE
+from impact_rig.recording.writing.mcap_writer import COMPRESSIONS
 from impact_rig.recording.writing.origin import read_attached_file
 from impact_rig.recording.writing.recording_writer import (
-    DEFAULT_KEEP_FREE,
-    LONGEST_SPLIT,
     RecordingWriter,
 )
 
@@ -34,11 +33,6 @@ CONNECTION_PERIOD = 0.05
 HEALTH_PERIOD = 1.0
 """How often the disk and the counts of what is missing are looked at [s], our choice: a hundredth
 of the time in which a fast stream fills what `LOW_SPACE` leaves."""
-LOW_SPACE = 2 << 30
-"""Room below which the disk counts as nearly full [byte], our choice: 100 s of two channels at
-2.5 MS/s, uncompressed."""
-LARGEST_SIZE = 2**62
-"""[byte]"""
 FAREWELL_TIMEOUT = 0.2
 """How long the last state may take to reach its subscribers [s], our choice."""
 
@@ -48,8 +42,7 @@ class RecorderNode(RigNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("recorder", **options)
-        self._declare_file()
-        self._declare_content()
+        declare_parameters(self)
         self._run: RecordingRun | None = None
         self._is_connected = False
         self._begun = ""
@@ -57,54 +50,6 @@ class RecorderNode(RigNode):
         self._state_publisher = self.advertise(interfaces.RECORDER_STATE)
         self._stored_publisher = self.advertise(interfaces.RECORD_STORED)
         self.add_post_set_parameters_callback(self._take_parameters)
-
-    def _declare_file(self) -> None:
-        self.declare(
-            "output", "",
-            "the new recording: an .mcap file, or else a folder as rosbag2 writes it; empty:"
-            f" runs/<time>/{RECORDING_NAME} under the working directory",
-        )  # fmt: skip
-        self.declare("compression", "zstd", f"of chunks: {', '.join(COMPRESSIONS)}")
-        self.declare(
-            "chunk_size", DEFAULT_CHUNK_SIZE, "size at which a chunk is finished [byte]",
-            low=1000, high=2**28,
-        )  # fmt: skip
-        self.declare(
-            "flush_period", 1.0,
-            "how long a message may wait to be written to disk [s]; 0: until its chunk is full",
-            low=0.0, high=3600.0,
-        )  # fmt: skip
-        self.declare(
-            "sync", SYNC_HIT,
-            f"{SYNC_HIT}: a record is stored when it is on the disk, safe from a power cut;"
-            f" {SYNC_CHUNK}: when its chunk has been written, at the latest after flush_period,"
-            " safe from the end of the recorder alone, and nothing waits for the disk",
-        )  # fmt: skip
-        self.declare(
-            "split_size", 0, "of a file, at which the next one is begun [byte]; 0: never",
-            low=0, high=LARGEST_SIZE,
-        )  # fmt: skip
-        self.declare(
-            "split_duration", 0.0, "of a file, at which the next one is begun [s]; 0: never",
-            low=0.0, high=LONGEST_SPLIT,
-        )  # fmt: skip
-        self.declare(
-            "low_space_warning", LOW_SPACE, "room on the disk below which to warn [byte]",
-            low=0, high=LARGEST_SIZE,
-        )  # fmt: skip
-        self.declare(
-            "keep_free", DEFAULT_KEEP_FREE, "left on the disk for others [byte]",
-            low=0, high=LARGEST_SIZE,
-        )  # fmt: skip
-
-    def _declare_content(self) -> None:
-        self.declare(
-            "required_topics", "acceleration, release, impact",
-            "topics, by commas, that must be connected before the recorder calls itself"
-            " recording, and a release is possible",
-        )  # fmt: skip
-        self.declare("notes", "", "in the operator's words; they go into the recording")
-        self.declare("attachments", "", "files, by commas, that go into the recording")
 
     def configure(self) -> None:
         """Check before anything is opened."""
@@ -128,7 +73,12 @@ class RecorderNode(RigNode):
             for name in _split_paths(self.get_value("attachments"))
         ]
         run = self._run = RecordingRun(
-            self, self._open, self.get_value("sync"), self._stored_publisher, self._fail
+            self,
+            self._open,
+            self.get_value("sync"),
+            self._stored_publisher,
+            self._fail,
+            stream_depth=self.get_value("stream_depth") * self.get_value("record_stream"),
         )
         self._is_connected, self._begun, self._warning = False, "", ""
         run.write_origin(self.get_value("notes"))
@@ -200,6 +150,7 @@ class RecorderNode(RigNode):
             "blocks": watch.blocks,
             "gaps": watch.gaps,
             "missing points": watch.missing_points,
+            **run.diagnose_stream(),
             "messages lost": run.topics.messages_lost,
             "longest lag [s]": f"{run.storage.longest_lag:.3g}",
         }
@@ -281,10 +232,12 @@ class RecorderNode(RigNode):
             message=message,
         )
         if self._run is not None:
-            writer, watch = self._run.writer, self._run.storage.watch
+            writer, storage = self._run.writer, self._run.storage
+            watch, stream = storage.watch, storage.stream
             state.uri = str(writer.path)
             state.messages, state.size = writer.messages, writer.size
-            state.gaps, state.missing_points = watch.gaps, watch.missing_points
+            state.gaps = watch.gaps + stream.gaps
+            state.missing_points = watch.missing_points + stream.missing_points
             state.messages_lost = self._run.topics.messages_lost
             state.free_space = writer.free_space
         state.header.stamp = self.get_clock().now().to_msg()

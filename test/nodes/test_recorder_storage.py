@@ -8,7 +8,7 @@ from pathlib import Path
 import mcap.reader
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState
+from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, StreamBlock
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
@@ -294,3 +294,54 @@ def test_every_file_of_a_split_recording_says_how_it_ended(harness, recorder, tm
         metadata = read_metadata(file)
         assert [item["reason"] for item in metadata["impact_rig/health"]] == ["split"]
         assert metadata["impact_rig"][-1]["software_version"]
+
+
+def make_stream(*starts):
+    """Return blocks of the running stream that begin at given points."""
+    blocks = [StreamBlock(first_sample=start, sampling_rate=2.5e6) for start in starts]
+    for block in blocks:
+        block.hammer.counts = block.specimen.counts = array("i", range(POINTS))
+    return blocks
+
+
+def test_the_running_stream_is_recorded_when_asked_for_and_its_gaps_are_counted(
+    harness, recorder, tmp_path
+):
+    states, _, node = recorder(record_stream=True)
+    diagnostics = listen_to_diagnostics(harness)
+    publish(connect(harness, interfaces.STREAM), make_stream(0, POINTS, 4 * POINTS, 7 * POINTS))
+    warned = states.wait(lambda messages: messages[-1].message.startswith("warning:"))[-1]
+    assert (warned.gaps, warned.missing_points) == (2, 4 * POINTS)
+    assert "the stream has 2 gaps, 4000 points are missing" in warned.message
+    values = diagnostics.wait(
+        lambda got: got and any(v.key == "stream gaps" and v.value == "2" for v in got[-1].values)
+    )[-1].values
+    assert {item.key: item.value for item in values}["stream blocks"] == "4"
+    node.close()
+    path = tmp_path / "session.mcap"
+    with AnyReader([path]) as reader:
+        starts = [
+            reader.deserialize(data, connection.msgtype).first_sample
+            for connection, _, data in reader.messages()
+            if connection.topic == "/acceleration/stream"
+        ]
+    assert starts == [0, POINTS, 4 * POINTS, 7 * POINTS]
+    (health,) = read_metadata(path)["impact_rig/health"]
+    assert (health["stream_blocks"], health["stream_gaps"]) == ("4", "2")
+    assert (health["stream_missing_points"], health["gaps"]) == ("4000", "0")
+
+
+def test_the_running_stream_is_left_alone_unless_asked_for(harness, recorder, tmp_path):
+    _, stored, node = recorder()
+    stream = harness.advertise(interfaces.STREAM)
+    other = harness.peer.create_publisher(Empty, "/later", 1)
+    # What is published like the stream is discovered, it is not.
+    harness.wait_until(lambda: other.get_subscription_count() > 0)
+    assert stream.get_subscription_count() == 0
+    publish(connect(harness), make_blocks(1))
+    stored.wait_for_count(1)
+    node.close()
+    with AnyReader([tmp_path / "session.mcap"]) as reader:
+        topics = set(reader.topics)
+    assert "/acceleration" in topics
+    assert "/acceleration/stream" not in topics

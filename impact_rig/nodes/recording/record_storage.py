@@ -4,16 +4,17 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, RecordStored
+from impact_rig_msgs.msg import AcquisitionState, RecordStored
 from rclpy.serialization import deserialize_message
 
 from impact_rig.core.errors import FileError
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.recording.interfaces.messages import label_from_msg, stamp_from_msg
+from impact_rig.recording.interfaces.block_heads import read_block_head, read_stream_head
 from impact_rig.recording.writing.record_watch import RecordWatch
 from impact_rig.recording.writing.recording_writer import RecordingWriter
+from impact_rig.recording.writing.stream_watch import StreamWatch
 
 SYNC_HIT = "hit"
 SYNC_CHUNK = "chunk"
@@ -44,9 +45,11 @@ class RecordStorage:
     ----------
     watch : RecordWatch
         What the recording has of each record.
+    stream : StreamWatch
+        What it has of the running stream.
     longest_lag : float
-        Longest time from the sending of a block to its being written [s]; between two computers
-        it holds the difference of their clocks.
+        Longest time from the sending of a block, of a record or of the stream, to its being
+        written [s]; between two computers it holds the difference of their clocks.
     """
 
     def __init__(
@@ -58,6 +61,7 @@ class RecordStorage:
         fail: Callable[[FileError], None],
     ) -> None:
         self.watch = RecordWatch()
+        self.stream = StreamWatch()
         self.longest_lag = 0.0
         self._node = node
         self._writer = writer
@@ -69,16 +73,16 @@ class RecordStorage:
 
     def take_block(self, data: bytes, sent: int) -> None:
         """Count a block that was written; the end of its record puts that on the disk."""
-        block = deserialize_message(data, AccelerationBlock)
-        self.watch.add(
-            label_from_msg(block),
-            block.first_sample,
-            len(block.hammer.counts) or len(block.hammer.values),
-            stamp_from_msg(block.header.stamp),
-            last=block.last,
-        )
+        head = read_block_head(data)
+        self.watch.add(head.label, head.first_sample, head.points, head.stamp, last=head.last)
         self._store_finished()
-        self.longest_lag = max(self.longest_lag, (time.time_ns() - sent) / 1e9)
+        self._measure_lag(sent)
+
+    def take_stream_block(self, data: bytes, sent: int) -> None:
+        """Count a block of the running stream that was written."""
+        head = read_stream_head(data)
+        self.stream.add(head.first_sample, head.points)
+        self._measure_lag(sent)
 
     def take_acquisition_state(self, data: bytes, _: int) -> None:
         """Note that an arming begins or ends; an ended one gets no more blocks."""
@@ -119,6 +123,9 @@ class RecordStorage:
             )
             message.header.stamp = stamp_to_msg(count.stamp)
             self._publisher.publish(message)
+
+    def _measure_lag(self, sent: int) -> None:
+        self.longest_lag = max(self.longest_lag, (time.time_ns() - sent) / 1e9)
 
     def _count_unfinished(self, record: int) -> int:
         """Return how many blocks of a record that goes on have come."""

@@ -10,6 +10,7 @@ from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, make_qos, name_type
 from impact_rig.recording.interfaces.message_definitions import find_message_definition
@@ -42,6 +43,8 @@ class RecordedTopics:
         time when it was sent [ns], once it is written.
     fail : callable
         Called with the error if something cannot be written.
+    stream_depth : int
+        How many blocks of the running stream may wait to be written; 0: it is not recorded.
 
     Attributes
     ----------
@@ -57,6 +60,8 @@ class RecordedTopics:
         writer: RecordingWriter,
         readers: Mapping[str, Callable[[bytes, int], None]],
         fail: Callable[[FileError], None],
+        *,
+        stream_depth: int,
     ) -> None:
         self._node = node
         self._writer = writer
@@ -66,11 +71,12 @@ class RecordedTopics:
         self._writes: dict[str, Callable[[bytes, Mapping[str, Any]], None]] = {}
         self.skipped: dict[str, str] = {}
         self.messages_lost = 0
+        # Of states that follow each other closely, all are wanted, not the last alone.
         for topic in interfaces.RECORDED_TOPICS:
-            offer = describe_qos(topic.qos)
-            # Of states that follow each other closely, all are wanted, not the last alone.
-            qos = make_qos(offer, QUEUE_DEPTH)
-            self._record(topic.name, topic.type, qos, (offer,))
+            self._record_own(topic, QUEUE_DEPTH)
+        self._stream_name = node.resolve_topic_name(interfaces.STREAM.name)
+        if stream_depth:
+            self._record_own(interfaces.STREAM, stream_depth)
 
     def __len__(self) -> int:
         """Return how many topics are recorded."""
@@ -91,7 +97,7 @@ class RecordedTopics:
         for topic, types in self._node.get_topic_names_and_types():
             if topic in self._subscriptions or topic in self.skipped:
                 continue
-            if topic_or_service_is_hidden(topic):
+            if topic == self._stream_name or topic_or_service_is_hidden(topic):
                 continue
             if topic.startswith(prefix) or topic in GLOBAL_TOPICS:
                 publishers = self._node.get_publishers_info_by_topic(topic)
@@ -109,6 +115,10 @@ class RecordedTopics:
         for subscription in self._subscriptions.values():
             self._node.destroy_subscription(subscription)
         self._subscriptions.clear()
+
+    def _record_own(self, topic: Topic, depth: int) -> None:
+        offer = describe_qos(topic.qos)
+        self._record(topic.name, topic.type, make_qos(offer, depth), (offer,))
 
     def _record(
         self, name: str, kind: Any, qos: QoSProfile, offers: tuple[OfferedQos, ...]

@@ -1,6 +1,7 @@
 """One recording in the making: everything that lasts from a recorder's activation to its end."""
 
 import contextlib
+import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -45,6 +46,8 @@ class RecordingRun:
         Of `RecordStored`.
     fail : callable
         Called with the error if something cannot be written.
+    stream_depth : int
+        How many blocks of the running stream may wait to be written; 0: it is not recorded.
 
     Raises
     ------
@@ -59,14 +62,19 @@ class RecordingRun:
         sync: str,
         publisher: Any,
         fail: Callable[[FileError], None],
+        *,
+        stream_depth: int,
     ) -> None:
         self._node = node
         self._fail = fail
         self._timers: list[Any] = []
+        self._is_stream_recorded = stream_depth > 0
+        self._stream_seen = (time.monotonic(), 0)
         self.writer = open_writer(lambda: self._write_health(SPLIT))
         self.storage = RecordStorage(node, self.writer, publisher, sync, fail)
         readers = {
             interfaces.ACCELERATION.name: self.storage.take_block,
+            interfaces.STREAM.name: self.storage.take_stream_block,
             interfaces.ACQUISITION_STATE.name: self.storage.take_acquisition_state,
             PARAMETER_EVENTS: self._note_parameter_event,
         }
@@ -77,6 +85,7 @@ class RecordingRun:
                 self.writer,
                 {node.resolve_topic_name(name): read for name, read in readers.items()},
                 fail,
+                stream_depth=stream_depth,
             )
         except FileError:
             with contextlib.suppress(FileError):
@@ -118,16 +127,31 @@ class RecordingRun:
 
     def describe_losses(self) -> str:
         """Return what the recording lacks, in words; empty: nothing."""
-        watch, lost = self.storage.watch, self.topics.messages_lost
-        parts = []
-        if watch.gaps:
-            parts.append(
-                f"the blocks have {watch.gaps} gap{'s' * (watch.gaps > 1)},"
-                f" {watch.missing_points} points are missing"
-            )
+        lost = self.topics.messages_lost
+        watches = {"the blocks have": self.storage.watch, "the stream has": self.storage.stream}
+        parts = [
+            f"{words} {watch.gaps} gap{'s' * (watch.gaps > 1)},"
+            f" {watch.missing_points} points are missing"
+            for words, watch in watches.items()
+            if watch.gaps
+        ]
         if lost:
             parts.append(f"{lost} message{'s' * (lost > 1)} did not get through")
         return "; ".join(parts)
+
+    def diagnose_stream(self) -> dict[str, Any]:
+        """Return figures on the running stream, its rate since the last time; none: no stream."""
+        stream = self.storage.stream
+        if not self._is_stream_recorded:
+            return {}
+        now = time.monotonic()
+        (before, points_before), self._stream_seen = self._stream_seen, (now, stream.points)
+        return {
+            "stream blocks": stream.blocks,
+            "stream rate [Hz]": f"{(stream.points - points_before) / (now - before):.4g}",
+            "stream gaps": stream.gaps,
+            "stream missing points": stream.missing_points,
+        }
 
     def close(self, reason: str) -> None:
         """Withdraw everything, say how it ended, and finish the recording.
@@ -159,13 +183,16 @@ class RecordingRun:
         self.writer.add_metadata(PARAMETERS_RECORD, texts)
 
     def _write_health(self, reason: str) -> None:
-        watch = self.storage.watch
+        watch, stream = self.storage.watch, self.storage.stream
         self.writer.add_metadata(
             HEALTH_RECORD,
             {
                 "reason": reason,
                 "gaps": str(watch.gaps),
                 "missing_points": str(watch.missing_points),
+                "stream_blocks": str(stream.blocks),
+                "stream_gaps": str(stream.gaps),
+                "stream_missing_points": str(stream.missing_points),
                 "messages_lost": str(self.topics.messages_lost),
                 "longest_lag": f"{self.storage.longest_lag:.6f}",
                 "topics_not_recorded": ", ".join(self.topics.skipped),
