@@ -194,7 +194,7 @@ def estimate_free_decay(
             f"free decay: one damped oscillation explains only {100.0 * r_squared:.0f} % of the"
             f" tail; it must explain {100.0 * SMALLEST_R_SQUARED:.0f} %"
         )
-    hits = np.stack([mean.cut_hit(index)[channel, tail] for index in range(mean.count)])
+    hits = np.stack([hit[channel, tail] for hit in mean.cut_hits()])
     duration = (measured.size - 1) / rate
     decay, frequency = (float(value) * rate for value in solution)
     floor = ENVELOPE_OVER_NOISE * max(noise, np.finfo(float).eps * fit.amplitude)

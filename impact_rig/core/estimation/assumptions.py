@@ -46,11 +46,8 @@ def check_damping(decay: FreeDecayEstimate | None, body: BodyEstimate) -> tuple[
 
 def check_steps(mean: MeanHit) -> tuple[str, ...]:
     """Warn unless the noise dithers the converter."""
-    is_stepped = any(
-        np.any((hit.resolution > 0.0) & (hit.raw_noise < DITHER * hit.resolution))
-        for hit in mean.hits
-    )
-    return (STEPS,) if is_stepped else ()
+    step, noise = mean.summary.largest_step, mean.summary.least_noise
+    return (STEPS,) if np.any((step > 0.0) & (noise < DITHER * step)) else ()
 
 
 def check_control(setup: RigSetup) -> tuple[str, ...]:

@@ -108,6 +108,7 @@ def estimate_decay(
             decay.hit_values,
             find_rig_numbers(setup, sample),
             estimates=(decay.decay_rate, decay.angular_frequency),
+            averaged=mean.count,
             owner=f"{sample}, free decay",
         ),
     )
@@ -154,7 +155,8 @@ def fit_models(
     good = [item for item in found if item.describes_traces]
     best = min(good, key=lambda item: item.criterion, default=None)
     models = tuple(
-        add_uncertainties(item, setup, sample, is_preferred=item is best) for item in found
+        add_uncertainties(item, setup, sample, averaged=mean.count, is_preferred=item is best)
+        for item in found
     )
     if best is not None:
         # What else could not be fitted is of no concern where one variant fits.
@@ -163,9 +165,17 @@ def fit_models(
 
 
 def add_uncertainties(
-    found: Identification, setup: RigSetup, sample: str, *, is_preferred: bool = False
+    found: Identification,
+    setup: RigSetup,
+    sample: str,
+    *,
+    averaged: int = 0,
+    is_preferred: bool = False,
 ) -> FittedModel:
-    """Add damping ratio and uncertainties to a model that was fitted to the hits on `sample`."""
+    """Add damping ratio and uncertainties to a model that was fitted to the hits on `sample`.
+
+    `averaged` is the number of hits in the mean; 0: those that it was fitted to one by one.
+    """
     columns = [found.names.index(name) for name in ("tau_p", "k2", "c2")]
     return FittedModel(
         identification=found,
@@ -177,6 +187,7 @@ def add_uncertainties(
             found.hit_values[:, columns],
             find_rig_numbers(setup, sample),
             estimates=found.values[columns].tolist(),
+            averaged=averaged,
             owner=f"{sample}, {found.variant.value} model",
         ),
         is_preferred=is_preferred,

@@ -72,8 +72,8 @@ def read_mean_hit(mean: MeanHit, setup: RigSetup, sample: str) -> MeanReading:
             continue
         # Steps that no noise smooths make peaks of their own.
         step = find_quantisation_error(
-            max(float(hit.resolution[channel]) for hit in mean.hits),
-            min(float(hit.raw_noise[channel]) for hit in mean.hits),
+            float(mean.summary.largest_step[channel]),
+            float(mean.summary.least_noise[channel]),
         )
         try:
             decrements[channel] = estimate_log_decrement(

@@ -15,9 +15,9 @@ CORRELATION_REACH = 5.0
 
 def find_raw_noise(mean: MeanHit) -> FloatArray:
     """Return the mean's raw noise [m/s^2], at least that of the converters' steps, shape (2,)."""
-    if not mean.hits:
+    if not mean.count:
         return np.asarray(mean.raw_noise)
-    steps = np.sqrt(np.sum([hit.resolution**2 for hit in mean.hits], axis=0) / 12.0)
+    steps = np.sqrt(mean.summary.square_steps / 12.0)
     return np.asarray(np.maximum(mean.raw_noise, steps / mean.count))
 
 

@@ -95,7 +95,7 @@ def estimate_contact_numbers(
     NotDeterminedError
         If there is one hit only.
     """
-    if mean.count < LEAST_HITS:
+    if len(mean.hits) < LEAST_HITS:
         raise NotDeterminedError(ONE_HIT)
     factor = settings.pulse_factor / mean.sampling_rate
     channels = sorted(decrements)
@@ -105,7 +105,7 @@ def estimate_contact_numbers(
     rows += _read_decrements(mean, decrements)
     scatter = np.atleast_2d(np.cov(np.array(rows), ddof=1)) / mean.count
     contact_time, *changes = make_ensemble(
-        f"scatter of the hits on {sample}", estimates, scatter, mean.count - 1, owner=sample
+        f"scatter of the hits on {sample}", estimates, scatter, len(rows[0]) - 1, owner=sample
     )
     errors = estimate_pulse_errors(
         mean.traces[0], pulse, _describe_mean(mean, 0, settings.cutoff_frequency)
@@ -187,15 +187,12 @@ def _make_common_errors(errors: PulseErrors, factor: float, owner: str) -> Uncer
 
 def _describe_mean(mean: MeanHit, channel: int, cutoff_frequency: float) -> TraceQuality:
     """Return how well one trace of a mean hit is known."""
-    hits = mean.hits
-    starts = [hit.aligned[1] - mean.origin for hit in hits]
-    baseline = min(hit.baseline_points - start for hit, start in zip(hits, starts, strict=True))
     return TraceQuality(
         noise=float(mean.noise[channel]),
         raw_noise=float(mean.raw_noise[channel]),
-        dither=min(float(hit.raw_noise[channel]) for hit in hits),
-        resolution=max(float(hit.resolution[channel]) for hit in hits),
-        baseline_points=max(baseline, 1),
+        dither=float(mean.summary.least_noise[channel]),
+        resolution=float(mean.summary.largest_step[channel]),
+        baseline_points=mean.baseline_points,
         relative_cutoff=cutoff_frequency / mean.sampling_rate,
     )
 
@@ -208,7 +205,7 @@ def _read_decrements(mean: MeanHit, decrements: Mapping[int, LogDecrement]) -> l
     """
     if not decrements:
         return []
-    cuts = [mean.cut_hit(index) for index in range(mean.count)]
+    cuts = mean.cut_hits()
     rows = []
     for channel in sorted(decrements):
         peaks = decrements[channel]

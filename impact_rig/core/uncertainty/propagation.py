@@ -35,6 +35,7 @@ def propagate_parameters(
     *,
     estimates: Sequence[float] | None = None,
     noise_covariance: FloatArray | None = None,
+    averaged: int = 0,
     owner: str = "",
 ) -> tuple[Uncertainty, ...]:
     """Propagate the scatter of fitted parameters, masses and clock to results.
@@ -59,6 +60,8 @@ def propagate_parameters(
     noise_covariance : ndarray, shape (p, p), optional
         Of the estimates, by errors that the scatter does not show; known, so with infinite
         degrees of freedom. None: there are none.
+    averaged : int
+        Hits that the estimates are the mean of; 0: those of `per_hit`.
     owner : str
         What the parameters belong to, see `make_input`.
 
@@ -88,7 +91,7 @@ def propagate_parameters(
     if hits < LEAST_HITS:
         exact = make_ensemble(source, best, np.zeros((count, count)), np.inf, owner)
         return tuple(make_undetermined(ONE_HIT) for _ in formula(exact, rig))
-    scatter = np.atleast_2d(np.cov(values, rowvar=False, ddof=1)) / hits
+    scatter = np.atleast_2d(np.cov(values, rowvar=False, ddof=1)) / (averaged or hits)
     parameters = make_ensemble(source, best, scatter, hits - 1, owner)
     if noise_covariance is not None:
         errors = make_ensemble("noise of the fit", [0.0] * count, noise_covariance, np.inf, owner)
@@ -125,13 +128,14 @@ def propagate_free_decay(
     *,
     estimates: Sequence[float] | None = None,
     noise_covariance: FloatArray | None = None,
+    averaged: int = 0,
     owner: str = "",
 ) -> BodyUncertainties:
     """Propagate (a, omega_d) of a sample's free decay to zeta, c = 2 m a, k = m (a^2 + omega_d^2).
 
     Parameters
     ----------
-    source, rig, estimates, noise_covariance, owner
+    source, rig, estimates, noise_covariance, averaged, owner
         As in `propagate_parameters`.
     per_hit : ndarray, shape (n_hits, 2)
         Decay rate a [1/s] and damped angular frequency omega_d [rad/s] of every hit.
@@ -144,6 +148,7 @@ def propagate_free_decay(
             rig,
             estimates=estimates,
             noise_covariance=noise_covariance,
+            averaged=averaged,
             owner=owner,
         )
     )
@@ -156,6 +161,7 @@ def propagate_identification(
     *,
     estimates: Sequence[float] | None = None,
     noise_covariance: FloatArray | None = None,
+    averaged: int = 0,
     owner: str = "",
 ) -> BodyUncertainties:
     """Propagate identified (tau_p, k2, c2) to themselves and zeta, with mass and clock.
@@ -165,7 +171,7 @@ def propagate_identification(
 
     Parameters
     ----------
-    source, rig, estimates, noise_covariance, owner
+    source, rig, estimates, noise_covariance, averaged, owner
         As in `propagate_parameters`.
     per_hit : ndarray, shape (n_hits, 3)
         tau_p [s], k2 [N/m] and c2 [N s/m] of every hit, at the stated mass.
@@ -178,6 +184,7 @@ def propagate_identification(
             rig,
             estimates=estimates,
             noise_covariance=noise_covariance,
+            averaged=averaged,
             owner=owner,
         )
     )

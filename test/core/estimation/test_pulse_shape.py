@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
 from impact_rig.core.estimation.pulse_fit import cut_window, fit_pulse
 from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate, estimate_pulse_shape
-from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.hits.averaging import MeanHit, shift_hit
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.model.pulses import (
@@ -49,7 +49,7 @@ def make_mean(
     levels = np.array([disturbance.std()])
     pulse = measure_pulse(traces[0])
     hit = FilteredHit(traces, rate, pulse, levels, np.array([noise]), np.zeros(1), 100)
-    return MeanHit(traces, rate, round(pulse.middle), levels, np.array([noise]), (hit,))
+    return MeanHit(traces, rate, round(pulse.middle), levels, np.array([noise]), (shift_hit(hit),))
 
 
 def strike(

@@ -11,7 +11,7 @@ from scipy.signal import StateSpace, impulse
 from impact_rig.core.damping.log_decrement import estimate_damping_coefficient
 from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_contact, estimate_hammer
 from impact_rig.core.estimation.sample import estimate_sample
-from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.hits.averaging import MeanHit, shift_hit
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.model.impact import ModelVariant
@@ -46,7 +46,7 @@ def make_mean(tau: float, natural: float, ratio: float, *, channels: int = 2) ->
     traces = np.stack([900.0 * pulse, -300.0 * specimen])[:channels]
     nothing = np.zeros(channels)
     hit = FilteredHit(traces, RATE, measure_pulse(traces[0]), nothing, nothing, nothing, 300)
-    return MeanHit(traces, RATE, ORIGIN, nothing, nothing, (hit, hit, hit))
+    return MeanHit(traces, RATE, ORIGIN, nothing, nothing, (shift_hit(hit),) * 3)
 
 
 @given(stiffness=st.floats(10e6, 60e6), ratio=st.floats(0.15, 0.5), mass=st.floats(0.02, 0.4))

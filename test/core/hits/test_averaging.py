@@ -81,8 +81,8 @@ def test_the_order_of_hits_hardly_matters(order: list[int]) -> None:
 
 def test_the_mean_is_that_of_its_hits_over_the_same_window() -> None:
     mean = average_hits([make_hit(300.0, 1000), make_hit(500.2, 900), make_hit(350.7, 950)])
-    hits = [mean.cut_hit(index) for index in range(mean.count)]
-    np.testing.assert_allclose(np.mean(hits, axis=0), mean.traces, rtol=0, atol=1e-12)
+    hits = mean.cut_hits()
+    np.testing.assert_allclose(np.mean(hits, axis=0, dtype=float), mean.traces, rtol=0, atol=1e-12)
 
 
 def test_the_mean_cannot_be_changed() -> None:

@@ -295,10 +295,9 @@ def test_masses_without_stated_uncertainty_are_named() -> None:
 
 
 def test_a_converters_steps_count_where_no_noise_smooths_them() -> None:
-    coarse = [
-        replace(hit, resolution=np.array([5.0, 5.0])) for hit in make_mean("steel medium").hits
-    ]
-    contact, body, _ = estimate("steel medium", mean=average_hits(coarse))
+    mean = make_mean("steel medium")
+    coarse = tuple(replace(hit, resolution=np.array([5.0, 5.0])) for hit in mean.hits)
+    contact, body, _ = estimate("steel medium", mean=replace(mean, hits=coarse))
     fine, _, _ = estimate("steel medium")
     assert contact.contact_time_uncertainty.standard > fine.contact_time_uncertainty.standard
     # Two crossings at pi A / tau, and a level at half a wrong peak.
@@ -315,10 +314,9 @@ def test_a_converters_steps_count_where_no_noise_smooths_them() -> None:
 
 def test_a_second_peak_of_a_few_counts_has_no_uncertainty() -> None:
     # The second peak is some 140 m/s^2: two counts of 70, and no noise.
-    coarse = [
-        replace(hit, resolution=np.array([1.0, 70.0])) for hit in make_mean("steel medium").hits
-    ]
-    contact, body, _ = estimate("steel medium", mean=average_hits(coarse))
+    mean = make_mean("steel medium")
+    coarse = tuple(replace(hit, resolution=np.array([1.0, 70.0])) for hit in mean.hits)
+    contact, body, _ = estimate("steel medium", mean=replace(mean, hits=coarse))
     assert math.isfinite(body.damping_coefficient)
     for found in (body.damping_ratio_uncertainty, body.damping_coefficient_uncertainty):
         assert not found.is_determined
@@ -392,10 +390,9 @@ def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
 
 def test_steps_that_no_noise_smooths_are_no_second_peak() -> None:
     # The second peak is some 140 m/s^2, the first 700: half a count, and a staircase.
-    coarse = [
-        replace(hit, resolution=np.array([1.0, 300.0])) for hit in make_mean("steel medium").hits
-    ]
-    _, body, _ = estimate("steel medium", mean=average_hits(coarse))
+    mean = make_mean("steel medium")
+    coarse = tuple(replace(hit, resolution=np.array([1.0, 300.0])) for hit in mean.hits)
+    _, body, _ = estimate("steel medium", mean=replace(mean, hits=coarse))
     assert math.isnan(body.damping_ratio)
     assert "no second peak stands out" in body.notes[0]
     assert not body.damping_ratio_uncertainty.is_determined
