@@ -1,15 +1,16 @@
 """Model against measurement, as in Figs. 5 and 6: filtered alike, normalised, shifted."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 from scipy.fft import irfft, next_fast_len, rfft
 
 from impact_rig.core.errors import SignalError
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.model.impact import ImpactModel, ModelVariant, simulate_impact
 from impact_rig.core.signals.filtering import low_pass
+from impact_rig.core.signals.interpolation import interpolate_between
 from impact_rig.core.signals.record import FloatArray, make_read_only
 
 LARGEST_SHIFT = 1.0
@@ -117,9 +118,10 @@ def find_best_shift(measured: FloatArray, model: FloatArray, largest: int) -> fl
     """
     count = measured.size
     largest = min(largest, count - 1)
-    length = next_fast_len(2 * count, real=True)
-    product = rfft(measured, length) * np.conj(rfft(model, length))
-    correlation = irfft(product, length)
+    # What a transform of this length folds back lies beyond the largest shift.
+    length = next_fast_len(count + largest, real=True)
+    spectra = rfft(np.stack((measured, model)), length)
+    correlation = irfft(spectra[0] * np.conj(spectra[1]), length)
     lags = np.arange(-largest, largest + 1)
     energy = np.concatenate(([0.0], np.cumsum(model**2)))
     inside = energy[np.minimum(count, count - lags)] - energy[np.maximum(0, -lags)]
@@ -135,7 +137,13 @@ def find_best_shift(measured: FloatArray, model: FloatArray, largest: int) -> fl
 
 def shift_trace(trace: FloatArray, shift: float) -> FloatArray:
     """Shift a trace, shape (n,), later by `shift` points, zeros coming in from beyond its ends."""
-    shifted: FloatArray = ndimage.shift(trace, shift, order=3, mode="constant", cval=0.0)
+    whole = math.ceil(shift)
+    part = whole - shift
+    moved = interpolate_between(trace, part) if part else trace
+    shifted = np.zeros(trace.size)
+    first, last = max(whole, 0), min(whole + moved.size, trace.size)
+    if first < last:
+        shifted[first:last] = moved[first - whole : last - whole]
     return shifted
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from impact_rig.core.errors import SignalError
 from impact_rig.core.estimation.comparison import (
@@ -73,6 +74,12 @@ class TestShift:
         moved = shift_trace(make_bell(300.0), shift)
         # A cubic spline follows a bell 30 points wide within 1e-6.
         np.testing.assert_allclose(moved, make_bell(300.0 + shift), rtol=0, atol=2e-6)
+
+    @given(shift=st.integers(-600, 600).map(lambda tenths: tenths / 10), seed=st.integers(0, 1000))
+    def test_is_what_scipy_makes_of_it(self, shift: float, seed: int) -> None:
+        trace = np.random.default_rng(seed).standard_normal(50)
+        expected = ndimage.shift(trace, shift, order=3, mode="constant", cval=0.0)
+        np.testing.assert_allclose(shift_trace(trace, shift), expected, rtol=0, atol=1e-11)
 
     def test_brings_in_zeros(self) -> None:
         moved = shift_trace(np.ones(10), 3.0)
