@@ -1,32 +1,38 @@
 """The two-body model of the paper in closed form.
 
-While the bodies touch, the model is a linear system driven by a constant and a cosine, since
-F(t) = F0 sin^2(pi t / tau_p). Both are solutions of linear equations themselves, so that with
-them in the state y nothing but y' = A y is left, and y(t) = e^(At) y(0). Afterwards each body is
-a damped oscillator, again e^(At). That is exact for every damping and every pulse, critical
-damping and resonance included, where eigenvectors or a particular solution would fail. Nothing is
-stepped through time, and many impacts are calculated at once.
+While the bodies touch, the model is one linear system without input, y(t) = e^(At) y(0), with the
+force in its state; afterwards each body is a damped oscillator. That is exact for every damping
+and every pulse, critical damping and resonance included, where eigenvectors or a particular
+solution would fail. Nothing is stepped through time, and many impacts are calculated at once.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.model.propagation import exponentiate, propagate_output
+from impact_rig.core.model.contact import (
+    C1,
+    C2,
+    DRIVEN,
+    FULL_TURN,
+    K1,
+    K2,
+    NUMBERS,
+    PRINTED,
+    simulate_contacts,
+)
+from impact_rig.core.model.oscillator import simulate_free_oscillators
 from impact_rig.core.model.stiffness import estimate_equivalent_mass
 from impact_rig.core.signals.record import FloatArray
 
 BATCH = 64
 """Impacts that are calculated at once [-], measured: what they need stays near the processor."""
-
-
-FULL_TURN = 2.0 * np.pi
-NEIGHBOURS = np.array([-1.0, 0.0, 1.0])
 
 
 class ModelVariant(Enum):
@@ -165,7 +171,9 @@ def simulate_impacts(
         x1'' and x2'' of each [m/s^2].
     """
     check_positive("sampling rate", sampling_rate, "Hz")
-    starts = np.broadcast_to(np.asarray(start, dtype=np.float64), (len(models),))
+    starts = np.full(len(models), start, dtype=np.float64).tolist()
+    if not all(map(math.isfinite, starts)):
+        raise ParameterError("the start of a time grid must be a finite number")
     result = np.zeros((len(models), 2, count))
     for first in range(0, len(models), BATCH):
         part = slice(first, first + BATCH)
@@ -176,163 +184,86 @@ def simulate_impacts(
 def _simulate(
     models: Sequence[ImpactModel],
     sampling_rate: float,
-    starts: FloatArray,
+    starts: Sequence[float],
     variant: ModelVariant,
     out: FloatArray,
 ) -> None:
     """Fill `out`, shape (models, 2, count), which is zero."""
-    count, bodies = out.shape[2], _Bodies(models)
-    first = _find_point(starts, sampling_rate, np.zeros(len(models)), count, is_inside=True)
-    free = _find_point(starts, sampling_rate, bodies.contact_time, count, is_inside=False)
-    contact = _ContactPhase(bodies, variant)
-    _place(
-        contact.evaluate(starts + first / sampling_rate, sampling_rate, free - first),
-        first,
-        free,
-        out,
+    count, is_printed = out.shape[2], variant is ModelVariant.PRINTED
+    system = PRINTED if is_printed else DRIVEN
+    spans = [
+        _find_span(start, model.contact_time, sampling_rate, count)
+        for model, start in zip(models, starts, strict=True)
+    ]
+    table = np.array(
+        [
+            _scale(model, span, sampling_rate, is_printed=is_printed)
+            for model, span in zip(models, spans, strict=True)
+        ]
+    ).T
+    numbers, drives, angles, late = np.split(table, (NUMBERS, NUMBERS + 2, NUMBERS + 5))
+    contact, state = simulate_contacts(
+        system, numbers, drives, angles, max(span.free - span.first for span in spans)
     )
-    late = starts + free / sampling_rate - bodies.contact_time
-    ends = np.full(len(models), count)
-    # The driven hammer rests once the force is gone.
-    moving = slice(0 if variant is ModelVariant.PRINTED else 1, 2)
-    _place(
-        _evaluate_free(bodies, contact.find_end(), late, sampling_rate, ends - free, moving),
-        free,
-        ends,
-        out[:, moving],
-    )
-
-
-def _find_point(
-    starts: FloatArray,
-    sampling_rate: float,
-    limits: FloatArray,
-    count: int,
-    *,
-    is_inside: bool,
-) -> NDArray[np.intp]:
-    """Return the first points at or (not `is_inside`) beyond a time, at most `count`."""
-    # The grid is start + n / rate as rounded: the points around say which one it is.
-    near = np.ceil((limits - starts) * sampling_rate)[:, np.newaxis] + NEIGHBOURS
-    times = starts[:, np.newaxis] + near / sampling_rate
-    limit = limits[:, np.newaxis]
-    is_before = times < limit if is_inside else times <= limit
-    points = near[:, 0] + is_before.sum(axis=1)
-    return np.asarray(points.clip(0.0, count), dtype=np.intp)
-
-
-def _place(
-    values: FloatArray, first: NDArray[np.intp], end: NDArray[np.intp], out: FloatArray
-) -> None:
-    """Copy values, shape (models, bodies, longest), to where each model has them."""
-    for record, source, begin, stop in zip(out, values, first, end, strict=True):
-        record[:, begin:stop] = source[:, : stop - begin]
-
-
-class _Bodies:
-    """Parameters of many models, each an array of shape (models,) or (models, 2)."""
-
-    def __init__(self, models: Sequence[ImpactModel]) -> None:
-        table = np.array(
-            [
-                (
-                    model.hammer.mass,
-                    model.specimen.mass,
-                    model.hammer.stiffness,
-                    model.specimen.stiffness,
-                    model.hammer.damping_coefficient,
-                    model.specimen.damping_coefficient,
-                    model.contact_time,
-                    model.impact_speed,
-                    model.peak_force,
-                )
-                for model in models
-            ],
-            dtype=np.float64,
+    for record, values, span in zip(out, contact, spans, strict=True):
+        record[:, span.first : span.free] = values[:, : span.free - span.first]
+    longest = count - min(span.free for span in spans)
+    if longest > 0:
+        moving = system.moving
+        stiffness, damping = numbers[K1 : K2 + 1 : 2].T, numbers[C1 : C2 + 1 : 2].T
+        free = simulate_free_oscillators(
+            stiffness[:, moving], damping[:, moving], state, late[0], angles[0], longest
         )
-        self.masses, self.stiffness, self.damping = table[:, 0:2], table[:, 2:4], table[:, 4:6]
-        self.contact_time, self.impact_speed, self.peak_force = table[:, 6:9].T
+        for record, values, span in zip(out[:, moving], free, spans, strict=True):
+            record[:, span.free :] = values[:, : count - span.free]
 
 
-class _ContactPhase:
-    """The contact, 0 <= t <= tau_p, as one linear system without input.
+class _Span(NamedTuple):
+    """The points in the contact, first <= n < free.
 
-    Its state is z = (x1/d, x2/d, x1'/(d w), x2'/(d w), 1, cos wt, sin wt) with w = 2 pi / tau_p
-    and a length d that makes all entries of about one size; z' = w N z.
+    `begin` is the time of the first one [s], `late` that of the first one beyond the contact,
+    counted from its end [s].
     """
 
-    def __init__(self, bodies: _Bodies, variant: ModelVariant) -> None:
-        count = bodies.contact_time.size
-        is_printed = variant is ModelVariant.PRINTED
-        self._rate = rate = FULL_TURN / bodies.contact_time
-        direction = np.array((0.0, -1.0) if is_printed else (-1.0, 1.0))
-        drive = direction * (bodies.peak_force / 2.0)[:, np.newaxis] / bodies.masses
-        speed = bodies.impact_speed if is_printed else np.zeros(count)
-        length = np.maximum(np.abs(drive).max(axis=1) / rate, np.abs(speed)) / rate
-        self._length = np.where(length > 0.0, length, 1.0)
-        drive = drive / (self._length * rate**2)[:, np.newaxis]
-
-        self._matrix = matrix = np.zeros((count, 7, 7))
-        matrix[:, 0, 2] = matrix[:, 1, 3] = 1.0
-        for column, values, scale in ((0, bodies.stiffness, rate**2), (2, bodies.damping, rate)):
-            scaled = values / bodies.masses / scale[:, np.newaxis]
-            matrix[:, 3, column + 1] = -scaled[:, 1]
-            if is_printed:
-                on_second = values[:, 0] / bodies.masses[:, 1] / scale
-                matrix[:, 2, column] = -scaled[:, 0]
-                matrix[:, 2, column + 1] = scaled[:, 0]
-                matrix[:, 3, column] = on_second
-                matrix[:, 3, column + 1] -= on_second
-        matrix[:, 2:4, 4] = drive
-        matrix[:, 2:4, 5] = -drive
-        matrix[:, 5, 6], matrix[:, 6, 5] = -1.0, 1.0
-        self._initial = np.zeros((count, 7))
-        self._initial[:, 2] = speed / (self._length * rate)
-        self._initial[:, 4:6] = 1.0
-
-    def find_end(self) -> FloatArray:
-        """Return x1, x2 over tau_p and x1', x2' at tau_p, shape (models, 2, 2) [m/s]."""
-        turn = exponentiate(self._matrix * FULL_TURN)
-        state: FloatArray = (turn @ self._initial[:, :, np.newaxis])[:, :4, 0].reshape(-1, 2, 2)
-        state = state * (self._length * self._rate)[:, np.newaxis, np.newaxis]
-        state[:, 0] /= FULL_TURN
-        return state
-
-    def evaluate(
-        self, first: FloatArray, sampling_rate: float, counts: NDArray[np.intp]
-    ) -> FloatArray:
-        """Return both accelerations from the time `first` on, shape (models, 2, longest)."""
-        angles = np.stack([self._rate * first, self._rate / sampling_rate])
-        shift, step = exponentiate(self._matrix * angles[:, :, np.newaxis, np.newaxis])
-        initial = (shift @ self._initial[:, :, np.newaxis])[:, :, 0]
-        scale = (self._length * self._rate**2)[:, np.newaxis, np.newaxis]
-        return propagate_output(
-            step, initial, scale * self._matrix[:, 2:4], int(counts.max(initial=0))
-        )
+    first: int
+    free: int
+    begin: float
+    late: float
 
 
-def _evaluate_free(
-    bodies: _Bodies,
-    state: FloatArray,
-    late: FloatArray,
-    sampling_rate: float,
-    counts: NDArray[np.intp],
-    which: slice,
-) -> FloatArray:
-    """Return the accelerations of bodies left alone, `late` after the contact.
+def _find_span(start: float, contact_time: float, sampling_rate: float, count: int) -> _Span:
+    """Find the points in the contact."""
+    first = _find_point(start, 0.0, sampling_rate, count)
+    beyond = math.nextafter(contact_time, math.inf)
+    free = _find_point(start, beyond, sampling_rate, count)
+    begin, late = start + first / sampling_rate, start + free / sampling_rate - contact_time
+    # Where the record has no such point, a harmless time.
+    return _Span(first, free, min(max(begin, 0.0), contact_time), max(late, 0.0))
 
-    States, shape (models, 2, 2), are positions over tau_p and velocities, which makes entries of
-    about one size; the result has the shape (models, bodies, longest).
-    """
-    tau = bodies.contact_time
-    masses = bodies.masses[:, which]
-    matrix = np.zeros((late.size, masses.shape[1], 2, 2))
-    matrix[..., 0, 1] = 1.0
-    matrix[..., 1, 0] = bodies.stiffness[:, which] / masses * -(tau**2)[:, np.newaxis]
-    matrix[..., 1, 1] = bodies.damping[:, which] / masses * -tau[:, np.newaxis]
-    times = np.stack([late, np.full(late.size, 1.0 / sampling_rate)]) / tau
-    shift, step = exponentiate(matrix * times[:, :, np.newaxis, np.newaxis, np.newaxis])
-    own = np.swapaxes(state, 1, 2)[:, which, :, np.newaxis]
-    readout = matrix[..., 1:, :] / tau[:, np.newaxis, np.newaxis, np.newaxis]
-    longest = int(counts.max(initial=0))
-    return propagate_output(step, (shift @ own)[..., 0], readout, longest)[:, :, 0]
+
+def _find_point(start: float, time: float, sampling_rate: float, count: int) -> int:
+    """Return the first of `count` points at a time or after it; `count`: there is none."""
+    point = min(max(math.ceil((time - start) * sampling_rate), 0), count)
+    # The grid is start + n / rate as rounded, which may be one point aside.
+    while point > 0 and start + (point - 1) / sampling_rate >= time:
+        point -= 1
+    while point < count and start + point / sampling_rate < time:
+        point += 1
+    return point
+
+
+def _scale(
+    model: ImpactModel, span: _Span, sampling_rate: float, *, is_printed: bool
+) -> tuple[float, ...]:
+    """Return numbers, drives and angles of a model as its contact has them, and `late` [rad]."""
+    m1, m2 = model.hammer.mass, model.specimen.mass
+    rate = FULL_TURN / model.contact_time
+    k1, k2 = model.hammer.stiffness / rate**2, model.specimen.stiffness / rate**2
+    c1 = model.hammer.damping_coefficient / rate
+    c2 = model.specimen.damping_coefficient / rate
+    return (
+        *(k1 / m1, k1 / m2, k2 / m2, c1 / m1, c1 / m2, c2 / m2, m2 / m1, 1.0),
+        *(model.impact_speed * rate if is_printed else 0.0, model.peak_force / (2.0 * m2)),
+        *(rate / sampling_rate, rate * span.begin, FULL_TURN),
+        rate * span.late,
+    )

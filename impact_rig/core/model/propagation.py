@@ -17,7 +17,10 @@ SERIES_ORDER = SERIES_BLOCKS**2 - 1
 """Terms of the exponential series beyond the first [-]."""
 LARGEST_NORM = 0.5
 """Up to which the series is used [-]: what it leaves out, 0.5^16 / 16!, is below 1e-18."""
-_COEFFICIENTS = np.array([1.0 / math.factorial(n) for n in range(SERIES_ORDER + 1)])
+_COEFFICIENTS = np.array(
+    [0.0] + [1.0 / math.factorial(n) for n in range(1, SERIES_ORDER + 1)]
+).reshape(SERIES_BLOCKS, SERIES_BLOCKS)
+"""Of e^A - 1, by powers of A in rows of `SERIES_BLOCKS`."""
 
 
 def exponentiate(matrices: FloatArray) -> FloatArray:
@@ -37,22 +40,23 @@ def exponentiate(matrices: FloatArray) -> FloatArray:
     """
     norm = float(np.abs(matrices).sum(axis=-2).max(initial=0.0))
     squarings = max(0, math.ceil(math.log2(norm / LARGEST_NORM))) if norm > 0.0 else 0
-    scaled = matrices * 0.5**squarings
     size = matrices.shape[-1]
     powers = np.empty((SERIES_BLOCKS, *matrices.shape))
-    powers[0] = np.eye(size)
-    powers[1] = scaled
+    powers[0] = identity = np.eye(size)
+    scaled = np.multiply(matrices, 0.5**squarings, out=powers[1])
     for n in range(2, SERIES_BLOCKS):
         np.matmul(powers[n - 1], scaled, out=powers[n])
-    blocks = _COEFFICIENTS.reshape(SERIES_BLOCKS, SERIES_BLOCKS) @ powers.reshape(
-        SERIES_BLOCKS, -1
-    )
+    blocks = (_COEFFICIENTS @ powers.reshape(SERIES_BLOCKS, -1)).reshape(powers.shape)
     top = powers[-1] @ scaled
-    result: FloatArray = blocks[-1].reshape(matrices.shape)
+    result: FloatArray = blocks[-1]
     for block in blocks[-2::-1]:
-        result = result @ top + block.reshape(matrices.shape)
+        result = result @ top
+        result += block
+    # e^A - 1 is squared, not e^A, which keeps the digits of small matrices beside large ones.
+    twice = 2.0 * identity
     for _ in range(squarings):
-        result = result @ result
+        result = result @ (result + twice)
+    result += identity
     return result
 
 
@@ -108,17 +112,17 @@ def propagate_output(
         return np.empty((*readout.shape[:-1], 0))
     levels = (count - 1).bit_length() // 2
     block = 2**levels
-    rows = np.empty((*readout.shape[:-1], block, readout.shape[-1]))
-    rows[..., 0, :] = readout
-    for level in range(levels):
-        done = 2**level
-        np.matmul(
-            rows[..., :done, :],
-            power[..., np.newaxis, :, :],
-            out=rows[..., done : 2 * done, :],
-        )
+    outputs, size = readout.shape[-2:]
+    # The readouts of all points of a block are multiplied as one list of rows.
+    rows = np.empty((*readout.shape[:-2], block * outputs, size))
+    rows[..., :outputs, :] = readout
+    done = outputs
+    for _ in range(levels):
+        np.matmul(rows[..., :done, :], power, out=rows[..., done : 2 * done, :])
         power = power @ power
-    states = propagate(power, initial, -(-count // block))
-    values = np.swapaxes(states, -1, -2)[..., np.newaxis, :, :] @ np.swapaxes(rows, -1, -2)
-    result: FloatArray = values.reshape(*values.shape[:-2], -1)[..., :count]
+        done *= 2
+    states = propagate(power, initial, -(-count // block)).swapaxes(-1, -2)
+    by_output = rows.reshape(*readout.shape[:-2], block, outputs, size).swapaxes(-2, -3)
+    values = states[..., np.newaxis, :, :] @ by_output.swapaxes(-1, -2)
+    result: FloatArray = values.reshape(*readout.shape[:-1], -1)[..., :count]
     return result
