@@ -1,8 +1,8 @@
 """Hits laid onto each other below one sampling step."""
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
+from impact_rig.core.signals.interpolation import interpolate_between
 from impact_rig.core.signals.record import FloatArray
 
 
@@ -27,6 +27,4 @@ def align_traces(traces: FloatArray, middle: float) -> tuple[FloatArray, int]:
     fraction = middle - origin
     if fraction == 0.0:
         return traces, origin
-    count = traces.shape[1]
-    spline = CubicSpline(np.arange(count), traces, axis=1)
-    return spline(np.arange(count - 1) + fraction), origin
+    return interpolate_between(traces, fraction), origin

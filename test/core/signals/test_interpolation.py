@@ -39,5 +39,5 @@ def test_at_the_points_are_the_points(fraction: float, part: slice) -> None:
 
 @pytest.mark.parametrize("fraction", [-0.1, 1.1, np.nan])
 def test_further_away_are_refused(fraction: float) -> None:
-    with pytest.raises(ParameterError, match="part of a point is .*: it must lie between 0 and 1"):
+    with pytest.raises(ParameterError, match="part of a point is"):
         interpolate_between(np.zeros(10), fraction)
