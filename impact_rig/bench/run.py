@@ -11,7 +11,7 @@ from impact_rig.bench.machine import Machine, describe_machine
 from impact_rig.bench.part import Bench, Extent, Part
 from impact_rig.core.errors import RigError
 
-PARTS = ("read", "write", "batch", "fuzz", "stream", "kill")
+PARTS = ("model", "hit", "write", "read", "batch", "fuzz", "stream", "kill")
 """Modules of `impact_rig.bench.parts`, in the order in which they run."""
 
 

@@ -6,7 +6,10 @@ from collections.abc import Callable
 
 
 def compare_times(
-    work: Callable[[], object], peer: Callable[[], object], repeats: int
+    work: Callable[[], object],
+    peer: Callable[[], object],
+    repeats: int,
+    calls: tuple[int, int] = (1, 1),
 ) -> tuple[list[float], list[float]]:
     """Time two functions alternately, after one call of each that does not count.
 
@@ -18,21 +21,25 @@ def compare_times(
         What is measured, and what it is measured by.
     repeats : int
         Of each.
+    calls : tuple of int
+        Of `work` and of `peer` in each of their turns: many where one takes microseconds.
 
     Returns
     -------
     tuple of list of float
-        Times of `work` and of `peer` [s]; those of the same turn stand at the same place.
+        Times of one call of `work` and of `peer` [s], means over the turn; those of the same turn
+        stand at the same place.
     """
     times: tuple[list[float], list[float]] = ([], [])
     work()
     peer()
     for _ in range(repeats):
-        for function, found in zip((work, peer), times, strict=True):
+        for function, count, found in zip((work, peer), calls, times, strict=True):
             gc.collect()
             started = time.process_time()
-            function()
-            found.append(time.process_time() - started)
+            for _ in range(count):
+                function()
+            found.append((time.process_time() - started) / count)
     return times
 
 

@@ -6,7 +6,7 @@ import click
 
 from impact_rig.cli import options
 
-PARTS = ("read", "write", "batch", "fuzz", "stream", "kill")
+PARTS = ("model", "hit", "write", "read", "batch", "fuzz", "stream", "kill")
 """As `impact_rig.bench.run.PARTS` has them; here so that the help needs none of them."""
 EXIT_MISSED = 1
 """Everything was measured, and a goal is missed."""
@@ -17,6 +17,8 @@ EXIT_MISSED = 1
     epilog="""
     \b
     Parts:
+      model   the model, beside an integrator and an exponential
+      hit     a hit from blocks to verdict, beside the low-pass alone
       read    reading a recording, beside mcap.reader doing nothing
       write   writing one, beside mcap.writer
       batch   many recordings on two Dask workers, beside one

@@ -48,18 +48,24 @@ def test_reading_is_compared_in_each_compression(
         assert str(figure.goal) == "at most 2"
 
 
-def test_both_writers_write_the_same_messages(
-    bench: Bench, tmp_path: Path, monkeypatch: Any
-) -> None:
+def test_both_writers_are_compared_in_each_compression(bench: Bench, monkeypatch: Any) -> None:
     monkeypatch.setattr(write, "MESSAGES", 20)
-    (figure,) = write.measure(bench)
-    assert len(figure.values) == bench.extent.repeats
-    assert list(tmp_path.iterdir()) == []
+    figures = write.measure(bench)
+    assert [figure.name.split(",")[0] for figure in figures] == list(COMPRESSIONS)
+    for figure in figures:
+        assert len(figure.values) == bench.extent.repeats
+        assert str(figure.goal) == "at least 0.8"
+    assert list(bench.folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_both_writers_write_the_same_messages(tmp_path: Path, compression: str) -> None:
     ours, bare = tmp_path / "ours.mcap", tmp_path / "bare.mcap"
-    write.write_as_recorder(ours, b"12345678")
-    write.write_bare(bare, b"12345678")
+    messages = [bytes([number]) * 8 for number in range(20)]
+    write.write_as_recorder(ours, messages, compression)
+    write.write_bare(bare, messages, compression)
     assert read_all(ours) == read_all(bare)
-    assert len(read_all(ours)) == 20
+    assert [data for _, _, data in read_all(ours)] == messages
 
 
 def test_two_workers_are_compared_with_one(
