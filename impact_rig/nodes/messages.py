@@ -35,13 +35,15 @@ def stamp_to_msg(nanoseconds: int) -> Time:
     return Time(sec=seconds, nanosec=rest)
 
 
-def _channel_to_msg(channel: record.ChannelBlock) -> Channel:
+def channel_to_msg(channel: record.ChannelBlock) -> Channel:
+    """Return one channel over one block as a message."""
     # An array.array is taken over as it is; numpy would be checked item by item.
-    output = channel.output
-    is_counted = output.dtype == np.int32
+    counts, values = array("i"), array("d")
+    output = np.ascontiguousarray(channel.output)
+    (counts if output.dtype == np.int32 else values).frombytes(output.view(np.uint8).data)
     return Channel(
-        counts=array("i", output.tobytes() if is_counted else b""),
-        values=array("d", b"" if is_counted else output.tobytes()),
+        counts=counts,
+        values=values,
         scale=channel.scale,
         offset=channel.offset,
         full_scale=channel.full_scale,
@@ -59,8 +61,8 @@ def block_to_msg(block: record.Block) -> AccelerationBlock:
         sampling_rate=block.sampling_rate,
         triggered=block.triggered,
         last=block.last,
-        hammer=_channel_to_msg(block.hammer),
-        specimen=_channel_to_msg(block.specimen),
+        hammer=channel_to_msg(block.hammer),
+        specimen=channel_to_msg(block.specimen),
     )
     message.header.stamp = stamp_to_msg(block.stamp)
     return message

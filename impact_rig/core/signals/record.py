@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,18 @@ RawArray = NDArray[np.int32] | NDArray[np.float64]
 
 
 def make_read_only(values: FloatArray) -> FloatArray:
-    """Return a float64 copy of `values` that nobody can change."""
-    array = np.array(values, dtype=np.float64)
+    """Return `values` as float64 that nobody can change.
+
+    They are copied, unless they are read-only float64 already: who hands those over gives their
+    memory away with them, and changes it no more by another name.
+    """
+    return _freeze(np.asarray(values), np.float64)
+
+
+def _freeze(values: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
+    if values.dtype == dtype and not values.flags.writeable:
+        return values
+    array = values.astype(dtype)
     array.setflags(write=False)
     return array
 
@@ -43,6 +54,10 @@ class HitLabel:
     attempt: int = 1
 
 
+NOT_ARMED = HitLabel("", record=0, impact=0, attempt=0)
+"""Of a stretch of a running stream that belongs to no arming."""
+
+
 @dataclass(frozen=True)
 class ChannelBlock:
     """One channel over one block: acceleration = scale * output + offset.
@@ -50,7 +65,8 @@ class ChannelBlock:
     Attributes
     ----------
     output : ndarray of int32 or float64, shape (n,)
-        Counts of a digitizer, or the numbers of a source that does not count; read-only.
+        Counts of a digitizer, or the numbers of a source that does not count; read-only. An
+        array that is so already is kept as it is, and must not be changed by another name.
     scale, offset : float
         Acceleration per unit of the output and at zero output [m/s^2].
     full_scale : float
@@ -63,7 +79,7 @@ class ChannelBlock:
     full_scale: float
 
     def __post_init__(self) -> None:
-        """Copy the output, make it read-only, and refuse what cannot be meant."""
+        """Make the output read-only, and refuse what cannot be meant."""
         output = np.asarray(self.output)
         is_counted = np.can_cast(output.dtype, np.int32)
         if output.ndim != 1 or not (is_counted or output.dtype in (np.float32, np.float64)):
@@ -71,9 +87,7 @@ class ChannelBlock:
                 f"output of shape {output.shape} and type {output.dtype}: it must be one row of"
                 " whole numbers of 32 bits at most, or of floating-point numbers of 64"
             )
-        output = output.astype(np.int32 if is_counted else np.float64)
-        output.setflags(write=False)
-        object.__setattr__(self, "output", output)
+        object.__setattr__(self, "output", _freeze(output, np.int32 if is_counted else np.float64))
         if not (math.isfinite(self.scale) and self.scale != 0):
             raise SignalError(f"scale is {self.scale!r} m/s^2 per unit: it must not be zero")
         if not math.isfinite(self.offset):
@@ -85,6 +99,14 @@ class ChannelBlock:
         """Acceleration of one count [m/s^2]; 0: the source does not count."""
         return abs(self.scale) if self.output.dtype == np.int32 else 0.0
 
+    def has_calibration_of(self, other: "ChannelBlock") -> bool:
+        """Return whether another block's output means the same acceleration."""
+        return (
+            self.scale == other.scale
+            and self.offset == other.offset
+            and self.full_scale == other.full_scale
+        )
+
 
 @dataclass(frozen=True)
 class Block:
@@ -93,9 +115,9 @@ class Block:
     Attributes
     ----------
     label : HitLabel
-        The arming it belongs to.
+        The arming it belongs to; `NOT_ARMED` in a running stream: none.
     first_sample : int
-        Index of the first point, counted since arming.
+        Index of the first point, counted since arming; in a running stream since that began.
     sampling_rate : float
         [Hz]
     hammer, specimen : ChannelBlock
@@ -103,7 +125,7 @@ class Block:
     triggered : bool
         False: the arming ended without a trigger and the block is empty.
     last : bool
-        This block ends the record.
+        This block ends the record; in a running stream, the arming.
     stamp : int
         Time of the first point, nanoseconds since the epoch; carried along, never computed with.
     """
@@ -140,7 +162,7 @@ class Trace:
     Attributes
     ----------
     acceleration : ndarray of float64, shape (n,)
-        [m/s^2]; read-only.
+        [m/s^2]; read-only, see `make_read_only`.
     full_scale : float
         Largest acceleration the channel can show, either sign [m/s^2]; 0: not known.
     resolution : float
@@ -152,7 +174,7 @@ class Trace:
     resolution: float = 0.0
 
     def __post_init__(self) -> None:
-        """Copy the trace, make it read-only, and refuse one that is not a vector."""
+        """Make the trace read-only, and refuse one that is not a vector."""
         values = make_read_only(self.acceleration)
         if values.ndim != 1:
             raise SignalError(f"a trace has shape {values.shape}: it must be one row of points")

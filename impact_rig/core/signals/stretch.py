@@ -1,7 +1,8 @@
 """A stretch of the stream without a gap, kept as long as a hit may still need it."""
 
 from collections import deque
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +10,18 @@ from numpy.typing import NDArray
 from impact_rig.core.signals.record import Block, RawArray
 
 
+class _Chunk(NamedTuple):
+    """What one block brought: points from `start` up to `stop`."""
+
+    start: int
+    stop: int
+    hammer: RawArray
+    specimen: RawArray
+    stamp: int
+
+
 class Stretch:
-    """Blocks that follow each other without a gap; points are counted since arming.
+    """Blocks that follow each other without a gap.
 
     Parameters
     ----------
@@ -33,12 +44,15 @@ class Stretch:
         self.block = block
         self.start = self.stop = block.first_sample
         self.searched = max(search_from, self.start)
-        self._chunks: deque[tuple[int, RawArray, RawArray]] = deque()
+        self._chunks: deque[_Chunk] = deque()
 
     def append(self, block: Block) -> None:
         """Take the block that follows."""
-        self._chunks.append((self.stop, block.hammer.output, block.specimen.output))
-        self.stop += block.hammer.output.size
+        stop = self.stop + block.hammer.output.size
+        self._chunks.append(
+            _Chunk(self.stop, stop, block.hammer.output, block.specimen.output, block.stamp)
+        )
+        self.stop = stop
 
     def read(self, first: int, last: int) -> tuple[RawArray, RawArray]:
         """Return hammer and sample from point `first` up to `last`, as far as they are there.
@@ -47,15 +61,39 @@ class Stretch:
         """
         hammers: list[NDArray[Any]] = []
         specimens: list[NDArray[Any]] = []
-        for start, hammer, specimen in reversed(self._chunks):
-            if start + hammer.size <= first:
+        for chunk in reversed(self._chunks):
+            if chunk.stop <= first:
                 break
-            window = slice(max(first - start, 0), max(last - start, 0))
-            hammers.append(hammer[window])
-            specimens.append(specimen[window])
+            window = slice(max(first - chunk.start, 0), max(last - chunk.start, 0))
+            hammers.append(chunk.hammer[window])
+            specimens.append(chunk.specimen[window])
+        if len(hammers) == 1:
+            return hammers[0], specimens[0]
         return np.concatenate(hammers[::-1]), np.concatenate(specimens[::-1])
+
+    def read_hammer(self, first: int, last: int) -> Iterator[tuple[int, RawArray]]:
+        """Yield what the hammer's blocks hold from point `first` up to `last`, and where."""
+        # What has not been read yet lies at the end, most often in the last block.
+        chunks = self._chunks
+        index = len(chunks)
+        while index and chunks[index - 1].stop > first:
+            index -= 1
+        for number in range(index, len(chunks)):
+            chunk = chunks[number]
+            if chunk.start >= last:
+                break
+            begin = max(first, chunk.start)
+            yield begin, chunk.hammer[begin - chunk.start : last - chunk.start]
+
+    def find_time(self, point: int) -> int:
+        """Return when a point was taken, by its own block, nanoseconds since the epoch."""
+        for chunk in reversed(self._chunks):
+            if chunk.start <= point:
+                delay = (point - chunk.start) / self.block.sampling_rate
+                return chunk.stamp + round(delay * 1e9)
+        return self.block.stamp
 
     def forget(self, index: int) -> None:
         """Forget whole blocks that lie before the point `index`."""
-        while self._chunks and self._chunks[0][0] + self._chunks[0][1].size <= index:
+        while self._chunks and self._chunks[0].stop <= index:
             self._chunks.popleft()

@@ -10,7 +10,7 @@ import numpy as np
 
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
 from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
+from impact_rig.core.signals.record import NOT_ARMED, Block, ChannelBlock, HitLabel, RawArray
 from impact_rig.recording.interfaces.absent_fields import read_field
 
 _CHANNEL = "impact_rig_msgs/msg/Channel"
@@ -35,11 +35,16 @@ def label_from_msg(message: Any) -> HitLabel:
 
 
 def _channel_from_msg(message: Any) -> ChannelBlock:
-    values = np.asarray(read_field(message, _CHANNEL, "values"), dtype=np.float64)
+    values = read_field(message, _CHANNEL, "values")
+    output: RawArray = (
+        np.asarray(values, dtype=np.float64).view()
+        if len(values)
+        else np.frombuffer(memoryview(message.counts), dtype=np.int32)
+    )
+    # The message's own memory: nobody changes a message that has come.
+    output.setflags(write=False)
     return ChannelBlock(
-        output=values
-        if values.size
-        else np.frombuffer(memoryview(message.counts), dtype=np.int32),
+        output=output,
         scale=float(message.scale),
         offset=float(message.offset),
         full_scale=float(message.full_scale),
@@ -47,7 +52,7 @@ def _channel_from_msg(message: Any) -> ChannelBlock:
 
 
 def block_from_msg(message: Any) -> Block:
-    """Return an `AccelerationBlock` as a `Block`.
+    """Return an `AccelerationBlock` as a `Block`, which reads the message's own counts.
 
     Raises
     ------
@@ -63,6 +68,19 @@ def block_from_msg(message: Any) -> Block:
         hammer=_channel_from_msg(message.hammer),
         specimen=_channel_from_msg(message.specimen),
         triggered=bool(message.triggered),
+        last=bool(message.last),
+        stamp=stamp_from_msg(message.header.stamp),
+    )
+
+
+def stream_block_from_msg(message: Any) -> Block:
+    """Return a `StreamBlock` as a `Block` of the running stream; errors as `block_from_msg`."""
+    return Block(
+        label=label_from_msg(message) if message.record else NOT_ARMED,
+        first_sample=int(message.first_sample),
+        sampling_rate=float(message.sampling_rate),
+        hammer=_channel_from_msg(message.hammer),
+        specimen=_channel_from_msg(message.specimen),
         last=bool(message.last),
         stamp=stamp_from_msg(message.header.stamp),
     )

@@ -86,3 +86,11 @@ def test_traces_of_a_record_are_equally_long() -> None:
 def test_a_trace_is_one_row() -> None:
     with pytest.raises(SignalError, match=r"a trace has shape \(2, 3\): it must be one row"):
         Trace(np.zeros((2, 3)))
+
+
+def test_what_is_read_only_already_is_not_copied() -> None:
+    counts, values = np.arange(4, dtype=np.int32), np.arange(4.0)
+    for array in (counts, values):
+        array.setflags(write=False)
+    assert ChannelBlock(counts, 0.5, 0.0, 2000.0).output is counts
+    assert Trace(values).acceleration is values

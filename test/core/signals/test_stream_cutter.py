@@ -1,0 +1,347 @@
+"""Impacts cut out of a running stream: whole, labelled, with the gaps that the stream has."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from impact_rig.core.errors import SignalError
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.detection import ImpactDetector
+from impact_rig.core.signals.record import NOT_ARMED, Block, HitLabel, Record
+from impact_rig.core.signals.stream_cutter import QUIET_LEAD, StreamCutter
+
+# At the 1 MHz of these streams: 200 points of pre-trigger, 2000 of record.
+SETTINGS = AnalysisSettings()
+BEFORE, LENGTH = 200, 2000
+CUT = (QUIET_LEAD - 1) * BEFORE + LENGTH
+FIRST, SECOND = HitLabel("steel", record=1), HitLabel("steel", record=2, impact=2)
+Make = Callable[..., Any]
+Counts = NDArray[np.int32]
+
+
+@pytest.fixture(scope="module")
+def make_stream(make_blocks: Make) -> Make:
+    """Cut counts into the blocks of a stream, with armings as (first, behind last, label)."""
+
+    def make(
+        counts: Counts,
+        sizes: Iterable[int],
+        armings: Iterable[tuple[int, int, HitLabel]] = (),
+        **options: Any,
+    ) -> list[Block]:
+        armings = tuple(armings)
+        borders = {place for first, last, _ in armings for place in (first, last)}
+        stream: list[Block] = []
+        for block in make_blocks(counts, counts, sizes, **options):
+            start, size = block.first_sample, block.hammer.output.size
+            inner = sorted(place - start for place in borders if start < place < start + size)
+            for low, high in zip([0, *inner], [*inner, size], strict=True):
+                label, last = NOT_ARMED, False
+                for first, stop, named in armings:
+                    if first <= start + low < stop:
+                        label, last = named, start + high == stop
+                stream.append(cut_block(block, low, high, label, last))
+        return stream
+
+    return make
+
+
+def cut_block(block: Block, low: int, high: int, label: HitLabel, last: bool) -> Block:
+    return replace(
+        block,
+        label=label,
+        first_sample=block.first_sample + low,
+        stamp=block.stamp + round(low / block.sampling_rate * 1e9),
+        hammer=replace(block.hammer, output=block.hammer.output[low:high]),
+        specimen=replace(block.specimen, output=block.specimen.output[low:high]),
+        last=last,
+    )
+
+
+def cut(stream: Iterable[Block]) -> list[Block]:
+    cutter = StreamCutter(SETTINGS)
+    return [block for item in stream for block in cutter.feed(item)]
+
+
+def judge(cuts: Iterable[Block]) -> list[Record]:
+    """Take the cuts as a session does."""
+    detector = ImpactDetector(SETTINGS)
+    return [record for block in cuts for record in detector.feed(block)]
+
+
+def describe(block: Block) -> tuple[Any, ...]:
+    return (
+        block.label,
+        block.first_sample,
+        block.triggered,
+        block.last,
+        block.stamp,
+        block.hammer.output.tobytes(),
+        block.specimen.output.tobytes(),
+    )
+
+
+def test_an_impact_of_an_arming_is_cut_out_with_its_pre_trigger(
+    make_counts: Make, make_stream: Make
+) -> None:
+    counts = make_counts([(7000, 900.0)], 20_000, noise=0.0, offset=0.0)
+    # 3 % of full scale is 61.44 counts: reached where 900 sin^2 is.
+    pulse = 7000 + int(np.ceil(np.arcsin(np.sqrt(61.44 / 900)) * 200 / np.pi))
+    (block,) = cut(make_stream(counts, [2500], [(2500, 15_000, FIRST)]))
+    start = pulse - QUIET_LEAD * BEFORE
+    assert (block.label, block.first_sample, block.last, block.triggered) == (FIRST, 0, True, True)
+    np.testing.assert_array_equal(block.hammer.output, counts[start : start + CUT])
+    np.testing.assert_array_equal(block.specimen.output, counts[start : start + CUT])
+    assert block.stamp == 1_000 + 1_000 * start
+    (record,) = judge([block])
+    assert (record.pulse_index, record.flaws) == (BEFORE, ())
+    assert record.hammer.acceleration.size == LENGTH
+
+
+@given(
+    sizes=st.lists(st.integers(1, 4000), min_size=2, max_size=8).filter(lambda s: sum(s) > 800),
+    steps=st.lists(st.integers(300, 3500), min_size=1, max_size=6),
+    heights=st.lists(st.sampled_from([-1800.0, -400.0, 150.0, 900.0]), min_size=6, max_size=6),
+    borders=st.lists(st.integers(1, 19_000), min_size=4, max_size=4, unique=True),
+    lost=st.lists(st.tuples(st.integers(0, 19_000), st.integers(1, 3000)), max_size=2),
+)
+@settings(max_examples=150)
+def test_splitting_the_stream_into_other_blocks_changes_no_bit(
+    make_counts: Make,
+    make_stream: Make,
+    sizes: list[int],
+    steps: list[int],
+    heights: list[float],
+    borders: list[int],
+    lost: list[tuple[int, int]],
+) -> None:
+    counts = make_counts(zip(np.cumsum(steps), heights, strict=False), 20_000)
+    a, b, c, d = sorted(borders)
+    armings = [(a, b, FIRST), (c, d, SECOND)]
+
+    def lose(stream: Iterable[Block]) -> list[Block]:
+        """Take points away, wherever the blocks' borders are."""
+        kept = list(stream)
+        for low, count in lost:
+            kept = [part for item in kept for part in remove(item, low, low + count)]
+        return kept
+
+    whole = cut(lose(make_stream(counts, [20_000], armings)))
+    split = cut(lose(make_stream(counts, sizes, armings)))
+    assert [describe(item) for item in split] == [describe(item) for item in whole]
+
+
+def remove(block: Block, low: int, high: int) -> list[Block]:
+    """Return what is left of a block without the points `low` up to `high` of the stream."""
+    start, size = block.first_sample, block.hammer.output.size
+    low, high = (min(max(place - start, 0), size) for place in (low, high))
+    if low == high:
+        return [block]
+    parts = []
+    if low > 0:
+        parts.append(cut_block(block, 0, low, block.label, last=False))
+    if high < size:
+        parts.append(cut_block(block, high, size, block.label, last=block.last))
+    return parts
+
+
+def test_a_pulse_on_a_border_reaches_back_into_the_block_before(
+    make_counts: Make, make_stream: Make
+) -> None:
+    counts = make_counts([(10_000, 900.0)], 20_000)
+    (block,) = cut(make_stream(counts, [10_000], [(0, 20_000, FIRST)]))
+    start = (block.stamp - 1_000) // 1_000
+    assert start < 10_000 < start + QUIET_LEAD * BEFORE
+    np.testing.assert_array_equal(block.hammer.output, counts[start : start + CUT])
+
+
+def test_a_hit_is_handed_out_as_soon_as_its_window_has_come(
+    make_counts: Make, make_stream: Make
+) -> None:
+    cutter = StreamCutter(SETTINGS)
+    stream = make_stream(make_counts([(5000, 900.0)], 9000), [500], [(500, 9000, FIRST)])
+    handed_out = [item.first_sample for item in stream if cutter.feed(item)]
+    # The window ends 1800 points behind the first tenth of the pulse.
+    assert handed_out == [6500]
+
+
+def test_a_hit_at_the_very_start_of_the_stream_lacks_its_pre_trigger(
+    make_counts: Make, make_stream: Make
+) -> None:
+    cuts = cut(make_stream(make_counts([(150, 900.0)], 9000), [1000], [(0, 9000, FIRST)]))
+    (record,) = judge(cuts)
+    assert record.flaws
+    assert "missing at point 0" in record.flaws[0]
+
+
+def test_impacts_while_not_armed_are_counted_and_nothing_else(
+    make_counts: Make, make_stream: Make
+) -> None:
+    counts = make_counts([(3000, 900.0), (9000, 900.0), (15_000, 900.0)], 20_000)
+    cutter = StreamCutter(SETTINGS)
+    stream = make_stream(counts, [1000], [(8000, 12_000, FIRST)])
+    assert [block.label for item in stream for block in cutter.feed(item)] == [FIRST]
+    assert cutter.flow.other_impacts == 2
+    assert (cutter.flow.blocks, cutter.flow.points) == (20, 20_000)
+
+
+def test_of_two_impacts_in_one_arming_the_first_is_its_hit(
+    make_counts: Make, make_stream: Make
+) -> None:
+    counts = make_counts([(4000, 900.0), (9000, 700.0)], 20_000)
+    cutter = StreamCutter(SETTINGS)
+    stream = make_stream(counts, [1000], [(1000, 15_000, FIRST)])
+    (block,) = [block for item in stream for block in cutter.feed(item)]
+    assert (block.stamp - 1_000) // 1_000 == pytest.approx(4000 - QUIET_LEAD * BEFORE, abs=25)
+    assert cutter.flow.other_impacts == 1
+
+
+def test_an_arming_that_ends_without_an_impact_says_so_by_an_empty_block(
+    make_counts: Make, make_stream: Make
+) -> None:
+    (block,) = cut(make_stream(make_counts([], 9000), [1000], [(2000, 6000, FIRST)]))
+    assert (block.label, block.triggered, block.last) == (FIRST, False, True)
+    assert block.hammer.output.size == block.first_sample == 0
+    (record,) = judge([block])
+    assert not record.triggered
+
+
+def test_an_arming_that_is_given_up_is_not_told_of(make_counts: Make, make_stream: Make) -> None:
+    stream = make_stream(make_counts([], 9000), [1000], [(2000, 6000, FIRST)])
+    assert cut(replace(item, last=False) for item in stream) == []
+
+
+@pytest.mark.parametrize("following", [NOT_ARMED, SECOND])
+def test_each_impact_belongs_to_the_arming_it_falls_into(
+    make_counts: Make, make_stream: Make, following: HitLabel
+) -> None:
+    counts = make_counts([(3900, 900.0), (8000, 900.0)], 20_000)
+    # The first one's window reaches into what follows its arming.
+    stream = make_stream(counts, [1000], [(1000, 4100, FIRST), (4100, 15_000, following)])
+    cuts = cut(replace(item, last=False) for item in stream)
+    expected = [FIRST] if following == NOT_ARMED else [FIRST, SECOND]
+    assert [(block.label, block.last) for block in cuts] == [(label, True) for label in expected]
+
+
+class TestGap:
+    """Points that never came: they stay away."""
+
+    def lose(
+        self, make_counts: Make, make_stream: Make, lost: tuple[int, int]
+    ) -> tuple[list[Block], StreamCutter]:
+        """Cut a hit at point 8000 out of a stream that lacks some points."""
+        counts = make_counts([(8000, 900.0)], 30_000)
+        stream = make_stream(counts, [1000], [(2000, 25_000, FIRST)])
+        cutter = StreamCutter(SETTINGS)
+        parts = [part for item in stream for part in remove(item, *lost)]
+        return [block for part in parts for block in cutter.feed(part)], cutter
+
+    def test_inside_the_window_stays_one(self, make_counts: Make, make_stream: Make) -> None:
+        cuts, cutter = self.lose(make_counts, make_stream, (8500, 8900))
+        begin, end = cuts
+        start = (begin.stamp - 1_000) // 1_000
+        assert (begin.first_sample, begin.hammer.output.size, begin.last) == (
+            0, 8500 - start, False,
+        )  # fmt: skip
+        assert (end.first_sample, end.last) == (8900 - start, True)
+        assert end.stamp == 1_000 + 8900 * 1_000
+        assert begin.hammer.output.size + end.hammer.output.size == CUT - 400
+        assert (cutter.flow.gaps, cutter.flow.missing_points) == (1, 400)
+        (record,) = judge(cuts)
+        assert record.flaws == (f"400 points missing at point {8500 - start}",)
+
+    def test_that_takes_the_rest_of_the_window_is_shown_by_where_the_stream_goes_on(
+        self, make_counts: Make, make_stream: Make
+    ) -> None:
+        cuts, _ = self.lose(make_counts, make_stream, (8500, 20_000))
+        start = (cuts[0].stamp - 1_000) // 1_000
+        assert (cuts[1].first_sample, cuts[1].hammer.output.size) == (20_000 - start, 0)
+        (record,) = judge(cuts)
+        assert record.flaws == (f"11500 points missing at point {8500 - start}",)
+
+    def test_that_takes_the_whole_hit_leaves_what_came_before_it(
+        self, make_counts: Make, make_stream: Make
+    ) -> None:
+        cuts, _ = self.lose(make_counts, make_stream, (7500, 12_000))
+        assert [block.triggered for block in cuts] == [True, True]
+        (record,) = judge(cuts)
+        assert record.flaws == (f"4500 points missing at point {BEFORE}",)
+
+    @pytest.mark.parametrize("lost", [(3000, 7000), (12_000, 24_000)])
+    def test_outside_the_window_does_no_harm(
+        self, make_counts: Make, make_stream: Make, lost: tuple[int, int]
+    ) -> None:
+        intact, _ = self.lose(make_counts, make_stream, (0, 0))
+        cuts, cutter = self.lose(make_counts, make_stream, lost)
+        assert [describe(item) for item in cuts] == [describe(item) for item in intact]
+        assert cutter.flow.missing_points == lost[1] - lost[0]
+
+    def test_that_takes_the_pre_trigger_is_named(
+        self, make_counts: Make, make_stream: Make
+    ) -> None:
+        (record,) = judge(self.lose(make_counts, make_stream, (6000, 7950))[0])
+        assert record.flaws
+        assert "missing" in record.flaws[0]
+
+
+def test_points_that_come_twice_are_named(make_counts: Make, make_stream: Make) -> None:
+    stream = make_stream(make_counts([(8000, 900.0)], 30_000), [500], [(2000, 25_000, FIRST)])
+    cuts = cut([*stream[:18], *stream[17:]])
+    (record, *others) = judge(cuts)
+    assert "500 points repeated" in record.flaws[0]
+    assert others == []
+
+
+def test_a_stream_that_begins_anew_takes_no_arming_with_it(
+    make_counts: Make, make_stream: Make
+) -> None:
+    counts = make_counts([(8000, 900.0)], 12_000)
+    broken = make_stream(counts, [1000], [(2000, 12_000, FIRST)])[:5]
+    anew = make_stream(counts, [1000], [(2000, 12_000, SECOND)])
+    first, second = judge(cut([*broken, *anew]))
+    assert (first.label, second.label) == (FIRST, SECOND)
+    assert first.flaws
+    assert second.flaws == ()
+
+
+def test_a_change_of_calibration_inside_the_window_is_never_bridged(
+    make_counts: Make, make_stream: Make
+) -> None:
+    stream = make_stream(make_counts([(8000, 900.0)], 12_000), [1500], [(2000, 11_000, FIRST)])
+    changed = [
+        replace(item, hammer=replace(item.hammer, scale=0.5)) if item.first_sample > 8500 else item
+        for item in stream
+    ]
+    (record, *_) = judge(cut(changed))
+    assert "calibration changed" in record.flaws[0]
+
+
+def test_slow_drift_starts_no_hit(make_counts: Make, make_stream: Make) -> None:
+    counts = make_counts([], 2_000_000, noise=1.0)
+    drifting = (counts + np.linspace(0, 300, counts.size)).astype(np.int32)  # five times the level
+    cutter = StreamCutter(SETTINGS)
+    for block in make_stream(drifting, [10_000]):
+        assert cutter.feed(block) == ()
+    assert cutter.flow.other_impacts == 0
+
+
+def test_only_what_a_hit_may_still_need_is_kept(make_counts: Make, make_stream: Make) -> None:
+    cutter = StreamCutter(SETTINGS)
+    counts = make_counts([(500_000, 900.0)], 1_000_000)
+    for block in make_stream(counts, [1000], [(1000, 1_000_000, FIRST)]):
+        cutter.feed(block)
+        kept = sum(len(stretch._chunks) for stretch in cutter._stretches)
+        # A window is 2200 points, and begins and ends anywhere in a block.
+        assert kept <= 4
+
+
+def test_a_stream_without_a_full_scale_is_refused(make_counts: Make, make_stream: Make) -> None:
+    stream = make_stream(make_counts([], 3000), [1000], full_scale=0.0)
+    with pytest.raises(SignalError, match="does not say the hammer's full scale"):
+        cut(stream)
