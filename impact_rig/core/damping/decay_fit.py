@@ -14,8 +14,9 @@ damping and few periods.
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
-from scipy.optimize import least_squares
+from scipy.optimize import leastsq
 
 from impact_rig.core.signals.record import FloatArray
 
@@ -34,6 +35,9 @@ UNKNOWNS = 5
 ENOUGH_POINTS = 400
 """On about so many points of a longer tail the fit is found, before it is finished on all [-], our
 choice."""
+TOLERANCE = 1e-6
+"""Relative change of sum of squares and of parameters that ends the fit [-], our choice: of some
+hundred points, a hundredth of what noise makes of the parameters."""
 MOST_EVALUATIONS = 50
 """Of the model [-], our choice: a decay needs fewer than ten, noise never comes to rest."""
 
@@ -72,23 +76,31 @@ class DecayFit:
         candidates = find_decay_candidates(self._measured, relative_cutoff)
         stride = max(1, self._measured.size // ENOUGH_POINTS)
         sparse = DecayFit(self._measured, stride) if stride > 1 else self
-        errors = [float(np.sum(sparse.find_residual(start) ** 2)) for start in candidates]
-        solution = sparse.descend(candidates[int(np.argmin(errors))])
+        solution = sparse.descend(candidates[int(np.argmin(sparse.find_errors(candidates)))])
         return self.descend(solution) if stride > 1 else solution
 
     def descend(self, start: FloatArray) -> FloatArray:
         """Return the least-squares (a, omega) next to `start`, and stay there."""
-        found = least_squares(
+        # MINPACK itself: what `least_squares` puts around it takes longer than this fit.
+        found = leastsq(
             self.find_residual,
             start,
-            self.find_jacobian,
-            method="lm",
-            x_scale=np.abs(start) + np.finfo(float).tiny,
-            max_nfev=MOST_EVALUATIONS,
-        )
-        solution = np.array([found.x[0], abs(found.x[1])])
+            Dfun=self.find_jacobian,
+            full_output=True,
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
+            maxfev=MOST_EVALUATIONS,
+            diag=1.0 / (np.abs(start) + np.finfo(float).tiny),
+        )[0]
+        solution = np.array([found[0], abs(found[1])])
         self._evaluate(solution)
         return solution
+
+    def find_errors(self, candidates: FloatArray) -> FloatArray:
+        """Return the sums of squares, shape (m,), that pairs (a, omega), shape (m, 2), leave."""
+        orthonormal, _ = np.linalg.qr(_make_basis(self._find_wave(candidates)))
+        onto = np.tensordot(self._measured, orthonormal, axes=(0, 1))
+        return np.asarray(self._measured @ self._measured - np.square(onto).sum(axis=1))
 
     def find_residual(self, parameters: FloatArray) -> FloatArray:
         """Return measured minus fitted, shape (n,)."""
@@ -103,23 +115,39 @@ class DecayFit:
         )
         return np.asarray(slopes - self._orthonormal @ (self._orthonormal.T @ slopes))
 
+    def _find_wave(self, parameters: FloatArray) -> NDArray[np.complex128]:
+        """Return e^((-a + i omega) t), shape (..., n), of pairs (a, omega), shape (..., 2)."""
+        # A growing trial step must not overflow.
+        decay = np.maximum(parameters[..., 0], -1.0 / (self._points[-1] + 1.0))
+        rates = -decay + 1j * parameters[..., 1]
+        return np.asarray(np.exp(rates[..., np.newaxis] * self._points))
+
     def _evaluate(self, parameters: FloatArray) -> None:
-        decay, frequency = float(parameters[0]), float(parameters[1])
+        decay, frequency = parameters.tolist()
         if self._at == (decay, frequency):
             return
         self._at = decay, frequency
-        # A growing trial step must not overflow.
-        wave = np.exp(
-            (-max(decay, -1.0 / (self._points[-1] + 1.0)) + 1j * frequency) * self._points
-        )
-        basis = np.stack((wave.real, wave.imag, np.ones_like(wave.real)), axis=1)
-        self._orthonormal, triangle = np.linalg.qr(basis)
-        onto = self._orthonormal.T @ self._measured
-        cosine, sine, _ = np.linalg.lstsq(triangle, onto, rcond=None)[0]
+        wave = self._find_wave(parameters)
+        self._orthonormal, triangle = np.linalg.qr(_make_basis(wave))
+        onto = self._measured @ self._orthonormal
+        cosine, sine = _find_amplitudes(triangle.tolist(), onto.tolist())
         self.residual = self._measured - self._orthonormal @ onto
         self.oscillation = cosine * wave.real + sine * wave.imag
         self._quadrature = cosine * wave.imag - sine * wave.real
         self.amplitude = math.hypot(cosine, sine)
+
+
+def _make_basis(wave: NDArray[np.complex128]) -> FloatArray:
+    """Return cosine, sine and offset as columns, shape (..., n, 3), offset first."""
+    return np.stack((np.ones(wave.shape), wave.real, wave.imag), axis=-1)
+
+
+def _find_amplitudes(triangle: list[list[float]], onto: list[float]) -> tuple[float, float]:
+    """Solve for cosine and sine; 0 for what cannot be told from the columns before it."""
+    least = np.finfo(float).eps * len(onto) * max(abs(triangle[i][i]) for i in range(3))
+    sine = onto[2] / triangle[2][2] if abs(triangle[2][2]) > least else 0.0
+    rest = onto[1] - triangle[1][2] * sine
+    return rest / triangle[1][1] if abs(triangle[1][1]) > least else 0.0, sine
 
 
 def find_decay_candidates(tail: FloatArray, relative_cutoff: float) -> FloatArray:
