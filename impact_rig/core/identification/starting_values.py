@@ -1,7 +1,7 @@
 """Where the least-squares search starts, read from the traces themselves."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -9,9 +9,15 @@ import numpy as np
 
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.identification.measured_model import MeasuredModel
-from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, compute_peak_force
+from impact_rig.core.model.impact import (
+    Body,
+    ImpactModel,
+    ModelVariant,
+    compute_peak_force,
+    simulate_impacts,
+)
 from impact_rig.core.model.pulses import VERSED_SINE
-from impact_rig.core.model.sensitivities import compute_sensitivities, respond_to_versed_sine
+from impact_rig.core.model.sensitivities import compute_sensitivities
 from impact_rig.core.model.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
@@ -61,6 +67,20 @@ class StartingValues:
     hammer_stiffness: float = NAN
     hammer_damping_coefficient: float = NAN
 
+    @property
+    def has_specimen(self) -> bool:
+        """Whether both numbers of the sample are those of a body."""
+        return _is_body(self.stiffness, self.damping_coefficient)
+
+    @property
+    def has_hammer(self) -> bool:
+        """Whether both numbers of the hammer are those of a body."""
+        return _is_body(self.hammer_stiffness, self.hammer_damping_coefficient)
+
+
+def _is_body(stiffness: float, damping_coefficient: float) -> bool:
+    return 0.0 < stiffness < math.inf and 0.0 <= damping_coefficient < math.inf
+
 
 def find_starts(
     measured: MeasuredModel, traces: FloatArray, given: StartingValues
@@ -108,7 +128,7 @@ class _Finder:
     def find_driven(self, given: StartingValues) -> Iterator[FloatArray]:
         """Yield starts of the driven model: its sample is one oscillator."""
         mass, tau = self.measured.moving_mass, self.contact_time
-        if math.isfinite(given.stiffness) and math.isfinite(given.damping_coefficient):
+        if given.has_specimen:
             pair = (
                 given.stiffness * tau**2 / mass,
                 given.damping_coefficient * tau / mass,
@@ -118,18 +138,16 @@ class _Finder:
             equivalent = estimate_equivalent_mass(self.measured.hammer_mass, mass)
             frequency = math.pi * math.sqrt(2.0 * equivalent / mass)
             pair = (frequency**2, 2.0 * TYPICAL_DAMPING_RATIO * frequency)
-        yield self._make_driven(*pair, self._fit_oscillator(*pair)[1])
+        [(_, height)] = self._fit_oscillators([pair])
+        yield self._make_driven(*pair, height)
         candidates = [
             *product(FREQUENCIES.tolist(), DAMPING_RATIOS),
             *product((self._find_ringing(),), RINGING_DAMPING_RATIOS),
         ]
-        tried = []
-        for frequency, ratio in candidates:
-            scaled = (frequency**2, 2.0 * ratio * frequency)
-            tried.append((*self._fit_oscillator(*scaled), *scaled))
-        tried.sort()
-        for _, height, stiffness, damping in tried:
-            yield self._make_driven(stiffness, damping, height)
+        pairs = [(frequency**2, 2.0 * ratio * frequency) for frequency, ratio in candidates]
+        tried = sorted(zip(self._fit_oscillators(pairs), pairs, strict=True))
+        for (_, height), pair in tried:
+            yield self._make_driven(*pair, height)
 
     def _find_ringing(self) -> float:
         """Return the strongest frequency of what follows the contact, times tau_p [rad]."""
@@ -141,14 +159,32 @@ class _Finder:
         strongest = max(int(np.argmax(np.abs(np.fft.rfft(tail, length)))), 1)
         return 2.0 * math.pi * strongest / length * self.sampling_rate * self.contact_time
 
-    def _fit_oscillator(self, stiffness: float, damping: float) -> tuple[float, float]:
-        """Return what is left of the sample's trace, and the amplitude that leaves it."""
-        count = self.traces.shape[1]
-        time = (np.arange(count) / self.sampling_rate - self.start) / self.contact_time
-        step = 1.0 / (self.sampling_rate * self.contact_time)
-        response = respond_to_versed_sine(stiffness, damping, time, step)[0]
-        height, left = _fit_amplitude(response, self.traces[1])
-        return left, height
+    def _fit_oscillators(self, pairs: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+        """Return what is left of the sample's trace, and the amplitude that leaves it.
+
+        For stiffness and damping over the mass, scaled by tau_p; each pair by itself.
+        """
+        mass, tau = self.measured.moving_mass, self.contact_time
+        models = [
+            ImpactModel(
+                hammer=Body(self.measured.hammer_mass, 1.0, 0.0),
+                specimen=Body(mass, stiffness * mass / tau**2, damping * mass / tau),
+                contact_time=tau,
+                impact_speed=0.0,
+                # As much as accelerates the sample by 1.
+                peak_force=mass,
+            )
+            for stiffness, damping in pairs
+        ]
+        responses = simulate_impacts(
+            models,
+            self.sampling_rate,
+            self.traces.shape[1],
+            start=-self.start,
+            variant=ModelVariant.DRIVEN,
+        )
+        fits = [_fit_amplitude(response, self.traces[1]) for response in responses[:, 1]]
+        return [(left, height) for height, left in fits]
 
     def _make_driven(self, stiffness: float, damping: float, height: float) -> FloatArray:
         mass, tau = self.measured.moving_mass, self.contact_time
@@ -174,15 +210,13 @@ class _Finder:
             )
             for part, ratio in product(PRINTED_STIFFNESSES, PRINTED_DAMPING_RATIOS)
         ]
-        if math.isfinite(given.hammer_stiffness) and math.isfinite(
-            given.hammer_damping_coefficient
-        ):
+        if given.has_hammer:
             hammers.insert(0, (given.hammer_stiffness, given.hammer_damping_coefficient))
         specimens = [
             (part * equivalent, 2.0 * TYPICAL_DAMPING_RATIO * math.sqrt(part * equivalent * mass))
             for part in SPECIMEN_STIFFNESSES
         ]
-        if math.isfinite(given.stiffness) and math.isfinite(given.damping_coefficient):
+        if given.has_specimen:
             specimens.insert(0, (given.stiffness, given.damping_coefficient))
         tried = [
             self._fit_printed(duration * self.contact_time, *hammer, *specimen)

@@ -10,7 +10,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,6 +28,7 @@ from impact_rig.core.model.contact import (
 )
 from impact_rig.core.model.oscillator import simulate_free_oscillators
 from impact_rig.core.model.stiffness import estimate_equivalent_mass
+from impact_rig.core.model.time_grid import ContactSpan, find_contact
 from impact_rig.core.signals.record import FloatArray
 
 BATCH = 64
@@ -192,7 +192,7 @@ def _simulate(
     count, is_printed = out.shape[2], variant is ModelVariant.PRINTED
     system = PRINTED if is_printed else DRIVEN
     spans = [
-        _find_span(start, model.contact_time, sampling_rate, count)
+        find_contact(start, model.contact_time, sampling_rate, count)
         for model, start in zip(models, starts, strict=True)
     ]
     table = np.array(
@@ -218,42 +218,8 @@ def _simulate(
             record[:, span.free :] = values[:, : count - span.free]
 
 
-class _Span(NamedTuple):
-    """The points in the contact, first <= n < free.
-
-    `begin` is the time of the first one [s], `late` that of the first one beyond the contact,
-    counted from its end [s].
-    """
-
-    first: int
-    free: int
-    begin: float
-    late: float
-
-
-def _find_span(start: float, contact_time: float, sampling_rate: float, count: int) -> _Span:
-    """Find the points in the contact."""
-    first = _find_point(start, 0.0, sampling_rate, count)
-    beyond = math.nextafter(contact_time, math.inf)
-    free = _find_point(start, beyond, sampling_rate, count)
-    begin, late = start + first / sampling_rate, start + free / sampling_rate - contact_time
-    # Where the record has no such point, a harmless time.
-    return _Span(first, free, min(max(begin, 0.0), contact_time), max(late, 0.0))
-
-
-def _find_point(start: float, time: float, sampling_rate: float, count: int) -> int:
-    """Return the first of `count` points at a time or after it; `count`: there is none."""
-    point = min(max(math.ceil((time - start) * sampling_rate), 0), count)
-    # The grid is start + n / rate as rounded, which may be one point aside.
-    while point > 0 and start + (point - 1) / sampling_rate >= time:
-        point -= 1
-    while point < count and start + point / sampling_rate < time:
-        point += 1
-    return point
-
-
 def _scale(
-    model: ImpactModel, span: _Span, sampling_rate: float, *, is_printed: bool
+    model: ImpactModel, span: ContactSpan, sampling_rate: float, *, is_printed: bool
 ) -> tuple[float, ...]:
     """Return numbers, drives and angles of a model as its contact has them, and `late` [rad]."""
     m1, m2 = model.hammer.mass, model.specimen.mass

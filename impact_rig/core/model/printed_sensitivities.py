@@ -11,16 +11,27 @@ along.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
+from impact_rig.core.model.contact import FULL_TURN
+from impact_rig.core.model.free_sensitivities import (
+    AT_START,
+    STATES,
+    propagate_free,
+    read_drive,
+    read_motion,
+)
 from impact_rig.core.model.impact import ImpactModel
-from impact_rig.core.model.propagation import propagate
+from impact_rig.core.model.propagation import exponentiate, propagate_output
+from impact_rig.core.model.time_grid import find_contact
 from impact_rig.core.signals.record import FloatArray
 
 SPEED, FORCE, KAPPA_1, DELTA_1, KAPPA_2, DELTA_2, JERK = range(7)
 """Rows: acceleration per unit impact speed and per unit force, derivatives of the acceleration,
 and its derivative in time."""
 ROWS = 7
+TAU, T0, K2, C2, F0, K1, C1, TRACE = range(8)
+"""What is computed: the derivatives in these parameters, and the trace itself."""
+OUTPUTS = 8
 CONTACT_BLOCKS = 4
 """In contact the responses to speed and force and the derivatives in kappa_1 and kappa_2 are
 followed, each by two positions and two velocities."""
@@ -29,46 +40,58 @@ CONTACT_STATES = 4 * CONTACT_BLOCKS
 
 @dataclass(frozen=True)
 class _Scaled:
-    """The model in scaled time: lengths in units of `length`, time in tau_p."""
+    """The model in scaled time: lengths in units of `length`, time in tau_p.
 
+    `kappa` and `delta` have the shape (2,).
+    """
+
+    contact_time: float
     length: float
     speed: float
     force: float
-    kappa: tuple[float, float]
-    delta: tuple[float, float]
+    kappa: FloatArray
+    delta: FloatArray
     masses: tuple[float, float]
 
     @staticmethod
     def make(model: ImpactModel) -> "_Scaled":
         """Scale a model."""
-        tau, bodies = model.contact_time, (model.hammer, model.specimen)
+        tau, (first, second) = model.contact_time, (model.hammer, model.specimen)
         by_speed = model.impact_speed * tau
-        by_force = model.peak_force * tau**2 / model.specimen.mass
+        by_force = model.peak_force * tau**2 / second.mass
         length = max(abs(by_speed), abs(by_force)) or 1.0
         return _Scaled(
+            contact_time=tau,
             length=length,
             speed=by_speed / length,
             force=by_force / length,
-            kappa=(
-                bodies[0].stiffness * tau**2 / bodies[0].mass,
-                bodies[1].stiffness * tau**2 / bodies[1].mass,
+            kappa=np.array([body.stiffness * tau**2 / body.mass for body in (first, second)]),
+            delta=np.array(
+                [body.damping_coefficient * tau / body.mass for body in (first, second)]
             ),
-            delta=(
-                bodies[0].damping_coefficient * tau / bodies[0].mass,
-                bodies[1].damping_coefficient * tau / bodies[1].mass,
-            ),
-            masses=(bodies[0].mass, bodies[1].mass),
+            masses=(first.mass, second.mass),
         )
 
-    @property
-    def patterns(self) -> FloatArray:
-        """How kappa_1 and kappa_2 enter the stiffness in contact, shape (2, 2, 2)."""
-        ratio = self.masses[0] / self.masses[1]
-        return np.array([[[1.0, -1.0], [-ratio, ratio]], [[0.0, 0.0], [0.0, 1.0]]])
+    def find_mixing(self) -> FloatArray:
+        """Return what the rows are in each output, shape (8, 7).
 
-    def add_up(self, rows: FloatArray) -> FloatArray:
-        """Return what speed and force do together, from rows that begin with the two."""
-        return np.asarray(self.speed * rows[SPEED] + self.force * rows[FORCE])
+        In that of tau_p, time * JERK is left out.
+        """
+        tau, length, (first_mass, second_mass) = self.contact_time, self.length, self.masses
+        mixing = np.zeros((OUTPUTS, ROWS))
+        mixing[TAU, SPEED] = -self.speed
+        mixing[TAU, KAPPA_1 : KAPPA_2 + 1 : 2] = 2.0 * self.kappa
+        mixing[TAU, DELTA_1 : DELTA_2 + 1 : 2] = self.delta
+        mixing[T0, JERK] = -1.0
+        mixing[: T0 + 1] *= length / tau**3
+        mixing[K2, KAPPA_2] = length / second_mass
+        mixing[C2, DELTA_2] = length / second_mass / tau
+        mixing[F0, FORCE] = 1.0 / second_mass
+        mixing[K1, KAPPA_1] = length / first_mass
+        mixing[C1, DELTA_1] = length / first_mass / tau
+        mixing[TRACE, : FORCE + 1] = self.speed, self.force
+        mixing[TRACE] *= length / tau**2
+        return mixing
 
 
 def compute_printed_sensitivities(
@@ -79,158 +102,146 @@ def compute_printed_sensitivities(
     The parameters are tau_p, t0, k2, c2, F0, k1 and c1; see `compute_sensitivities`.
     """
     scaled, tau = _Scaled.make(model), model.contact_time
-    time = (start + np.arange(count) / sampling_rate) / tau
+    first, free, begin, late = find_contact(start, tau, sampling_rate, count)
     step = 1.0 / (sampling_rate * tau)
-    first = int(np.searchsorted(time, 0.0, side="left"))
-    free = int(np.searchsorted(time, 1.0, side="right"))
-
     matrix, initial = _make_contact_system(scaled)
-    rows = np.zeros((ROWS, 2, count))
-    if free > first:
-        states = propagate(expm(matrix * step), expm(matrix * time[first]) @ initial, free - first)
-        rows[:, :, first:free] = _read_contact(scaled, matrix, states)
-    end = (expm(matrix) @ initial)[:, np.newaxis]
-    at_end = _read_contact(scaled, matrix, end)[:, :, 0]
-    after_end = np.empty((ROWS, 2))
-    for body in (0, 1):
-        free_matrix, free_initial = _make_free_system(scaled, body, matrix, end)
-        after_end[:, body] = _read_free(scaled, body, free_initial[:, np.newaxis])[:, 0]
-        if count > free:
-            arrived = expm(free_matrix * (time[free] - 1.0)) @ free_initial
-            states = propagate(expm(free_matrix * step), arrived, count - free)
-            rows[:, body, free:] = _read_free(scaled, body, states)
-    at_start = _read_contact(scaled, matrix, initial[:, np.newaxis])[:, :, 0]
+    times = np.array([step, begin / tau, 1.0])
+    power, *shifts = exponentiate(times[:, np.newaxis, np.newaxis] * matrix)
+    arrived, end = (shift @ initial for shift in shifts)
 
-    impulses = np.zeros((2, 2, count))
-    for index, (point, place, jump) in enumerate(
-        ((first, 0.0, at_start), (free, 1.0, after_end - at_end))
-    ):
-        # Points count as the means of the trace over a triangle of two steps: the step's area
-        # and centre are then kept wherever between the points it stands.
-        for neighbour in (point - 1, point):
-            if 0 <= neighbour < count:
-                distance = (time[neighbour] - place) / step
-                reach = max(1.0 - abs(distance), 0.0)
-                share = 0.5 * reach**2 * (1.0 if neighbour < point else -1.0)
-                rows[:JERK, :, neighbour] += share * jump[:JERK]
-                impulses[index, :, neighbour] -= reach / step * scaled.add_up(jump)
-    return _assemble(model, scaled, rows, impulses, time)
+    mixing = scaled.find_mixing()
+    in_contact = mixing @ _read_contact(scaled, matrix)
+    afterwards = mixing @ _read_free(scaled, end, matrix @ end)
+    result = np.zeros((2, OUTPUTS, count))
+    result[:, :, first:free] = propagate_output(
+        power, arrived, in_contact.reshape(2 * OUTPUTS, -1), free - first
+    ).reshape(2, OUTPUTS, -1)
+    if count > free:
+        result[:, :, free:] = propagate_free(
+            scaled.kappa, scaled.delta, afterwards, late / tau, step, count - free
+        )
+    # What is scaled by tau_p moves all the farther, the later it is.
+    time = (start + np.arange(count) / sampling_rate) / tau
+    result[:, TAU] += time * result[:, T0]
+    _place_step(result, start * sampling_rate, first, 0.0, in_contact @ initial, sampling_rate)
+    jump = afterwards[..., AT_START] - in_contact @ end
+    _place_step(result, (start - tau) * sampling_rate, free, 1.0, jump, sampling_rate)
+    return result[:, TRACE], result[:, :TRACE]
 
 
-def _assemble(
-    model: ImpactModel,
-    scaled: _Scaled,
-    rows: FloatArray,
-    impulses: FloatArray,
-    time: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    tau, length = model.contact_time, scaled.length
-    first_mass, second_mass = scaled.masses
-    by_tau = (
-        2.0 * scaled.kappa[0] * rows[KAPPA_1]
-        + scaled.delta[0] * rows[DELTA_1]
-        + 2.0 * scaled.kappa[1] * rows[KAPPA_2]
-        + scaled.delta[1] * rows[DELTA_2]
-        - scaled.speed * rows[SPEED]
-        - time * rows[JERK]
-        + impulses[1]
-    )
-    derivatives = np.stack(
-        [
-            length / tau**3 * by_tau,
-            length / tau**3 * (impulses.sum(axis=0) - rows[JERK]),
-            length / second_mass * rows[KAPPA_2],
-            length / second_mass / tau * rows[DELTA_2],
-            rows[FORCE] / second_mass,
-            length / first_mass * rows[KAPPA_1],
-            length / first_mass / tau * rows[DELTA_1],
-        ],
-        axis=1,
-    )
-    return length / tau**2 * scaled.add_up(rows), derivatives
+def _place_step(
+    result: FloatArray,
+    offset: float,
+    point: int,
+    moves: float,
+    jump: FloatArray,
+    sampling_rate: float,
+) -> None:
+    """Let the two points beside a step carry its place between them.
+
+    Points count as the means of the trace over a triangle of two steps: the step's area and
+    centre are then kept wherever between the points it stands.
+
+    Parameters
+    ----------
+    result : ndarray, shape (2, 8, n)
+        Changed in place.
+    offset : float
+        From the step to the first point of the record [points].
+    point : int
+        The first one after the step.
+    moves : float
+        How far the step moves with tau_p [-].
+    jump : ndarray, shape (2, 8)
+        Of all outputs; that of t0 counts for nothing.
+    sampling_rate : float
+        [Hz]
+    """
+    for neighbour, sign in ((point - 1, 0.5), (point, -0.5)):
+        reach = 1.0 - abs(offset + neighbour)
+        if reach <= 0.0 or not 0 <= neighbour < result.shape[2]:
+            continue
+        change = sign * reach**2 * jump
+        change[:, T0] = -sampling_rate * reach * jump[:, TRACE]
+        change[:, TAU] += moves * change[:, T0]
+        result[:, :, neighbour] += change
+
+
+K_11, K_12, K_22, D_11, D_12, D_22, V_1, V_2, F_1, F_2, ONE = range(11)
+"""Numbers that the contact's matrix is made of: kappa_1, the same over the other mass, and
+kappa_2; the same for delta; speed and force, and both times m1 / m2; 1."""
+NUMBERS = 11
+
+
+def _make_contact_entries() -> FloatArray:
+    """Return what each number has in the contact's matrix, shape (11, 19 * 19)."""
+    size = CONTACT_STATES + 3
+    entries = np.zeros((NUMBERS, size, size))
+    for block in range(0, CONTACT_STATES, 4):
+        first, second = block + 2, block + 3
+        entries[ONE, block, first] = entries[ONE, block + 1, second] = 1.0
+        for (own, other, single), at in (((K_11, K_12, K_22), block), ((D_11, D_12, D_22), first)):
+            entries[own, first, at : at + 2] = -1.0, 1.0
+            entries[other, second, at : at + 2] = 1.0, -1.0
+            entries[single, second, at + 1] = -1.0
+    # The derivative in kappa_1 is driven by what its spring does, that in kappa_2 as well.
+    for response, on_first, on_second in ((0, V_1, V_2), (4, F_1, F_2)):
+        entries[on_first, 10, response : response + 2] = -1.0, 1.0
+        entries[on_second, 11, response : response + 2] = 1.0, -1.0
+        entries[on_first, 15, response + 1] = -1.0
+    # Equation (1): the force acts on body 2, with a minus.
+    entries[ONE, 7, -3:-1] = -0.5, 0.5
+    entries[ONE, -2, -1], entries[ONE, -1, -2] = -FULL_TURN, FULL_TURN
+    return entries.reshape(NUMBERS, -1)
+
+
+CONTACT_ENTRIES = _make_contact_entries()
 
 
 def _make_contact_system(scaled: _Scaled) -> tuple[FloatArray, FloatArray]:
     """Return matrix and initial state of the contact: four blocks, then 1, cos and sin."""
-    size = CONTACT_STATES
-    matrix = np.zeros((size + 3, size + 3))
-    patterns = scaled.patterns
-    stiffness = np.tensordot(scaled.kappa, patterns, axes=1)
-    damping = np.tensordot(scaled.delta, patterns, axes=1)
-    for block in range(CONTACT_BLOCKS):
-        position = slice(4 * block, 4 * block + 2)
-        velocity = slice(4 * block + 2, 4 * block + 4)
-        matrix[position, velocity] = np.eye(2)
-        matrix[velocity, position] = -stiffness
-        matrix[velocity, velocity] = -damping
-    for block, pattern in ((2, patterns[0]), (3, patterns[1])):
-        velocity = slice(4 * block + 2, 4 * block + 4)
-        matrix[velocity, 0:2] = -scaled.speed * pattern
-        matrix[velocity, 4:6] = -scaled.force * pattern
-    # Equation (1): the force acts on body 2, with a minus.
-    matrix[7, size], matrix[7, size + 1] = -0.5, 0.5
-    matrix[size + 1, size + 2], matrix[size + 2, size + 1] = -2.0 * np.pi, 2.0 * np.pi
-    initial = np.zeros(size + 3)
-    initial[2] = initial[size] = initial[size + 1] = 1.0
-    return matrix, initial
+    ratio = scaled.masses[0] / scaled.masses[1]
+    (k1, k2), (d1, d2) = scaled.kappa.tolist(), scaled.delta.tolist()
+    speed, force, size = scaled.speed, scaled.force, CONTACT_STATES + 3
+    numbers = np.array(
+        [
+            *(k1, ratio * k1, k2, d1, ratio * d1, d2),
+            *(speed, ratio * speed, force, ratio * force, 1.0),
+        ]
+    )
+    initial = np.zeros(size)
+    initial[2] = initial[-3] = initial[-2] = 1.0
+    return (numbers @ CONTACT_ENTRIES).reshape(size, size), initial
 
 
-def _read_contact(scaled: _Scaled, matrix: FloatArray, states: FloatArray) -> FloatArray:
-    """Return the rows, shape (7, 2, n), from states in contact."""
-    rates = matrix @ states
+def _read_contact(scaled: _Scaled, matrix: FloatArray) -> FloatArray:
+    """Return the rows as sums of the states in contact, shape (2, 7, 19)."""
+    accelerations = matrix[:CONTACT_STATES].reshape(CONTACT_BLOCKS, 4, -1)[:, 2:]
     # The system is linear without input, so that its states' rates obey the same equations.
-    second_rates = matrix @ rates
-    return np.stack(
-        [
-            rates[2:4],
-            rates[6:8],
-            rates[10:12],
-            second_rates[10:12],
-            rates[14:16],
-            second_rates[14:16],
-            scaled.speed * second_rates[2:4] + scaled.force * second_rates[6:8],
-        ]
+    slopes = accelerations @ matrix
+    rows = np.empty((2, ROWS, matrix.shape[0]))
+    rows[:, [SPEED, FORCE, KAPPA_1, KAPPA_2]] = accelerations.swapaxes(0, 1)
+    rows[:, [DELTA_1, DELTA_2]] = slopes[2:].swapaxes(0, 1)
+    rows[:, JERK] = scaled.speed * slopes[0] + scaled.force * slopes[1]
+    return rows
+
+
+def _read_free(scaled: _Scaled, end: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return the rows after the contact as sums of s, s', g and g', shape (2, 7, 4)."""
+    states, slopes = (
+        values[:CONTACT_STATES].reshape(CONTACT_BLOCKS, 2, 2).swapaxes(0, 1)
+        for values in (end, rates)
     )
-
-
-def _make_free_system(
-    scaled: _Scaled, body: int, matrix: FloatArray, end: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return matrix and initial state of one body left alone: six pairs, in the rows' order."""
-    state, rates = end[:, 0], (matrix @ end)[:, 0]
-    free = np.zeros((12, 12))
-    for pair in range(6):
-        place, rate = 2 * pair, 2 * pair + 1
-        free[place, rate] = 1.0
-        free[rate, place] = -scaled.kappa[body]
-        free[rate, rate] = -scaled.delta[body]
+    pairs = np.empty((2, JERK, 2))
+    pairs[:, [SPEED, FORCE, KAPPA_1, KAPPA_2]] = states
+    pairs[:, [DELTA_1, DELTA_2]] = slopes[:, 2:]
+    rows = np.empty((2, ROWS, STATES))
+    rows[:, :JERK] = read_motion(scaled.kappa, scaled.delta, pairs)
+    moving = scaled.speed * pairs[:, SPEED] + scaled.force * pairs[:, FORCE]
+    by_kappa, by_delta, rows[:, JERK] = read_drive(scaled.kappa, scaled.delta, moving)
     # Its own stiffness acts on the position, its own damper on the velocity.
-    own_kappa, own_delta = ((KAPPA_1, DELTA_1), (KAPPA_2, DELTA_2))[body]
-    for cause, amount in ((SPEED, scaled.speed), (FORCE, scaled.force)):
-        free[2 * own_kappa + 1, 2 * cause] = -amount
-        free[2 * own_delta + 1, 2 * cause + 1] = -amount
-    initial = np.concatenate(
-        [
-            source[[4 * block + body, 4 * block + 2 + body]]
-            for block, source in (
-                (0, state),
-                (1, state),
-                (2, state),
-                (2, rates),
-                (3, state),
-                (3, rates),
-            )
-        ]
-    )
-    return free, initial
-
-
-def _read_free(scaled: _Scaled, body: int, states: FloatArray) -> FloatArray:
-    """Return the rows, shape (7, n), from one body's states after the contact."""
-    free_rates = -scaled.kappa[body] * states[0::2] - scaled.delta[body] * states[1::2]
-    moving = scaled.speed * states[0:2] + scaled.force * states[2:4]
-    own_kappa, own_delta = ((KAPPA_1, DELTA_1), (KAPPA_2, DELTA_2))[body]
-    free_rates[own_kappa] -= moving[0]
-    free_rates[own_delta] -= moving[1]
-    jerk = -scaled.kappa[body] * moving[1] - scaled.delta[body] * scaled.add_up(free_rates)
-    return np.concatenate([free_rates, jerk[np.newaxis]])
+    rows[0, KAPPA_1] += by_kappa[0]
+    rows[0, DELTA_1] += by_delta[0]
+    rows[1, KAPPA_2] += by_kappa[1]
+    rows[1, DELTA_2] += by_delta[1]
+    return rows

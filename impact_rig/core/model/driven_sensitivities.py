@@ -1,0 +1,111 @@
+"""Derivatives of the driven model, whose sample is one oscillator.
+
+In the scaled time sigma = t / tau_p,
+
+    X'' + D X' + K X = (1 - cos 2 pi sigma) / 2,   K = k2 tau_p^2 / m2,   D = c2 tau_p / m2,
+
+with the sample's acceleration F0 / m2 X''. Its derivative Y = dX/dK obeys the same equation
+driven by -X, and dX/dD = Y' since -X' is what drives it and everything starts at rest. So four
+states and the three of the force give the trace and all its derivatives by one e^(At).
+"""
+
+import numpy as np
+
+from impact_rig.core.model.contact import FULL_TURN
+from impact_rig.core.model.free_sensitivities import propagate_free, read_drive, read_motion
+from impact_rig.core.model.impact import ImpactModel
+from impact_rig.core.model.propagation import exponentiate, propagate_output
+from impact_rig.core.model.time_grid import find_contact
+from impact_rig.core.signals.record import FloatArray
+
+TAU, T0, STIFFNESS, DAMPING, FORCE = range(5)
+"""The parameters tau_p, t0, k2, c2 and F0."""
+PARAMETERS = 5
+STATES = 7
+"""X, X', Y, Y', and the force's constant, cosine and sine."""
+
+
+def compute_driven_sensitivities(
+    model: ImpactModel, sampling_rate: float, count: int, start: float
+) -> tuple[FloatArray, FloatArray]:
+    """Compute traces, shape (2, n), and derivatives, shape (2, 5, n), of the driven model.
+
+    See `compute_sensitivities`.
+    """
+    tau, force = model.contact_time, model.peak_force
+    first, free, begin, late = find_contact(start, tau, sampling_rate, count)
+    time = (start + np.arange(count) / sampling_rate) / tau
+    derivatives = np.zeros((2, PARAMETERS, count))
+    phase = time[first:free]
+    hammer = derivatives[0, :, first:free]
+    hammer[T0] = force * np.pi / (model.hammer.mass * tau) * np.sin(FULL_TURN * phase)
+    hammer[FORCE] = np.sin(np.pi * phase) ** 2 / -model.hammer.mass
+
+    specimen = derivatives[1]
+    stiffness = model.specimen.stiffness * tau**2 / model.specimen.mass
+    damping = model.specimen.damping_coefficient * tau / model.specimen.mass
+    mixing = _find_mixing(model, stiffness, damping)
+    matrix = _make_contact_matrix(stiffness, damping)
+    initial = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0])
+    step = 1.0 / (sampling_rate * tau)
+    times = np.array([step, begin / tau, 1.0])
+    power, *shifts = exponentiate(times[:, np.newaxis, np.newaxis] * matrix)
+    arrived, end = (shift @ initial for shift in shifts)
+    specimen[:, first:free] = propagate_output(
+        power, arrived, mixing @ _read_contact(matrix), free - first
+    )
+    if count > free:
+        readout = mixing @ _read_free(stiffness, damping, end, matrix[3] @ end)
+        specimen[:, free:] = propagate_free(
+            np.array([stiffness]),
+            np.array([damping]),
+            readout[np.newaxis],
+            late / tau,
+            step,
+            count - free,
+        )[0]
+    # What is scaled by tau_p moves all the farther, the later it is.
+    derivatives[:, TAU] += time * derivatives[:, T0]
+    return force * derivatives[:, FORCE], derivatives
+
+
+def _find_mixing(model: ImpactModel, stiffness: float, damping: float) -> FloatArray:
+    """Return what X'', dX''/dK, dX''/dD and X''' are in each parameter, shape (5, 4)."""
+    tau, mass = model.contact_time, model.specimen.mass
+    amplitude = model.peak_force / mass
+    mixing = np.zeros((PARAMETERS, 4))
+    mixing[TAU, 1:3] = 2.0 * stiffness * amplitude / tau, damping * amplitude / tau
+    mixing[T0, 3] = -amplitude / tau
+    mixing[STIFFNESS, 1] = amplitude * tau**2 / mass
+    mixing[DAMPING, 2] = amplitude * tau / mass
+    mixing[FORCE, 0] = 1.0 / mass
+    return mixing
+
+
+def _make_contact_matrix(stiffness: float, damping: float) -> FloatArray:
+    matrix = np.zeros((STATES, STATES))
+    matrix[0, 1] = matrix[2, 3] = 1.0
+    matrix[1, 0] = matrix[3, 2] = -stiffness
+    matrix[1, 1] = matrix[3, 3] = -damping
+    matrix[3, 0] = -1.0
+    matrix[1, 4], matrix[1, 5] = 0.5, -0.5
+    matrix[5, 6], matrix[6, 5] = -FULL_TURN, FULL_TURN
+    return matrix
+
+
+def _read_contact(matrix: FloatArray) -> FloatArray:
+    """Return X'', dX''/dK, dX''/dD and X''' as sums of the states, shape (4, 7)."""
+    # Without input the states' slopes obey the same equations.
+    rates = matrix[[1, 3]] @ matrix
+    return np.stack([matrix[1], matrix[3], rates[1], rates[0]])
+
+
+def _read_free(stiffness: float, damping: float, end: FloatArray, last_rate: float) -> FloatArray:
+    """Return the same after the contact as sums of s, s', g and g', shape (4, 4)."""
+    own = np.array([stiffness]), np.array([damping])
+    # X, Y, and Y', whose speed is Y''.
+    pairs = np.array([[end[0], end[2], end[3]], [end[1], end[3], last_rate]])
+    readout = np.zeros((4, 4))
+    readout[:3] = read_motion(*own, pairs[..., np.newaxis])[0]
+    readout[1:] += read_drive(*own, pairs[:, :1])[:, 0]
+    return readout
