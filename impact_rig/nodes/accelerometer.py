@@ -1,51 +1,56 @@
-"""The accelerometers: armed for one hit at a time, they stream it as blocks."""
+"""The accelerometers: armed for one hit at a time, they stream it, or everything, as blocks."""
 
 import functools
 from dataclasses import replace
 from typing import Any
 
-from impact_rig_msgs.msg import AcquisitionState, HammerRelease, RigSetup
+from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, HammerRelease, RigSetup
 from impact_rig_msgs.srv import Arm
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.model.pulses import PULSE_SHAPES
-from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.virtual.choices import Fault, Plant
-from impact_rig.devices.virtual.digitizer import DigitizerSettings
-from impact_rig.devices.virtual.faults import (
-    FaultPlan,
-    faults_from_names,
-    scheduled_fault_from_text,
-)
-from impact_rig.devices.virtual.plants import pulse_shape_from_name
+from impact_rig.core.signals.record import NOT_ARMED, HitLabel
+from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces, messages
+from impact_rig.nodes.acquisition.running_stream import RunningStream
+from impact_rig.nodes.acquisition.virtual_rig_parameters import (
+    declare_virtual_rig,
+    read_virtual_rig,
+)
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import RigNode, split_names
+from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recording.interfaces.messages import setup_from_msg
 
 CONNECTION_TIMEOUT = 10.0
 """How long arming may wait for estimator and recorder to connect [s], our choice."""
+TRIGGERED = "triggered"
+CONTINUOUS = "continuous"
+MODES = (TRIGGERED, CONTINUOUS)
+"""Each hit's record, as a trigger cuts it out; or all that comes, in which the estimator finds the
+impacts."""
 
 
 class AccelerometerNode(RigNode):
-    """Streams what the virtual rig's accelerometers see after each release."""
+    """Streams what the virtual rig's accelerometers see: after each release, or all the time."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__("accelerometer", **options)
         self._declare_stream()
-        self._declare_virtual_rig()
+        declare_virtual_rig(self)
         self._rig_settings = VirtualRigSettings()
         self._rig: VirtualRig | None = None
         self._label: HitLabel | None = None
         self._struck = False
         self._record = 0
         self._blocks_sent = 0
+        self._publisher: Any = None
+        self._hits: Any = None
+        self._stream: RunningStream | None = None
+        self._dropped_before = 0
         self._publish_state = functools.partial(
             self.advertise_state(interfaces.ACQUISITION_STATE), source=interfaces.VIRTUAL_SOURCE
         )
-        self._acceleration = self.advertise(interfaces.ACCELERATION)
         self._virtual_impact = self.advertise(interfaces.VIRTUAL_IMPACT)
         self.listen(interfaces.SETUP, self._take_setup)
         self.listen(interfaces.RELEASE, self._swing)
@@ -55,7 +60,21 @@ class AccelerometerNode(RigNode):
         self.create_service(Trigger, interfaces.DISARM_ACCELEROMETER, self._disarm)
 
     def _declare_stream(self) -> None:
-        self.declare("block_size", 1000, "points per block [-]", low=1, high=10_000_000)
+        self.declare(
+            "mode", TRIGGERED,
+            f"{TRIGGERED}: blocks of each hit, on `acceleration`; {CONTINUOUS}: blocks of all that"
+            " comes, on `acceleration/stream`, in which the estimator finds the impacts",
+        )  # fmt: skip
+        self.declare("block_size", 1000, "points per block of a hit [-]", low=1, high=10_000_000)
+        self.declare(
+            "stream_block_size", 25_000, "points per block of the running stream [-]",
+            low=1, high=10_000_000,
+        )  # fmt: skip
+        self.declare(
+            "stream_depth", interfaces.STREAM_DEPTH,
+            "blocks of the running stream that may wait before the oldest are lost [-]",
+            low=1, high=100_000,
+        )  # fmt: skip
         self.declare(
             "required_subscribers", "estimator, recorder",
             "nodes of this namespace, by commas, that must be connected to `acceleration` before"
@@ -66,94 +85,66 @@ class AccelerometerNode(RigNode):
             low=0.0, high=60.0,
         )  # fmt: skip
 
-    def _declare_virtual_rig(self) -> None:
-        rig, digitizer = VirtualRigSettings(), DigitizerSettings()
-        plants = ", ".join(plant.value for plant in Plant)
-        shapes = ", ".join(shape.name for shape in PULSE_SHAPES)
-        faults = ", ".join(fault.value for fault in Fault)
-        self.declare("plant", rig.plant.value, f"physics of the virtual rig: {plants}")
-        self.declare("seed", rig.seed, "the same seed gives the same hits [-]", low=0, high=2**62)
-        self.declare("contact_time_scatter", rig.contact_time_scatter,
-                     "standard deviation of tau_p from hit to hit, relative [-]",
-                     low=0.0, high=0.2)  # fmt: skip
-        self.declare("amplitude_scatter", rig.amplitude_scatter,
-                     "standard deviation of the force from hit to hit, relative [-]",
-                     low=0.0, high=0.2)  # fmt: skip
-        self.declare("pulse_shape", rig.pulse_shape.name, f"of the contact force: {shapes}")
-        self.declare("asymmetry", rig.asymmetry,
-                     "rise of the pulse over its fall, as a part of its length [-]",
-                     low=-0.5, high=0.5)  # fmt: skip
-        self.declare("hammer_damping", rig.hammer_damping, "c1 of the virtual hammer [N s/m]",
-                     low=0.0, high=1e9)  # fmt: skip
-        self.declare("fault_probability", 0.0, "of each fault, drawn for each hit [-]",
-                     low=0.0, high=1.0)  # fmt: skip
-        self.declare("faults", "", f"those drawn, by commas; empty: all of {faults}")
-        self.declare(
-            "scheduled_faults", "",
-            "IMPACT:FAULT or SAMPLE/IMPACT:FAULT by commas, at the first attempt",
-        )  # fmt: skip
-        for name, description, high in (
-            ("sampling_rate", "[Hz]", 1e9),
-            ("record_duration", "[s]", 3600.0),
-            ("pre_trigger", "from the first point to the contact [s]", 3600.0),
-            ("hammer_full_scale", "of the hammer channel [m/s^2]", 1e9),
-            ("specimen_full_scale", "of the sample channel [m/s^2]", 1e9),
-            ("noise", "white, standard deviation as part of full scale [-]", 1.0),
-            ("offset", "unknown to the analysis, part of full scale [-]", 1.0),
-            ("drift", "change of the offset over a record, part of full scale [-]", 1.0),
-            ("coupling_frequency", "-3 dB of the AC coupling [Hz]; 0: DC", 1e6),
-            ("trigger_jitter", "standard deviation of the trigger's position [s]", 1.0),
-        ):
-            self.declare(name, getattr(digitizer, name), description, low=0.0, high=high)
-        self.declare("bits", digitizer.bits, "resolution of the digitizer", low=4, high=31)
-
     def configure(self) -> None:
-        """Read how the virtual rig behaves."""
-        digitizer = DigitizerSettings(
-            **{name: self.get_value(name) for name in DigitizerSettings.__dataclass_fields__}
-        )
-        plants = {plant.value: plant for plant in Plant}
-        if self.get_value("plant") not in plants:
-            raise DeviceError(
-                f"plant is {self.get_value('plant')!r}: it must be one of " + ", ".join(plants)
-            )
-        plan = FaultPlan(
-            probability=self.get_value("fault_probability"),
-            faults=faults_from_names(split_names(self.get_value("faults"))),
-            scheduled=tuple(
-                map(scheduled_fault_from_text, split_names(self.get_value("scheduled_faults")))
-            ),
-        )
-        self._rig_settings = VirtualRigSettings(
-            plant=plants[self.get_value("plant")],
-            seed=self.get_value("seed"),
-            contact_time_scatter=self.get_value("contact_time_scatter"),
-            amplitude_scatter=self.get_value("amplitude_scatter"),
-            pulse_shape=pulse_shape_from_name(self.get_value("pulse_shape")),
-            asymmetry=self.get_value("asymmetry"),
-            hammer_damping=self.get_value("hammer_damping"),
-            digitizer=digitizer,
-            faults=plan,
-        )
+        """Read how the virtual rig behaves, and offer what the mode wants."""
+        mode = self.get_value("mode")
+        if mode not in MODES:
+            raise DeviceError(f"mode is {mode!r}: it must be one of " + ", ".join(MODES))
+        self._rig_settings = read_virtual_rig(self)
         if self._rig is not None:
             self._rig = VirtualRig(self._rig.setup, self._rig_settings)
+        if mode == CONTINUOUS:
+            topic = interfaces.make_stream_topic(self.get_value("stream_depth"))
+            self._publisher = self.advertise(topic)
+            self._hits = self.listen(interfaces.ACCELERATION, self._take_hit)
+        else:
+            self._publisher = self.advertise(interfaces.ACCELERATION)
+
+    def cleanup(self) -> None:
+        """Take back what the mode wanted."""
+        self.destroy_publisher(self._publisher)
+        if self._hits is not None:
+            self.destroy_subscription(self._hits)
+        self._publisher = self._hits = None
 
     def activate(self) -> None:
-        """Say that the accelerometers can be armed."""
+        """Begin the running stream, and say that the accelerometers can be armed."""
+        if self.get_value("mode") == CONTINUOUS:
+            self._dropped_before = 0
+            self._stream = RunningStream(
+                self,
+                self._publisher,
+                self._rig_settings,
+                self.get_value("stream_block_size"),
+                self.get_value("stream_depth"),
+            )
         self._finish("ready")
 
     def deactivate(self) -> None:
-        """Disarm."""
+        """Disarm, and end the running stream."""
+        if self._stream is not None:
+            self._stream.stop()
+            self._stream = None
         if self.context.ok():
             self._finish("node inactive")
 
+    def find_warning(self) -> str:
+        """Return what the running stream has lost since this was asked last."""
+        dropped = self._stream.dropped if self._stream else 0
+        lost, self._dropped_before = dropped - self._dropped_before, dropped
+        if not lost:
+            return ""
+        return f"{lost} blocks of the stream were lost: this computer does not hold its rate"
+
     def diagnose(self) -> dict[str, Any]:
         """Return how much has been streamed."""
+        flow = self._stream.describe() if self._stream else {"blocks sent": self._blocks_sent}
+        subscribers = self._publisher.get_subscription_count() if self._publisher else 0
         return {
             "record": self._record,
             "armed": self._label is not None,
-            "blocks sent": self._blocks_sent,
-            "subscribers": self._acceleration.get_subscription_count(),
+            **flow,
+            "subscribers": subscribers,
         }
 
     def _take_setup(self, message: RigSetup) -> None:
@@ -179,11 +170,13 @@ class AccelerometerNode(RigNode):
         if response.success:
             self._label, self._struck = label, False
             self._record = response.record = label.record
+            if self._stream is not None:
+                self._stream.label = label
             self._publish_state(
                 state=AcquisitionState.ARMED,
                 record=label.record,
                 sample=label.sample,
-                message="waiting for the trigger",
+                message="waiting for the trigger" + self._tell_loss(),
             )
         return response
 
@@ -204,9 +197,15 @@ class AccelerometerNode(RigNode):
         return ""
 
     def _find_missing_subscribers(self) -> str:
-        return self.find_missing_subscribers(
-            self._acceleration, self.get_value("required_subscribers")
-        )
+        required = self.get_value("required_subscribers")
+        if self._stream is None:
+            return self.find_missing_subscribers(self._publisher, required)
+        hits, stream = interfaces.ACCELERATION.name, self._publisher.topic_name
+        if not self.count_publishers(hits):
+            return f"nobody finds impacts in {stream}"
+        return self.find_missing_listeners(
+            self.resolve_topic_name(hits), required
+        ) or self.find_missing_subscribers(self._publisher, "")
 
     def _disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._finish("disarmed by the operator")
@@ -222,23 +221,45 @@ class AccelerometerNode(RigNode):
         self._struck = True
         hit = self._rig.strike(label)
         self._virtual_impact.publish(messages.virtual_hit_to_msg(hit, message.header.stamp))
-        wait = message.swing_time
-        if Fault.MISSED_TRIGGER in hit.faults:
-            wait += float(self.get_value("trigger_timeout"))
-        self.run_once_after(wait, lambda: self._stream(hit))
+        timeout = message.swing_time + float(self.get_value("trigger_timeout"))
+        if self._stream is not None:
+            self._stream.lay(hit, message.swing_time)
+            self.run_once_after(timeout, lambda: self._give_up(label))
+            return
+        wait = timeout if Fault.MISSED_TRIGGER in hit.faults else message.swing_time
+        self.run_once_after(wait, lambda: self._send(hit))
 
-    def _stream(self, hit: VirtualHit) -> None:
+    def _send(self, hit: VirtualHit) -> None:
         if self._label != hit.label:
             return
         stamp = self.get_clock().now().nanoseconds
         for block in hit.split(int(self.get_value("block_size")), stamp):
-            self._acceleration.publish(messages.block_to_msg(block))
+            self._publisher.publish(messages.block_to_msg(block))
             self._blocks_sent += 1
         self._finish("record complete")
 
+    def _take_hit(self, message: AccelerationBlock) -> None:
+        """End the arming when its impact has been found in the running stream."""
+        if self._label is not None and message.record == self._label.record and message.last:
+            self._finish("record complete")
+
+    def _give_up(self, label: HitLabel) -> None:
+        if self._label == label and self._stream is not None:
+            self._stream.end_arming()
+            self._finish("no impact came in time")
+
     def _finish(self, message: str) -> None:
         self._label = None
-        self._publish_state(state=AcquisitionState.IDLE, record=self._record, message=message)
+        if self._stream is not None:
+            self._stream.label = NOT_ARMED
+        self._publish_state(
+            state=AcquisitionState.IDLE, record=self._record, message=message + self._tell_loss()
+        )
+
+    def _tell_loss(self) -> str:
+        """Return what the running stream has lost so far, to be added to a state."""
+        dropped = self._stream.dropped if self._stream else 0
+        return f"; {dropped} blocks of the stream were lost so far" if dropped else ""
 
 
 def main() -> int:

@@ -4,7 +4,13 @@ from collections import deque
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from impact_rig_msgs.msg import AccelerationBlock, RecorderState, RecordStored, RigSetup
+from impact_rig_msgs.msg import (
+    AccelerationBlock,
+    RecorderState,
+    RecordStored,
+    RigSetup,
+    StreamBlock,
+)
 from impact_rig_msgs.srv import GetResults
 
 from impact_rig.core.errors import RigError
@@ -12,6 +18,7 @@ from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.session import Session
 from impact_rig.nodes import estimate_messages, interfaces
+from impact_rig.nodes.estimating.stream_cutting import StreamCutting
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.recording.storage_gate import StorageGate
 from impact_rig.nodes.rig_node import RigNode
@@ -25,13 +32,21 @@ class EstimatorNode(RigNode):
     """Feeds the core's session with what the accelerometers publish.
 
     While a recorder records, a block is evaluated when the recorder has stored it: whatever dies
-    at whatever moment, the hit of a published verdict is on the disk.
+    at whatever moment, the hit of a published verdict is on the disk. What is cut out of a running
+    stream goes the same way: it is published, and comes back.
     """
 
     def __init__(self, **options: Any) -> None:
         super().__init__("estimator", **options)
+        self.declare(
+            "stream_depth", interfaces.STREAM_DEPTH,
+            "blocks of a running stream that may wait before the oldest are lost [-]",
+            low=1, high=100_000,
+        )  # fmt: skip
         self._session: Session | None = None
         self._setup_stamp = Time()
+        self._outdated: dict[str, None] = {}
+        self._cutting = StreamCutting(self)
         self._early: deque[AccelerationBlock] = deque(maxlen=WAITING_BLOCKS)
         self._gate = StorageGate()
         self._recorder: RecorderState | None = None
@@ -46,6 +61,9 @@ class EstimatorNode(RigNode):
         self.listen(interfaces.RECORD_STORED, self._take_stored)
         self.listen(interfaces.RECORDER_STATE, self._follow_recorder)
         self.listen(interfaces.ACCELERATION, self._take_block)
+        self.listen(
+            interfaces.make_stream_topic(self.get_value("stream_depth")), self._take_stream_block
+        )
         self.create_service(GetResults, interfaces.GET_RESULTS, self._answer)
 
     def deactivate(self) -> None:
@@ -54,7 +72,15 @@ class EstimatorNode(RigNode):
 
     def diagnose(self) -> dict[str, Any]:
         """Return how much has been judged, and what a record waits for."""
-        return {**self._counts, "waiting for": self._gate.find_obstacle()}
+        return {
+            **self._counts,
+            "waiting for": self._gate.find_obstacle(),
+            **self._cutting.describe(),
+        }
+
+    def find_warning(self) -> str:
+        """Return what has been lost of a running stream."""
+        return self._cutting.find_warning()
 
     def _take_setup(self, message: RigSetup) -> None:
         self._gate.add_setup(message)
@@ -66,6 +92,10 @@ class EstimatorNode(RigNode):
         self._gate.is_open = not self._is_recorded()
         self._gate.add_block(message)
         self._work_off()
+
+    def _take_stream_block(self, message: StreamBlock) -> None:
+        if self.is_active:
+            self._cutting.feed(message)
 
     def _take_stored(self, message: RecordStored) -> None:
         self._warn(self._gate.add_stored(message))
@@ -104,7 +134,10 @@ class EstimatorNode(RigNode):
                 self.report_fault(str(error))
 
     def _begin(self, message: RigSetup) -> None:
-        self._session = Session(setup_from_msg(message))
+        setup = setup_from_msg(message)
+        self._session = Session(setup)
+        self._outdated.clear()
+        self._cutting.use_settings(setup.analysis)
         self._setup_stamp = message.header.stamp
         while self._early:
             self._evaluate(self._session, self._early.popleft())
@@ -125,11 +158,25 @@ class EstimatorNode(RigNode):
             hammer = session.estimate_hammer()
             self._hammer_estimate.publish(estimate_messages.hammer_to_msg(hammer, control, stamp))
         self._publish_estimate(session.estimate_sample(struck), stamp)
+        self._outdated.pop(struck, None)
         if struck == control:
-            # What the control sample says of the hammer changes every other sample's k2.
-            for name in session.names:
-                if name != struck:
-                    self._publish_estimate(session.estimate_sample(name), stamp)
+            # What the control sample says of the hammer changes every other sample's k2. The next
+            # hit does not wait for them: one at a time, and of each only its newest state.
+            others = dict.fromkeys(name for name in session.names if name != struck)
+            if others and not self._outdated:
+                self.executor.create_task(self._catch_up)
+            self._outdated |= others
+
+    def _catch_up(self) -> None:
+        """Publish the next estimate that a hit on the control sample has changed."""
+        if self._session is None or not self._outdated:
+            return
+        name = next(iter(self._outdated))
+        del self._outdated[name]
+        stamp = self.get_clock().now().to_msg()
+        self._publish_estimate(self._session.estimate_sample(name), stamp)
+        if self._outdated:
+            self.executor.create_task(self._catch_up)
 
     def _publish_estimate(self, estimate: SampleEstimate, stamp: Time) -> None:
         if estimate.contact is None:
@@ -145,6 +192,7 @@ class EstimatorNode(RigNode):
         if self._session is None:
             return response
         results = self._session.estimate_all()
+        self._outdated.clear()
         stamp = self.get_clock().now().to_msg()
         response.hammer = estimate_messages.hammer_to_msg(
             results.hammer, results.setup.samples.control_sample, stamp

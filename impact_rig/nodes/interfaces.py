@@ -3,7 +3,7 @@
 All names are relative, so that a rig can be put into a namespace and remapped.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from impact_rig_msgs.msg import (
@@ -68,6 +68,13 @@ SETUP = Topic("setup", RigSetup, _make_qos(1, latched=True))
 ACCELERATION = Topic("acceleration", AccelerationBlock, _make_qos(200, latched=False))
 STREAM = Topic("acceleration/stream", StreamBlock, _make_qos(STREAM_DEPTH, latched=False))
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
+
+
+def make_stream_topic(depth: int) -> Topic:
+    """Return `STREAM` with another number of blocks that may wait."""
+    return replace(STREAM, qos=_make_qos(depth, latched=False))
+
+
 RELEASE = Topic("release", HammerRelease, _make_qos(RESULT_DEPTH, latched=True))
 VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _make_qos(RESULT_DEPTH, latched=True))
 IMPACT = Topic("impact", Impact, _make_qos(RESULT_DEPTH, latched=True))

@@ -147,14 +147,28 @@ class RigNode(LifecycleNode):
             Names of nodes, by commas: of this namespace, or full ones.
         """
         topic = publisher.topic_name
+        if missing := self.find_missing_listeners(topic, required):
+            return missing
+        if publisher.get_subscription_count() < self.count_subscribers(topic):
+            return f"a subscriber of {topic} is still connecting"
+        return ""
+
+    def find_missing_listeners(self, topic: str, required: str) -> str:
+        """Return which node does not listen to a topic, whoever publishes it; empty: none.
+
+        Parameters
+        ----------
+        topic : str
+            Its name.
+        required : str
+            As in `find_missing_subscribers`.
+        """
         known = self.get_subscriptions_info_by_topic(topic)
         prefix = self.get_namespace().rstrip("/")
         names = {f"{item.node_namespace.rstrip('/')}/{item.node_name}" for item in known}
         for name in split_names(required):
             if (name if name.startswith("/") else f"{prefix}/{name}") not in names:
                 return f"the node {name!r} does not listen to {topic}"
-        if publisher.get_subscription_count() < len(known):
-            return f"a subscriber of {topic} is still connecting"
         return ""
 
     def advertise_state(self, topic: Topic, **options: Any) -> Callable[..., None]:

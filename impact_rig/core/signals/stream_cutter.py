@@ -223,12 +223,12 @@ class StreamCutter:
         if self._baseline is None:
             if stretch.stop - stretch.start < before:
                 return None
-            self._learn(stretch, stretch.start, before)
+            self._baseline = self._learn(stretch, stretch.start, before)
             self._next_baseline = stretch.start + BASELINE_RECORDS * length
         while stretch.searched < stretch.stop:
             if stretch.searched >= self._next_baseline:
                 if stretch.searched - before >= stretch.start:
-                    self._learn(stretch, stretch.searched - before, before)
+                    self._baseline = self._learn(stretch, stretch.searched - before, before)
                 self._next_baseline = stretch.searched + BASELINE_RECORDS * length
             end = min(stretch.stop, self._next_baseline)
             pulse = self._search.find(stretch, self._baseline, end)
@@ -237,8 +237,8 @@ class StreamCutter:
             stretch.searched = end
         return None
 
-    def _learn(self, stretch: Stretch, first: int, count: int) -> None:
-        self._baseline = self._search.learn(stretch.read(first, first + count)[0])
+    def _learn(self, stretch: Stretch, first: int, count: int) -> float:
+        return self._search.learn(stretch.read(first, first + count)[0])
 
     def _find_span(self, point: int) -> _Span:
         """Return the span that holds a point."""

@@ -1,0 +1,1 @@
+"""What the accelerometer node is made of."""

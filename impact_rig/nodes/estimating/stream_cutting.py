@@ -1,0 +1,96 @@
+"""Impacts of a running stream, published as if a trigger had cut them out; flow and loss told."""
+
+import time
+from typing import Any
+
+from impact_rig_msgs.msg import StreamBlock
+
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.stream_cutter import StreamCutter, StreamFlow
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.messages import block_to_msg
+from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RigNode
+from impact_rig.recording.interfaces.messages import stream_block_from_msg
+
+WARNING_TIME = 10 * DIAGNOSTIC_PERIOD
+"""How long a loss is warned of [s], our choice: long enough to be seen."""
+
+
+class StreamCutting:
+    """Cuts impacts out of `StreamBlock` messages, and publishes them as `AccelerationBlock`.
+
+    The publisher is made when the first block comes: where there is no stream, the accelerometers
+    publish the impacts.
+
+    Parameters
+    ----------
+    node : RigNode
+        The estimator.
+    """
+
+    def __init__(self, node: RigNode) -> None:
+        self._node = node
+        self._settings: AnalysisSettings | None = None
+        self._cutter: StreamCutter | None = None
+        self._publisher: Any = None
+        self._told = (time.monotonic(), 0)
+        self._missing = 0
+        self._lost = 0
+        self._lost_at = 0.0
+
+    def use_settings(self, settings: AnalysisSettings) -> None:
+        """Cut by other settings from the next block on, if they are others."""
+        if settings != self._settings:
+            self._settings = settings
+            self._cutter = None
+
+    def feed(self, message: StreamBlock) -> None:
+        """Take the next block of the stream, and publish the impact that it completes.
+
+        Raises
+        ------
+        SignalError
+            If the stream cannot be searched.
+        ParameterError
+            If the sampling rate is not a positive number.
+        """
+        if self._publisher is None:
+            self._publisher = self._node.advertise(interfaces.ACCELERATION)
+        if self._settings is None:
+            return
+        if self._cutter is None:
+            self._cutter = StreamCutter(self._settings)
+            self._missing = 0
+        for block in self._cutter.feed(stream_block_from_msg(message)):
+            self._publisher.publish(block_to_msg(block))
+        missing = self._cutter.flow.missing_points
+        if missing > self._missing:
+            if time.monotonic() - self._lost_at > WARNING_TIME:
+                self._lost = 0
+            self._lost += missing - self._missing
+            self._lost_at, self._missing = time.monotonic(), missing
+
+    def describe(self) -> dict[str, Any]:
+        """Return the flow, the rate since this was asked last, by names for the diagnostics."""
+        if self._publisher is None:
+            return {}
+        flow = self._cutter.flow if self._cutter else StreamFlow()
+        now = time.monotonic()
+        (before, points), self._told = self._told, (now, flow.points)
+        rate = max(flow.points - points, 0) / max(now - before, 1e-9)
+        return {
+            "stream blocks": flow.blocks,
+            "stream gaps": flow.gaps,
+            "stream points missing": flow.missing_points,
+            "stream points per second": round(rate),
+            "impacts while not armed": flow.other_impacts,
+        }
+
+    def find_warning(self) -> str:
+        """Return what has been lost of late; empty: nothing."""
+        if not self._lost or time.monotonic() - self._lost_at > WARNING_TIME:
+            return ""
+        return (
+            f"{self._lost} points of the stream were lost: this computer does not hold its rate;"
+            " hits that lack points are rejected"
+        )
