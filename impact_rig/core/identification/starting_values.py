@@ -9,15 +9,8 @@ import numpy as np
 
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.identification.measured_model import MeasuredModel
-from impact_rig.core.model.impact import (
-    Body,
-    ImpactModel,
-    ModelVariant,
-    compute_peak_force,
-    simulate_impacts,
-)
+from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, simulate_impacts
 from impact_rig.core.model.pulses import VERSED_SINE
-from impact_rig.core.model.sensitivities import compute_sensitivities
 from impact_rig.core.model.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
@@ -218,43 +211,52 @@ class _Finder:
         ]
         if given.has_specimen:
             specimens.insert(0, (given.stiffness, given.damping_coefficient))
-        tried = [
-            self._fit_printed(duration * self.contact_time, *hammer, *specimen)
+        bodies = [
+            (duration * self.contact_time, Body(hammer_mass, *hammer), Body(mass, *specimen))
             for duration, hammer, specimen in product(PRINTED_DURATIONS, hammers, specimens)
         ]
+        tried = self._fit_printed(bodies)
         tried.sort(key=lambda item: item[0])
         for _, values in tried:
             yield values
 
     def _fit_printed(
-        self, tau: float, k1: float, c1: float, k2: float, c2: float
-    ) -> tuple[float, FloatArray]:
-        """Return what is left of both traces, and the start with the amplitudes that leave it."""
+        self, candidates: Sequence[tuple[float, Body, Body]]
+    ) -> list[tuple[float, FloatArray]]:
+        """Return what is left of both traces, and the start with the amplitudes that leave it.
+
+        For tau_p, hammer and sample; each by itself.
+        """
         measured = self.measured
-        model = ImpactModel(
-            hammer=Body(measured.hammer_mass, k1, c1),
-            specimen=Body(measured.moving_mass, k2, c2),
-            contact_time=tau,
-            impact_speed=measured.impact_speed,
-            peak_force=compute_peak_force(
-                measured.hammer_mass, measured.moving_mass, measured.impact_speed, tau
-            ),
-        )
-        bodies = compute_sensitivities(
-            model,
+        # The answers to v1 and to a force of 1 N, which add up.
+        models = [
+            ImpactModel(hammer, specimen, tau, speed, force)
+            for speed, force in ((measured.impact_speed, 0.0), (0.0, 1.0))
+            for tau, hammer, specimen in candidates
+        ]
+        answers = simulate_impacts(
+            models,
             self.sampling_rate,
             self.traces.shape[1],
             start=-self.start,
             variant=ModelVariant.PRINTED,
         )
-        by_force = bodies.derivatives[:, 4]
-        by_speed = bodies.traces - model.peak_force * by_force
-        hammer = measured.hammer_polarity * self.traces[0] - by_speed[0]
-        force, left = _fit_amplitude(by_force[0], hammer)
-        gain, specimen_left = _fit_amplitude(by_speed[1] + force * by_force[1], self.traces[1])
         peaks = np.abs(self.traces).max(axis=1)
-        values = np.array([tau, self.start, k2, c2, force, k1, c1, gain, 0.0, 0.0])
-        return left / float(peaks[0]) ** 2 + specimen_left / float(peaks[1]) ** 2, values
+        tried = []
+        for (tau, hammer, specimen), by_speed, by_force in zip(
+            candidates, answers[: len(candidates)], answers[len(candidates) :], strict=True
+        ):
+            force, left = _fit_amplitude(
+                by_force[0], measured.hammer_polarity * self.traces[0] - by_speed[0]
+            )
+            gain, specimen_left = _fit_amplitude(by_speed[1] + force * by_force[1], self.traces[1])
+            values = [
+                tau, self.start, specimen.stiffness, specimen.damping_coefficient, force,
+                hammer.stiffness, hammer.damping_coefficient, gain, 0.0, 0.0,
+            ]  # fmt: skip
+            total = left / float(peaks[0]) ** 2 + specimen_left / float(peaks[1]) ** 2
+            tried.append((total, np.array(values)))
+        return tried
 
 
 def _fit_amplitude(shape: FloatArray, trace: FloatArray) -> tuple[float, float]:
