@@ -21,8 +21,8 @@ from impact_rig.nodes.recording.recording_run import RecordingRun
 from impact_rig.nodes.rig_node import RigNode, split_names
 from impact_rig.nodes.topics import name_type
 from impact_rig.recording.interfaces.message_definitions import find_message_definition
+from impact_rig.recording.writing.chunk_builder import COMPRESSIONS
 from impact_rig.recording.writing.disk_file import DiskFullError
-from impact_rig.recording.writing.mcap_writer import COMPRESSIONS
 from impact_rig.recording.writing.origin import read_attached_file
 from impact_rig.recording.writing.recording_writer import (
     RecordingWriter,

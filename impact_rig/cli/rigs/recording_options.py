@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from impact_rig.configuration.processes import RecordingPlan
-from impact_rig.recording.writing.mcap_writer import COMPRESSIONS
+from impact_rig.recording.writing.chunk_builder import COMPRESSIONS
 
 
 def recording_options(command: Callable[..., Any]) -> Callable[..., Any]:

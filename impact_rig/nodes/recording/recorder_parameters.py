@@ -4,7 +4,8 @@ from impact_rig.configuration.processes import RECORDING_NAME
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.recording.record_storage import SYNC_CHUNK, SYNC_HIT
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.recording.writing.mcap_writer import COMPRESSIONS, DEFAULT_CHUNK_SIZE
+from impact_rig.recording.writing.chunk_builder import COMPRESSIONS
+from impact_rig.recording.writing.mcap_writer import DEFAULT_CHUNK_SIZE
 from impact_rig.recording.writing.recording_writer import DEFAULT_KEEP_FREE, LONGEST_SPLIT
 
 LOW_SPACE = 2 << 30

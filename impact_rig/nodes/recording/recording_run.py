@@ -128,12 +128,15 @@ class RecordingRun:
     def describe_losses(self) -> str:
         """Return what the recording lacks, in words; empty: nothing."""
         lost = self.topics.messages_lost
-        watches = {"the blocks have": self.storage.watch, "the stream has": self.storage.stream}
+        watch, stream = self.storage.watch, self.storage.stream
+        counts = (
+            ("blocks have", watch.gaps, watch.missing_points),
+            ("stream has", stream.gaps, stream.missing_points),
+        )
         parts = [
-            f"{words} {watch.gaps} gap{'s' * (watch.gaps > 1)},"
-            f" {watch.missing_points} points are missing"
-            for words, watch in watches.items()
-            if watch.gaps
+            f"the {what} {gaps} gap{'s' * (gaps > 1)}, {missing} points are missing"
+            for what, gaps, missing in counts
+            if gaps
         ]
         if lost:
             parts.append(f"{lost} message{'s' * (lost > 1)} did not get through")

@@ -28,14 +28,14 @@ recorder; it bounds what a damaged or malicious file can ask for."""
 MAX_NAME = 32
 """Longest name of a compression [byte], our choice: zstd and lz4 are the known ones."""
 
-_CHUNK_HEAD = struct.Struct("<QQQII")
+CHUNK_HEAD = struct.Struct("<QQQII")
 """First and last log time, uncompressed size, checksum, length of the compression's name."""
-_LENGTH = struct.Struct("<Q")
-_INDEX_HEAD = struct.Struct("<QQQQI")
+LENGTH = struct.Struct("<Q")
+INDEX_HEAD = struct.Struct("<QQQQI")
 """Of a chunk's index: first and last log time, where it begins, its length, length of a table."""
-_INDEX_ENTRY = struct.Struct("<HQ")
+INDEX_ENTRY = struct.Struct("<HQ")
 """Channel and where its message index begins."""
-MAX_CHUNK_HEAD = _CHUNK_HEAD.size + MAX_NAME + _LENGTH.size
+MAX_CHUNK_HEAD = CHUNK_HEAD.size + MAX_NAME + LENGTH.size
 """Longest head of a chunk [byte]."""
 
 Small = Header | Footer | Schema | Channel | Attachment | Metadata | Statistics
@@ -132,26 +132,26 @@ def read_chunk_head(content: bytes) -> ChunkHead | None:
     content : bytes
         The beginning of the chunk's content; `MAX_CHUNK_HEAD` bytes of it suffice.
     """
-    if len(content) < _CHUNK_HEAD.size:
+    if len(content) < CHUNK_HEAD.size:
         return None
-    _, _, size, checksum, length = _CHUNK_HEAD.unpack_from(content)
-    end = _CHUNK_HEAD.size + length
-    if length > MAX_NAME or len(content) < end + _LENGTH.size:
+    _, _, size, checksum, length = CHUNK_HEAD.unpack_from(content)
+    end = CHUNK_HEAD.size + length
+    if length > MAX_NAME or len(content) < end + LENGTH.size:
         return None
-    name = content[_CHUNK_HEAD.size : end].decode("ascii", "replace")
-    return ChunkHead(size, checksum, name, end + _LENGTH.size, *_LENGTH.unpack_from(content, end))
+    name = content[CHUNK_HEAD.size : end].decode("ascii", "replace")
+    return ChunkHead(size, checksum, name, end + LENGTH.size, *LENGTH.unpack_from(content, end))
 
 
 def read_chunk_place(content: bytes) -> ChunkPlace | None:
     """Return what a chunk's index record says; None: it is damaged."""
-    if len(content) < _INDEX_HEAD.size:
+    if len(content) < INDEX_HEAD.size:
         return None
-    start_time, end_time, start, length, table = _INDEX_HEAD.unpack_from(content)
-    table_end = _INDEX_HEAD.size + table
-    if table % _INDEX_ENTRY.size or len(content) < table_end + _LENGTH.size:
+    start_time, end_time, start, length, table = INDEX_HEAD.unpack_from(content)
+    table_end = INDEX_HEAD.size + table
+    if table % INDEX_ENTRY.size or len(content) < table_end + LENGTH.size:
         return None
-    entries = _INDEX_ENTRY.iter_unpack(content[_INDEX_HEAD.size : table_end])
-    end = start + length + _LENGTH.unpack_from(content, table_end)[0]
+    entries = INDEX_ENTRY.iter_unpack(content[INDEX_HEAD.size : table_end])
+    end = start + length + LENGTH.unpack_from(content, table_end)[0]
     return ChunkPlace(start, end, start_time, end_time, frozenset(entry[0] for entry in entries))
 
 

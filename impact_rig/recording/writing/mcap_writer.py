@@ -5,15 +5,26 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from mcap.writer import CompressionType, Writer
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    DataEnd,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+)
 
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.recording.interfaces.message_definitions import MessageDefinition
 from impact_rig.recording.interfaces.qos_profiles import OfferedQos, format_offered_qos
+from impact_rig.recording.reading.mcap_records import MAGIC
+from impact_rig.recording.writing.chunk_builder import ChunkBuilder
 from impact_rig.recording.writing.disk_file import DiskFile
+from impact_rig.recording.writing.mcap_summary import McapSummary, format_record
 
-COMPRESSIONS = ("zstd", "lz4", "none")
-"""How chunks may be compressed."""
 DEFAULT_CHUNK_SIZE = 1 << 20
 """Uncompressed size at which a chunk is finished [byte]; what other MCAP writers use."""
 MESSAGE_OVERHEAD = 64
@@ -31,7 +42,7 @@ class McapWriter:
     path : Path
         Of the new file; it must not exist, its folder must.
     compression : str
-        One of `COMPRESSIONS`.
+        One of `chunk_builder.COMPRESSIONS`.
     chunk_size : int
         Uncompressed size at which a chunk is finished [byte].
     library : str
@@ -43,10 +54,6 @@ class McapWriter:
     ----------
     path : Path
         As given.
-    messages : int
-        How many were added.
-    start_time, end_time : int
-        Earliest and latest time of reception of a message [ns]; 0 as long as there is none.
 
     Raises
     ------
@@ -65,26 +72,38 @@ class McapWriter:
         library: str = "impact_rig",
         keep_free: int = 0,
     ) -> None:
-        kind = _find_compression(compression)
+        self._chunk = ChunkBuilder(compression)
         if chunk_size < 1:
             raise ParameterError(f"chunk size is {chunk_size} byte: it must be positive")
         if keep_free < 0:
             raise ParameterError(f"keep_free is {keep_free} byte: it must not be negative")
         self.path = path
-        self.messages = 0
-        self.start_time = 0
-        self.end_time = 0
+        self._chunk_size = chunk_size
+        self._summary = McapSummary()
         self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[str, int] = {}
-        self._counts: dict[int, int] = {}
         self._file = DiskFile(path, keep_free)
-        self._writer = Writer(self._file, chunk_size=chunk_size, compression=kind)  # type: ignore[arg-type]
         try:
-            self._writer.start("ros2", library)
+            self._file.write(MAGIC, format_record(Header("ros2", library)))
         except FileError:
             self._file.close()
             path.unlink(missing_ok=True)
             raise
+
+    @property
+    def messages(self) -> int:
+        """How many were added."""
+        return self._summary.messages
+
+    @property
+    def start_time(self) -> int:
+        """Earliest time of reception of a message [ns]; 0 as long as there is none."""
+        return self._summary.start_time
+
+    @property
+    def end_time(self) -> int:
+        """Latest time of reception of a message [ns]; 0 as long as there is none."""
+        return self._summary.end_time
 
     @property
     def size(self) -> int:
@@ -108,7 +127,7 @@ class McapWriter:
 
     def count_messages(self, topic: str) -> int:
         """Return how many messages of a topic were added."""
-        return self._counts.get(self._channels.get(topic, 0), 0)
+        return self._summary.counts[self._channels.get(topic, 0)]
 
     def add_channel(
         self, topic: str, definition: MessageDefinition, qos: tuple[OfferedQos, ...]
@@ -141,12 +160,12 @@ class McapWriter:
         }
         self._file.plan(len(definition.text))
         if key not in self._schemas:
-            self._schemas[key] = self._writer.register_schema(
-                definition.type_name, "ros2msg", definition.text.encode()
-            )
-        channel = self._writer.register_channel(topic, "cdr", self._schemas[key], metadata)
-        self._channels[topic] = channel
-        self._counts[channel] = 0
+            self._schemas[key] = schema = len(self._schemas) + 1
+            text = definition.text.encode()
+            self._announce(Opcode.SCHEMA, Schema(schema, text, "ros2msg", definition.type_name))
+        self._channels[topic] = channel = len(self._channels) + 1
+        item = Channel(channel, topic, "cdr", metadata, self._schemas[key])
+        self._announce(Opcode.CHANNEL, item)
         return channel
 
     def add_message(
@@ -180,20 +199,12 @@ class McapWriter:
         """
         file = self._file
         file.plan(len(data) + MESSAGE_OVERHEAD)
-        count = self._counts[channel]
+        count = self._summary.counts[channel]
         number = (count if sequence is None else sequence) & 0xFFFFFFFF
-        before = file.size
-        self._writer.add_message(channel, log_time, data, publish_time, number)
-        if file.size != before:
-            file.settle()
-        if self.messages == 0:
-            self.start_time = self.end_time = log_time
-        elif log_time > self.end_time:
-            self.end_time = log_time
-        elif log_time < self.start_time:
-            self.start_time = log_time
-        self._counts[channel] = count + 1
-        self.messages += 1
+        self._chunk.add_message(channel, number, log_time, publish_time, data)
+        if self._chunk.size > self._chunk_size:
+            self._finish_chunk()
+        self._summary.count_message(channel, log_time)
 
     def add_metadata(self, name: str, fields: dict[str, str]) -> None:
         """Add a record of names and texts; it may take of the room that is left for the ending.
@@ -203,8 +214,10 @@ class McapWriter:
         FileError
             If it could not be written.
         """
-        self._file.check()
-        self._writer.add_metadata(name, fields)
+        record = format_record(Metadata(name, fields))
+        index = MetadataIndex(self._file.size, len(record), name)
+        self._file.write(record)
+        self._summary.add(Opcode.METADATA_INDEX, format_record(index))
 
     def add_attachment(
         self, name: str, media_type: str, data: bytes, log_time: int | None = None
@@ -231,7 +244,12 @@ class McapWriter:
         """
         self._file.plan(len(data))
         moment = time.time_ns() if log_time is None else log_time
-        self._writer.add_attachment(moment, moment, name, media_type, data)
+        record = format_record(Attachment(moment, moment, name, media_type, data))
+        index = AttachmentIndex(
+            self._file.size, len(record), moment, moment, len(data), name, media_type
+        )
+        self._file.write(record)
+        self._summary.add(Opcode.ATTACHMENT_INDEX, format_record(index))
 
     def flush(self) -> None:
         """Finish the chunk in progress, if it holds a message.
@@ -242,8 +260,7 @@ class McapWriter:
             If the chunk could not be written: chunks before it stay.
         """
         self._file.check()
-        self._writer.flush()
-        self._file.settle()
+        self._finish_chunk()
 
     def sync(self) -> None:
         """Finish the chunk in progress and return when all messages are on the disk itself.
@@ -268,7 +285,9 @@ class McapWriter:
             return
         try:
             if not self.has_failed:
-                self._writer.finish()
+                self._finish_chunk()
+                end = format_record(DataEnd(data_section_crc=0))
+                self._file.write(end, self._summary.format(self._file.size + len(end)))
         finally:
             self._file.close()
 
@@ -285,10 +304,16 @@ class McapWriter:
         """Finish the file, whatever happened."""
         self.close()
 
+    def _announce(self, kind: Opcode, item: Schema | Channel) -> None:
+        """Say what follows, in the chunk in progress and again at the end of the file."""
+        record = format_record(item)
+        self._chunk.add_record(record)
+        self._summary.add(kind, record)
 
-def _find_compression(name: str) -> CompressionType:
-    if name not in COMPRESSIONS:
-        raise ParameterError(
-            f"compression is {name!r}: it must be one of {', '.join(COMPRESSIONS)}"
-        )
-    return CompressionType[name.upper()]
+    def _finish_chunk(self) -> None:
+        if not self._chunk.messages:
+            return
+        chunk = self._chunk.finish(self._file.size)
+        self._file.write(*chunk.pieces)
+        self._summary.add(Opcode.CHUNK_INDEX, chunk.summary)
+        self._file.settle()

@@ -36,7 +36,7 @@ class RecordingWriter:
         Ending in .mcap: the one file. Else: the folder; its files are <output>/<name>_0.mcap, _1
         and so on. Folders are made.
     compression : str
-        One of `mcap_writer.COMPRESSIONS`.
+        One of `chunk_builder.COMPRESSIONS`.
     chunk_size : int
         Uncompressed size at which a chunk is finished [byte].
     library : str

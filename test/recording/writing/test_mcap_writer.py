@@ -20,8 +20,9 @@ from impact_rig.recording.interfaces.message_definitions import (
 )
 from impact_rig.recording.interfaces.qos_profiles import OfferedQos
 from impact_rig.recording.reading.mcap_file import McapFile
+from impact_rig.recording.writing.chunk_builder import COMPRESSIONS
 from impact_rig.recording.writing.disk_file import ROOM_FOR_ENDING
-from impact_rig.recording.writing.mcap_writer import COMPRESSIONS, McapWriter
+from impact_rig.recording.writing.mcap_writer import McapWriter
 
 LATCHED = OfferedQos("reliable", "transient_local", "keep_last", 16)
 
