@@ -16,7 +16,7 @@ from impact_rig.core.signals.filtering import (
     MINIMUM_POINTS,
     low_pass,
 )
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.signals.record import FloatArray, make_read_only
 
 FITTED = 5
 """Parameters of a fit: start, duration, asymmetry, amplitude and offset."""
@@ -33,6 +33,8 @@ compared."""
 KERNEL_REACH = 1.5
 """Half length of the low-pass's kernel, in periods of the cutoff [-], our choice: 1e-3 of it lies
 outside."""
+REMEMBERED_MATRICES = 4
+"""Of the low-pass [-], our choice: the hits of a sample need one or two, of up to some megabytes."""
 SHORTEST_DURATION = 0.5
 """Of a pulse, in w50 [-]: none is shorter than its own half-amplitude width."""
 TOLERANCE = 1e-5
@@ -146,10 +148,9 @@ def cut_window(
     model_points, smoothing = points, None
     # Above, the low-pass is shorter than a fortieth of the width.
     if 0.0 < relative_cutoff * fine <= HIGHEST_RELATIVE_CUTOFF:
-        kernel = _find_kernel(relative_cutoff * fine)
-        reach = kernel.size // 2
+        reach = _find_reach(relative_cutoff * fine)
         model_points = np.arange(first - fine * reach, points[-1] + fine * reach + 1, fine)
-        smoothing = _make_smoothing(kernel, points.size, step // fine)
+        smoothing = _make_smoothing(relative_cutoff * fine, points.size, step // fine)
     return PulseWindow(
         time=np.asarray((points - middle) / width, dtype=np.float64),
         measured=upright[points],
@@ -159,23 +160,23 @@ def cut_window(
     )
 
 
-@lru_cache(maxsize=16)
-def _find_kernel(relative_cutoff: float) -> FloatArray:
-    """Return the zero-phase impulse response, its middle in the middle."""
-    reach = max(math.ceil(KERNEL_REACH / relative_cutoff), MINIMUM_POINTS)
+def _find_reach(relative_cutoff: float) -> int:
+    """Return how far the low-pass reaches to either side [points]."""
+    return max(math.ceil(KERNEL_REACH / relative_cutoff), MINIMUM_POINTS)
+
+
+@lru_cache(maxsize=REMEMBERED_MATRICES)
+def _make_smoothing(relative_cutoff: float, count: int, stride: int) -> FloatArray:
+    """Return the low-pass as a matrix of `count` rows: each reads `stride` points further."""
+    reach = _find_reach(relative_cutoff)
     impulse = np.zeros(4 * reach + 1)
     impulse[2 * reach] = 1.0
     half = low_pass(impulse, relative_cutoff, 1.0)[2 * reach : 3 * reach + 1]
     kernel = np.concatenate((half[:0:-1], half))
-    return np.asarray(kernel / kernel.sum())
-
-
-def _make_smoothing(kernel: FloatArray, count: int, stride: int) -> FloatArray:
-    """Return the matrix of `count` rows, each with the kernel `stride` further to the right."""
     margin = np.zeros((count - 1) * stride)
-    padded = np.concatenate((margin, kernel, margin))
+    padded = np.concatenate((margin, kernel / kernel.sum(), margin))
     rows = sliding_window_view(padded, kernel.size + margin.size)
-    return np.ascontiguousarray(rows[::-stride][:count])
+    return make_read_only(np.ascontiguousarray(rows[::-stride][:count]))
 
 
 def fit_pulse(window: PulseWindow, shape: PulseShape) -> PulseFit:

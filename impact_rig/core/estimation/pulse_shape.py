@@ -206,7 +206,9 @@ def _compare_sides(upright: FloatArray, pulse: PulseWidth) -> float:
     rise, fall = crossings.T
     if not np.isfinite(crossings).all():
         return math.nan
-    _, peak = np.polyfit(fall - rise, (rise + fall) / 2.0, 1)
+    width, middle = fall - rise, (rise + fall) / 2.0
+    above = width - width.mean()
+    peak = middle.mean() - width.mean() * (above @ middle) / (above @ above)
     if not rise[0] < peak < fall[0]:
         return math.nan
     return float((fall[0] - peak) / (peak - rise[0]))
