@@ -5,23 +5,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from impact_rig.bench.figures import Figure
-
-DEFAULT_SECONDS = 60.0
-"""Of continuous recording [s]: as the goal has it."""
-DEFAULT_KILLS = 50
-"""Processes killed [-]: as the goal has it."""
-DEFAULT_MUTATIONS = 2000
-"""Damaged recordings [-]: as the goal has it."""
+from impact_rig.bench.recordings import Campaigns
 
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is measured.
+    """How much is measured: by default little, so that all parts together take five minutes.
 
     Attributes
     ----------
+    demos : int
+        Campaigns of the paper, each of 120 hits.
     seconds : float
-        Of continuous recording [s].
+        Of streaming at the highest rate [s].
+    hits : int
+        After which the memory of the nodes is looked at again.
     kills : int
         Processes, or whole rigs, that are killed.
     mutations : int
@@ -32,11 +30,17 @@ class Extent:
         Of what is drawn at random.
     """
 
-    seconds: float = DEFAULT_SECONDS
-    kills: int = DEFAULT_KILLS
-    mutations: int = DEFAULT_MUTATIONS
+    demos: int = 2
+    seconds: float = 20.0
+    hits: int = 10_000
+    kills: int = 4
+    mutations: int = 200
     repeats: int = 7
     seed: int = 1
+
+
+FULL = Extent(demos=5, seconds=60.0, hits=10_000, kills=50, mutations=2000)
+"""What every goal asks for, or more: a quarter of an hour."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +53,15 @@ class Bench:
         Empty; it is removed afterwards.
     extent : Extent
         How much is measured.
+    campaigns : Campaigns
+        To measure with; the same for all parts.
     report : callable
         Takes done and all, of whatever the part counts.
     """
 
     folder: Path
     extent: Extent
+    campaigns: Campaigns
     report: Callable[[int, int], None]
 
 
@@ -70,8 +77,11 @@ class Part:
         What it measures, in one line.
     measure : callable
         Does it; raises `RigError` where it cannot be done.
+    seconds : float
+        That this takes on two cores, at the extent of `Extent()` [s].
     """
 
     name: str
     title: str
     measure: Callable[[Bench], tuple[Figure, ...]]
+    seconds: float

@@ -1,10 +1,14 @@
 """Recordings to measure with: campaigns of the virtual rig, with all that a recorder writes."""
 
+import itertools
+import math
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from mcap.reader import make_reader
@@ -19,34 +23,77 @@ COMPRESSIONS = {
     "none": CompressionType.NONE,
 }
 """Those of MCAP, by the names that the recorder has for them."""
+VERDICT_TOPIC = "/impact"
 CHUNK_SIZE = 1 << 20
 """Of the recordings that are compared [byte], our choice: the default of MCAP's own writer."""
 
 
-def record_campaign(folder: Path, samples: Sequence[str], impacts: int) -> Path:
-    """Run `impact-rig demo` and return its recording.
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign of the virtual rig, run as a user runs it.
+
+    Attributes
+    ----------
+    recording : Path
+        With all that the rig's recorder writes.
+    seconds : float
+        From the command to its end, the printed tables [s].
+    """
+
+    recording: Path
+    seconds: float
+
+
+class Campaigns:
+    """Campaigns that are run when a part needs them, and kept for all parts.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to; it need not exist.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._campaigns: list[Campaign] = []
+        self._runs = itertools.count()
+
+    def take(
+        self, count: int, report: Callable[[int, int], None] = lambda *_: None
+    ) -> tuple[Campaign, ...]:
+        """Return the first `count` campaigns; run those that there are not yet.
+
+        Raises
+        ------
+        RigError
+            If a campaign fails, for example for want of ROS 2.
+        """
+        while (done := len(self._campaigns)) < count:
+            report(done, count)
+            self._campaigns.append(run_campaign(self._folder / str(next(self._runs)), ()))
+        return tuple(self._campaigns[:count])
+
+
+def run_campaign(folder: Path, options: Sequence[str]) -> Campaign:
+    """Run `impact-rig demo`.
 
     Parameters
     ----------
     folder : Path
         Of the run; it must not exist.
-    samples : sequence of str
-        Of the paper's; empty: all of them.
-    impacts : int
-        For each.
+    options : sequence of str
+        Of the command; none: the paper's whole campaign.
 
     Raises
     ------
     RigError
         If the campaign fails, for example for want of ROS 2.
     """
-    words = ["demo", "--output", str(folder), "--impacts", str(impacts)]
-    for sample in samples:
-        words += ["--samples", sample]
     # In a ROS domain of its own, whatever the environment says: a bench strikes nobody's samples.
     environment = {key: value for key, value in os.environ.items() if key != "ROS_DOMAIN_ID"}
+    started = time.perf_counter()
     with subprocess.Popen(
-        [sys.executable, "-m", "impact_rig.cli.main", *words],
+        [sys.executable, "-m", "impact_rig.cli.main", "demo", "--output", str(folder), *options],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -60,14 +107,27 @@ def record_campaign(folder: Path, samples: Sequence[str], impacts: int) -> Path:
             process.send_signal(signal.SIGINT)
             process.communicate()
             raise
+    seconds = time.perf_counter() - started
     if process.returncode:
         reason = errors.strip().splitlines()[-1:] or [f"exit code {process.returncode}"]
-        raise RigError(f"no recording to measure with could be made: {reason[0]}")
-    return folder / f"{RUN_NAME}{SUFFIX}"
+        raise RigError(f"no campaign to measure with could be run: {reason[0]}")
+    return Campaign(folder / f"{RUN_NAME}{SUFFIX}", seconds)
 
 
-def compress_anew(source: Path, target: Path, compression: str) -> Path:
-    """Write what a recording holds into another file with another compression, by `mcap` alone."""
+def compress_anew(
+    source: Path, target: Path, compression: str, verdicts: float = math.inf
+) -> Path:
+    """Write what a recording holds into another file with another compression, by `mcap` alone.
+
+    Parameters
+    ----------
+    source, target : Path
+        The recording and the other file.
+    compression : str
+        Of `COMPRESSIONS`.
+    verdicts : float
+        On how many hits the other file ends; the recording may have fewer.
+    """
     with source.open("rb") as old, target.open("wb") as new:
         writer = Writer(new, chunk_size=CHUNK_SIZE, compression=COMPRESSIONS[compression])
         writer.start("ros2", "impact_rig bench")
@@ -93,6 +153,9 @@ def compress_anew(source: Path, target: Path, compression: str) -> Path:
                 message.publish_time,
                 message.sequence,
             )
+            verdicts -= channel.topic == VERDICT_TOPIC
+            if verdicts <= 0:
+                break
         for note in reader.iter_metadata():
             writer.add_metadata(note.name, note.metadata)
         for file in reader.iter_attachments():

@@ -2,18 +2,22 @@
 
 import contextlib
 import os
+import queue
 import shlex
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from impact_rig.cli.rigs.node_processes import make_command
-from impact_rig.configuration.processes import NodeProcess
+from impact_rig.configuration.processes import NodeProcess, list_rig_processes
 
+COMMAND_LINE = "impact_rig.cli.main"
+OBSERVER = "impact_rig.bench.observer_process"
 STOP_TIMEOUT = 15.0
 """How long a node may take to close its files and end [s]."""
 
@@ -33,6 +37,20 @@ def use_own_domain() -> Iterator[dict[str, str]]:
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "PYTHONUNBUFFERED": "1",
         }
+
+
+def listen(process: subprocess.Popen[str]) -> "queue.Queue[str]":
+    """Return the lines that a process prints as they come, and an empty text at its end."""
+    lines: queue.Queue[str] = queue.Queue()
+
+    def pass_on() -> None:
+        if process.stdout is not None:
+            for line in process.stdout:
+                lines.put(line)
+        lines.put("")
+
+    threading.Thread(target=pass_on, daemon=True).start()
+    return lines
 
 
 class RigProcesses:
@@ -110,6 +128,21 @@ class RigProcesses:
         except subprocess.TimeoutExpired:
             process.kill()
             return process.wait()
+
+    def start_rig(
+        self, folder: Path, overrides: Mapping[str, Mapping[str, Any]], *, visualize: bool
+    ) -> dict[str, subprocess.Popen[str]]:
+        """Start all nodes of a rig that records into `folder`; return their processes by name."""
+        nodes = list_rig_processes(folder, visualize=visualize, overrides=overrides)
+        return {node.name: self.start_node(node.name, **node.parameters) for node in nodes}
+
+    def start_campaign(self, *options: str) -> subprocess.Popen[str]:
+        """Start a campaign on the rig, by the command line, which gives up if the rig does."""
+        return self.start_module(COMMAND_LINE, ["campaign", "--json", *options])
+
+    def start_observer(self) -> tuple[str, "queue.Queue[str]"]:
+        """Start who sees the verdicts; return its name, and the lines of JSON that it prints."""
+        return OBSERVER, listen(self.start_module(OBSERVER, listen=True))
 
     def read_log(self) -> str:
         """Return the last line that any of them printed."""

@@ -9,10 +9,24 @@ from pathlib import Path
 from impact_rig.bench.figures import Figure
 from impact_rig.bench.machine import Machine, describe_machine
 from impact_rig.bench.part import Bench, Extent, Part
+from impact_rig.bench.recordings import Campaigns
 from impact_rig.core.errors import RigError
 
-PARTS = ("model", "hit", "write", "read", "batch", "fuzz", "stream", "kill")
-"""Modules of `impact_rig.bench.parts`, in the order in which they run."""
+PARTS = (
+    "start",
+    "model",
+    "hit",
+    "write",
+    "demo",
+    "latency",
+    "read",
+    "stream",
+    "memory",
+    "batch",
+    "fuzz",
+    "kill",
+)
+"""Modules of `impact_rig.bench.parts`, in the order in which they run: the quiet ones first."""
 
 
 @dataclass(frozen=True)
@@ -75,21 +89,27 @@ def run_parts(
     report : callable
         Takes the part, and done and all of what it counts.
     """
-    results = []
-    for name in names:
-        part = load_part(name)
-        report(part, 0, 0)
-
-        def tell(done: int, total: int, part: Part = part) -> None:
-            report(part, done, total)
-
-        with tempfile.TemporaryDirectory(prefix=f"impact_rig_{name}_") as folder:
-            try:
-                figures = part.measure(Bench(Path(folder), extent, tell))
-                results.append(PartResults(name, part.title, figures))
-            except RigError as error:
-                results.append(PartResults(name, part.title, (), str(error)))
-            except ModuleNotFoundError as error:
-                reason = f"Python finds no module {error.name!r}: see `impact-rig doctor`"
-                results.append(PartResults(name, part.title, (), reason))
+    with tempfile.TemporaryDirectory(prefix="impact_rig_campaigns_") as folder:
+        campaigns = Campaigns(Path(folder))
+        results = [_run_part(name, extent, campaigns, report) for name in names]
     return BenchResults(describe_machine(), tuple(results))
+
+
+def _run_part(
+    name: str, extent: Extent, campaigns: Campaigns, report: Callable[[Part, int, int], None]
+) -> PartResults:
+    part = load_part(name)
+    report(part, 0, 0)
+
+    def tell(done: int, total: int) -> None:
+        report(part, done, total)
+
+    with tempfile.TemporaryDirectory(prefix=f"impact_rig_{name}_") as folder:
+        try:
+            figures = part.measure(Bench(Path(folder), extent, campaigns, tell))
+            return PartResults(name, part.title, figures)
+        except RigError as error:
+            return PartResults(name, part.title, (), str(error))
+        except ModuleNotFoundError as error:
+            reason = f"Python finds no module {error.name!r}: see `impact-rig doctor`"
+            return PartResults(name, part.title, (), reason)

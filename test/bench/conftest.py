@@ -1,12 +1,12 @@
 """What the tests of the bench measure with: little, quickly."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from impact_rig.bench.part import Bench, Extent
+from impact_rig.bench.recordings import Campaign, Campaigns
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
@@ -34,17 +34,18 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+class OneCampaign(Campaigns):
+    """A campaign that there is already, in place of any number of them."""
+
+    def __init__(self, recording: Path) -> None:
+        self._campaign = Campaign(recording, 1.5)
+
+    def take(self, count: int, *_: Any) -> tuple[Campaign, ...]:
+        return (self._campaign,) * count
+
+
 @pytest.fixture
-def bench(tmp_path: Path) -> Bench:
+def bench(tmp_path: Path, recording: Path) -> Bench:
     """Return what a part works with."""
-    return Bench(tmp_path, Extent(seconds=1.0, kills=1, mutations=6, repeats=2), lambda *_: None)
-
-
-@pytest.fixture
-def without_campaign(recording: Path, monkeypatch: Any) -> Callable[[str], None]:
-    """Return a function that lets a part use `recording` in place of a campaign of its own."""
-
-    def replace(part: str) -> None:
-        monkeypatch.setattr(f"impact_rig.bench.parts.{part}.record_campaign", lambda *_: recording)
-
-    return replace
+    extent = Extent(demos=2, seconds=1.0, hits=2, kills=1, mutations=6, repeats=2)
+    return Bench(tmp_path, extent, OneCampaign(recording), lambda *_: None)

@@ -4,7 +4,6 @@ import json
 import math
 import struct
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from mcap.reader import make_reader
 from impact_rig.bench import fuzz_process
 from impact_rig.bench.part import Bench
 from impact_rig.bench.parts import batch, fuzz, kill, read, stream, write
-from impact_rig.bench.recordings import COMPRESSIONS, compress_anew
+from impact_rig.bench.recordings import COMPRESSIONS
 from impact_rig.core.errors import FileError
 
 
@@ -26,21 +25,7 @@ def read_all(path: Path) -> list[tuple[str, int, bytes]]:
         ]
 
 
-@pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_another_compression_holds_the_same_messages(
-    recording: Path, tmp_path: Path, compression: str
-) -> None:
-    path = compress_anew(recording, tmp_path / "copy.mcap", compression)
-    assert read_all(path) == read_all(recording)
-    with path.open("rb") as file:
-        chunks = make_reader(file).get_summary().chunk_indexes
-    assert {chunk.compression for chunk in chunks} == {compression.replace("none", "")}
-
-
-def test_reading_is_compared_in_each_compression(
-    bench: Bench, without_campaign: Callable[[str], None]
-) -> None:
-    without_campaign("read")
+def test_reading_is_compared_in_each_compression(bench: Bench) -> None:
     figures = read.measure(bench)
     assert [figure.name.split(",")[0] for figure in figures] == list(COMPRESSIONS)
     for figure in figures:
@@ -68,10 +53,7 @@ def test_both_writers_write_the_same_messages(tmp_path: Path, compression: str) 
     assert [data for _, _, data in read_all(ours)] == messages
 
 
-def test_two_workers_are_compared_with_one(
-    bench: Bench, without_campaign: Callable[[str], None], monkeypatch: Any
-) -> None:
-    without_campaign("batch")
+def test_two_workers_are_compared_with_one(bench: Bench, monkeypatch: Any) -> None:
     monkeypatch.setattr(batch, "REPEATS", 1)
     monkeypatch.setattr(batch, "RECORDINGS", 2)
     monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1})
@@ -81,10 +63,7 @@ def test_two_workers_are_compared_with_one(
     assert one.unit == start.unit == "s"
 
 
-def test_damaged_recordings_are_all_read_in_all_ways(
-    bench: Bench, without_campaign: Callable[[str], None]
-) -> None:
-    without_campaign("fuzz")
+def test_damaged_recordings_are_all_read_in_all_ways(bench: Bench) -> None:
     faults, number, *ways, memory = fuzz.measure(bench)
     assert faults.values == (0.0,)
     assert number.values == (6.0,)
@@ -125,13 +104,11 @@ for seed in range(first, first + count):
 )
 def test_a_crash_and_a_hang_are_told_by_their_seed_and_the_rest_is_read(
     bench: Bench,
-    without_campaign: Callable[[str], None],
     monkeypatch: Any,
     tmp_path: Path,
     fault: str,
     words: str,
 ) -> None:
-    without_campaign("fuzz")
     (tmp_path / "process.py").write_text(PROCESS.format(fault=fault))
     start = fuzz.subprocess.Popen
 

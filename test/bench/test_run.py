@@ -31,7 +31,7 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def find(name: str) -> SimpleNamespace:
         name = name.rpartition(".")[2]
-        return SimpleNamespace(PART=Part(name, f"Title of {name}", functions[name]))
+        return SimpleNamespace(PART=Part(name, f"Title of {name}", functions[name], 1.0))
 
     monkeypatch.setattr(run.importlib, "import_module", find)
 

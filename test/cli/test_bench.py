@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from impact_rig.bench import run as bench_run
 from impact_rig.bench.figures import Figure, at_most
-from impact_rig.bench.part import Bench, Part
+from impact_rig.bench.part import FULL, Bench, Extent, Part
 from impact_rig.cli import bench
 from impact_rig.core.errors import RigError
 
@@ -26,7 +27,7 @@ def measure(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Any], None]:
                     raise outcomes[name]
                 return (outcomes[name],)
 
-            return Part(name, f"Title of {name}", give)
+            return Part(name, f"Title of {name}", give, 1.0)
 
         monkeypatch.setattr(bench_run, "load_part", load)
 
@@ -45,6 +46,34 @@ def test_the_help_knows_the_parts() -> None:
 def test_the_parts_are_listed(run: Run) -> None:
     lines = run("bench", "--list").stdout.splitlines()
     assert [line.split()[0] for line in lines] == list(bench.PARTS)
+    assert all(float(line.split()[1]) > 0.0 for line in lines)
+
+
+def test_all_parts_together_take_five_minutes() -> None:
+    assert sum(bench_run.load_part(name).seconds for name in bench.PARTS) <= 300.0
+
+
+@pytest.mark.parametrize(
+    ("words", "changes"),
+    [
+        ([], {}),
+        (["--kills", "7", "--seconds", "2.5"], {"kills": 7, "seconds": 2.5}),
+        (["--full"], {"demos": 5, "seconds": 60.0, "kills": 50, "mutations": 2000}),
+        (["--full", "--hits", "3"], {**vars(FULL), "hits": 3}),
+    ],
+)
+def test_the_extent_is_that_of_the_options(
+    run: Run, monkeypatch: pytest.MonkeyPatch, words: list[str], changes: dict[str, Any]
+) -> None:
+    extents: list[Extent] = []
+
+    def give(bench: Bench) -> tuple[Figure, ...]:
+        extents.append(bench.extent)
+        return (GOOD,)
+
+    monkeypatch.setattr(bench_run, "load_part", lambda name: Part(name, "Title", give, 1.0))
+    assert run("bench", "read", *words).exit_code == 0
+    assert extents == [replace(Extent(), **changes)]
 
 
 def test_reached_goals_are_exit_code_zero(run: Run, measure: Callable[..., None]) -> None:

@@ -4,8 +4,6 @@ import json
 import math
 import queue
 import random
-import subprocess
-import threading
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -14,7 +12,7 @@ from pathlib import Path
 from impact_rig.bench.figures import Figure, at_most
 from impact_rig.bench.part import Bench, Part
 from impact_rig.bench.rig_processes import RigProcesses, use_own_domain
-from impact_rig.configuration.processes import RECORDING_NAME, list_rig_processes
+from impact_rig.configuration.processes import RECORDING_NAME
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
@@ -22,8 +20,7 @@ from impact_rig.core.signals.record import Block
 from impact_rig.recording.reading.mcap_reader import read_recording
 from impact_rig.recording.recovery.recovery import recover_recording
 
-OBSERVER = "impact_rig.bench.observer_process"
-CAMPAIGN = ("campaign", "--impacts", "30", "--attempts", "100", "--json")
+CAMPAIGN = ("--impacts", "30", "--attempts", "100")
 OVERRIDES = {
     "hammer": {"swing_time": 0.02},
     "accelerometer": {"trigger_timeout": 0.1, "fault_probability": 0.03},
@@ -100,36 +97,18 @@ def _run_and_kill(folder: Path, *, recorder_alone: bool, wait: float) -> dict[in
         use_own_domain() as environment,
         RigProcesses(environment, folder / "log.txt") as processes,
     ):
-        observer = processes.start_module(OBSERVER, listen=True)
-        nodes = list_rig_processes(folder, visualize=False, overrides=OVERRIDES)
-        for node in nodes:
-            processes.start_node(node.name, **node.parameters)
-        campaign = ("impact_rig.cli.main", [*CAMPAIGN, "--output", str(folder / "results")])
-        processes.start_module(*campaign)
-        lines = _listen(observer)
+        observer, lines = processes.start_observer()
+        nodes = processes.start_rig(folder, OVERRIDES, visualize=False)
+        processes.start_campaign(*CAMPAIGN, "--output", str(folder / "results"))
         try:
             first = lines.get(timeout=START_TIMEOUT)
         except queue.Empty:
             raise RigError(f"the rig does not strike: {processes.read_log()}") from None
         time.sleep(wait)
-        processes.kill([RECORDER] if recorder_alone else [node.name for node in nodes])
+        processes.kill([RECORDER] if recorder_alone else list(nodes))
         time.sleep(AFTERMATH)
-        processes.kill([OBSERVER])
+        processes.kill([observer])
         return dict(map(_parse_verdict, [first, *iter(lines.get, "")]))
-
-
-def _listen(process: subprocess.Popen[str]) -> "queue.Queue[str]":
-    """Return the lines that a process prints as they come, and an empty text at its end."""
-    lines: queue.Queue[str] = queue.Queue()
-
-    def pass_on() -> None:
-        if process.stdout is not None:
-            for line in process.stdout:
-                lines.put(line)
-        lines.put("")
-
-    threading.Thread(target=pass_on, daemon=True).start()
-    return lines
 
 
 def _parse_verdict(line: str) -> tuple[int, Verdict]:
@@ -166,4 +145,6 @@ def _judge(events: Iterable[RigSetup | Block]) -> dict[int, Verdict]:
     return found
 
 
-PART = Part("kill", "kill -9 in the middle of campaigns: no published verdict is lost", measure)
+PART = Part(
+    "kill", "kill -9 in the middle of campaigns: no published verdict is lost", measure, 30.0
+)

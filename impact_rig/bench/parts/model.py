@@ -135,4 +135,6 @@ def make_models(count: int, seed: int) -> Sequence[ImpactModel]:
     return models
 
 
-PART = Part("model", "The model: one record and many, beside integrator and exponential", measure)
+PART = Part(
+    "model", "The model: one record and many, beside integrator and exponential", measure, 18.0
+)

@@ -111,4 +111,4 @@ def read_first_samples(path: Path) -> list[int]:
     return [int(decoder.decode(raw.channel, raw.data).first_sample) for raw in messages]
 
 
-PART = Part("stream", "Continuous recording, two channels of 2.5 MS/s", measure)
+PART = Part("stream", "Continuous recording, two channels of 2.5 MS/s", measure, 40.0)

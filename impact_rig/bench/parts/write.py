@@ -89,4 +89,4 @@ def write_bare(path: Path, data: Sequence[bytes], compression: str) -> None:
         writer.finish()
 
 
-PART = Part("write", "Writing serialised messages, beside mcap.writer", measure)
+PART = Part("write", "Writing serialised messages, beside mcap.writer", measure, 5.0)

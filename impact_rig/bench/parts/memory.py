@@ -1,0 +1,101 @@
+"""Memory of every node over thousands of hits."""
+
+import json
+import queue
+from collections.abc import Mapping
+from subprocess import Popen
+
+import psutil
+
+from impact_rig.bench.disk import check_room
+from impact_rig.bench.figures import Figure, at_most
+from impact_rig.bench.part import Bench, Part
+from impact_rig.bench.rig_processes import RigProcesses, use_own_domain
+from impact_rig.core.errors import RigError
+
+SAMPLE = "aluminium large"
+"""That is struck: the control sample, whose hits change all estimates."""
+EARLY_HITS = 100
+"""After which the memory is looked at first [-], as asked for."""
+LARGEST_GROWTH = 1.05
+"""Memory at the end over that after `EARLY_HITS` [-], as asked for."""
+FURTHER_HITS = 100
+"""Which the campaign goes on [-], our choice: its end asks for all results at once."""
+OVERRIDES = {"hammer": {"swing_time": 0.0}, "accelerometer": {"trigger_timeout": 0.1}}
+"""Nobody waits for a simulated swing."""
+LOOK_PERIOD = 1.0
+"""How soon a campaign that has ended is noticed [s]."""
+HIT_SIZE = 100e3
+"""Of recording and view on the disk [byte], at most."""
+REPORT_PERIOD = 50
+"""Hits from one report to the next [-]."""
+MEGA = 1e6
+
+
+def measure(bench: Bench) -> tuple[Figure, ...]:
+    """Strike one sample very often, and look at all nodes early and late."""
+    hits = bench.extent.hits
+    early_hits = min(EARLY_HITS, hits)
+    check_room(bench.folder, HIT_SIZE * hits, f"{hits} hits", "ask for fewer --hits")
+    with (
+        use_own_domain() as environment,
+        RigProcesses(environment, bench.folder / "log.txt") as processes,
+    ):
+        _, lines = processes.start_observer()
+        nodes = processes.start_rig(bench.folder, OVERRIDES, visualize=True)
+        campaign = processes.start_campaign(
+            "--samples", SAMPLE, "--impacts", str(hits + FURTHER_HITS),
+            "--output", str(bench.folder / "results"),
+        )  # fmt: skip
+        early: dict[str, float] = {}
+        for hit in range(1, hits + 1):
+            if hit % REPORT_PERIOD == 1:
+                bench.report(hit - 1, hits)
+            _await_verdict(lines, campaign, processes)
+            if hit == early_hits:
+                early = read_memory(nodes)
+        late = read_memory(nodes)
+    return tuple(
+        Figure(
+            f"{name}, memory after {hits} hits over that after {early_hits}",
+            (late[name] / early[name],),
+            goal=at_most(LARGEST_GROWTH),
+            note=f"{late[name] / MEGA:.1f} over {early[name] / MEGA:.1f} MB",
+        )
+        for name in nodes
+    )
+
+
+def _await_verdict(
+    lines: "queue.Queue[str]", campaign: Popen[str], processes: RigProcesses
+) -> None:
+    """Wait for the next hit, which must be accepted."""
+    while True:
+        try:
+            line = lines.get(timeout=LOOK_PERIOD)
+            break
+        except queue.Empty:
+            if campaign.poll() is not None:
+                raise RigError(f"the rig does not strike: {processes.read_log()}") from None
+    if not line or not json.loads(line)["accepted"]:
+        raise RigError(f"a good hit was not accepted: {line.strip() or processes.read_log()}")
+
+
+def read_memory(processes: Mapping[str, Popen[str]]) -> dict[str, float]:
+    """Return the memory of processes [byte]: what is shared among several counts in parts.
+
+    Raises
+    ------
+    RigError
+        If one of them has ended.
+    """
+    found = {}
+    for name, process in processes.items():
+        try:
+            found[name] = float(psutil.Process(process.pid).memory_full_info().pss)
+        except psutil.Error as error:
+            raise RigError(f"the {name} node cannot be looked at: {error}") from None
+    return found
+
+
+PART = Part("memory", "Memory of each node after thousands of hits", measure, 120.0)

@@ -1,0 +1,91 @@
+"""The part `latency`: what belongs to a hit is found in a recording, whatever the order."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.writer import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from impact_rig.bench.part import Bench
+from impact_rig.bench.parts import latency
+from impact_rig.bench.parts.latency import Chain
+from impact_rig.core.errors import RigError
+
+MILLI = 1_000_000
+DEFINITIONS = {
+    "/release": "uint32 record\nstring sample\nfloat64 swing_time",
+    "/acceleration": "uint32 record\nbool last",
+    "/recorder/stored": "uint32 record\nbool complete",
+    "/impact": "uint32 record",
+    "/estimate": "string sample",
+}
+"""The fields that matter, of messages of these topics."""
+
+
+def write_messages(path: Path, messages: list[tuple[str, int, dict[str, Any]]]) -> None:
+    """Write messages as topic, publish time and fields, in this order."""
+    store = get_typestore(Stores.EMPTY)
+    names = {topic: f"test/msg/T{number}" for number, topic in enumerate(DEFINITIONS)}
+    for topic, text in DEFINITIONS.items():
+        store.register(get_types_from_msg(text, names[topic]))
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "test")
+        channels = {}
+        for topic, text in DEFINITIONS.items():
+            schema = writer.register_schema(names[topic], "ros2msg", text.encode())
+            channels[topic] = writer.register_channel(topic, "cdr", schema)
+        for number, (topic, moment, fields) in enumerate(messages):
+            content = store.types[names[topic]](**fields)
+            data = bytes(store.serialize_cdr(content, names[topic]))
+            writer.add_message(channels[topic], number, data, moment)
+        writer.finish()
+
+
+def test_each_hit_is_followed_from_release_to_estimate(tmp_path: Path) -> None:
+    path = tmp_path / "session.mcap"
+    write_messages(
+        path,
+        [
+            ("/release", 100, {"record": 1, "sample": "a", "swing_time": 1e-6}),
+            ("/estimate", 900, {"sample": "a"}),
+            ("/acceleration", 1200, {"record": 1, "last": False}),
+            ("/acceleration", 1300, {"record": 1, "last": True}),
+            ("/recorder/stored", 1350, {"record": 1, "complete": False}),
+            # Topics reach the recorder in any order.
+            ("/impact", 1500, {"record": 1}),
+            ("/recorder/stored", 1400, {"record": 1, "complete": True}),
+            ("/estimate", 1700, {"sample": "a"}),
+            ("/estimate", 1600, {"sample": "b"}),
+            ("/release", 2000, {"record": 2, "sample": "a", "swing_time": 0.0}),
+        ],
+    )
+    assert latency.read_chains(path) == [Chain(1100, 1300, 1400, 1500, 1700)]
+
+
+def test_the_first_moment_not_before_another_is_found() -> None:
+    assert latency.find_first([10, 20, 30], 20) == 20
+    assert latency.find_first([10, 20, 30], 21) == 30
+    assert latency.find_first([10], 11) is None
+
+
+def make_chain(start: int, whole: int) -> Chain:
+    return Chain(start, start + 1 * MILLI, start + 3 * MILLI, start + 6 * MILLI, start + whole)
+
+
+def test_steps_add_up_to_the_whole(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    chains = [make_chain(number * 100 * MILLI, 10 * MILLI) for number in range(98)]
+    chains += [make_chain(10**10, 50 * MILLI)] * 2
+    monkeypatch.setattr(latency, "read_chains", lambda _: chains)
+    whole, tail, *steps = latency.measure(bench)
+    assert (len(whole.values), whole.median, whole.is_reached) == (200, 10.0, True)
+    assert (tail.median, tail.is_reached) == (50.0, False)
+    assert [figure.median for figure in steps] == [1.0, 2.0, 3.0, 4.0]
+    assert str(whole.goal) == "at most 15"
+    assert str(tail.goal) == "at most 40"
+
+
+def test_a_recording_without_a_whole_chain_is_refused(bench: Bench) -> None:
+    with pytest.raises(RigError, match="no hit of the recorded campaigns"):
+        latency.measure(bench)
