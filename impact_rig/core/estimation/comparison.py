@@ -163,18 +163,22 @@ def compare_trace(
     largest : int
         Largest shift either way [points].
     """
-    reference = normalise_trace(measured)
-    candidate = normalise_trace(model)
+    peak = find_extreme(measured)
+    reference, candidate = measured / peak, normalise_trace(model)
     shift = find_best_shift(reference, candidate, largest)
     shifted = shift_trace(candidate, shift)
     error = shifted - reference
+    inside = error[contact]
+    for trace in (reference, shifted):
+        # Nobody else has them: they need not be copied.
+        trace.setflags(write=False)
     return TraceComparison(
         measured=make_read_only(reference),
         model=make_read_only(shifted),
-        peak=find_extreme(measured),
+        peak=peak,
         shift=shift / sampling_rate,
-        mse_percent=100.0 * float(np.mean(error**2)),
-        contact_error_percent=100.0 * float(np.sqrt(np.mean(error[contact] ** 2))),
+        mse_percent=100.0 * float(error @ error) / error.size,
+        contact_error_percent=100.0 * math.sqrt(float(inside @ inside) / inside.size),
     )
 
 

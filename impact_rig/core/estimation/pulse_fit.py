@@ -34,7 +34,7 @@ KERNEL_REACH = 1.5
 """Half length of the low-pass's kernel, in periods of the cutoff [-], our choice: 1e-3 of it lies
 outside."""
 REMEMBERED_MATRICES = 4
-"""Of the low-pass [-], our choice: the hits of a sample need one or two, of up to some megabytes."""
+"""Of the low-pass [-], our choice: the hits of a sample need one or two, of a megabyte or so."""
 SHORTEST_DURATION = 0.5
 """Of a pulse, in w50 [-]: none is shorter than its own half-amplitude width."""
 TOLERANCE = 1e-5
