@@ -153,4 +153,6 @@ class RecordWatch:
         self._finished.append(replace(count, is_complete=True))
         self.begin(count.label.record)
         self._ended.append(count.label.record)
-        self._open = None
+        # The word that an arming has ended may come when the next record is under way.
+        if self._open is not None and self._open.count.label.record == count.label.record:
+            self._open = None

@@ -83,6 +83,18 @@ def test_the_end_of_an_arming_may_be_told_after_the_next_record():
     assert [count.blocks for count in watch.collect()] == [1, 1]
 
 
+def test_the_end_of_an_arming_that_is_told_late_leaves_the_record_under_way_alone():
+    watch = RecordWatch()
+    add(watch, FIRST, 0)
+    # The word that it began was later still than its blocks.
+    watch.begin(FIRST.record)
+    add(watch, SECOND, 0, 100, last=False)
+    watch.end(FIRST.record, FIRST.sample)
+    add(watch, SECOND, 200)
+    assert [count.label.record for count in watch.collect()] == [1, 1, 2]
+    assert (watch.gaps, watch.missing_points, watch.unfinished) == (0, 0, None)
+
+
 def test_a_number_that_is_used_again_after_a_new_arming_is_another_record():
     watch = RecordWatch()
     add(watch, FIRST, 0)
