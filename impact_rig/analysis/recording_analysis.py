@@ -7,13 +7,20 @@ from pathlib import Path
 
 from impact_rig.analysis.settings_changes import SettingsChanges
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.hits.overrule import describe_label, make_overrules
+from impact_rig.core.hits.overrule import (
+    NO_OVERRULES,
+    Overrules,
+    describe_label,
+    make_overrules,
+)
 from impact_rig.core.session import Session
-from impact_rig.core.signals.record import Block
-from impact_rig.recording.reading.mcap_reader import read_recording
+from impact_rig.core.signals.detection import ImpactDetector
+from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.recording.reading.mcap_reader import Recording, read_recording
 from impact_rig.results.campaign import Results
 from impact_rig.results.flat_estimates import results_from_session
 from impact_rig.results.hit_traces import HitTraces, TraceAssembler
+from impact_rig.results.sample_traces import AlignedHit, align_hit
 
 Report = Callable[[str, int, int], None]
 """Is told now and then what is done (``reading`` [byte] or ``estimating`` [samples]), how much of
@@ -49,10 +56,13 @@ class JudgedCampaign:
         With all hits.
     traces : tuple of HitTraces
         As recorded, by arrival; empty unless asked for.
+    aligned : tuple of AlignedHit
+        Filtered, those that have a pulse; empty unless asked for.
     """
 
     session: Session
     traces: tuple[HitTraces, ...]
+    aligned: tuple[AlignedHit, ...]
 
 
 @dataclass(frozen=True)
@@ -109,25 +119,31 @@ def judge_recording(
         If the settings cannot be used, or a person's word on a hit makes no sense.
     """
     recording = read_recording(path)
-    sessions: list[tuple[Session, list[HitTraces]]] = []
+    overrules = _find_overrules(recording, changes, accept, reject)
+    sessions: list[tuple[Session, list[HitTraces], list[AlignedHit]]] = []
     assembler = TraceAssembler()
     for event in recording.events(_bind(report, "reading", recording.size)):
         if not isinstance(event, Block):
             # Each campaign begins with its set-up, and its estimates start afresh.
             setup = replace(event, analysis=changes.apply(event.analysis))
-            sessions.append((Session(setup), []))
+            sessions.append((Session(setup, overrules), [], []))
         elif sessions:
-            session, traces = sessions[-1]
-            session.feed(event)
-            if keep_traces and (joined := assembler.feed(event)) is not None:
-                traces.append(joined)
-    sessions = [(session, traces) for session, traces in sessions if session.names]
-    if not sessions:
+            session, traces, aligned = sessions[-1]
+            judged = session.feed(event)
+            if keep_traces:
+                aligned.extend(found for hit in judged if (found := align_hit(hit)) is not None)
+                if (joined := assembler.feed(event)) is not None:
+                    traces.append(joined)
+    campaigns = tuple(
+        JudgedCampaign(session, tuple(traces), tuple(aligned))
+        for session, traces, aligned in sessions
+        if session.names
+    )
+    if not campaigns:
         raise FileError(f"{path} holds no hit: no block of it completes a record")
-    _overrule([session for session, _ in sessions], accept, reject)
     return JudgedRecording(
         path=path,
-        campaigns=tuple(JudgedCampaign(session, tuple(traces)) for session, traces in sessions),
+        campaigns=campaigns,
         faults={label.record: names for label, names in recording.faults.items()},
         warnings=recording.warnings,
     )
@@ -154,10 +170,20 @@ def _bind(report: Report | None, what: str, total: int) -> Callable[[int], None]
     return lambda done: report(what, done, total)
 
 
-def _overrule(sessions: Sequence[Session], accept: Sequence[str], reject: Sequence[str]) -> None:
+def _find_overrules(
+    recording: Recording, changes: SettingsChanges, accept: Sequence[str], reject: Sequence[str]
+) -> Overrules:
+    """Return a person's word on the hits of a recording, which is read for their names alone."""
     if not (accept or reject):
-        return
-    counts = Counter(label for session in sessions for label in set(session.labels))
+        return NO_OVERRULES
+    labels: list[set[HitLabel]] = []
+    for event in recording.events():
+        if not isinstance(event, Block):
+            detector = ImpactDetector(changes.apply(event.analysis))
+            labels.append(set())
+        elif labels:
+            labels[-1].update(record.label for record in detector.feed(event))
+    counts = Counter(label for campaign in labels for label in campaign)
     overrules = make_overrules(accept, reject, list(counts))
     for label in overrules.accepted | overrules.rejected:
         if counts[label] > 1:
@@ -165,8 +191,7 @@ def _overrule(sessions: Sequence[Session], accept: Sequence[str], reject: Sequen
                 f"hit {describe_label(label)} is in {counts[label]} campaigns of the recording:"
                 " it cannot be told which one is meant"
             )
-    for session in sessions:
-        session.overrule(overrules)
+    return overrules
 
 
 def _finish(

@@ -10,8 +10,7 @@ from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.session import SessionResults
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.results.flat_estimates import hit_results_from_judged, results_from_session
-from impact_rig.results.hit_traces import HitTraces
-from impact_rig.results.sample_traces import align_hit, sample_traces_from_estimate
+from impact_rig.results.sample_traces import sample_traces_from_estimate
 from impact_rig.results.traced_campaign import TracedCampaign, TracedHit
 
 
@@ -95,23 +94,24 @@ def _trace_campaign(
     return TracedCampaign(
         results=results_from_session(found, faults),
         samples=tuple(item for item in traces if item is not None),
-        hits=_gather_hits(campaign.traces, found, faults),
+        hits=_gather_hits(campaign, found, faults),
     )
 
 
 def _gather_hits(
-    traces: Sequence[HitTraces], found: SessionResults, faults: Mapping[int, tuple[str, ...]]
+    campaign: JudgedCampaign, found: SessionResults, faults: Mapping[int, tuple[str, ...]]
 ) -> tuple[TracedHit, ...]:
     judged: dict[HitLabel, JudgedHit] = {
         hit.label: hit for hit in (*found.accepted, *found.rejected)
     }
+    aligned = {hit.label: hit for hit in campaign.aligned}
     return tuple(
         TracedHit(
             result=hit_results_from_judged(hit, faults.get(hit.label.record, ())),
             stamp=hit.stamp,
             recorded=recorded,
-            aligned=align_hit(hit),
+            aligned=aligned.get(hit.label),
         )
-        for recorded in traces
+        for recorded in campaign.traces
         if (hit := judged.get(recorded.label)) is not None
     )

@@ -12,7 +12,7 @@ from impact_rig.analysis.trace_options import TraceSeries
 from impact_rig.core.errors import ParameterError, RigError, SignalError
 from impact_rig.core.estimation.pulse_shape import estimate_pulse_shape
 from impact_rig.core.hits.averaging import average_hits
-from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import Overrules, describe_label
 from impact_rig.core.hits.verdict import Reason, check_channels, check_stream
 from impact_rig.core.session import Session
@@ -79,21 +79,16 @@ def analyze_traces(
     """
     overrules = _find_overrules(paths, series.sample, accept, reject)
     hits, setup, errors = read_series(paths, series, needs_scale=False)
-    session = Session(setup)
-    judged = [judged for hit in hits for judged in session.feed(hit.block)]
     for path, error in errors.items():
         if _make_label(paths.index(path) + 1, series.sample) in overrules.accepted:
             raise ParameterError(f"{path} cannot be accepted by hand: {error}") from None
-    for item in judged:
-        if item.label in overrules.accepted and item.filtered is None:
-            why = "; ".join(map(str, item.rejections))
-            raise ParameterError(
-                f"{paths[item.label.record - 1]} cannot be accepted by hand: it has no pulse that"
-                f" could be measured ({why})"
-            )
-    session.overrule(overrules)
+    for hit in hits:
+        if hit.block.label in overrules.accepted:
+            _check_acceptable(hit, setup)
+    session = Session(setup, overrules)
+    judged = [judged for hit in hits for judged in session.feed(hit.block)]
     has_scale = all(hit.has_scale for hit in hits)
-    return _finish(paths, session, series.sample, [*errors.values()], has_scale=has_scale)
+    return _finish(paths, session, series.sample, judged, [*errors.values()], has_scale=has_scale)
 
 
 def read_series(
@@ -163,6 +158,18 @@ def _check_pulse(hit: ImportedHit, setup: RigSetup) -> None:
                 )
 
 
+def _check_acceptable(hit: ImportedHit, setup: RigSetup) -> None:
+    """Require a pulse that could be measured."""
+    for record in ImpactDetector(setup.analysis).feed(hit.block):
+        judged = judge_hit(record, setup.analysis)
+        if judged.filtered is None:
+            why = "; ".join(map(str, judged.rejections))
+            raise ParameterError(
+                f"{hit.path} cannot be accepted by hand: it has no pulse that could be measured"
+                f" ({why})"
+            )
+
+
 def _make_label(number: int, sample: str) -> HitLabel:
     return HitLabel(sample, record=number, impact=number)
 
@@ -191,12 +198,25 @@ def _find_overrules(
 
 
 def _finish(
-    paths: Sequence[Path], session: Session, sample: str, errors: list[str], *, has_scale: bool
+    paths: Sequence[Path],
+    session: Session,
+    sample: str,
+    judged: Sequence[JudgedHit],
+    errors: list[str],
+    *,
+    has_scale: bool,
 ) -> AnalyzedTraces:
     selection = session.find_selection(sample)
-    # A file's number is the record of its hit.
-    final = sorted(selection.kept + selection.left_out, key=lambda hit: hit.label.record)
-    hits = tuple(_flatten(paths[hit.label.record - 1], hit, session.setup) for hit in final)
+    final = {hit.label: hit for hit in selection.kept + selection.left_out}
+    # A file's number is the record of its hit. The last word on a hit comes without its traces.
+    hits = tuple(
+        _flatten(
+            paths[hit.label.record - 1],
+            replace(final[hit.label], filtered=hit.filtered),
+            session.setup,
+        )
+        for hit in judged
+    )
     results = Results(setup_results_from_setup(session.setup), HammerResults(), (), ())
     if selection.kept:
         try:

@@ -17,18 +17,26 @@ from impact_rig.core.estimation.sample import (
     estimate_sample,
 )
 from impact_rig.core.estimation.traces import TraceEstimates, estimate_traces
-from impact_rig.core.hits.averaging import MeanHit, average_hits
+from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import (
+    NO_OVERRULES,
     Overrules,
     describe_label,
     describe_overruled,
     overrule_hit,
 )
-from impact_rig.core.hits.selection import Selection, check_consistency, select_hits
+from impact_rig.core.hits.series import HitSeries, Selection
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.record import Block, HitLabel, Record
+
+KEPT_TRACES = 160
+"""Hits that are kept with their traces, of all samples together [-], our choice: more than the
+paper's 120, and 6 MB."""
+LEAST_TRACES = 10
+"""So many are kept of every sample, however many samples there are [-], our choice: as many as the
+paper has."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +52,10 @@ class SessionResults:
     samples : tuple of SampleEstimate
         Those with hits, in the order of the sample set.
     accepted : tuple of JudgedHit
-        Every hit that is in a mean, in the order of arrival.
+        Every hit that is in a mean, in the order of arrival; without its traces.
     rejected : tuple of JudgedHit
         Every hit that is in no mean, with all reasons, in the order of arrival: rejected when it
-        came, an outlier among its fellows, surplus, or left out by hand.
+        came, an outlier among its fellows, surplus, or left out by hand; without its traces.
     """
 
     setup: RigSetup
@@ -60,22 +68,28 @@ class SessionResults:
 class Session:
     """Judges hits as they come and keeps the estimates of every sample.
 
+    Memory stays bounded, but for 81 bytes a hit: `KEPT_TRACES` hits are kept with their traces.
+    When there are more, one is settled of the sample that has most, see `HitSeries`: it is in its
+    mean for good, or left out for good. All hits count in means and numbers of hits, and all
+    figures are held against all; the scatter is that of the hits kept with their traces.
+
     Parameters
     ----------
     setup : RigSetup
         Masses, sample set and settings.
+    overrules : Overrules
+        A person's word on hits, before the verdicts of the analysis; hits that do not come are
+        nobody's concern.
     """
 
-    def __init__(self, setup: RigSetup) -> None:
+    def __init__(self, setup: RigSetup, overrules: Overrules = NO_OVERRULES) -> None:
         self.setup = setup
         self._detector = ImpactDetector(setup.analysis)
-        self._overrules = Overrules()
-        self._hits: dict[str, list[JudgedHit]] = {}
-        self._selections: dict[str, Selection] = {}
-        self._means: dict[str, MeanHit] = {}
+        self._overrules = overrules
+        self._series: dict[str, HitSeries] = {}
         self._hammer: tuple[MeanHit, BodyEstimate] | None = None
         self._traces: dict[str, tuple[MeanHit, TraceEstimates]] = {}
-        self._results: SessionResults | None = None
+        self._modelled: tuple[SampleEstimate, ...] = ()
 
     def feed(self, block: Block) -> tuple[JudgedHit, ...]:
         """Take the next block and return the hits that it completed, judged.
@@ -84,7 +98,8 @@ class Session:
         ------
         ParameterError
             If the block names a sample that is not in the set, or is sampled too slowly for
-            the low-pass.
+            the low-pass, or a hit is to be accepted by hand that has no pulse that could be
+            measured.
         """
         self.setup.samples.find(block.label.sample)
         return tuple(self.judge(record) for record in self._detector.feed(block))
@@ -95,45 +110,38 @@ class Session:
         What is accepted here may still turn out an outlier, or surplus, once more hits have come.
         """
         self.setup.samples.find(record.label.sample)
-        self._results = None
+        self._modelled = ()
         hit = judge_hit(record, self.setup.analysis)
-        hits = self._hits.setdefault(hit.label.sample, [])
+        series = self._find_series(hit.label.sample)
         if hit.accepted:
-            fellows = [fellow for fellow in hits if fellow.accepted]
-            hit = replace(hit, rejections=check_consistency(hit, (*fellows, hit)))
-        hits.append(hit)
-        self._selections.pop(hit.label.sample, None)
-        if hit.accepted:
-            self._means.pop(hit.label.sample, None)
+            hit = replace(hit, rejections=series.check(hit))
+        hit = overrule_hit(hit, self._overrules)
+        series.add(hit)
+        self._settle_hits()
         return hit
 
-    def overrule(self, overrules: Overrules) -> None:
-        """Put a person's word on hits before the verdicts of the analysis.
+    def _find_series(self, name: str) -> HitSeries:
+        if name not in self._series:
+            self._series[name] = HitSeries(name, self.setup.analysis.keep_hits)
+        return self._series[name]
 
-        Hits that this session does not have are nobody's concern here.
-
-        Raises
-        ------
-        ParameterError
-            If a hit is to be accepted that has no pulse that could be measured.
-        """
-        for hits in self._hits.values():
-            for hit in hits:
-                overrule_hit(hit, overrules)
-        self._overrules = overrules
-        self._results = None
-        self._selections.clear()
-        self._means.clear()
+    def _settle_hits(self) -> None:
+        """See to it that no more traces are kept than may be."""
+        every = self._series.values()
+        if sum(series.traces for series in every) > KEPT_TRACES:
+            largest = max(every, key=lambda series: series.traces)
+            if largest.traces > LEAST_TRACES:
+                largest.settle_one()
 
     @property
     def labels(self) -> tuple[HitLabel, ...]:
         """Of all hits, sample by sample in the order of arrival."""
-        return tuple(hit.label for hits in self._hits.values() for hit in hits)
+        return tuple(chain.from_iterable(series.labels for series in self._series.values()))
 
     @property
     def names(self) -> tuple[str, ...]:
         """Samples with hits, in the order of the sample set."""
-        return tuple(name for name in self.setup.samples.names if name in self._hits)
+        return tuple(name for name in self.setup.samples.names if name in self._series)
 
     def estimate_hammer(self) -> BodyEstimate:
         """Return what the control experiment says of the hammer so far."""
@@ -154,53 +162,38 @@ class Session:
 
     def estimate_sample(self, name: str) -> SampleEstimate:
         """Return what is known of one sample so far, the model not fitted: after every hit."""
-        return self._estimate_sample(name, self.estimate_hammer())
-
-    def _estimate_sample(self, name: str, hammer: BodyEstimate) -> SampleEstimate:
-        selection = self.find_selection(name)
-        rejected = len(selection.left_out)
-        mean = self.find_mean(name)
+        series, mean = self._series[name], self.find_mean(name)
         if mean is None:
-            note = f"{name}: not determined, none of {rejected} hits was accepted"
-            return SampleEstimate(name, 0, rejected, notes=(note,))
-        contact_times = tuple(hit.contact_time for hit in selection.kept)
+            note = f"{name}: not determined, none of {len(series)} hits was accepted"
+            return SampleEstimate(name, 0, len(series), notes=(note,))
+        contact_times = series.contact_times
+        rejected = len(series) - len(contact_times)
         if unknown := self.setup.find_unknown_masses(name):
-            estimate = self._estimate_without_masses(name, mean, contact_times, unknown)
+            estimate = estimate_contact_alone(
+                name, mean, contact_times, rejected, self.setup.analysis
+            )
+            note = f"k and c: the mass of {' and '.join(unknown)} is not known"
+            estimate = replace(estimate, notes=(*estimate.notes, note))
         else:
-            estimate = self._estimate_with_masses(name, mean, contact_times, hammer)
+            estimate = estimate_sample(
+                name,
+                mean,
+                contact_times,
+                rejected,
+                self.estimate_hammer(),
+                self.setup,
+                self._estimate_traces(name, mean),
+            )
         warnings = tuple(
-            describe_overruled(hit, f"hit {describe_label(hit.label)}")
-            for hit in selection.kept
-            if hit.overruled
+            describe_overruled(hit, f"hit {describe_label(hit.label)}") for hit in series.overruled
         )
         return replace(estimate, warnings=estimate.warnings + warnings)
 
-    def _estimate_without_masses(
-        self,
-        name: str,
-        mean: MeanHit,
-        contact_times: tuple[float, ...],
-        unknown: tuple[str, ...],
-    ) -> SampleEstimate:
-        rejected = len(self.find_selection(name).left_out)
-        estimate = estimate_contact_alone(name, mean, contact_times, rejected, self.setup.analysis)
-        note = f"k and c: the mass of {' and '.join(unknown)} is not known"
-        return replace(estimate, notes=(*estimate.notes, note))
-
-    def _estimate_with_masses(
-        self,
-        name: str,
-        mean: MeanHit,
-        contact_times: tuple[float, ...],
-        hammer: BodyEstimate,
-    ) -> SampleEstimate:
+    def _estimate_traces(self, name: str, mean: MeanHit) -> TraceEstimates:
         # Another k1, as each hit on the control sample brings one, changes nothing in these.
         if name not in self._traces or self._traces[name][0] is not mean:
             self._traces[name] = mean, estimate_traces(name, mean, self.setup)
-        rejected = len(self.find_selection(name).left_out)
-        return estimate_sample(
-            name, mean, contact_times, rejected, hammer, self.setup, self._traces[name][1]
-        )
+        return self._traces[name][1]
 
     def estimate_all(self, report: Callable[[int], None] | None = None) -> SessionResults:
         """Return everything found so far, the model fitted to every sample.
@@ -212,54 +205,48 @@ class Session:
         report : callable, optional
             Is told after each sample how many are done.
         """
-        if self._results is not None:
-            return self._results
-
-        def estimate(name: str, hammer: BodyEstimate) -> SampleEstimate:
-            found = self._estimate_with_models(name, hammer)
-            if report is not None:
-                report(self.names.index(name) + 1)
-            return found
-
-        self._results = self._gather(estimate)
-        return self._results
+        if not self._modelled:
+            found: list[SampleEstimate] = []
+            for name in self.names:
+                found.append(self._estimate_with_models(name))
+                if report is not None:
+                    report(len(found))
+            self._modelled = tuple(found)
+        return self._gather(self._modelled)
 
     def estimate_all_without_models(self) -> SessionResults:
         """Return the same without the fitted models, which take most of the time."""
-        return self._gather(self._estimate_sample)
+        return self._gather(tuple(self.estimate_sample(name) for name in self.names))
 
-    def _gather(self, estimate: Callable[[str, BodyEstimate], SampleEstimate]) -> SessionResults:
-        hammer = self.estimate_hammer()
-        selections = [self.find_selection(name) for name in self._hits]
+    def _gather(self, samples: tuple[SampleEstimate, ...]) -> SessionResults:
+        selections = [series.select() for series in self._series.values()]
         return SessionResults(
             setup=self.setup,
-            hammer=hammer,
-            samples=tuple(estimate(name, hammer) for name in self.names),
+            hammer=self.estimate_hammer(),
+            samples=samples,
             accepted=_sort_hits(selection.kept for selection in selections),
             rejected=_sort_hits(selection.left_out for selection in selections),
         )
 
-    def _estimate_with_models(self, name: str, hammer: BodyEstimate) -> SampleEstimate:
-        estimate, mean = self._estimate_sample(name, hammer), self.find_mean(name)
+    def _estimate_with_models(self, name: str) -> SampleEstimate:
+        estimate, mean = self.estimate_sample(name), self.find_mean(name)
         if mean is None or self.setup.find_unknown_masses(name):
             return estimate
-        return add_models(estimate, mean, hammer, self.setup)
+        return add_models(estimate, mean, self.estimate_hammer(), self.setup)
 
     def find_mean(self, name: str) -> MeanHit | None:
-        """Return the mean hit of one sample so far; None: no hit was accepted."""
-        if name not in self._means:
-            filtered = [hit.filtered for hit in self.find_selection(name).kept if hit.filtered]
-            if not filtered:
-                return None
-            self._means[name] = average_hits(filtered)
-        return self._means[name]
+        """Return the mean hit of one sample so far; None: no hit was accepted.
+
+        Raises
+        ------
+        SignalError
+            If the hits do not belong together.
+        """
+        return self._series[name].find_mean() if name in self._series else None
 
     def find_selection(self, name: str) -> Selection:
         """Return which hits of one sample are averaged so far, and which are left out."""
-        if name not in self._selections:
-            hits = [overrule_hit(hit, self._overrules) for hit in self._hits.get(name, [])]
-            self._selections[name] = select_hits(hits, self.setup.analysis.keep_hits)
-        return self._selections[name]
+        return self._series[name].select() if name in self._series else Selection((), ())
 
 
 def _sort_hits(groups: Iterable[tuple[JudgedHit, ...]]) -> tuple[JudgedHit, ...]:

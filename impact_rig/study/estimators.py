@@ -11,8 +11,7 @@ from impact_rig.core.estimation.paper_method import (
     ContactEstimate,
     estimate_bodies,
 )
-from impact_rig.core.hits.averaging import MeanHit, average_hits
-from impact_rig.core.hits.selection import select_hits
+from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.identification.identification import identify_model
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.study.bounds import find_bounds
@@ -75,8 +74,9 @@ def evaluate(campaign: Campaign) -> tuple[Outcome, ...]:
     case, sample, setup = campaign.case, campaign.sample, campaign.session.setup
     truth = campaign.truth.find_parameters(sample)
     bounds = find_bounds(case, campaign.rig, setup, sample)
-    selected = select_hits(campaign.hits, setup.analysis.keep_hits).kept
-    mean = average_hits([hit.filtered for hit in selected if hit.filtered])
+    mean = campaign.session.find_mean(sample)
+    if mean is None:
+        raise NotDeterminedError(f"a campaign on {sample!r}: no hit was accepted")
     bodies = estimate_bodies(mean, setup, sample, campaign.session.estimate_hammer())
     evidence = _Evidence(mean, setup, sample, *bodies)
     outcomes = []

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.hits.selection import select_hits
 from impact_rig.core.hits.verdict import Reason
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
@@ -105,12 +104,11 @@ def simulate_series(setup: RigSetup, entropy: tuple[int, ...], number: int) -> S
         ),
     )
     session = Session(setup)
-    hits: list[JudgedHit] = []
     for impact in range(1, SERIES_HITS + 1):
         label = HitLabel(sample, impact, impact)
-        hits += strike(rig, session, label, BLOCK_SIZE, rig.settings.digitizer.sampling_rate)
+        strike(rig, session, label, BLOCK_SIZE, rig.settings.digitizer.sampling_rate)
     # Estimates select among fellows once more, when all have come.
-    return count_verdicts(scheduled, select_hits(hits, setup.analysis.keep_hits).left_out)
+    return count_verdicts(scheduled, session.find_selection(sample).left_out)
 
 
 def _draw_faults(generator: np.random.Generator) -> tuple[ScheduledFault, ...]:

@@ -158,12 +158,12 @@ def trace_campaign(setup: RigSetup, names: Iterable[str], impacts: int) -> Trace
         Session(setup),
         TraceAssembler(),
     )
-    recorded, record = [], 0
+    recorded, aligned, record = [], {}, 0
     for name in names:
         for impact in range(1, impacts + 1):
             record += 1
             for block in rig.strike(HitLabel(name, record, impact)).split(5000, STAMP):
-                session.feed(block)
+                aligned |= {hit.label: align_hit(hit) for hit in session.feed(block)}
                 recorded += [hit for hit in [assembler.feed(block)] if hit is not None]
     found = session.estimate_all_without_models()
     judged = {hit.label: hit for hit in (*found.accepted, *found.rejected)}
@@ -179,7 +179,7 @@ def trace_campaign(setup: RigSetup, names: Iterable[str], impacts: int) -> Trace
                 hit_results_from_judged(judged[hit.label], ()),
                 judged[hit.label].stamp,
                 hit,
-                align_hit(judged[hit.label]),
+                aligned[hit.label],
             )
             for hit in recorded
         ),

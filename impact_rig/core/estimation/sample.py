@@ -32,6 +32,7 @@ from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant
 from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY, RigSetup
 from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.record import FloatArray
 from impact_rig.core.uncertainty.contact import estimate_contact_time_uncertainty
 
 
@@ -94,7 +95,7 @@ class SampleEstimate:
 def estimate_sample(
     name: str,
     mean: MeanHit,
-    contact_times: tuple[float, ...],
+    contact_times: FloatArray,
     impacts_rejected: int,
     hammer: BodyEstimate,
     setup: RigSetup,
@@ -110,7 +111,7 @@ def estimate_sample(
         Of the sample.
     mean : MeanHit
         Its mean hit.
-    contact_times : tuple of float
+    contact_times : ndarray, shape (hits,)
         tau_p of every accepted hit [s].
     impacts_rejected : int
         Hits left out.
@@ -149,7 +150,7 @@ def estimate_sample(
 def estimate_contact_alone(
     name: str,
     mean: MeanHit,
-    contact_times: tuple[float, ...],
+    contact_times: FloatArray,
     impacts_rejected: int,
     settings: AnalysisSettings,
 ) -> SampleEstimate:
@@ -180,7 +181,7 @@ def estimate_contact_alone(
     )
 
 
-def _find_spread(contact_times: tuple[float, ...]) -> float:
+def _find_spread(contact_times: FloatArray) -> float:
     return float(np.std(contact_times, ddof=1)) if len(contact_times) > 1 else NAN
 
 

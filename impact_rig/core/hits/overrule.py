@@ -30,6 +30,10 @@ class Overrules:
             )
 
 
+NO_OVERRULES = Overrules()
+"""Nobody has said anything."""
+
+
 def describe_label(label: HitLabel) -> str:
     """Return ``17 (steel small/3.1)``: record, sample, impact and attempt."""
     return f"{label.record} ({label.sample}/{label.impact}.{label.attempt})"

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.hit import JudgedHit
@@ -111,7 +111,9 @@ class ExportedCampaign:
             name = f"{self.prefix}{label.sample}/{label.impact}.{label.attempt}"
             if seen[label] > 1:
                 name += f" ({seen[label]})"
-            hits.append(ExportedHit(name, record, final[_identify(judged)]))
+            # The last word on a hit comes without its traces.
+            last = replace(final[_identify(judged)], filtered=judged.filtered)
+            hits.append(ExportedHit(name, record, last))
         return tuple(hits)
 
     def make_mean_channels(self, name: str) -> tuple[MeasuredChannel, ...]:

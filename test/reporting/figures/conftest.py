@@ -39,17 +39,18 @@ class Struck:
 def strike(names: Iterable[str], count: int) -> Struck:
     """Strike samples of the paper and keep the traces; no model is fitted, which takes long."""
     rig, session, record = VirtualRig(PAPER_SETUP, VirtualRigSettings()), Session(PAPER_SETUP), 0
+    aligned = {}
     for name in names:
         for impact in range(1, count + 1):
             record += 1
             for block in rig.strike(HitLabel(name, record, impact)).split(5000, 0):
-                session.feed(block)
+                aligned |= {hit.label: align_hit(hit) for hit in session.feed(block)}
     found = session.estimate_all_without_models()
     traces = [
         sample_traces_from_estimate(estimate, session.find_mean(estimate.name))
         for estimate in found.samples
     ]
-    hits = [align_hit(hit) for hit in found.accepted]
+    hits = [aligned[hit.label] for hit in found.accepted]
     return Struck(results_from_session(found, {}), tuple(traces), tuple(hits))
 
 

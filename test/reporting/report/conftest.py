@@ -52,14 +52,14 @@ def strike_run() -> Run:
     weak = ScheduledFault(Fault.WEAK_HIT, 1, HOSTILE)
     settings = VirtualRigSettings(plant=Plant.DYNAMICS, faults=FaultPlan(scheduled=(weak,)))
     rig, session, assembler = VirtualRig(setup, settings), Session(setup), TraceAssembler()
-    recorded, faults = {}, {}
+    recorded, aligned, faults = {}, {}, {}
     labels = [(sample.name, impact) for sample in renamed for impact in (1, 2)]
     for record, (sample, impact) in enumerate([*labels, (HOSTILE, 3)], start=1):
         label = HitLabel(sample, record, impact)
         hit = rig.strike(label)
         faults[record] = tuple(fault.value for fault in hit.faults)
         for block in hit.split(5000, START):
-            session.feed(block)
+            aligned |= {judged.label: align_hit(judged) for judged in session.feed(block)}
             if (traces := assembler.feed(block)) is not None:
                 recorded[label] = traces
     found = session.estimate_all()
@@ -68,7 +68,7 @@ def strike_run() -> Run:
             hit_results_from_judged(hit, faults[hit.label.record]),
             hit.stamp,
             recorded[hit.label],
-            align_hit(hit),
+            aligned[hit.label],
         )
         for hit in (*found.accepted, *found.rejected)
     )
