@@ -63,12 +63,24 @@ ARGUMENTS = (
         description=f"probability of each fault of the virtual rig, for each hit: {FAULTS}",
     ),
     DeclareLaunchArgument(
+        "continuous",
+        default_value="false",
+        choices=SWITCH,
+        description="stream both channels all the time, and find the impacts in the stream",
+    ),
+    DeclareLaunchArgument(
         "output",
         default_value="",
         description="folder for recording and view; empty: runs/<time> under this folder",
     ),
     DeclareLaunchArgument(
         "record", default_value="true", choices=SWITCH, description="record everything to MCAP"
+    ),
+    DeclareLaunchArgument(
+        "record_stream",
+        default_value="false",
+        choices=SWITCH,
+        description="with continuous: record the whole stream, not only the impacts in it",
     ),
     DeclareLaunchArgument(
         "bag",
@@ -135,8 +147,14 @@ def make_rig(context: LaunchContext) -> list[Action]:
         folder.resolve(),
         rig_file=str(rig_file or ""),
         virtual=virtual,
+        continuous=read("continuous") == "true",
         record=read("record") == "true",
-        recording=RecordingPlan(read("bag") == "true", read("compression"), read("notes")),
+        recording=RecordingPlan(
+            read("bag") == "true",
+            read("compression"),
+            read("notes"),
+            read("record_stream") == "true",
+        ),
         visualize=read("visualizer") == "true",
         viewers=split_names(read("viewer")),
     )

@@ -12,6 +12,7 @@ from impact_rig.configuration.processes import (
     PAGE,
     VIEW_NAME,
     RecordingPlan,
+    list_rig_processes,
     make_viewer_parameters,
 )
 
@@ -41,12 +42,14 @@ PAGE_NOTICE = "the view is at"
       impact-rig demo --samples "steel small" "aluminium large" --impacts 3
       impact-rig demo --faults 0.1             what goes wrong on a real rig
       impact-rig demo --impacts 12 --keep 10   the ten most consistent of twelve
+      impact-rig demo --continuous             impacts found in a running stream
       impact-rig demo --viewer spawn           watch it in Rerun
       impact-rig demo --json > results.json
     """
 )
 @options.rig_file_option
 @options.virtual_rig_options
+@options.continuous_option
 @options.output_option
 @recording_options
 @options.viewer_option
@@ -59,6 +62,7 @@ def command(
     plant: str | None,
     seed: int | None,
     faults: float | None,
+    continuous: bool,
     output: Path | None,
     recording: RecordingPlan,
     viewers: tuple[str, ...],
@@ -81,10 +85,12 @@ def command(
     rig = run.load_rig_file(rig_file)
     run.check_samples(rig, samples)
     make_viewer_parameters(viewers)
+    list_rig_processes("", continuous=continuous, recording=recording)
     folder = run.make_run_folder(output)
     options.set_discovery(network=False)
     arguments = [word for setting in SETTINGS for word in ("--set", setting)]
     arguments += list_recording_arguments(recording)
+    arguments += ["--continuous"] if continuous else []
     arguments += [word for viewer in viewers for word in ("--viewer", viewer)]
     for name, value in (
         ("--rig-file", rig_file), ("--plant", plant), ("--seed", seed), ("--faults", faults),
@@ -97,7 +103,8 @@ def command(
 
             with CampaignClient() as client, CampaignView(make_console(stderr=True)) as view:
                 client.wait_for_rig(START_TIMEOUT, running.check)
-                client.wait_for_listeners(SUBSCRIBERS, VIEW_TIMEOUT)
+                # Of a running stream the accelerometers wait to hear that their hit was found.
+                client.wait_for_listeners(SUBSCRIBERS + continuous, VIEW_TIMEOUT)
                 if PAGE in viewers:
                     click.echo(running.find_line(PAGE_NOTICE, VIEW_TIMEOUT), err=True)
                 request = CampaignRequest(samples, impacts, ATTEMPTS, keep_hits=keep)

@@ -45,6 +45,15 @@ def virtual_rig_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+def continuous_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--continuous``."""
+    return click.option(
+        "--continuous",
+        is_flag=True,
+        help="Stream both channels all the time, and find the impacts in the stream. [each hit]",
+    )(command)
+
+
 def output_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add ``--output``."""
     return click.option(

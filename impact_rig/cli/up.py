@@ -22,6 +22,7 @@ from impact_rig.core.errors import RigError
       impact-rig up --rig-file my-rig.toml     your own samples
       impact-rig up --set hammer.swing_time=0.3
       impact-rig up --viewer web               watch it in a browser
+      impact-rig up --continuous --record-stream    all that the accelerometers see
       impact-rig up --bag --set recorder.split_duration=3600    a file an hour
     Then, in another terminal:
       impact-rig campaign
@@ -29,6 +30,7 @@ from impact_rig.core.errors import RigError
 )
 @options.rig_file_option
 @options.virtual_rig_options
+@options.continuous_option
 @options.output_option
 @recording_options
 @options.network_option
@@ -51,6 +53,7 @@ def command(
     plant: str | None,
     seed: int | None,
     faults: float | None,
+    continuous: bool,
     output: Path | None,
     recording: RecordingPlan,
     network: bool,
@@ -80,6 +83,7 @@ def command(
         folder.resolve(),
         rig_file=str(rig_file.resolve()) if rig_file else "",
         virtual=run.merge_virtual(rig, plant=plant, seed=seed, faults=faults),
+        continuous=continuous,
         record=record,
         recording=recording,
         visualize=visualizer,

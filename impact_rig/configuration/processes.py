@@ -48,11 +48,14 @@ class RecordingPlan:
         Of chunks; empty: the recorder's default.
     notes : str
         In the operator's words.
+    stream : bool
+        The whole running stream of continuous mode too, not only the impacts in it.
     """
 
     bag: bool = False
     compression: str = ""
     notes: str = ""
+    stream: bool = False
 
     @property
     def name(self) -> str:
@@ -65,6 +68,7 @@ def list_rig_processes(
     *,
     rig_file: str = "",
     virtual: Mapping[str, Any] | None = None,
+    continuous: bool = False,
     record: bool = True,
     recording: RecordingPlan = RecordingPlan(),
     visualize: bool = True,
@@ -81,6 +85,8 @@ def list_rig_processes(
         Path of the rig file; empty: the paper's rig.
     virtual : mapping, optional
         Parameters of the virtual rig: plant, seed, fault_probability ...
+    continuous : bool
+        Whether the accelerometers stream all the time, and not only each hit.
     record : bool
         Whether everything is recorded; if not, the hammer is released all the same.
     recording : RecordingPlan
@@ -100,11 +106,17 @@ def list_rig_processes(
     Raises
     ------
     ParameterError
-        If a viewer is none, or there is nobody to feed it.
+        If a viewer is none, or there is nobody to feed it; if there is no stream to record.
     """
+    if recording.stream and not continuous:
+        raise ParameterError(
+            "there is no running stream to be recorded: choose continuous mode as well"
+        )
     folder = Path(output)
     hammer: dict[str, Any] = {} if record else {"require_recorder": False}
     accelerometer = dict(virtual or {})
+    if continuous:
+        accelerometer["mode"] = "continuous"
     if not record:
         accelerometer["required_subscribers"] = "estimator"
     processes = [
@@ -118,6 +130,7 @@ def list_rig_processes(
             "compression": recording.compression,
             "notes": recording.notes,
             "attachments": str(rig_file),
+            "record_stream": recording.stream,
         }
         given = {name: value for name, value in content.items() if value}
         processes.append(

@@ -49,6 +49,7 @@ class ImpactDetector:
         self._continuity = Continuity(expected=0)
         self._search = PulseSearch(self._settings)
         self._stretch: Stretch | None = None
+        self._is_broken = False
         self._before = self._length = 0
         self._resume = 0
         self._baseline: float | None = None
@@ -68,9 +69,10 @@ class ImpactDetector:
         if gap := self._continuity.follow(block):
             self._gaps.append(gap)
             records += self._cut(end=True)
-            self._stretch = None
+            self._is_broken = True
         if block.hammer.output.size:
-            if self._stretch is None:
+            if self._stretch is None or self._is_broken:
+                self._is_broken = False
                 self._stretch = Stretch(block, search_from=self._resume)
                 self._before, self._length = count_window_points(
                     self._settings, block.sampling_rate

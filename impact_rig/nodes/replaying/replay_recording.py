@@ -8,7 +8,12 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes.replaying.replay_pace import NANOSECONDS
 from impact_rig.nodes.replaying.replay_plan import HitChoice, ReplayPlan, choose_hits
 from impact_rig.nodes.replaying.replay_topics import ReplayTopic, choose_namespace, choose_topics
-from impact_rig.recording.reading.mcap_reader import BLOCK_TYPE, SETUP_TYPE, VIRTUAL_IMPACT_TYPE
+from impact_rig.recording.reading.mcap_reader import (
+    BLOCK_TYPE,
+    SETUP_TYPE,
+    STREAM_TYPE,
+    VIRTUAL_IMPACT_TYPE,
+)
 from impact_rig.recording.reading.source import RecordingSource, open_source
 from impact_rig.recording.reading.time_range import find_time_range
 
@@ -54,7 +59,9 @@ class RecordingToReplay:
     def block_names(self) -> tuple[str, ...]:
         """Names of the topics that hold the rig's blocks."""
         return tuple(
-            topic.name for topic in self.topics.values() if topic.channel.type_name == BLOCK_TYPE
+            topic.name
+            for topic in self.topics.values()
+            if topic.channel.type_name in (BLOCK_TYPE, STREAM_TYPE)
         )
 
     def find_position(self, moment: int) -> float:
@@ -81,7 +88,7 @@ class RecordingToReplay:
         begins: list[float] = []
         with_blocks: set[int] = set()
         for message in self.source.read_messages(
-            lambda channel: kinds.get(channel.id) in (SETUP_TYPE, BLOCK_TYPE)
+            lambda channel: kinds.get(channel.id) in (SETUP_TYPE, BLOCK_TYPE, STREAM_TYPE)
         ):
             if message.channel.type_name == SETUP_TYPE:
                 begins.append(self.find_position(message.log_time) if begins else 0.0)

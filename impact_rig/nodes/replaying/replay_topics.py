@@ -20,7 +20,12 @@ from impact_rig.recording.interfaces.qos_profiles import (
     choose_qos,
     parse_offered_qos,
 )
-from impact_rig.recording.reading.mcap_reader import find_namespaces, make_relative
+from impact_rig.recording.reading.mcap_reader import (
+    find_namespaces,
+    holds_blocks,
+    is_stream,
+    make_relative,
+)
 from impact_rig.recording.reading.source import RecordingSource
 
 INPUTS = {
@@ -28,6 +33,7 @@ INPUTS = {
     for topic in (
         interfaces.SETUP,
         interfaces.ACCELERATION,
+        interfaces.STREAM,
         interfaces.RELEASE,
         interfaces.VIRTUAL_IMPACT,
     )
@@ -92,7 +98,11 @@ def choose_topics(
         there is nothing to publish.
     """
     topics = []
+    # Where the impacts were cut out of it already, the stream would give them a second time.
+    leaves_stream = holds_blocks(source)
     for channel in source.read_channels():
+        if leaves_stream and is_stream(channel):
+            continue
         name = make_relative(channel.topic, namespace)
         known = INPUTS.get(channel.type_name) if not name.startswith("/") else None
         if name in OWN or (known is None and not is_everything):

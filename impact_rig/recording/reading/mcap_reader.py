@@ -8,14 +8,21 @@ from typing import Any, NamedTuple, TypeVar
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.core.signals.stream_cutter import StreamCutter
 from impact_rig.recording.interfaces.channel import Channel
-from impact_rig.recording.interfaces.messages import block_from_msg, label_from_msg, setup_from_msg
+from impact_rig.recording.interfaces.messages import (
+    block_from_msg,
+    label_from_msg,
+    setup_from_msg,
+    stream_block_from_msg,
+)
 from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
 from impact_rig.recording.reading.mcap_file import RawMessage
 from impact_rig.recording.reading.source import RecordingSource, open_source
 
 SETUP_TYPE = "impact_rig_msgs/msg/RigSetup"
 BLOCK_TYPE = "impact_rig_msgs/msg/AccelerationBlock"
+STREAM_TYPE = "impact_rig_msgs/msg/StreamBlock"
 VIRTUAL_IMPACT_TYPE = "impact_rig_msgs/msg/VirtualImpact"
 """Types that tell the rig's topics in a recording, whatever they were remapped to."""
 
@@ -85,6 +92,9 @@ class Recording:
     def events(self, report: Callable[[int], None] | None = None) -> Iterator[RigSetup | Block]:
         """Yield set-ups and blocks in file order, the first set-up before everything else.
 
+        Where nobody found the impacts in a running stream while it was recorded, they are found
+        now.
+
         Parameters
         ----------
         report : callable, optional
@@ -102,16 +112,26 @@ class Recording:
         """
         yield self.setup
         is_first = True
-        for raw in self._file.read_messages(self._is_event, report=report):
+        cutter = None if holds_blocks(self._file) else StreamCutter(self.setup.analysis)
+
+        def is_wanted(channel: Channel) -> bool:
+            return self._is_event(channel) and (cutter is not None or not is_stream(channel))
+
+        for raw in self._file.read_messages(is_wanted, report=report):
             if raw.channel.type_name == VIRTUAL_IMPACT_TYPE:
                 label, faults = self._convert(raw, _faults_from_msg)
                 self._faults[label] = faults
             elif raw.channel.type_name == BLOCK_TYPE:
                 yield self._convert(raw, block_from_msg)
+            elif cutter is not None and is_stream(raw.channel):
+                yield from cutter.feed(self._convert(raw, stream_block_from_msg))
             elif is_first:
                 is_first = False
             else:
-                yield self._convert(raw, setup_from_msg)
+                setup = self._convert(raw, setup_from_msg)
+                if cutter is not None:
+                    cutter = StreamCutter(setup.analysis)
+                yield setup
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RecordedMessage]:
         """Yield decoded messages of any topic in file order.
@@ -138,6 +158,7 @@ class Recording:
         return channel.type_name in (
             SETUP_TYPE,
             BLOCK_TYPE,
+            STREAM_TYPE,
             VIRTUAL_IMPACT_TYPE,
         ) and channel.topic.startswith(self.namespace.rstrip("/") + "/")
 
@@ -205,6 +226,19 @@ def read_recording(path: Path, namespace: str | None = None) -> Recording:
             )
         namespace = namespaces[0] if namespaces else "/"
     return Recording(file, "/" + namespace.strip("/"))
+
+
+def holds_blocks(file: RecordingSource) -> bool:
+    """Return whether a recording holds impacts, and not only a running stream that has them."""
+    channels = file.read_channels()
+    if not any(is_stream(channel) for channel in channels):
+        return True
+    return any(file.read_messages(lambda channel: channel.type_name == BLOCK_TYPE))
+
+
+def is_stream(channel: Channel) -> bool:
+    """Return whether a topic holds the running stream of a rig."""
+    return channel.type_name == STREAM_TYPE
 
 
 def find_namespaces(file: RecordingSource) -> tuple[str, ...]:
