@@ -56,13 +56,17 @@ def read_drive(stiffness: FloatArray, damping: FloatArray, pair: FloatArray) -> 
     position, speed = pair
     acceleration = -stiffness * position - damping * speed
     jerk = -stiffness * speed - damping * acceleration
-    none = np.zeros_like(speed)
-    rows = (
-        (-speed, -position, stiffness * speed, -acceleration),
-        (-acceleration, -speed, stiffness * acceleration, -jerk),
-        (-stiffness * acceleration, jerk, none, none),
-    )
-    return np.swapaxes(np.array(rows), 1, 2)
+    rows = np.zeros((3, stiffness.size, STATES))
+    by_stiffness, by_damping, slope = rows
+    by_stiffness[:, 0] = by_damping[:, 1] = -speed
+    by_stiffness[:, 1] = -position
+    by_stiffness[:, 2] = stiffness * speed
+    by_stiffness[:, 3] = by_damping[:, 0] = -acceleration
+    by_damping[:, 2] = stiffness * acceleration
+    by_damping[:, 3] = -jerk
+    slope[:, 0] = -stiffness * acceleration
+    slope[:, 1] = jerk
+    return rows
 
 
 def propagate_free(
