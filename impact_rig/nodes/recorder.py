@@ -86,7 +86,7 @@ class RecorderNode(RigNode):
         run.start(self.get_value("flush_period"))
         self.get_logger().info(f"recording to {run.writer.path}")
         run.call_every(HEALTH_PERIOD, self._check_health)
-        run.call_every(CONNECTION_PERIOD, self._look_for_peers)
+        run.call_every(CONNECTION_PERIOD, self._look_for_peers, until=lambda: self._is_connected)
         self._look_for_peers()
         if not self._is_connected:
             self._publish_state(f"waiting: {self._find_missing_peers()}")
@@ -191,7 +191,7 @@ class RecorderNode(RigNode):
 
     def _look_for_peers(self) -> None:
         """Say that everything is being recorded, once it is; a lost peer is no loss here."""
-        if self._is_connected or self._find_missing_peers():
+        if self._find_missing_peers():
             return
         self._is_connected = True
         self._begun = f"recording since {datetime.now().astimezone():%Y-%m-%d %H:%M:%S}"

@@ -1,9 +1,16 @@
-"""What a recorder subscribes to: the rig's topics at once, others as they are discovered."""
+"""What a recorder subscribes to: the rig's topics at once, others as they are discovered.
 
+What somebody waits for, the blocks of hits, is written as soon as it comes, after what came before
+it. All else is taken out of its queue now and then: the way through the executor costs many times
+what taking a message does.
+"""
+
+import math
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from rclpy.callback_groups import CallbackGroup
 from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
@@ -21,12 +28,27 @@ QUEUE_DEPTH = 2000
 """Depth of the queue of a topic [messages], our choice: almost a second of blocks of 1000 points
 at 2.5 MS/s, in which the disk may stand still. Only what waits takes memory."""
 LARGEST_HELPING = 50
-"""How many messages of one topic may be written before it is another one's turn [-], our choice:
-the way through the executor costs several times what taking a message does."""
+"""How many messages of one topic may be written before it is another one's turn [-], our
+choice."""
+TAKING_PERIOD = 0.05
+"""How often what nobody waits for is taken [s], our choice: a stream's queue holds many times as
+much."""
+LONGEST_TAKING = 0.03
+"""How long that may last [s], our choice, before what is waited for has its turn."""
+URGENT = (interfaces.SETUP, interfaces.ACCELERATION, interfaces.ACQUISITION_STATE)
+"""Topics that are written as soon as something comes: a verdict waits for it."""
 PARAMETER_EVENTS = "/parameter_events"
 """Tells of every parameter that is set on any node."""
 GLOBAL_TOPICS = ("/diagnostics", "/rosout", PARAMETER_EVENTS)
 """Topics outside the rig's namespace that tell of its health and of what it was told to do."""
+
+
+class _NeverExecuted(CallbackGroup):
+    """Holds subscriptions that no executor waits for."""
+
+    def can_execute(self, _: Any) -> bool:
+        """Keep an executor from waiting."""
+        return False
 
 
 class RecordedTopics:
@@ -69,12 +91,14 @@ class RecordedTopics:
         self._fail = fail
         self._subscriptions: dict[str, Any] = {}
         self._writes: dict[str, Callable[[bytes, Mapping[str, Any]], None]] = {}
+        self._never = _NeverExecuted()
+        self._leisurely: list[str] = []
+        self._stream_name = node.resolve_topic_name(interfaces.STREAM.name)
         self.skipped: dict[str, str] = {}
         self.messages_lost = 0
         # Of states that follow each other closely, all are wanted, not the last alone.
         for topic in interfaces.RECORDED_TOPICS:
             self._record_own(topic, QUEUE_DEPTH)
-        self._stream_name = node.resolve_topic_name(interfaces.STREAM.name)
         if stream_depth:
             self._record_own(interfaces.STREAM, stream_depth)
 
@@ -104,17 +128,20 @@ class RecordedTopics:
                 if publishers:
                     self._record_discovered(topic, types, publishers)
 
-    def take_waiting(self) -> None:
-        """Write what is still in the queues."""
-        for topic in tuple(self._subscriptions):
-            while self._take(topic) and not self._writer.closed:
-                pass
+    def take_some(self) -> None:
+        """Write what is in the queues, for a bounded time; call it every `TAKING_PERIOD`."""
+        self.take_waiting(time.monotonic() + LONGEST_TAKING)
+
+    def take_waiting(self, deadline: float = math.inf) -> None:
+        """Write what is in the queues until they are empty, or until a time of `monotonic`."""
+        self._take_from(list(self._subscriptions), deadline)
 
     def close(self) -> None:
         """Withdraw the subscriptions."""
         for subscription in self._subscriptions.values():
             self._node.destroy_subscription(subscription)
         self._subscriptions.clear()
+        self._leisurely.clear()
 
     def _record_own(self, topic: Topic, depth: int) -> None:
         offer = describe_qos(topic.qos)
@@ -147,15 +174,27 @@ class RecordedTopics:
                 self._fail(error)
 
         def write_helping(data: bytes, info: Mapping[str, Any]) -> None:
+            # What led to it stands before it in the file, and reaches the disk with it.
+            self._take_from(self._leisurely, time.monotonic() + LONGEST_TAKING)
             write(data, info)
-            for _ in range(LARGEST_HELPING):
-                if writer.closed or not self._take(topic):
-                    break
+            self._take_helping(topic)
 
+        is_urgent = name in {item.name for item in URGENT}
+        if not is_urgent and topic != self._stream_name:
+            self._leisurely.append(topic)
+        group = None if is_urgent else self._never
         self._writes[topic] = write
         self._subscriptions[topic] = self._node.create_subscription(
-            kind, name, write_helping, qos, raw=True
+            kind, name, write_helping, qos, callback_group=group, raw=True
         )
+
+    def _take_from(self, waiting: list[str], deadline: float) -> None:
+        while waiting and time.monotonic() < deadline:
+            waiting = [topic for topic in waiting if self._take_helping(topic)]
+
+    def _take_helping(self, topic: str) -> bool:
+        """Write some messages of a topic; return whether there may be more."""
+        return all(not self._writer.closed and self._take(topic) for _ in range(LARGEST_HELPING))
 
     def _take(self, topic: str) -> bool:
         """Write the next message that waits in a topic's queue; return whether there was one."""

@@ -13,7 +13,11 @@ from impact_rig.core.errors import FileError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.recording.node_parameters import NodeParameters
 from impact_rig.nodes.recording.record_storage import RecordStorage
-from impact_rig.nodes.recording.recorder_topics import PARAMETER_EVENTS, RecordedTopics
+from impact_rig.nodes.recording.recorder_topics import (
+    PARAMETER_EVENTS,
+    TAKING_PERIOD,
+    RecordedTopics,
+)
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recording.writing.origin import (
     ORIGIN_RECORD,
@@ -109,21 +113,35 @@ class RecordingRun:
 
     def start(self, flush_period: float) -> None:
         """Begin to look for further topics and nodes, and to flush."""
+        self.call_every(TAKING_PERIOD, self.topics.take_some)
         self.call_every(DISCOVERY_PERIOD, self._discover)
         if flush_period:
             self.call_every(flush_period, self.storage.flush)
         self._discover()
 
-    def call_every(self, period: float, work: Callable[[], None]) -> None:
-        """Call `work` every `period` seconds until the end; a `FileError` in it is a failure."""
+    def call_every(
+        self,
+        period: float,
+        work: Callable[[], None],
+        *,
+        until: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """Call `work` every `period` seconds until the end; a `FileError` in it is a failure.
+
+        Or until something has come true, if that is earlier.
+        """
 
         def guarded() -> None:
+            if until():
+                timer.cancel()
+                return
             try:
                 work()
             except FileError as error:
                 self._fail(error)
 
-        self._timers.append(self._node.create_timer(period, guarded))
+        timer = self._node.create_timer(period, guarded)
+        self._timers.append(timer)
 
     def describe_losses(self) -> str:
         """Return what the recording lacks, in words; empty: nothing."""
