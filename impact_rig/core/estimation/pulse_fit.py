@@ -41,8 +41,8 @@ TOLERANCE = 1e-5
 """Relative change of sum of squares and of parameters that ends a fit [-], our choice: the contact
 time is then within 5e-6 of its best value, a hundredth of what noise and scatter make of it."""
 MOST_EVALUATIONS = 16
-"""Of the model [-], our choice: a pulse needs four to seven; what is none runs out of all bounds, and
-what it leaves no longer changes by more than a hundredth."""
+"""Of the model [-], our choice: a pulse needs four to seven; what is none runs out of all bounds,
+and what it leaves no longer changes by more than a hundredth."""
 
 
 @dataclass(frozen=True)
