@@ -12,6 +12,7 @@ from impact_rig.core.errors import RigError
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.identification.filtered_noise import find_noise_correlation
 from impact_rig.core.identification.measured_model import MeasuredModel
+from impact_rig.core.identification.rotation import RotatedProblem
 from impact_rig.core.model.pulses import VERSED_SINE
 from impact_rig.core.signals.record import FloatArray
 
@@ -166,7 +167,15 @@ class FitProblem:
         self, start: FloatArray, evaluations: int, tolerance: float, *, bounded: bool
     ) -> FitSolution | None:
         scales, low, high = self._find_scales_and_bounds(start)
-        rotated = _RotatedProblem(self, scales)
+
+        def evaluate(scaled: FloatArray) -> FloatArray:
+            traces, derivatives = self.evaluate(scaled * scales)
+            residual = traces - self.traces[:, self.points]
+            rows = self.weigh(np.concatenate([derivatives, residual[:, np.newaxis]], axis=1))
+            rows[:-1] *= scales[:, np.newaxis]
+            return rows
+
+        rotated = RotatedProblem(evaluate)
         try:
             found = least_squares(
                 rotated.find_residual,
@@ -272,35 +281,3 @@ class FitProblem:
         inverse = np.linalg.pinv(jacobian / lengths)
         steps = [inverse @ self.weigh(hit[:, self.points] - traces) / lengths for hit in hits]
         return np.asarray(values + np.array(steps).reshape(-1, values.size))
-
-
-class _RotatedProblem:
-    """What a search sees of a problem: as many numbers as parameters, and one more.
-
-    With R of the QR decomposition of all derivatives and the residual, its last column stands for
-    the residual and the others for the derivatives: lengths and angles are what they were, and
-    a search knows nothing else of them.
-    """
-
-    def __init__(self, problem: FitProblem, scales: FloatArray) -> None:
-        self._problem, self._scales = problem, scales
-        self._last: tuple[FloatArray, FloatArray] | None = None
-
-    def find_residual(self, scaled: FloatArray) -> FloatArray:
-        """Return the residual at parameters over their scales, shape (p + 1,)."""
-        return self._rotate(scaled)[:, -1]
-
-    def find_jacobian(self, scaled: FloatArray) -> FloatArray:
-        """Return its derivatives, shape (p + 1, p)."""
-        return self._rotate(scaled)[:, :-1]
-
-    def _rotate(self, scaled: FloatArray) -> FloatArray:
-        if self._last is None or not np.array_equal(self._last[0], scaled):
-            problem = self._problem
-            traces, derivatives = problem.evaluate(scaled * self._scales)
-            residual = traces - problem.traces[:, problem.points]
-            rows = np.concatenate([derivatives, residual[:, np.newaxis]], axis=1)
-            weighted = problem.weigh(rows)
-            weighted[:-1] *= self._scales[:, np.newaxis]
-            self._last = (scaled.copy(), np.linalg.qr(weighted.T, mode="r"))
-        return self._last[1]
