@@ -206,17 +206,28 @@ class Session:
             Is told after each sample how many are done.
         """
         if not self._modelled:
-            found: list[SampleEstimate] = []
-            for name in self.names:
-                found.append(self._estimate_with_models(name))
-                if report is not None:
-                    report(len(found))
-            self._modelled = tuple(found)
+            self._modelled = self._estimate_each(self._estimate_with_models, report)
         return self._gather(self._modelled)
 
     def estimate_all_without_models(self) -> SessionResults:
         """Return the same without the fitted models, which take most of the time."""
-        return self._gather(tuple(self.estimate_sample(name) for name in self.names))
+        return self._gather(self._estimate_each(self.estimate_sample))
+
+    def _estimate_each(
+        self,
+        estimate: Callable[[str], SampleEstimate],
+        report: Callable[[int], None] | None = None,
+    ) -> tuple[SampleEstimate, ...]:
+        # Hammer and control sample share their hits: made one after the other, they share what
+        # is uncertain in them, too.
+        self._hammer = None
+        control = self.setup.samples.control_sample
+        found: dict[str, SampleEstimate] = {}
+        for name in sorted(self.names, key=lambda name: name != control):
+            found[name] = estimate(name)
+            if report is not None:
+                report(len(found))
+        return tuple(found[name] for name in self.names)
 
     def _gather(self, samples: tuple[SampleEstimate, ...]) -> SessionResults:
         selections = [series.select() for series in self._series.values()]

@@ -20,8 +20,9 @@ from impact_rig.core.signals.record import FloatArray
 
 COVERAGE_PERCENT = 95.0
 """Coverage probability of the expanded uncertainty [%], the usual one (GUM 6.3)."""
-REMEMBERED_INPUTS = 4096
-"""Inputs that are told apart by name and value [-], our choice: a campaign has some hundred."""
+REMEMBERED_INPUTS = 512
+"""Inputs that are told apart by name and value [-], our choice: those that two results of a
+campaign share are asked for within some dozen others. Each hit brings ten, which stay so long."""
 NEGLIGIBLE_SHARE = 1e-9
 """Share of the variance below which an input has no line of its own [-], our choice: its
 contribution would be less than the rounding of the last digit that anyone prints."""
