@@ -14,7 +14,8 @@ from impact_rig.core.estimation.pulse_shape import estimate_pulse_shape
 from impact_rig.core.hits.averaging import average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import Overrules, describe_label
-from impact_rig.core.hits.verdict import Reason, check_channels, check_stream
+from impact_rig.core.hits.reasons import Reason
+from impact_rig.core.hits.verdict import check_channels, check_stream
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.detection import ImpactDetector

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.hits.verdict import Reason
+from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import HitLabel

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.overrule import Overrules
-from impact_rig.core.hits.verdict import Reason
+from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
 from impact_rig.core.signals.record import HitLabel

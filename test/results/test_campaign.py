@@ -11,7 +11,7 @@ from impact_rig.core.estimation.comparison import ModelComparison, TraceComparis
 from impact_rig.core.estimation.paper_method import BodyEstimate, ContactEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.hits.verdict import Reason, Rejection
+from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import SessionResults
 from impact_rig.core.setup.paper import PAPER_SETUP

@@ -1,7 +1,7 @@
 """Faults found, good hits kept: what is counted, and that a failure would be."""
 
 from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.hits.verdict import Reason, Rejection
+from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.choices import Fault

@@ -9,10 +9,9 @@ import numpy as np
 from impact_rig.core.errors import SignalError
 from impact_rig.core.hits.alignment import align_traces
 from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
+from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.hits.verdict import (
     BASELINE_POINTS,
-    Reason,
-    Rejection,
     check_channels,
     check_pulse,
     check_stream,

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.hits.reasons import Rejection
 from impact_rig.core.hits.selection import QUANTITIES
-from impact_rig.core.hits.verdict import Rejection
 from impact_rig.core.signals.record import FloatArray, HitLabel
 
 LABELS = ("record", "impact", "attempt")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.hits.verdict import Reason, Rejection
+from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.signals.record import HitLabel
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.hits.verdict import Reason, Rejection
+from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.signals.record import FloatArray
 
 FEWEST_FELLOWS = 5

@@ -26,6 +26,7 @@ from impact_rig.core.hits.averaging import (
 )
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.hit_table import Fate, HitTable
+from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.hits.selection import (
     Fellows,
     Norm,
@@ -34,7 +35,6 @@ from impact_rig.core.hits.selection import (
     find_outliers,
     read_figures,
 )
-from impact_rig.core.hits.verdict import Reason, Rejection
 from impact_rig.core.signals.record import FloatArray, HitLabel
 
 Rows = NDArray[np.intp]

@@ -1,14 +1,13 @@
 """Is a hit good? Every reason against it, named."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import g
 
 from impact_rig.core.hits.pulse_width import PulseWidth
+from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.hits.second_pulse import find_second_pulse
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import FloatArray, Record, Trace
@@ -36,44 +35,6 @@ HAMMER = "hammer"
 """The channel that tells how strong a hit was, for people."""
 BASELINE_POINTS = 3
 """What must come before the pulse, in points, for a baseline."""
-
-
-class Reason(Enum):
-    """Why a hit is rejected."""
-
-    NO_TRIGGER = "no_trigger"
-    GAP = "gap"
-    NON_FINITE = "non_finite"
-    DEAD_CHANNEL = "dead_channel"
-    NO_PULSE = "no_pulse"
-    OVERLOAD = "overload"
-    WEAK = "weak"
-    STRONG = "strong"
-    TRUNCATED = "truncated"
-    DOUBLE_HIT = "double_hit"
-    INCONSISTENT = "inconsistent"
-    SURPLUS = "surplus"
-    OPERATOR = "operator"
-
-
-@dataclass(frozen=True)
-class Rejection:
-    """One reason against a hit.
-
-    Attributes
-    ----------
-    reason : Reason
-        For programs.
-    explanation : str
-        For people, with the figures.
-    """
-
-    reason: Reason
-    explanation: str
-
-    def __str__(self) -> str:
-        """Return ``code: explanation``."""
-        return f"{self.reason.value}: {self.explanation}"
 
 
 def check_stream(record: Record) -> tuple[Rejection, ...]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
-from impact_rig.core.hits.verdict import Reason
+from impact_rig.core.hits.reasons import Reason
 from impact_rig.reporting.terminal.columns import Column
 from impact_rig.reporting.terminal.console import (
     ALARM,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits.hit import judge_hit
-from impact_rig.core.hits.verdict import Reason
+from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import find_pulse_start
 from impact_rig.core.signals.record import Trace

@@ -13,7 +13,7 @@ from impact_rig.core.hits.overrule import (
     make_overrules,
     overrule_hit,
 )
-from impact_rig.core.hits.verdict import Reason, Rejection
+from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.signals.record import HitLabel
 
 FIRST = HitLabel("steel small", 17, 3, 1)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.hits.selection import (
     ENDLESS_THRESHOLD,
     FALSE_ALARM,
@@ -17,7 +18,6 @@ from impact_rig.core.hits.selection import (
     find_threshold,
 )
 from impact_rig.core.hits.series import HitSeries, Selection
-from impact_rig.core.hits.verdict import Reason, Rejection
 from impact_rig.core.signals.record import HitLabel
 
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from impact_rig.core.hits.averaging import average_hits
 from impact_rig.core.hits.hit import FilteredHit, JudgedHit
 from impact_rig.core.hits.pulse_width import measure_pulse
+from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.hits.series import HitSeries
-from impact_rig.core.hits.verdict import Reason, Rejection
 from impact_rig.core.signals.record import HitLabel
 
 RATE = 2.5e6

@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.hits.pulse_width import measure_pulse
+from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.hits.verdict import (
-    Reason,
-    Rejection,
     check_channels,
     check_pulse,
     check_stream,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.hits.verdict import Reason
+from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.model.pulses import HERTZ, PULSE_SHAPES, PulseShape
 from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP

@@ -1,0 +1,42 @@
+"""Why a hit is not in the mean: light, since tables name it too."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Reason(Enum):
+    """Why a hit is rejected."""
+
+    NO_TRIGGER = "no_trigger"
+    GAP = "gap"
+    NON_FINITE = "non_finite"
+    DEAD_CHANNEL = "dead_channel"
+    NO_PULSE = "no_pulse"
+    OVERLOAD = "overload"
+    WEAK = "weak"
+    STRONG = "strong"
+    TRUNCATED = "truncated"
+    DOUBLE_HIT = "double_hit"
+    INCONSISTENT = "inconsistent"
+    SURPLUS = "surplus"
+    OPERATOR = "operator"
+
+
+@dataclass(frozen=True)
+class Rejection:
+    """One reason against a hit.
+
+    Attributes
+    ----------
+    reason : Reason
+        For programs.
+    explanation : str
+        For people, with the figures.
+    """
+
+    reason: Reason
+    explanation: str
+
+    def __str__(self) -> str:
+        """Return ``code: explanation``."""
+        return f"{self.reason.value}: {self.explanation}"
