@@ -237,11 +237,21 @@ class _PulseProblem:
         # What is no pulse at all may lead a step astray: it ends at the border.
         duration = max(duration, SHORTEST_DURATION)
         asymmetry = min(max(asymmetry, -LARGEST_ASYMMETRY), LARGEST_ASYMMETRY)
-        pulse, derivatives = differentiate_pulse(
-            self._window.model_time - start, duration, self._shape, asymmetry
-        )
-        rows = np.concatenate((amplitude * derivatives, pulse[np.newaxis]))
-        if self._window.smoothing is not None:
-            rows = rows @ self._window.smoothing.T
+        rows = self._smooth_pulse(start, duration, asymmetry, amplitude)
         self._residual = amplitude * rows[3] + offset - self._window.measured
         self._jacobian = np.concatenate((rows, np.ones((1, rows.shape[1]))))
+
+    def _smooth_pulse(
+        self, start: float, duration: float, asymmetry: float, amplitude: float
+    ) -> FloatArray:
+        """Return derivatives in start, duration, asymmetry and amplitude, shape (4, n)."""
+        times, smoothing = self._window.model_time, self._window.smoothing
+        part = slice(None)
+        if smoothing is not None:
+            # What is zero need not be filtered.
+            part = slice(*np.searchsorted(times, (start, start + duration)))
+        pulse, derivatives = differentiate_pulse(
+            times[part] - start, duration, self._shape, asymmetry
+        )
+        rows = np.concatenate((amplitude * derivatives, pulse[np.newaxis]))
+        return rows if smoothing is None else rows @ smoothing[:, part].T
