@@ -14,7 +14,7 @@ import numpy as np
 from impact_rig.core.model.contact import FULL_TURN
 from impact_rig.core.model.free_sensitivities import propagate_free, read_drive, read_motion
 from impact_rig.core.model.impact import ImpactModel
-from impact_rig.core.model.propagation import exponentiate, propagate_output
+from impact_rig.core.model.propagation import exponentiate, find_room, propagate_output
 from impact_rig.core.model.time_grid import find_contact
 from impact_rig.core.signals.record import FloatArray
 
@@ -35,7 +35,8 @@ def compute_driven_sensitivities(
     tau, force = model.contact_time, model.peak_force
     first, free, begin, late = find_contact(start, tau, sampling_rate, count)
     time = (start + np.arange(count) / sampling_rate) / tau
-    derivatives = np.zeros((2, PARAMETERS, count))
+    room = max(first + find_room(free - first), free + find_room(count - free))
+    derivatives = np.zeros((2, PARAMETERS, room))
     phase = time[first:free]
     hammer = derivatives[0, :, first:free]
     hammer[T0] = force * np.pi / (model.hammer.mass * tau) * np.sin(FULL_TURN * phase)
@@ -51,19 +52,19 @@ def compute_driven_sensitivities(
     times = np.array([step, begin / tau, 1.0])
     power, *shifts = exponentiate(times[:, np.newaxis, np.newaxis] * matrix)
     arrived, end = (shift @ initial for shift in shifts)
-    specimen[:, first:free] = propagate_output(
-        power, arrived, mixing @ _read_contact(matrix), free - first
+    propagate_output(
+        power, arrived, mixing @ _read_contact(matrix), free - first, specimen[:, first:]
     )
-    if count > free:
-        readout = mixing @ _read_free(stiffness, damping, end, matrix[3] @ end)
-        specimen[:, free:] = propagate_free(
-            np.array([stiffness]),
-            np.array([damping]),
-            readout[np.newaxis],
-            late / tau,
-            step,
-            count - free,
-        )[0]
+    propagate_free(
+        np.array([stiffness]),
+        np.array([damping]),
+        (mixing @ _read_free(stiffness, damping, matrix, end))[np.newaxis],
+        late / tau,
+        step,
+        count - free,
+        derivatives[1:, :, free:],
+    )
+    derivatives = derivatives[:, :, :count]
     # What is scaled by tau_p moves all the farther, the later it is.
     derivatives[:, TAU] += time * derivatives[:, T0]
     return force * derivatives[:, FORCE], derivatives
@@ -100,12 +101,14 @@ def _read_contact(matrix: FloatArray) -> FloatArray:
     return np.stack([matrix[1], matrix[3], rates[1], rates[0]])
 
 
-def _read_free(stiffness: float, damping: float, end: FloatArray, last_rate: float) -> FloatArray:
+def _read_free(
+    stiffness: float, damping: float, matrix: FloatArray, end: FloatArray
+) -> FloatArray:
     """Return the same after the contact as sums of s, s', g and g', shape (4, 4)."""
-    own = np.array([stiffness]), np.array([damping])
-    # X, Y, and Y', whose speed is Y''.
-    pairs = np.array([[end[0], end[2], end[3]], [end[1], end[3], last_rate]])
+    position, speed, change, change_rate = end[:4].tolist()
+    # The derivative in D is the slope of that in K.
+    pairs = ((position, speed), (change, change_rate), (change_rate, float(matrix[3] @ end)))
     readout = np.zeros((4, 4))
-    readout[:3] = read_motion(*own, pairs[..., np.newaxis])[0]
-    readout[1:] += read_drive(*own, pairs[:, :1])[:, 0]
+    readout[:3] = [read_motion(stiffness, damping, *pair) for pair in pairs]
+    readout[1:] += read_drive(stiffness, damping, position, speed)
     return readout

@@ -17,56 +17,39 @@ AT_START = 1
 """Column of a readout that is its value at the start."""
 
 
-def read_motion(stiffness: FloatArray, damping: FloatArray, pairs: FloatArray) -> FloatArray:
-    """Write accelerations as sums of s, s', g and g'.
+Row = tuple[float, float, float, float]
+"""How much of s, s', g and g'."""
+
+
+def read_motion(stiffness: float, damping: float, position: float, speed: float) -> Row:
+    """Write an acceleration as such a sum, from position and speed at the start."""
+    return (-stiffness * speed, -stiffness * position - damping * speed, 0.0, 0.0)
+
+
+def read_drive(
+    stiffness: float, damping: float, position: float, speed: float
+) -> tuple[Row, Row, Row]:
+    """Write as such sums what a motion adds to its derivatives.
 
     Parameters
     ----------
-    stiffness, damping : ndarray, shape (bodies,)
+    stiffness, damping : float
         K and D.
-    pairs : ndarray, shape (2, rows, bodies)
-        Positions and speeds at the start, each of a motion of its own.
+    position, speed : float
+        Of the motion at the start.
 
     Returns
     -------
-    ndarray, shape (bodies, rows, 4)
+    by_stiffness, by_damping, slope : tuple of float
+        Of the acceleration's derivatives in K and in D, and in time, all of it.
     """
-    position, speed = pairs
-    readout = np.zeros((stiffness.size, position.shape[0], STATES))
-    readout[..., 0] = (-stiffness * speed).T
-    readout[..., 1] = (-stiffness * position - damping * speed).T
-    return readout
-
-
-def read_drive(stiffness: FloatArray, damping: FloatArray, pair: FloatArray) -> FloatArray:
-    """Write as such sums what a motion adds to its derivatives in K and in D, and its slope.
-
-    Parameters
-    ----------
-    stiffness, damping : ndarray, shape (bodies,)
-        K and D.
-    pair : ndarray, shape (2, bodies)
-        Position and speed of the motion at the start.
-
-    Returns
-    -------
-    ndarray, shape (3, bodies, 4)
-        Of the accelerations' derivatives in K and in D, and of the acceleration's in time.
-    """
-    position, speed = pair
     acceleration = -stiffness * position - damping * speed
     jerk = -stiffness * speed - damping * acceleration
-    rows = np.zeros((3, stiffness.size, STATES))
-    by_stiffness, by_damping, slope = rows
-    by_stiffness[:, 0] = by_damping[:, 1] = -speed
-    by_stiffness[:, 1] = -position
-    by_stiffness[:, 2] = stiffness * speed
-    by_stiffness[:, 3] = by_damping[:, 0] = -acceleration
-    by_damping[:, 2] = stiffness * acceleration
-    by_damping[:, 3] = -jerk
-    slope[:, 0] = -stiffness * acceleration
-    slope[:, 1] = jerk
-    return rows
+    return (
+        (-speed, -position, stiffness * speed, -acceleration),
+        (-acceleration, -speed, stiffness * acceleration, -jerk),
+        (-stiffness * acceleration, jerk, 0.0, 0.0),
+    )
 
 
 def propagate_free(
@@ -76,7 +59,8 @@ def propagate_free(
     late: float,
     step: float,
     count: int,
-) -> FloatArray:
+    out: FloatArray,
+) -> None:
     """Evaluate such sums on a uniform grid.
 
     Parameters
@@ -89,10 +73,8 @@ def propagate_free(
         Time of the first point, and from point to point.
     count : int
         Number of points.
-
-    Returns
-    -------
-    ndarray, shape (bodies, rows, count)
+    out : ndarray, shape (bodies, rows, m)
+        Filled with them, and with room for `find_room` of `count` points.
     """
     matrix = np.zeros((stiffness.size, STATES, STATES))
     matrix[:, 0, 1] = matrix[:, 2, 3] = matrix[:, 3, 0] = 1.0
@@ -100,4 +82,4 @@ def propagate_free(
     matrix[:, 1, 1] = matrix[:, 3, 3] = -damping
     times = np.array([late, step])
     shift, power = exponentiate(times[:, np.newaxis, np.newaxis, np.newaxis] * matrix)
-    return propagate_output(power, shift[..., AT_START], readout, count)
+    propagate_output(power, shift[..., AT_START], readout, count, out)

@@ -21,7 +21,7 @@ from impact_rig.core.model.free_sensitivities import (
     read_motion,
 )
 from impact_rig.core.model.impact import ImpactModel
-from impact_rig.core.model.propagation import exponentiate, propagate_output
+from impact_rig.core.model.propagation import exponentiate, find_room, propagate_output
 from impact_rig.core.model.time_grid import find_contact
 from impact_rig.core.signals.record import FloatArray
 
@@ -112,14 +112,26 @@ def compute_printed_sensitivities(
     mixing = scaled.find_mixing()
     in_contact = mixing @ _read_contact(scaled, matrix)
     afterwards = mixing @ _read_free(scaled, end, matrix @ end)
-    result = np.zeros((2, OUTPUTS, count))
-    result[:, :, first:free] = propagate_output(
-        power, arrived, in_contact.reshape(2 * OUTPUTS, -1), free - first
-    ).reshape(2, OUTPUTS, -1)
-    if count > free:
-        result[:, :, free:] = propagate_free(
-            scaled.kappa, scaled.delta, afterwards, late / tau, step, count - free
-        )
+    room = max(first + find_room(free - first), free + find_room(count - free))
+    result = np.empty((2, OUTPUTS, room))
+    result[:, :, :first] = 0.0
+    propagate_output(
+        power,
+        arrived,
+        in_contact.reshape(2 * OUTPUTS, -1),
+        free - first,
+        result.reshape(2 * OUTPUTS, -1)[:, first:],
+    )
+    propagate_free(
+        scaled.kappa,
+        scaled.delta,
+        afterwards,
+        late / tau,
+        step,
+        count - free,
+        result[:, :, free:],
+    )
+    result = result[:, :, :count]
     # What is scaled by tau_p moves all the farther, the later it is.
     time = (start + np.arange(count) / sampling_rate) / tau
     result[:, TAU] += time * result[:, T0]
@@ -219,29 +231,37 @@ def _read_contact(scaled: _Scaled, matrix: FloatArray) -> FloatArray:
     accelerations = matrix[:CONTACT_STATES].reshape(CONTACT_BLOCKS, 4, -1)[:, 2:]
     # The system is linear without input, so that its states' rates obey the same equations.
     slopes = accelerations @ matrix
-    rows = np.empty((2, ROWS, matrix.shape[0]))
-    rows[:, [SPEED, FORCE, KAPPA_1, KAPPA_2]] = accelerations.swapaxes(0, 1)
-    rows[:, [DELTA_1, DELTA_2]] = slopes[2:].swapaxes(0, 1)
-    rows[:, JERK] = scaled.speed * slopes[0] + scaled.force * slopes[1]
-    return rows
+    rows = np.empty((ROWS, 2, matrix.shape[0]))
+    rows[SPEED], rows[FORCE] = accelerations[:2]
+    rows[KAPPA_1], rows[KAPPA_2] = accelerations[2:]
+    rows[DELTA_1], rows[DELTA_2] = slopes[2:]
+    rows[JERK] = scaled.speed * slopes[0] + scaled.force * slopes[1]
+    return rows.swapaxes(0, 1)
 
 
 def _read_free(scaled: _Scaled, end: FloatArray, rates: FloatArray) -> FloatArray:
     """Return the rows after the contact as sums of s, s', g and g', shape (2, 7, 4)."""
-    states, slopes = (
-        values[:CONTACT_STATES].reshape(CONTACT_BLOCKS, 2, 2).swapaxes(0, 1)
-        for values in (end, rates)
-    )
-    pairs = np.empty((2, JERK, 2))
-    pairs[:, [SPEED, FORCE, KAPPA_1, KAPPA_2]] = states
-    pairs[:, [DELTA_1, DELTA_2]] = slopes[:, 2:]
-    rows = np.empty((2, ROWS, STATES))
-    rows[:, :JERK] = read_motion(scaled.kappa, scaled.delta, pairs)
-    moving = scaled.speed * pairs[:, SPEED] + scaled.force * pairs[:, FORCE]
-    by_kappa, by_delta, rows[:, JERK] = read_drive(scaled.kappa, scaled.delta, moving)
-    # Its own stiffness acts on the position, its own damper on the velocity.
-    rows[0, KAPPA_1] += by_kappa[0]
-    rows[0, DELTA_1] += by_delta[0]
-    rows[1, KAPPA_2] += by_kappa[1]
-    rows[1, DELTA_2] += by_delta[1]
+    states, slopes = end.tolist(), rates.tolist()
+    rows = np.zeros((2, ROWS, STATES))
+    for body, (kappa, delta) in enumerate(
+        zip(scaled.kappa.tolist(), scaled.delta.tolist(), strict=True)
+    ):
+        # The derivatives in delta are slopes of those in kappa.
+        pairs = [
+            (values[block + body], values[block + 2 + body])
+            for values, block in (
+                *((states, 0), (states, 4), (states, 8)),
+                *((slopes, 8), (states, 12), (slopes, 12)),
+            )
+        ]
+        rows[body, :JERK] = [read_motion(kappa, delta, *pair) for pair in pairs]
+        moving = (
+            scaled.speed * by_speed + scaled.force * by_force
+            for by_speed, by_force in zip(pairs[SPEED], pairs[FORCE], strict=True)
+        )
+        by_kappa, by_delta, slope = read_drive(kappa, delta, *moving)
+        # Its own stiffness acts on the position, its own damper on the velocity.
+        own = (KAPPA_1, KAPPA_2)[body]
+        rows[body, own : own + 2] += (by_kappa, by_delta)
+        rows[body, JERK] = slope
     return rows

@@ -88,8 +88,22 @@ def propagate(power: FloatArray, initial: FloatArray, count: int) -> FloatArray:
     return result
 
 
+def find_room(count: int) -> int:
+    """Return how many points `propagate_output` works on for so many: whole blocks of them."""
+    block = 1 << _find_levels(count)
+    return -(-count // block) * block
+
+
+def _find_levels(count: int) -> int:
+    return max(count - 1, 0).bit_length() // 2
+
+
 def propagate_output(
-    power: FloatArray, initial: FloatArray, readout: FloatArray, count: int
+    power: FloatArray,
+    initial: FloatArray,
+    readout: FloatArray,
+    count: int,
+    out: FloatArray | None = None,
 ) -> FloatArray:
     """Compute C P^n y for n = 0 ... count - 1.
 
@@ -103,16 +117,21 @@ def propagate_output(
         C, what is read off a state.
     count : int
         Number of points.
+    out : ndarray, shape (..., r, m), optional
+        Where to put them: m is `find_room` of `count` or more, and of so many points those
+        beyond `count` mean nothing.
 
     Returns
     -------
     ndarray, shape (..., r, count)
     """
-    if count < 1:
-        return np.empty((*readout.shape[:-1], 0))
-    levels = (count - 1).bit_length() // 2
-    block = 2**levels
+    levels = _find_levels(count)
+    block, room = 1 << levels, find_room(count)
     outputs, size = readout.shape[-2:]
+    if out is None:
+        out = np.empty((*readout.shape[:-1], room))
+    if count < 1:
+        return out[..., :0]
     # The readouts of all points of a block are multiplied as one list of rows.
     rows = np.empty((*readout.shape[:-2], block * outputs, size))
     rows[..., :outputs, :] = readout
@@ -121,8 +140,11 @@ def propagate_output(
         np.matmul(rows[..., :done, :], power, out=rows[..., done : 2 * done, :])
         power = power @ power
         done *= 2
-    states = propagate(power, initial, -(-count // block)).swapaxes(-1, -2)
+    states = propagate(power, initial, room // block).swapaxes(-1, -2)
     by_output = rows.reshape(*readout.shape[:-2], block, outputs, size).swapaxes(-2, -3)
-    values = states[..., np.newaxis, :, :] @ by_output.swapaxes(-1, -2)
-    result: FloatArray = values.reshape(*readout.shape[:-1], -1)[..., :count]
-    return result
+    np.matmul(
+        states[..., np.newaxis, :, :],
+        by_output.swapaxes(-1, -2),
+        out=out[..., :room].reshape(*readout.shape[:-1], -1, block),
+    )
+    return out[..., :count]
