@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 
 from impact_rig.bench import fuzz_process
 from impact_rig.bench.part import Bench
-from impact_rig.bench.parts import batch, fuzz, kill, read, stream, write
+from impact_rig.bench.parts import batch, fuzz, kill, read, write
 from impact_rig.bench.recordings import COMPRESSIONS
 from impact_rig.core.errors import FileError
 
@@ -122,19 +122,6 @@ def test_a_crash_and_a_hang_are_told_by_their_seed_and_the_rest_is_read(
     assert faults.note.startswith("seed 3: ")
     assert words in faults.note
     assert reads.values == (5.0,)
-
-
-def test_a_stream_is_recorded_without_a_gap(bench: Bench) -> None:
-    lost, twice, share, *_ = stream.measure(bench)
-    assert (lost.values, twice.values) == ((0.0,), (0.0,))
-    assert lost.note.startswith("of 100, ")
-    # What it may take is measured on a quiet machine.
-    assert 0.0 < share.values[0] < 2.0
-
-
-def test_blocks_are_counted_in_the_file(recording: Path) -> None:
-    found = stream.read_first_samples(recording)
-    assert len(found) == 3 * len(set(found))
 
 
 def test_the_verdicts_of_a_killed_recording_are_those_of_its_whole_hits(

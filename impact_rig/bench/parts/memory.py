@@ -25,7 +25,7 @@ OVERRIDES = {"hammer": {"swing_time": 0.0}, "accelerometer": {"trigger_timeout":
 """Nobody waits for a simulated swing."""
 LOOK_PERIOD = 1.0
 """How soon a campaign that has ended is noticed [s]."""
-HIT_SIZE = 100e3
+HIT_SIZE = 300e3
 """Of recording and view on the disk [byte], at most."""
 REPORT_PERIOD = 50
 """Hits from one report to the next [-]."""

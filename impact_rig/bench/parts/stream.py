@@ -1,114 +1,68 @@
-"""Continuous recording of two channels: not a block lost, and what it costs."""
+"""The running stream to estimator and recorder: what is lost of it, and what it costs."""
 
-import json
-import shutil
-import subprocess
-from pathlib import Path
-from typing import Any
-
-import psutil
-
+from impact_rig.bench.disk import check_room
 from impact_rig.bench.figures import Figure, at_most
 from impact_rig.bench.part import Bench, Part
-from impact_rig.bench.rig_processes import RigProcesses, use_own_domain
-from impact_rig.bench.stream_plan import BLOCK_POINTS, BLOCK_SIZE, PERIOD
-from impact_rig.core.errors import RigError
-from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
-from impact_rig.recording.reading.mcap_file import McapFile
-from impact_rig.recording.reading.mcap_reader import BLOCK_TYPE
+from impact_rig.bench.stream_log import read_flow
+from impact_rig.bench.stream_rig import COMPRESSION, POINT_SIZE, SETTLING, run_stream
 
-COMPRESSION = "lz4"
-LARGEST_SHARE = 0.5
-"""Of a core that the recorder may take [-], as asked for."""
-PUBLISHER = "impact_rig.bench.stream_process"
-RECORDER = "recorder"
-SPARE_ROOM = 1.2
-"""Disk that is asked for over what is streamed [-], our choice."""
+SAMPLING_RATE = 2.5e6
+"""Of each channel [Hz]: the paper's."""
+FAST = 8
+"""Times `SAMPLING_RATE` that must be held [-], as asked for."""
+SLOW_PART = 0.5
+"""Of the time at the fastest rate, for which the paper's is measured [-], our choice."""
+LARGEST_SHARE = 0.6
+"""Of one core, for all three processes at the paper's rate [-], as asked for."""
+NANO = 1e-9
 
 
 def measure(bench: Bench) -> tuple[Figure, ...]:
-    """Stream into the recorder node, and count in its file what arrived."""
+    """Stream at the paper's rate and at a multiple of it, and count in the recordings."""
     seconds = bench.extent.seconds
-    _check_room(bench.folder, seconds)
-    path = bench.folder / "stream.mcap"
-    with (
-        use_own_domain() as environment,
-        RigProcesses(environment, bench.folder / "log.txt") as processes,
-    ):
-        recorder = processes.start_node(
-            RECORDER,
-            output=str(path),
-            compression=COMPRESSION,
-            sync="chunk",
-            required_topics="acceleration",
-        )
-        publisher = processes.start_module(PUBLISHER, [str(seconds)], listen=True)
-        if _read_line(publisher) != "begin":
-            raise RigError(f"nothing could be streamed: {processes.read_log()}")
-        try:
-            told, share, memory = _watch(bench, recorder, publisher)
-        except (psutil.NoSuchProcess, json.JSONDecodeError):
-            raise RigError(f"the stream broke off: {processes.read_log()}") from None
-        if processes.stop(RECORDER):
-            raise RigError(f"the recorder did not end well: {processes.read_log()}")
-    found = read_first_samples(path)
-    sent = {number * BLOCK_POINTS for number in range(told["blocks"])}
+    needed = FAST * SAMPLING_RATE * POINT_SIZE * (seconds + 2 * SETTLING)
+    check_room(bench.folder, needed, f"{seconds:g} s of stream", "give fewer --seconds")
+    bench.report(0, 2)
+    slow = _measure_rate(bench, 1, SLOW_PART * seconds)
+    bench.report(1, 2)
+    return (*slow, *_measure_rate(bench, FAST, seconds))
+
+
+def _measure_rate(bench: Bench, multiple: int, seconds: float) -> tuple[Figure, ...]:
+    """Stream at a multiple of the paper's rate."""
+    run = run_stream(bench.folder, multiple * SAMPLING_RATE, seconds)
+    flow = read_flow(run.recording, run.begin, run.end)
+    size = run.recording.stat().st_size
+    run.recording.unlink()
+    taken = NANO * (run.end - run.begin)
+    name = f"{multiple} x"
+    shares = ", ".join(f"{node} {share:.2f}" for node, share in run.shares.items())
     return (
         Figure(
-            "blocks lost",
-            (float(len(sent - set(found))),),
+            f"{name}, blocks lost in the recording",
+            (float(flow.lost),),
             goal=at_most(0),
-            note=f"of {len(sent)}, counted in the file, in {told['seconds']:.1f} s",
+            note=f"of {flow.blocks + flow.lost} in {taken:.1f} s, {flow.points / 1e6:.0f} million"
+            f" points of two channels, {size / 1e9:.1f} GB on the disk",
         ),
-        Figure("blocks twice", (float(len(found) - len(set(found))),), goal=at_most(0)),
         Figure(
-            "recorder, share of a core", (share,), goal=at_most(LARGEST_SHARE), note=COMPRESSION
+            f"{name}, points missed by the estimator",
+            (float(flow.missed),),
+            goal=at_most(0),
+            note=f"it has seen {flow.seen} blocks",
         ),
-        Figure("recorder, memory", (memory,), "MB"),
-        Figure("longest delay of a block", (1e3 * told["longest_delay_s"],), "ms"),
-        Figure("size over that of the counts", (path.stat().st_size / len(sent) / BLOCK_SIZE,)),
+        Figure(
+            f"{name}, rate over 2.5 MS/s per channel",
+            (flow.points / taken / SAMPLING_RATE,),
+        ),
+        Figure(
+            f"{name}, processor time of all three",
+            (sum(run.shares.values()),),
+            "cores",
+            at_most(LARGEST_SHARE) if multiple == 1 else None,
+            note=f"{COMPRESSION}; {shares}",
+        ),
     )
 
 
-def _check_room(folder: Path, seconds: float) -> None:
-    needed = SPARE_ROOM * BLOCK_SIZE * seconds / PERIOD
-    free = shutil.disk_usage(folder).free
-    if free < needed:
-        raise RigError(
-            f"{seconds:g} s of recording may take {needed / 1e9:.1f} GB, and {folder} has"
-            f" {free / 1e9:.1f} GB: set TMPDIR to another disk, or give fewer --seconds"
-        )
-
-
-def _watch(
-    bench: Bench, recorder: subprocess.Popen[str], publisher: subprocess.Popen[str]
-) -> tuple[dict[str, Any], float, float]:
-    """Return what the publisher says at its end, and the recorder's share of a core and memory."""
-    process = psutil.Process(recorder.pid)
-    before = process.cpu_times()
-    seconds = round(bench.extent.seconds)
-    for second in range(seconds):
-        bench.report(second, seconds)
-        try:
-            publisher.wait(1.0)
-        except subprocess.TimeoutExpired:
-            continue
-        break
-    told = json.loads(_read_line(publisher))
-    after = process.cpu_times()
-    used = after.user + after.system - before.user - before.system
-    return told, used / told["seconds"], process.memory_info().rss / 1e6
-
-
-def _read_line(process: subprocess.Popen[str]) -> str:
-    return process.stdout.readline().strip() if process.stdout else ""
-
-
-def read_first_samples(path: Path) -> list[int]:
-    """Return `first_sample` of every block in a recording."""
-    decoder = SchemaDecoder()
-    messages = McapFile(path).read_messages(lambda channel: channel.type_name == BLOCK_TYPE)
-    return [int(decoder.decode(raw.channel, raw.data).first_sample) for raw in messages]
-
-
-PART = Part("stream", "Continuous recording, two channels of 2.5 MS/s", measure, 40.0)
+PART = Part("stream", "The running stream through three processes, two channels", measure, 50.0)
