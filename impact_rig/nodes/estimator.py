@@ -173,8 +173,11 @@ class EstimatorNode(RigNode):
             return
         name = next(iter(self._outdated))
         del self._outdated[name]
-        stamp = self.get_clock().now().to_msg()
-        self._publish_estimate(self._session.estimate_sample(name), stamp)
+        try:
+            stamp = self.get_clock().now().to_msg()
+            self._publish_estimate(self._session.estimate_sample(name), stamp)
+        except RigError as error:
+            self.report_fault(str(error))
         if self._outdated:
             self.executor.create_task(self._catch_up)
 

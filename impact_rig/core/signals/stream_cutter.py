@@ -189,8 +189,10 @@ class StreamCutter:
         if gap.is_backward:
             for span in self._spans:
                 span.rewind(block.first_sample)
-        span = self._spans[-1]
-        if span.stop is not None or span.has_hit or span.lost or not span.is_armed:
+        span = self._spans[-1] if self._spans else None
+        if span is None or span.stop is not None or span.has_hit or span.lost:
+            return
+        if not span.is_armed:
             return
         before, _ = count_window_points(self._settings, block.sampling_rate)
         interrupted = self._stretches[-2]

@@ -290,6 +290,14 @@ class TestGap:
         assert "missing" in record.flaws[0]
 
 
+def test_a_gap_right_behind_an_arming_takes_nothing_from_it(
+    make_counts: Make, make_stream: Make
+) -> None:
+    stream = make_stream(make_counts([], 9000), [1000], [(2000, 6000, FIRST)])
+    cuts = cut(item for item in stream if item.first_sample != 6000)
+    assert [block.triggered for block in cuts] == [False]
+
+
 def test_points_that_come_twice_are_named(make_counts: Make, make_stream: Make) -> None:
     stream = make_stream(make_counts([(8000, 900.0)], 30_000), [500], [(2000, 25_000, FIRST)])
     cuts = cut([*stream[:18], *stream[17:]])
@@ -345,3 +353,31 @@ def test_a_stream_without_a_full_scale_is_refused(make_counts: Make, make_stream
     stream = make_stream(make_counts([], 3000), [1000], full_scale=0.0)
     with pytest.raises(SignalError, match="does not say the hammer's full scale"):
         cut(stream)
+
+
+@given(
+    order=st.lists(st.integers(0, 19), min_size=1, max_size=40),
+    armed=st.lists(st.booleans(), min_size=20, max_size=20),
+)
+@settings(max_examples=100)
+def test_whatever_order_blocks_come_in_each_cut_is_a_record_of_one_arming(
+    make_counts: Make, make_stream: Make, order: list[int], armed: list[bool]
+) -> None:
+    counts = make_counts([(3000, 900.0), (9000, 900.0), (15_500, 900.0)], 20_000)
+    armings = [
+        (1000 * number, 1000 * number + 1000, HitLabel("steel", record=number + 1))
+        for number in range(20)
+        if armed[number]
+    ]
+    stream = make_stream(counts, [1000], armings)
+    cuts = cut(stream[number] for number in order)
+    records = []
+    for block in cuts:
+        if not records or records[-1][-1].last:
+            records.append([])
+        records[-1].append(block)
+    for blocks in records:
+        assert blocks[-1].last
+        assert len({block.label for block in blocks}) == 1
+        assert all(block.first_sample >= 0 for block in blocks)
+    assert len(judge(cuts)) == len(records)
