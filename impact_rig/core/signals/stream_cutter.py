@@ -187,8 +187,8 @@ class StreamCutter:
     def _note_loss(self, block: Block, gap: Gap) -> None:
         """Keep what leads to a gap, in case that the hit of the arming lies in it."""
         if gap.is_backward:
-            for span in self._spans:
-                span.rewind(block.first_sample)
+            for known in self._spans:
+                known.rewind(block.first_sample)
         span = self._spans[-1] if self._spans else None
         if span is None or span.stop is not None or span.has_hit or span.lost:
             return
