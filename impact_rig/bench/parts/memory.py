@@ -82,7 +82,10 @@ def _await_verdict(
 
 
 def read_memory(processes: Mapping[str, Popen[str]]) -> dict[str, float]:
-    """Return the memory of processes [byte]: what is shared among several counts in parts.
+    """Return the resident memory of processes [byte].
+
+    What they share with others is counted in full: a part of it, or none, would change with
+    whatever else is started or ended on the machine.
 
     Raises
     ------
@@ -92,7 +95,7 @@ def read_memory(processes: Mapping[str, Popen[str]]) -> dict[str, float]:
     found = {}
     for name, process in processes.items():
         try:
-            found[name] = float(psutil.Process(process.pid).memory_full_info().pss)
+            found[name] = float(psutil.Process(process.pid).memory_info().rss)
         except psutil.Error as error:
             raise RigError(f"the {name} node cannot be looked at: {error}") from None
     return found
