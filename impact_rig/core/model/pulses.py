@@ -33,8 +33,8 @@ class PulseShape:
         As in the literature.
     value : callable
         Force at phase 0 to 1, relative to the peak.
-    slope : callable
-        Derivative of `value` in the phase.
+    differentiate : callable
+        The same, and its derivative in the phase.
     half_amplitude_width : float
         w50 over the duration [-].
     tenth_amplitude_width : float
@@ -45,7 +45,7 @@ class PulseShape:
 
     name: str
     value: Callable[[FloatArray], FloatArray]
-    slope: Callable[[FloatArray], FloatArray]
+    differentiate: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
     half_amplitude_width: float
     tenth_amplitude_width: float
     mean: float
@@ -65,12 +65,15 @@ def _make_sine_power(name: str, power: float, mean: float) -> PulseShape:
     def find_width(level: float) -> float:
         return 1.0 - 2.0 / np.pi * float(np.arcsin(level ** (1.0 / power)))
 
+    def differentiate(phase: FloatArray) -> tuple[FloatArray, FloatArray]:
+        angle = np.pi * phase
+        sine = np.sin(angle)
+        return sine**power, power * np.pi * sine ** (power - 1.0) * np.cos(angle)
+
     return PulseShape(
         name=name,
         value=lambda phase: np.sin(np.pi * phase) ** power,
-        slope=lambda phase: (
-            power * np.pi * np.sin(np.pi * phase) ** (power - 1.0) * np.cos(np.pi * phase)
-        ),
+        differentiate=differentiate,
         half_amplitude_width=find_width(0.5),
         tenth_amplitude_width=find_width(0.1),
         mean=mean,
@@ -107,23 +110,29 @@ _COMPRESSION = _tabulate_compression()
 
 def _find_compression(phase: FloatArray) -> FloatArray:
     compression: FloatArray = _COMPRESSION(0.5 - np.abs(0.5 - phase))
-    return np.clip(compression, 0.0, 1.0)
+    return _limit(compression)
+
+
+def _limit(values: FloatArray) -> FloatArray:
+    """Return values between 0 and 1: `np.clip` takes longer than all else about a short pulse."""
+    return np.asarray(np.minimum(np.maximum(values, 0.0), 1.0))
 
 
 def _find_hertz_force(phase: FloatArray) -> FloatArray:
     return np.asarray(_find_compression(phase) ** 1.5)
 
 
-def _find_hertz_slope(phase: FloatArray) -> FloatArray:
+def _differentiate_hertz_force(phase: FloatArray) -> tuple[FloatArray, FloatArray]:
     compression = _find_compression(phase)
-    speed = HERTZ_DURATION * np.sqrt(1.0 - compression**2.5)
-    return np.asarray(np.sign(0.5 - phase) * 1.5 * np.sqrt(compression) * speed)
+    force = compression**1.5
+    speed = HERTZ_DURATION * np.sqrt(1.0 - force * compression)
+    return force, np.sign(0.5 - phase) * 1.5 * np.sqrt(compression) * speed
 
 
 HERTZ = PulseShape(
     name="Hertz",
     value=_find_hertz_force,
-    slope=_find_hertz_slope,
+    differentiate=_differentiate_hertz_force,
     half_amplitude_width=_find_hertz_width(0.5),
     tenth_amplitude_width=_find_hertz_width(0.1),
     mean=2.0 / float(beta(0.4, 0.5)),
@@ -176,7 +185,7 @@ def _find_phase(
         1.0 - 0.5 * (duration - time) / (duration - rise),
     )
     inside = (time >= 0.0) & (time <= duration)
-    return np.clip(phase, 0.0, 1.0), inside
+    return _limit(phase), inside
 
 
 def differentiate_pulse(
@@ -196,15 +205,12 @@ def differentiate_pulse(
     check_positive("pulse duration", duration, "s")
     check_between("asymmetry", asymmetry, -LARGEST_ASYMMETRY, LARGEST_ASYMMETRY)
     phase, inside = _find_phase(time, duration, asymmetry)
-    slope = np.where(inside, shape.slope(phase), 0.0)
-    rising = 2.0 * time < duration * (1.0 + asymmetry)
-    side = np.where(rising, 1.0 + asymmetry, 1.0 - asymmetry)
-    rate = slope / (side * duration)
-    derivatives = np.stack(
-        (
-            -rate,
-            -rate * time / duration,
-            -slope * np.where(rising, phase, 1.0 - phase) / side,
-        )
+    rising = phase < 0.5
+    pulse, slope = shape.differentiate(phase)
+    derivatives = np.empty((3, time.size))
+    derivatives[0] = np.where(inside, slope, 0.0) * np.where(
+        rising, -1.0 / (duration * (1.0 + asymmetry)), -1.0 / (duration * (1.0 - asymmetry))
     )
-    return np.where(inside, shape.value(phase), 0.0), derivatives
+    derivatives[1] = derivatives[0] * (time / duration)
+    derivatives[2] = derivatives[0] * (duration * np.where(rising, phase, 1.0 - phase))
+    return np.where(inside, pulse, 0.0), derivatives
