@@ -8,6 +8,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.task import Future
 
@@ -24,6 +25,12 @@ in seconds on two cores."""
 RESEND_PERIOD = 3.0
 """How soon an unanswered request is sent again [s], our choice: longer than any answer takes but
 that of a hammer which has not met the rest of the rig yet."""
+
+
+_NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+_NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""rclpy's own warn when somebody's QoS does not fit, as theirs do on the other side; and each has
+a share in what every message costs, whichever it is."""
 
 
 class RigNode(LifecycleNode):
@@ -53,8 +60,15 @@ class RigNode(LifecycleNode):
         self._fault = ""
         self._is_configured = False
         self._is_active = False
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._diagnostics = self.create_publisher(
+            DiagnosticArray, "/diagnostics", 10, event_callbacks=_NO_PUBLISHER_EVENTS
+        )
         self.create_timer(DIAGNOSTIC_PERIOD, self._publish_diagnostics)
+        # Runs while something waits; to make one each time would cost as much as the waiting.
+        self._looking = self.create_timer(
+            WAITING_PERIOD, self.wake_waiters, callback_group=self.waiting_group
+        )
+        self._looking.cancel()
 
     # Overridden by the nodes.
 
@@ -118,7 +132,9 @@ class RigNode(LifecycleNode):
 
     def advertise(self, topic: Topic, **options: Any) -> Any:
         """Create a publisher of one of the rig's topics."""
-        return self.create_publisher(topic.type, topic.name, topic.qos, **options)
+        return self.create_publisher(
+            topic.type, topic.name, topic.qos, event_callbacks=_NO_PUBLISHER_EVENTS, **options
+        )
 
     def listen(self, topic: Topic, callback: Callable[[Any], None], **options: Any) -> Any:
         """Subscribe to one of the rig's topics; a `RigError` in the callback is reported."""
@@ -131,7 +147,14 @@ class RigNode(LifecycleNode):
                 self.report_fault(f"{topic.name}: {error}")
             self.wake_waiters()
 
-        return self.create_subscription(topic.type, topic.name, guarded, topic.qos, **options)
+        return self.create_subscription(
+            topic.type,
+            topic.name,
+            guarded,
+            topic.qos,
+            event_callbacks=_NO_SUBSCRIPTION_EVENTS,
+            **options,
+        )
 
     def find_missing_subscribers(self, publisher: Any, required: str) -> str:
         """Return which subscriber would miss what is published next; empty: none.
@@ -225,12 +248,14 @@ class RigNode(LifecycleNode):
                 future.set_result(False)
 
         self._waiters.append(look)
-        timer = self.create_timer(min(WAITING_PERIOD, max(timeout, 1e-3)), look)
+        if len(self._waiters) == 1:
+            self._looking.reset()
         try:
             return bool(await future)
         finally:
             self._waiters.remove(look)
-            self.destroy_timer(timer)
+            if not self._waiters:
+                self._looking.cancel()
 
     async def call(self, client: Any, request: Any, timeout: float = SERVICE_TIMEOUT) -> Any:
         """Call a service of another node of the rig and return its answer.
