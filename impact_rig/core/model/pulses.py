@@ -205,7 +205,7 @@ def differentiate_pulse(
     check_positive("pulse duration", duration, "s")
     check_between("asymmetry", asymmetry, -LARGEST_ASYMMETRY, LARGEST_ASYMMETRY)
     phase, inside = _find_phase(time, duration, asymmetry)
-    rising = phase < 0.5
+    rising = 2.0 * phase < 1.0
     pulse, slope = shape.differentiate(phase)
     derivatives = np.empty((3, time.size))
     derivatives[0] = np.where(inside, slope, 0.0) * np.where(
