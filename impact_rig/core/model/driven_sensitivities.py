@@ -1,8 +1,8 @@
 """Derivatives of the driven model, whose sample is one oscillator.
 
-In the scaled time sigma = t / tau_p,
+In the scaled time phi = t / T with T = tau_p / (2 pi),
 
-    X'' + D X' + K X = (1 - cos 2 pi sigma) / 2,   K = k2 tau_p^2 / m2,   D = c2 tau_p / m2,
+    X'' + D X' + K X = (1 - cos phi) / 2,   K = k2 T^2 / m2,   D = c2 T / m2,
 
 with the sample's acceleration F0 / m2 X''. Its derivative Y = dX/dK obeys the same equation
 driven by -X, and dX/dD = Y' since -X' is what drives it and everything starts at rest. So four
@@ -42,14 +42,14 @@ def compute_driven_sensitivities(
     hammer[T0] = force * np.pi / (model.hammer.mass * tau) * np.sin(FULL_TURN * phase)
     hammer[FORCE] = np.sin(np.pi * phase) ** 2 / -model.hammer.mass
 
-    specimen = derivatives[1]
-    stiffness = model.specimen.stiffness * tau**2 / model.specimen.mass
-    damping = model.specimen.damping_coefficient * tau / model.specimen.mass
+    specimen, duration = derivatives[1], tau / FULL_TURN
+    stiffness = model.specimen.stiffness * duration**2 / model.specimen.mass
+    damping = model.specimen.damping_coefficient * duration / model.specimen.mass
     mixing = _find_mixing(model, stiffness, damping)
     matrix = _make_contact_matrix(stiffness, damping)
     initial = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0])
-    step = 1.0 / (sampling_rate * tau)
-    times = np.array([step, begin / tau, 1.0])
+    step = 1.0 / (sampling_rate * duration)
+    times = np.array([step, begin / duration, FULL_TURN])
     power, *shifts = exponentiate(times[:, np.newaxis, np.newaxis] * matrix)
     arrived, end = (shift @ initial for shift in shifts)
     propagate_output(
@@ -59,7 +59,7 @@ def compute_driven_sensitivities(
         np.array([stiffness]),
         np.array([damping]),
         (mixing @ _read_free(stiffness, damping, matrix, end))[np.newaxis],
-        late / tau,
+        late / duration,
         step,
         count - free,
         derivatives[1:, :, free:],
@@ -73,12 +73,12 @@ def compute_driven_sensitivities(
 def _find_mixing(model: ImpactModel, stiffness: float, damping: float) -> FloatArray:
     """Return what X'', dX''/dK, dX''/dD and X''' are in each parameter, shape (5, 4)."""
     tau, mass = model.contact_time, model.specimen.mass
-    amplitude = model.peak_force / mass
+    duration, amplitude = tau / FULL_TURN, model.peak_force / mass
     mixing = np.zeros((PARAMETERS, 4))
     mixing[TAU, 1:3] = 2.0 * stiffness * amplitude / tau, damping * amplitude / tau
-    mixing[T0, 3] = -amplitude / tau
-    mixing[STIFFNESS, 1] = amplitude * tau**2 / mass
-    mixing[DAMPING, 2] = amplitude * tau / mass
+    mixing[T0, 3] = -amplitude / duration
+    mixing[STIFFNESS, 1] = amplitude * duration**2 / mass
+    mixing[DAMPING, 2] = amplitude * duration / mass
     mixing[FORCE, 0] = 1.0 / mass
     return mixing
 
@@ -90,7 +90,7 @@ def _make_contact_matrix(stiffness: float, damping: float) -> FloatArray:
     matrix[1, 1] = matrix[3, 3] = -damping
     matrix[3, 0] = -1.0
     matrix[1, 4], matrix[1, 5] = 0.5, -0.5
-    matrix[5, 6], matrix[6, 5] = -FULL_TURN, FULL_TURN
+    matrix[5, 6], matrix[6, 5] = -1.0, 1.0
     return matrix
 
 

@@ -1,8 +1,8 @@
 """Derivatives of the model as printed: two bodies coupled in contact, free afterwards.
 
-In the scaled time sigma = t / tau_p the traces are (L / tau_p^2) times functions of kappa_i =
-k_i tau_p^2 / m_i, delta_i = c_i tau_p / m_i and sigma alone, so that the derivative in tau_p
-follows from the others. While the bodies touch, stiffness and damping enter by the same pattern
+With T = tau_p / (2 pi), the traces are (L / T^2) times functions of kappa_i = k_i T^2 / m_i,
+delta_i = c_i T / m_i and the scaled time t / T alone, so that the derivative in tau_p follows from
+the others. While the bodies touch, stiffness and damping enter by the same pattern
 and everything starts at rest, so that the derivative in delta_i is the time derivative of the one
 in kappa_i. In the free phase each body is followed by itself, with the derivatives it brings
 along.
@@ -40,12 +40,12 @@ CONTACT_STATES = 4 * CONTACT_BLOCKS
 
 @dataclass(frozen=True)
 class _Scaled:
-    """The model in scaled time: lengths in units of `length`, time in tau_p.
+    """The model in scaled time: lengths in units of `length`, time in units of `duration`.
 
     `kappa` and `delta` have the shape (2,).
     """
 
-    contact_time: float
+    duration: float
     length: float
     speed: float
     force: float
@@ -56,18 +56,18 @@ class _Scaled:
     @staticmethod
     def make(model: ImpactModel) -> "_Scaled":
         """Scale a model."""
-        tau, (first, second) = model.contact_time, (model.hammer, model.specimen)
-        by_speed = model.impact_speed * tau
-        by_force = model.peak_force * tau**2 / second.mass
+        duration, (first, second) = model.contact_time / FULL_TURN, (model.hammer, model.specimen)
+        by_speed = model.impact_speed * duration
+        by_force = model.peak_force * duration**2 / second.mass
         length = max(abs(by_speed), abs(by_force)) or 1.0
         return _Scaled(
-            contact_time=tau,
+            duration=duration,
             length=length,
             speed=by_speed / length,
             force=by_force / length,
-            kappa=np.array([body.stiffness * tau**2 / body.mass for body in (first, second)]),
+            kappa=np.array([body.stiffness * duration**2 / body.mass for body in (first, second)]),
             delta=np.array(
-                [body.damping_coefficient * tau / body.mass for body in (first, second)]
+                [body.damping_coefficient * duration / body.mass for body in (first, second)]
             ),
             masses=(first.mass, second.mass),
         )
@@ -77,20 +77,21 @@ class _Scaled:
 
         In that of tau_p, time * JERK is left out.
         """
-        tau, length, (first_mass, second_mass) = self.contact_time, self.length, self.masses
+        duration, length, (first_mass, second_mass) = self.duration, self.length, self.masses
         mixing = np.zeros((OUTPUTS, ROWS))
         mixing[TAU, SPEED] = -self.speed
         mixing[TAU, KAPPA_1 : KAPPA_2 + 1 : 2] = 2.0 * self.kappa
         mixing[TAU, DELTA_1 : DELTA_2 + 1 : 2] = self.delta
+        mixing[TAU] /= FULL_TURN
         mixing[T0, JERK] = -1.0
-        mixing[: T0 + 1] *= length / tau**3
+        mixing[: T0 + 1] *= length / duration**3
         mixing[K2, KAPPA_2] = length / second_mass
-        mixing[C2, DELTA_2] = length / second_mass / tau
+        mixing[C2, DELTA_2] = length / second_mass / duration
         mixing[F0, FORCE] = 1.0 / second_mass
         mixing[K1, KAPPA_1] = length / first_mass
-        mixing[C1, DELTA_1] = length / first_mass / tau
+        mixing[C1, DELTA_1] = length / first_mass / duration
         mixing[TRACE, : FORCE + 1] = self.speed, self.force
-        mixing[TRACE] *= length / tau**2
+        mixing[TRACE] *= length / duration**2
         return mixing
 
 
@@ -103,9 +104,9 @@ def compute_printed_sensitivities(
     """
     scaled, tau = _Scaled.make(model), model.contact_time
     first, free, begin, late = find_contact(start, tau, sampling_rate, count)
-    step = 1.0 / (sampling_rate * tau)
+    step = 1.0 / (sampling_rate * scaled.duration)
     matrix, initial = _make_contact_system(scaled)
-    times = np.array([step, begin / tau, 1.0])
+    times = np.array([step, begin / scaled.duration, FULL_TURN])
     power, *shifts = exponentiate(times[:, np.newaxis, np.newaxis] * matrix)
     arrived, end = (shift @ initial for shift in shifts)
 
@@ -126,7 +127,7 @@ def compute_printed_sensitivities(
         scaled.kappa,
         scaled.delta,
         afterwards,
-        late / tau,
+        late / scaled.duration,
         step,
         count - free,
         result[:, :, free:],
@@ -203,7 +204,7 @@ def _make_contact_entries() -> FloatArray:
         entries[on_first, 15, response + 1] = -1.0
     # Equation (1): the force acts on body 2, with a minus.
     entries[ONE, 7, -3:-1] = -0.5, 0.5
-    entries[ONE, -2, -1], entries[ONE, -1, -2] = -FULL_TURN, FULL_TURN
+    entries[ONE, -2, -1], entries[ONE, -1, -2] = -1.0, 1.0
     return entries.reshape(NUMBERS, -1)
 
 
