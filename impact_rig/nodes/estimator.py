@@ -27,6 +27,10 @@ from impact_rig.recording.interfaces.messages import block_from_msg, setup_from_
 WAITING_BLOCKS = 1000
 """Blocks kept while no set-up has arrived [-], our choice: a few seconds of streaming."""
 
+CATCH_UP_PAUSE = 0.5
+"""How long no hit on the control sample may have come before the other samples' estimates follow
+what it says [s], our choice: longer than from hit to hit, so that none of them waits."""
+
 
 class EstimatorNode(RigNode):
     """Feeds the core's session with what the accelerometers publish.
@@ -46,6 +50,8 @@ class EstimatorNode(RigNode):
         self._session: Session | None = None
         self._setup_stamp = Time()
         self._outdated: dict[str, None] = {}
+        self._pause = self.create_timer(CATCH_UP_PAUSE, self._catch_up)
+        self._pause.cancel()
         self._cutting = StreamCutting(self)
         self._early: deque[AccelerationBlock] = deque(maxlen=WAITING_BLOCKS)
         self._gate = StorageGate()
@@ -161,14 +167,16 @@ class EstimatorNode(RigNode):
         self._outdated.pop(struck, None)
         if struck == control:
             # What the control sample says of the hammer changes every other sample's k2. The next
-            # hit does not wait for them: one at a time, and of each only its newest state.
-            others = dict.fromkeys(name for name in session.names if name != struck)
-            if others and not self._outdated:
-                self.executor.create_task(self._catch_up)
-            self._outdated |= others
+            # hit does not wait for them: they follow when no more come on the control sample.
+            self._outdated |= dict.fromkeys(name for name in session.names if name != struck)
+            self._pause.reset()
 
     def _catch_up(self) -> None:
-        """Publish the next estimate that a hit on the control sample has changed."""
+        """Publish one estimate that a hit on the control sample has changed; then the others.
+
+        What has come meanwhile goes first.
+        """
+        self._pause.cancel()
         if self._session is None or not self._outdated:
             return
         name = next(iter(self._outdated))
@@ -178,8 +186,12 @@ class EstimatorNode(RigNode):
             self._publish_estimate(self._session.estimate_sample(name), stamp)
         except RigError as error:
             self.report_fault(str(error))
-        if self._outdated:
-            self.executor.create_task(self._catch_up)
+        self.executor.create_task(self._go_on)
+
+    def _go_on(self) -> None:
+        # A hit on the control sample has begun the pause anew, and changes them once more.
+        if self._pause.is_canceled():
+            self._catch_up()
 
     def _publish_estimate(self, estimate: SampleEstimate, stamp: Time) -> None:
         if estimate.contact is None:

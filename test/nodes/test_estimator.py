@@ -85,6 +85,37 @@ def test_a_sample_gets_its_stiffness_as_soon_as_the_control_sample_is_measured(h
     assert later[-1].stiffness > 0
 
 
+def test_what_the_control_sample_changes_follows_once_and_behind_its_hits(harness):
+    harness.add(EstimatorNode)
+    impacts = harness.listen(interfaces.IMPACT)
+    estimates = harness.listen(interfaces.ESTIMATE)
+    harness.advertise(interfaces.SETUP).publish(SETUP)
+    others = ("steel small", "brass small", "bronze small")
+    blocks = [
+        block
+        for number, sample in enumerate(others, start=1)
+        for block in make_blocks(sample, 1, first_record=number)
+    ]
+    feed(harness, harness.advertise(interfaces.ACCELERATION), blocks)
+    estimates.wait_for_count(len(others))
+    # Faster than from hit to hit on any rig: none of the hits waits for another sample.
+    feed(
+        harness,
+        harness.advertise(interfaces.ACCELERATION),
+        make_blocks(CONTROL_SAMPLE, 4, first_record=4),
+    )
+    found = estimates.wait_for_count(2 * len(others) + 4)
+    assert len(impacts.messages) == len(others) + 4
+    assert [item.sample for item in found[3:7]] == [CONTROL_SAMPLE] * 4
+    assert sorted(item.sample for item in found[7:]) == sorted(others)
+    # Of each the newest state: all four hits on the control sample make it.
+    answer = harness.call(GetResults, interfaces.GET_RESULTS)
+    final = {item.sample: item.stiffness for item in answer.samples}
+    assert {item.sample: item.stiffness for item in found[7:]} == {
+        name: final[name] for name in others
+    }
+
+
 def test_blocks_that_come_before_the_set_up_wait_for_it(harness):
     harness.add(EstimatorNode)
     impacts = harness.listen(interfaces.IMPACT)
