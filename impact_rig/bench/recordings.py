@@ -102,7 +102,7 @@ def run_campaign(folder: Path, options: Sequence[str]) -> Campaign:
     ) as process:
         try:
             _, errors = process.communicate()
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, SystemExit):
             # It ends its nodes first: nobody writes into the folder any more.
             process.send_signal(signal.SIGINT)
             process.communicate()

@@ -1,7 +1,11 @@
 """``impact-rig bench``: measure what is claimed, on this machine."""
 
+import contextlib
+import signal
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
+from types import FrameType
 from typing import Any
 
 import click
@@ -25,6 +29,8 @@ PARTS = (
 """As `impact_rig.bench.run.PARTS` has them; here so that the help needs none of them."""
 EXIT_MISSED = 1
 """Everything was measured, and a goal is missed."""
+EXIT_SIGNALLED = 128
+"""Ended by a signal, whose number is added, as shells have it."""
 
 
 @click.command(
@@ -114,7 +120,7 @@ def command(
         return
     given = {name: value for name, value in numbers.items() if value is not None}
     extent = replace(FULL if full else Extent(), **given)
-    with BenchProgress(make_console(stderr=True)) as progress:
+    with _end_when_told(), BenchProgress(make_console(stderr=True)) as progress:
         results = run_parts(names, extent, progress.report)
     if as_json:
         click.echo(format_json(results_to_json(results)), nl=False)
@@ -126,3 +132,17 @@ def command(
         raise RigError(results.errors[-1])
     if results.missed:
         sys.exit(EXIT_MISSED)
+
+
+@contextlib.contextmanager
+def _end_when_told() -> Iterator[None]:
+    """Let SIGTERM end the bench as Ctrl-C does: with every process that it has started."""
+
+    def end(number: int, _: FrameType | None) -> None:
+        raise SystemExit(EXIT_SIGNALLED + number)
+
+    previous = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)

@@ -1,6 +1,8 @@
 """`impact-rig bench`."""
 
 import json
+import os
+import signal
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -112,3 +114,20 @@ def test_the_json_has_every_measurement(run: Run, measure: Callable[..., None]) 
     (figure,) = part["figures"]
     assert figure["values"] == [1.5, 1.6, 1.7]
     assert (figure["median"], figure["goal"], figure["reached"]) == (1.6, "at most 2", True)
+
+
+def test_sigterm_ends_it_as_ctrl_c_does(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    ended: list[str] = []
+
+    def wait(_: Bench) -> tuple[Figure, ...]:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        finally:
+            ended.append("every process")
+        return ()
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(bench_run, "load_part", lambda name: Part(name, "Title", wait, 1.0))
+    assert run("bench", "read").exit_code == 128 + signal.SIGTERM
+    assert ended == ["every process"]
+    assert signal.getsignal(signal.SIGTERM) is before

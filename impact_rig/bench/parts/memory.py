@@ -21,8 +21,11 @@ LARGEST_GROWTH = 1.05
 """Memory at the end over that after `EARLY_HITS` [-], as asked for."""
 FURTHER_HITS = 100
 """Which the campaign goes on [-], our choice: its end asks for all results at once."""
-OVERRIDES = {"hammer": {"swing_time": 0.0}, "accelerometer": {"trigger_timeout": 0.1}}
-"""Nobody waits for a simulated swing."""
+OVERRIDES = {
+    "hammer": {"swing_time": 0.0},
+    "accelerometer": {"trigger_timeout": 0.1, "block_size": 5000},
+}
+"""Nobody waits for a simulated swing, and a hit is one block: the more hits in the time."""
 LOOK_PERIOD = 1.0
 """How soon a campaign that has ended is noticed [s]."""
 HIT_SIZE = 300e3
