@@ -11,7 +11,7 @@ from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.faults import FaultPlan, ScheduledFault
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.nodes.visualizing.overlay import WAITING_HITS, HitOverlay
+from impact_rig.nodes.visualizing.overlay import WAITING_HITS, HitOverlay, is_shown
 
 FAULTS = FaultPlan(scheduled=(ScheduledFault(Fault.WEAK_HIT, 2),))
 RIG = VirtualRig(PAPER_SETUP, VirtualRigSettings(faults=FAULTS))
@@ -76,6 +76,25 @@ def test_what_waits_for_ever_is_forgotten(overlay):
         feed(overlay, strike(record)[1])
     assert overlay.accept(first) is None
     assert overlay.accept(HitLabel(CONTROL_SAMPLE, record=4, impact=4)) is not None
+
+
+def test_of_a_long_series_ever_fewer_hits_are_shown(overlay):
+    shown = 0
+    (block,) = RIG.strike(HitLabel(CONTROL_SAMPLE)).split(10_000, 0)
+    for record in range(1, 1101):
+        named = HitLabel(CONTROL_SAMPLE, record=record, impact=record)
+        overlay.accept(named)
+        shown += len(overlay.feed(replace(block, label=named)))
+    assert shown == 99 + 90 + 2
+    # Another sample begins with every one.
+    other = HitLabel("steel small", record=2000)
+    overlay.accept(other)
+    assert len(overlay.feed(replace(block, label=other))) == 1
+
+
+def test_of_ten_thousand_hits_280_are_shown():
+    assert sum(map(is_shown, range(1, 10_001))) == 99 + 90 + 90 + 1
+    assert all(map(is_shown, range(1, 100)))
 
 
 def test_a_low_pass_that_the_sampling_is_too_slow_for_is_told(overlay):
