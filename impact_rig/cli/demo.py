@@ -85,7 +85,7 @@ def command(
     rig = run.load_rig_file(rig_file)
     run.check_samples(rig, samples)
     make_viewer_parameters(viewers)
-    list_rig_processes("", continuous=continuous, recording=recording)
+    list_rig_processes("", virtual=rig.virtual, continuous=continuous, recording=recording)
     folder = run.make_run_folder(output)
     options.set_discovery(network=False)
     arguments = [word for setting in SETTINGS for word in ("--set", setting)]

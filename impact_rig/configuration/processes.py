@@ -15,6 +15,9 @@ VIEW_NAME = "session.rrd"
 RESULTS_NAME = "results.json"
 LOG_NAME = "nodes.log"
 
+CONTINUOUS = "continuous"
+"""Mode of accelerometers that stream all the time."""
+
 WINDOW = "spawn"
 PAGE = "web"
 """Viewers of this host, beside which there may be one elsewhere, at an address."""
@@ -108,17 +111,19 @@ def list_rig_processes(
     ParameterError
         If a viewer is none, or there is nobody to feed it; if there is no stream to record.
     """
-    if recording.stream and not continuous:
-        raise ParameterError(
-            "there is no running stream to be recorded: choose continuous mode as well"
-        )
+    further = overrides or {}
     folder = Path(output)
     hammer: dict[str, Any] = {} if record else {"require_recorder": False}
     accelerometer = dict(virtual or {})
     if continuous:
-        accelerometer["mode"] = "continuous"
+        accelerometer["mode"] = CONTINUOUS
     if not record:
         accelerometer["required_subscribers"] = "estimator"
+    given = {**accelerometer, **further.get("accelerometer", {})}
+    if recording.stream and given.get("mode") != CONTINUOUS:
+        raise ParameterError(
+            "there is no running stream to be recorded: choose continuous mode as well"
+        )
     processes = [
         NodeProcess("hammer", hammer),
         NodeProcess("accelerometer", accelerometer),
@@ -143,7 +148,6 @@ def list_rig_processes(
         raise ParameterError(
             f"a viewer ({', '.join(viewers)}) is fed by the visualizer: do not leave it out"
         )
-    further = overrides or {}
     return tuple(
         NodeProcess(process.name, {**process.parameters, **further.get(process.name, {})})
         for process in processes

@@ -8,6 +8,7 @@ from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, HammerRelea
 from impact_rig_msgs.srv import Arm
 from std_srvs.srv import Trigger
 
+from impact_rig.configuration.processes import CONTINUOUS
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.signals.record import NOT_ARMED, HitLabel
 from impact_rig.devices.virtual.choices import Fault
@@ -25,7 +26,6 @@ from impact_rig.recording.interfaces.messages import setup_from_msg
 CONNECTION_TIMEOUT = 10.0
 """How long arming may wait for estimator and recorder to connect [s], our choice."""
 TRIGGERED = "triggered"
-CONTINUOUS = "continuous"
 MODES = (TRIGGERED, CONTINUOUS)
 """Each hit's record, as a trigger cuts it out; or all that comes, in which the estimator finds the
 impacts."""

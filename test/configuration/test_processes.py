@@ -39,6 +39,20 @@ def test_without_recorder_nobody_waits_for_one():
     assert nodes["accelerometer"] == {"required_subscribers": "estimator"}
 
 
+def test_a_running_stream_is_recorded_where_there_is_one():
+    plan = RecordingPlan(stream=True)
+    nodes = by_name(continuous=True, recording=plan)
+    assert nodes["accelerometer"] == {"mode": "continuous"}
+    assert nodes["recorder"] == {"output": "out/session.mcap", "record_stream": True}
+    for options in (
+        {"virtual": {"mode": "continuous"}},
+        {"overrides": {"accelerometer": {"mode": "continuous"}}},
+    ):
+        assert by_name(recording=plan, **options)["recorder"]["record_stream"]
+    with pytest.raises(ParameterError, match="there is no running stream to be recorded"):
+        by_name(recording=plan)
+
+
 def test_viewers_stand_beside_the_file():
     assert by_name(viewers=("spawn", "web", ADDRESS))["visualizer"] == {
         "output": "out/session.rrd",

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 from impact_rig.core.errors import SignalError
 from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.armings import Arming, Armings
 from impact_rig.core.signals.continuity import Continuity, Gap
 from impact_rig.core.signals.pulse_search import PulseSearch, count_window_points
-from impact_rig.core.signals.record import NOT_ARMED, Block, HitLabel
+from impact_rig.core.signals.record import Block, HitLabel
 from impact_rig.core.signals.stretch import Stretch
 
 QUIET_LEAD = 2
@@ -42,35 +43,6 @@ class StreamFlow:
     gaps: int = 0
     missing_points: int = 0
     other_impacts: int = 0
-
-
-@dataclass
-class _Span:
-    """A part of the stream with one label, from its first point up to `stop`, if that is known.
-
-    `is_complete` says that the arming ended by itself, `has_hit` that its hit was found. `lost` is
-    what to hand out if the hit may have been lost in a gap.
-    """
-
-    label: HitLabel
-    start: int
-    stop: int | None = None
-    is_complete: bool = False
-    has_hit: bool = False
-    lost: tuple[Block, ...] = ()
-
-    @property
-    def is_armed(self) -> bool:
-        return self.label.record != NOT_ARMED.record
-
-    def end(self, stop: int) -> None:
-        """End before a point, unless it has ended."""
-        self.stop = stop if self.stop is None else self.stop
-
-    def rewind(self, point: int) -> None:
-        """Let the span reach back to where points are repeated, or counted anew."""
-        self.start = min(self.start, point)
-        self.stop = None if self.stop is None else min(self.stop, point)
 
 
 @dataclass(frozen=True)
@@ -112,7 +84,7 @@ class StreamCutter:
         self._baseline: float | None = None
         self._next_baseline = 0
         self._stretches: deque[Stretch] = deque()
-        self._spans: deque[_Span] = deque()
+        self._armings = Armings()
         self._window: _Window | None = None
 
     def feed(self, block: Block) -> tuple[Block, ...]:
@@ -140,7 +112,9 @@ class StreamCutter:
         stretch = self._stretches[-1]
         if count:
             stretch.append(block)
-        self._follow_label(block, stretch, gap)
+        if gap is not None:
+            self._note_loss(block, gap)
+        self._armings.follow(block)
         cuts: list[Block] = []
         if gap is not None and gap.is_backward:
             # Nothing more will come of what was before.
@@ -170,37 +144,19 @@ class StreamCutter:
         searched = self._stretches[-1].searched if self._stretches and is_same else start
         self._stretches.append(Stretch(block, search_from=searched))
 
-    def _follow_label(self, block: Block, stretch: Stretch, gap: Gap | None) -> None:
-        """Note which arming the block belongs to, and what a gap may have taken from it."""
-        if gap is not None:
-            self._note_loss(block, gap)
-        current = self._spans[-1] if self._spans else None
-        if current is None or current.stop is not None or current.label != block.label:
-            if current is not None:
-                current.end(block.first_sample)
-            current = _Span(block.label, block.first_sample)
-            self._spans.append(current)
-        if block.last:
-            current.end(stretch.stop)
-            current.is_complete = True
-
     def _note_loss(self, block: Block, gap: Gap) -> None:
         """Keep what leads to a gap, in case that the hit of the arming lies in it."""
         if gap.is_backward:
-            for known in self._spans:
-                known.rewind(block.first_sample)
-        span = self._spans[-1] if self._spans else None
-        if span is None or span.stop is not None or span.has_hit or span.lost:
-            return
-        if not span.is_armed:
+            self._armings.rewind(block.first_sample)
+        arming = self._armings.current
+        if arming is None or arming.lost or not arming.wants_hit:
             return
         before, _ = count_window_points(self._settings, block.sampling_rate)
         interrupted = self._stretches[-2]
         first = max(interrupted.stop - before, interrupted.start)
         # One point more than there is: the window ends behind the gap.
-        span.lost = self._read_window(
-            _Window(span.label, first, interrupted.stop, interrupted.stop + 1)
-        )
+        window = _Window(arming.label, first, interrupted.stop, interrupted.stop + 1)
+        arming.lost = self._read_window(window)
 
     def _find_window(self, stretch: Stretch) -> _Window | None:
         """Search on until an impact is found that is to be cut out; return its window."""
@@ -211,12 +167,12 @@ class StreamCutter:
             before, length = count_window_points(self._settings, stretch.block.sampling_rate)
             last = pulse - before + length
             stretch.searched = self._next_baseline = last
-            span = self._find_span(pulse)
-            if span.has_hit or not span.is_armed:
+            arming = self._armings.find(pulse)
+            if not arming.wants_hit:
                 self.flow.other_impacts += 1
                 continue
-            span.has_hit = True
-            self._window = _Window(span.label, pulse - QUIET_LEAD * before, pulse, last)
+            arming.has_hit = True
+            self._window = _Window(arming.label, pulse - QUIET_LEAD * before, pulse, last)
         return self._window
 
     def _find_pulse(self, stretch: Stretch) -> int | None:
@@ -241,13 +197,6 @@ class StreamCutter:
 
     def _learn(self, stretch: Stretch, first: int, count: int) -> float:
         return self._search.learn(stretch.read(first, first + count)[0])
-
-    def _find_span(self, point: int) -> _Span:
-        """Return the span that holds a point."""
-        for span in reversed(self._spans):
-            if span.start <= point:
-                return span
-        return self._spans[0]
 
     def _cut(self) -> tuple[Block, ...]:
         """Hand out the window."""
@@ -285,28 +234,27 @@ class StreamCutter:
     def _end_armings(self, searched: int) -> tuple[Block, ...]:
         """Hand out what there is of armings that have ended without a hit."""
         cuts: tuple[Block, ...] = ()
-        while self._spans and (stop := self._spans[0].stop) is not None and searched >= stop:
-            span = self._spans.popleft()
-            if span.has_hit or not span.is_armed:
+        for arming in self._armings.take_ended(searched):
+            if not arming.wants_hit:
                 continue
-            if span.lost:
-                cuts += span.lost
-            elif span.is_complete:
-                cuts += (self._make_empty(span),)
+            if arming.lost:
+                cuts += arming.lost
+            elif arming.is_complete:
+                cuts += (self._make_empty(arming),)
         return cuts
 
-    def _make_empty(self, span: _Span) -> Block:
+    def _make_empty(self, arming: Arming) -> Block:
         """Return the block of an arming without a trigger."""
         block = self._stretches[-1].block
         return replace(
             block,
-            label=span.label,
+            label=arming.label,
             first_sample=0,
             hammer=replace(block.hammer, output=block.hammer.output[:0]),
             specimen=replace(block.specimen, output=block.specimen.output[:0]),
             triggered=False,
             last=True,
-            stamp=self._stretches[-1].find_time(span.stop or span.start),
+            stamp=self._stretches[-1].find_time(arming.stop or arming.start),
         )
 
     def _forget(self, stretch: Stretch) -> None:
