@@ -7,11 +7,10 @@ exact (first-order hold); afterwards the sample is left alone, again exact.
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
-from scipy.linalg import expm
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
 from impact_rig.core.model.impact import ImpactModel
-from impact_rig.core.model.propagation import propagate
+from impact_rig.core.model.oscillator import simulate_free_oscillators
 from impact_rig.core.model.pulses import PulseShape, compute_pulse
 from impact_rig.core.signals.record import FloatArray
 
@@ -60,12 +59,16 @@ def simulate_driven(
     specimen[inside] = force[inside] / body.mass + matrix[1] @ np.stack(
         [position(time[inside]), speed(time[inside])]
     )
-    late = time[time > model.contact_time] - model.contact_time
-    if late.size:
-        first = expm(matrix * late[0]) @ state
-        specimen[count - late.size :] = matrix[1] @ propagate(
-            expm(matrix / sampling_rate), first, late.size
-        )
+    free = int(np.searchsorted(time, model.contact_time, side="right"))
+    if free < count:
+        specimen[free:] = simulate_free_oscillators(
+            np.array([[-matrix[1, 0]]]),
+            np.array([[-matrix[1, 1]]]),
+            state[np.newaxis, :, np.newaxis],
+            np.array([time[free] - model.contact_time]),
+            np.array([1.0 / sampling_rate]),
+            count - free,
+        )[0, 0]
     return -force / model.hammer.mass, specimen
 
 

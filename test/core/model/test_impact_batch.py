@@ -1,6 +1,7 @@
 """Many impacts in one call, and bodies far from any metal, against extended precision."""
 
 import time as clock
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from impact_rig.core.model.impact import (
     simulate_impact,
     simulate_impacts,
 )
+from impact_rig.core.model.sensitivities import compute_sensitivities, find_parameter_names
 
 RATE = 2.5e6
 COUNT = 5000
@@ -140,21 +142,50 @@ def test_a_time_grid_that_begins_nowhere_is_refused(start: float) -> None:
         simulate_impact(MODELS[0], RATE, 10, start=start)
 
 
+METAL = ImpactModel(Body(0.1, 22.54e6, 1900.0), Body(0.17, 45.29e6, 1700.0), 203.2e-6, 0.08, 60)
+
+
+def find_lowest_costs(*calls: Callable[[], object], turns: int) -> list[float]:
+    """Time calls by turns; of each the best, since what else the machine does is not theirs."""
+    costs = []
+    for _ in range(turns):
+        for call in calls:
+            start = clock.process_time()
+            call()
+            costs.append(clock.process_time() - start)
+    return [min(costs[index :: len(calls)]) for index in range(len(calls))]
+
+
 @pytest.mark.parametrize("variant", ModelVariant)
-def test_a_record_of_both_bodies_costs_no_more_than_a_few_exponentials(
+def test_a_record_of_both_bodies_costs_no_more_than_three_exponentials(
     variant: ModelVariant,
 ) -> None:
-    model = ImpactModel(
-        Body(0.1, 22.54e6, 1900.0), Body(0.17, 45.29e6, 1700.0), 203.2e-6, 0.08, 60
-    )
     numbers = np.linspace(0.0, 1.0, COUNT) * (-1.0 + 30.0j)
-    costs: dict[str, list[float]] = {"model": [], "limit": []}
-    for _ in range(60):
-        start = clock.process_time()
-        simulate_impact(model, RATE, COUNT, variant=variant)
-        middle = clock.process_time()
-        np.exp(numbers)
-        costs["model"].append(middle - start)
-        costs["limit"].append(clock.process_time() - middle)
-    # The best of many: what else the machine does is not the model's.
-    assert min(costs["model"]) <= 3.0 * min(costs["limit"])
+    ours, limit = find_lowest_costs(
+        lambda: simulate_impact(METAL, RATE, COUNT, variant=variant),
+        lambda: np.exp(numbers),
+        turns=60,
+    )
+    assert ours <= 3.0 * limit
+
+
+@pytest.mark.parametrize("variant", ModelVariant)
+def test_many_impacts_cost_less_than_half_of_single_calls(variant: ModelVariant) -> None:
+    models = [METAL] * BATCH
+    together, singly = find_lowest_costs(
+        lambda: simulate_impacts(models, RATE, COUNT, variant=variant),
+        lambda: [simulate_impact(model, RATE, COUNT, variant=variant) for model in models],
+        turns=8,
+    )
+    assert together <= 0.5 * singly
+
+
+@pytest.mark.parametrize("variant", ModelVariant)
+def test_all_derivatives_cost_less_than_as_many_simulations(variant: ModelVariant) -> None:
+    names = find_parameter_names(variant)
+    derivatives, differences = find_lowest_costs(
+        lambda: compute_sensitivities(METAL, RATE, COUNT, variant=variant),
+        lambda: [simulate_impact(METAL, RATE, COUNT, variant=variant) for _ in names],
+        turns=30,
+    )
+    assert derivatives <= differences
