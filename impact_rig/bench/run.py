@@ -51,9 +51,10 @@ class PartResults:
 
 @dataclass(frozen=True)
 class BenchResults:
-    """What was measured, and on which machine."""
+    """What was measured, how much of it, and on which machine."""
 
     machine: Machine
+    extent: Extent
     parts: tuple[PartResults, ...]
 
     @property
@@ -92,7 +93,7 @@ def run_parts(
     with tempfile.TemporaryDirectory(prefix="impact_rig_campaigns_") as folder:
         campaigns = Campaigns(Path(folder))
         results = [_run_part(name, extent, campaigns, report) for name in names]
-    return BenchResults(describe_machine(), tuple(results))
+    return BenchResults(describe_machine(), extent, tuple(results))
 
 
 def _run_part(

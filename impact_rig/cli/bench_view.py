@@ -88,6 +88,7 @@ def results_to_json(results: BenchResults) -> dict[str, Any]:
     """Return what was measured as plain dicts, lists, strings and numbers."""
     return {
         "machine": record_to_json(results.machine),
+        "extent": record_to_json(results.extent),
         "parts": [
             {
                 "name": part.name,

@@ -110,6 +110,7 @@ def test_the_json_has_every_measurement(run: Run, measure: Callable[..., None]) 
     measure(read=GOOD)
     content = json.loads(run("bench", "read", "--json").stdout)
     assert content["machine"]["cores"] >= 1
+    assert content["extent"] == vars(Extent())
     ((part),) = content["parts"]
     (figure,) = part["figures"]
     assert figure["values"] == [1.5, 1.6, 1.7]
