@@ -73,7 +73,7 @@ def _declare_content(node: RigNode) -> None:
         " whole, beside the hits that are found in it; 72 GB an hour at 2.5 MS/s, uncompressed",
     )  # fmt: skip
     node.declare(
-        "stream_depth", 5 * interfaces.STREAM_DEPTH,
+        "stream_depth", 10 * interfaces.STREAM_DEPTH,
         "how many blocks of the running stream may wait to be written; more are lost",
         low=interfaces.STREAM_DEPTH, high=100_000,
     )  # fmt: skip

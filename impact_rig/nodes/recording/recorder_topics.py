@@ -32,9 +32,7 @@ LARGEST_HELPING = 50
 choice."""
 TAKING_PERIOD = 0.05
 """How often what nobody waits for is taken [s], our choice: a stream's queue holds many times as
-much."""
-LONGEST_TAKING = 0.03
-"""How long that may last [s], our choice, before what is waited for has its turn."""
+much. It lasts no longer than that either: then what is waited for has its turn."""
 URGENT = (interfaces.SETUP, interfaces.ACCELERATION, interfaces.ACQUISITION_STATE)
 """Topics that are written as soon as something comes: a verdict waits for it."""
 PARAMETER_EVENTS = "/parameter_events"
@@ -130,7 +128,7 @@ class RecordedTopics:
 
     def take_some(self) -> None:
         """Write what is in the queues, for a bounded time; call it every `TAKING_PERIOD`."""
-        self.take_waiting(time.monotonic() + LONGEST_TAKING)
+        self.take_waiting(time.monotonic() + TAKING_PERIOD)
 
     def take_waiting(self, deadline: float = math.inf) -> None:
         """Write what is in the queues until they are empty, or until a time of `monotonic`."""
@@ -175,7 +173,7 @@ class RecordedTopics:
 
         def write_helping(data: bytes, info: Mapping[str, Any]) -> None:
             # What led to it stands before it in the file, and reaches the disk with it.
-            self._take_from(self._leisurely, time.monotonic() + LONGEST_TAKING)
+            self._take_from(self._leisurely, time.monotonic() + TAKING_PERIOD)
             write(data, info)
             self._take_helping(topic)
 
