@@ -159,3 +159,34 @@ def test_a_recording_of_another_profile_is_refused(run: Run, tmp_path: Path) -> 
 @pytest.mark.parametrize("command", ["info", "recover"])
 def test_the_exit_codes_are_explained(run: Run, command: str) -> None:
     assert "Exit code" in run(command, "--help").stdout
+
+
+def test_a_running_stream_is_named_with_what_it_lacks(run: Run, tmp_path: Path) -> None:
+    from array import array
+
+    from impact_rig_msgs.msg import StreamBlock
+    from rclpy.serialization import serialize_message
+
+    from impact_rig.recording.interfaces.message_definitions import find_message_definition
+
+    path = tmp_path / "stream.mcap"
+    definition = find_message_definition("impact_rig_msgs/msg/StreamBlock")
+    with McapWriter(path) as writer:
+        channel = writer.add_channel("/acceleration/stream", definition, (OfferedQos(),))
+        for number, start in enumerate((0, 100, 350)):
+            block = StreamBlock(first_sample=start)
+            block.hammer.counts = block.specimen.counts = array("i", range(100))
+            writer.add_message(channel, serialize_message(block), number, number)
+    text = " ".join(run("info", path).stdout.split())
+    assert "stream /acceleration/stream, 300 points of each channel" in text
+    assert "losses 1 gap of 150 points in /acceleration/stream" in text
+    content = json.loads(run("info", path, "--json").stdout)
+    assert content["streams"] == [
+        {
+            "topic": "/acceleration/stream",
+            "blocks": 3,
+            "points": 300,
+            "gaps": 1,
+            "missing_points": 150,
+        }
+    ]

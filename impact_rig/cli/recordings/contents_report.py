@@ -69,6 +69,11 @@ def describe_losses(contents: Contents) -> str:
     parts = []
     if gaps:
         parts.append(f"{count(gaps, 'gap')} of {count(points, 'point')} in the blocks")
+    parts += [
+        f"{count(stream.gaps, 'gap')} of {count(stream.missing_points, 'point')} in {stream.topic}"
+        for stream in contents.streams
+        if stream.gaps
+    ]
     if contents.messages_lost:
         parts.append(f"{count(contents.messages_lost, 'message')} on the way to the recorder")
     if contents.lost:
@@ -156,6 +161,7 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
         "gaps": sum(hit.gaps for hit in contents.hits),
         "missing_points": sum(hit.missing_points for hit in contents.hits),
         "hits": [_hit_to_json(hit) for hit in contents.hits],
+        "streams": [dataclasses.asdict(stream) for stream in contents.streams],
         "rejections": dict(count_reasons(contents)),
         "topics": [
             {

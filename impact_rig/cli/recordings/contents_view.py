@@ -118,6 +118,10 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
         rigs = dict.fromkeys(str(getattr(setup, "name", "")) for setup in contents.setups)
         named = ", ".join(name for name in rigs if name)
         facts.append(("campaigns", f"{len(campaigns)}{f' on {named}' if named else ''}"))
+    facts += [
+        ("stream", f"{stream.topic}, {stream.points} points of each channel")
+        for stream in contents.streams
+    ]
     facts.append(("losses", describe_losses(contents) or "none"))
     if recovery := find_fields(contents, RECOVERY_RECORD):
         facts.append(("recovery", describe_recovery(recovery)))

@@ -110,6 +110,27 @@ class AttachmentEntry:
 
 
 @dataclass(frozen=True)
+class RecordedStream:
+    """What there is of a running stream.
+
+    Attributes
+    ----------
+    topic : str
+        In full.
+    blocks, points : int
+        How many, the points per channel [-].
+    gaps, missing_points : int
+        Jumps between its blocks, and the points they leave out per channel [-].
+    """
+
+    topic: str
+    blocks: int
+    points: int
+    gaps: int
+    missing_points: int
+
+
+@dataclass(frozen=True)
 class Note:
     """What an operator said, and when [ns since the epoch]."""
 
@@ -133,6 +154,8 @@ class Contents:
         By name.
     hits : tuple of RecordedHit
         In the order in which they happened.
+    streams : tuple of RecordedStream
+        By topic.
     metadata : tuple of MetadataRecord
         As found.
     attachments : tuple of AttachmentEntry
@@ -154,6 +177,7 @@ class Contents:
     missing_files: tuple[str, ...]
     topics: tuple[TopicContents, ...]
     hits: tuple[RecordedHit, ...]
+    streams: tuple[RecordedStream, ...]
     metadata: tuple[MetadataRecord, ...]
     attachments: tuple[AttachmentEntry, ...]
     notes: tuple[Note, ...]

@@ -11,23 +11,25 @@ from impact_rig.core.errors import FileError
 from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
 from impact_rig.recording.reading.bag_files import find_bag_files
 from impact_rig.recording.reading.mcap_file import MetadataRecord
-from impact_rig.recording.reading.mcap_reader import SETUP_TYPE
+from impact_rig.recording.reading.mcap_reader import SETUP_TYPE, STREAM_TYPE
 from impact_rig.recording.recovery.contents import (
     AttachmentEntry,
     Contents,
     FileContents,
     Note,
+    RecordedStream,
     TopicContents,
 )
 from impact_rig.recording.recovery.file_tally import PROFILE, ChannelTally, FileTally
 from impact_rig.recording.recovery.found import ChunkEnd, Found, FoundMessage
 from impact_rig.recording.recovery.found_topics import Topic
-from impact_rig.recording.recovery.recorded_hits import HIT_TYPES, HitWatch
+from impact_rig.recording.recovery.recorded_hits import HIT_TYPES, HitWatch, count_points
 from impact_rig.recording.recovery.salvage import Salvage
+from impact_rig.recording.writing.stream_watch import StreamWatch
 
 NOTE_TYPE = "std_msgs/msg/String"
 STATE_TYPE = "impact_rig_msgs/msg/RecorderState"
-_DECODED = HIT_TYPES | {NOTE_TYPE, STATE_TYPE}
+_DECODED = HIT_TYPES | {STREAM_TYPE, NOTE_TYPE, STATE_TYPE}
 
 
 def inspect_recording(
@@ -100,6 +102,7 @@ class _Inspection:
     def __init__(self, check: MessageCheck) -> None:
         self._check = check
         self._watch = HitWatch()
+        self._streams: dict[str, StreamWatch] = {}
         self._files: list[FileContents] = []
         self._topics: dict[tuple[str, str], TopicContents] = {}
         self._metadata: list[MetadataRecord] = []
@@ -141,6 +144,10 @@ class _Inspection:
             missing_files=tuple(missing),
             topics=tuple(sorted(self._topics.values(), key=lambda topic: topic.name)),
             hits=(),
+            streams=tuple(
+                RecordedStream(topic, watch.blocks, watch.points, watch.gaps, watch.missing_points)
+                for topic, watch in sorted(self._streams.items())
+            ),
             metadata=tuple(self._metadata),
             attachments=tuple(self._attachments),
             notes=tuple(self._notes),
@@ -193,6 +200,9 @@ class _Inspection:
     def _look_into(self, message: FoundMessage, type_name: str, content: Any) -> None:
         if type_name == SETUP_TYPE:
             self._setups[message.data] = content
+        elif type_name == STREAM_TYPE:
+            watch = self._streams.setdefault(message.topic.channel.topic, StreamWatch())
+            watch.add(int(content.first_sample), count_points(content.hammer))
         elif type_name == STATE_TYPE:
             lost = int(getattr(content, "messages_lost", 0))
             self._messages_lost = max(self._messages_lost, lost)

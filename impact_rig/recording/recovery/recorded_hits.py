@@ -148,9 +148,14 @@ class HitWatch:
         )
 
 
+def count_points(channel: Any) -> int:
+    """Return how many points a decoded `Channel` has, of whatever version."""
+    return max(len(channel.counts), len(getattr(channel, "values", ())))
+
+
 def _add_block(evidence: _Evidence, message: Any) -> None:
     start = int(message.first_sample)
-    points = max(len(message.hammer.counts), len(getattr(message.hammer, "values", ())))
+    points = count_points(message.hammer)
     if start > evidence.next_sample:
         evidence.gaps += 1
         evidence.missing_points += start - evidence.next_sample
