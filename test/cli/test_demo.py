@@ -173,9 +173,9 @@ def test_other_peoples_readers_find_every_message_of_every_topic(demo, read):
     counts = read(folder / "session.mcap")
     assert counts["/setup"] >= 1
     assert counts["/impact"] == counts["/release"] == counts["/virtual_impact"] == hits
-    # steel small comes first, and again with each control hit once k1 is known; both once more
-    # with the model fitted, when the campaign asks for the results.
-    assert counts["/estimate"] == 3 + 3 + 3 + 2
+    # One with each hit, and one of both samples with the model fitted, when the campaign asks for
+    # the results. On a slow host steel small comes again behind a hit on the control sample.
+    assert 3 + 3 + 2 <= counts["/estimate"] <= 3 + 3 + 3 + 2
     assert counts["/acceleration"] >= 5 * 6
     assert counts["/diagnostics"] >= 1
 

@@ -5,6 +5,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from impact_rig_msgs.msg import AcquisitionState, HammerRelease
 from impact_rig_msgs.srv import Arm
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
@@ -202,13 +204,14 @@ def test_an_unknown_mode_leaves_the_node_unconfigured_and_says_why(harness):
 
 def test_a_recording_of_the_stream_alone_holds_the_same_hits(harness, start_rig, strike, tmp_path):
     path, stream_alone = tmp_path / "session.mcap", tmp_path / "stream.mcap"
-    recorder = harness.add(
+    harness.add(
         RecorderNode, output=str(path), record_stream=True, compression="lz4", required_topics=""
     )
     start_rig(subscribers="estimator, recorder")
     for impact in (1, 2):
         assert strike(impact=impact).accepted
-    recorder.close()
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
+    assert harness.call(ChangeState, "recorder/change_state", request).success
     leave_out(path, stream_alone, "/acceleration")
     expected, found = judge(path), judge(stream_alone)
     assert len(expected) == 2
