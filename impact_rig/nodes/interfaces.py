@@ -31,9 +31,10 @@ RESULT_DEPTH = 256
 campaigns."""
 COMPARISON_DEPTH = 64
 """The same for traces of 80 kB [messages]."""
-STREAM_DEPTH = 100
+STREAM_DEPTH = 400
 """How much of a running stream may wait, where no parameter says otherwise [messages], our choice:
-1 s in blocks of 10 ms."""
+4 s in blocks of 10 ms, in which the estimator may evaluate a campaign. Only what waits takes
+memory."""
 
 
 def _make_qos(depth: int, *, latched: bool) -> QoSProfile:
