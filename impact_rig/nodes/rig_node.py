@@ -55,6 +55,7 @@ class RigNode(LifecycleNode):
         # group that lets them pass.
         self.waiting_group = ReentrantCallbackGroup()
         self._waiters: list[Callable[[], None]] = []
+        self._idle: list[_OneShot] = []
         self.messages_handled = 0
         self.stop_requested = threading.Event()
         self._fault = ""
@@ -207,16 +208,18 @@ class RigNode(LifecycleNode):
 
     def run_once_after(self, delay: float, work: Callable[[], None]) -> None:
         """Call `work` once, `delay` seconds from now; a `RigError` in it is reported."""
+        # rclpy remembers every timer that there ever was: those that have fired are used again.
+        one_shot = self._idle.pop() if self._idle else _OneShot(self, self._fire)
+        one_shot.start(delay, work)
 
-        def fire() -> None:
-            self.destroy_timer(timer)
-            try:
-                work()
-            except RigError as error:
-                self.report_fault(str(error))
-            self.wake_waiters()
-
-        timer = self.create_timer(delay, fire)
+    def _fire(self, one_shot: "_OneShot") -> None:
+        one_shot.stop()
+        self._idle.append(one_shot)
+        try:
+            one_shot.work()
+        except RigError as error:
+            self.report_fault(str(error))
+        self.wake_waiters()
 
     async def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Wait for a condition that some callback of this node makes true.
@@ -372,6 +375,23 @@ class RigNode(LifecycleNode):
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
+
+
+class _OneShot:
+    """A timer that calls its work once, and is then idle until it is started again."""
+
+    def __init__(self, node: RigNode, fire: Callable[["_OneShot"], None]) -> None:
+        self.work: Callable[[], None] = lambda: None
+        self._timer = node.create_timer(WAITING_PERIOD, lambda: fire(self))
+        self.stop()
+
+    def start(self, delay: float, work: Callable[[], None]) -> None:
+        self.work = work
+        self._timer.timer_period_ns = round(delay * 1e9)
+        self._timer.reset()
+
+    def stop(self) -> None:
+        self._timer.cancel()
 
 
 def split_names(text: str) -> list[str]:
