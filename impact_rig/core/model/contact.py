@@ -94,7 +94,7 @@ def simulate_contacts(
     drives : ndarray, shape (2, models)
         The hammer's v1 w and the force's F0 / (2 m2) [m/s^2].
     angles : ndarray, shape (3, models)
-        phi from point to point, at the first point, and at the end of the contact [rad].
+        phi at the first point, at the end of the contact, and from point to point [rad].
     count : int
         Number of points; those beyond the contact mean nothing.
 
@@ -111,6 +111,6 @@ def simulate_contacts(
     bodies = (size - 3) // 2
     initial = np.zeros((models, size, 1))
     initial[:, bodies, 0], initial[:, -3:-1, 0] = drives[0], drives[1][:, np.newaxis]
-    first, last = powers[1:] @ initial
-    values = propagate_output(powers[0], first[..., 0], entries[:, size:], count)
+    first, last = powers[:2] @ initial
+    values = propagate_output(powers[2], first[..., 0], entries[:, size:], count)
     return values, last[:, : 2 * bodies].reshape(models, 2, bodies)

@@ -201,7 +201,8 @@ def _simulate(
             for model, span in zip(models, spans, strict=True)
         ]
     ).T
-    numbers, drives, angles, late = np.split(table, (NUMBERS, NUMBERS + 2, NUMBERS + 5))
+    numbers, drives = table[:NUMBERS], table[NUMBERS : NUMBERS + 2]
+    angles, moments = table[NUMBERS + 2 : NUMBERS + 5], table[NUMBERS + 4 :]
     contact, state = simulate_contacts(
         system, numbers, drives, angles, max(span.free - span.first for span in spans)
     )
@@ -212,7 +213,7 @@ def _simulate(
         moving = system.moving
         stiffness, damping = numbers[K1 : K2 + 1 : 2].T, numbers[C1 : C2 + 1 : 2].T
         free = simulate_free_oscillators(
-            stiffness[:, moving], damping[:, moving], state, late[0], angles[0], longest
+            stiffness[:, moving], damping[:, moving], state, moments, longest
         )
         for record, values, span in zip(out[:, moving], free, spans, strict=True):
             record[:, span.free :] = values[:, : count - span.free]
@@ -221,7 +222,7 @@ def _simulate(
 def _scale(
     model: ImpactModel, span: ContactSpan, sampling_rate: float, *, is_printed: bool
 ) -> tuple[float, ...]:
-    """Return numbers, drives and angles of a model as its contact has them, and `late` [rad]."""
+    """Return numbers, drives and angles of a model as its two phases have them."""
     m1, m2 = model.hammer.mass, model.specimen.mass
     rate = FULL_TURN / model.contact_time
     k1, k2 = model.hammer.stiffness / rate**2, model.specimen.stiffness / rate**2
@@ -230,6 +231,5 @@ def _scale(
     return (
         *(k1 / m1, k1 / m2, k2 / m2, c1 / m1, c1 / m2, c2 / m2, m2 / m1, 1.0),
         *(model.impact_speed * rate if is_printed else 0.0, model.peak_force / (2.0 * m2)),
-        *(rate / sampling_rate, rate * span.begin, FULL_TURN),
-        rate * span.late,
+        *(rate * span.begin, FULL_TURN, rate / sampling_rate, rate * span.late),
     )

@@ -65,8 +65,7 @@ def simulate_driven(
             np.array([[-matrix[1, 0]]]),
             np.array([[-matrix[1, 1]]]),
             state[np.newaxis, :, np.newaxis],
-            np.array([time[free] - model.contact_time]),
-            np.array([1.0 / sampling_rate]),
+            np.array([[1.0 / sampling_rate], [time[free] - model.contact_time]]),
             count - free,
         )[0, 0]
     return -force / model.hammer.mass, specimen

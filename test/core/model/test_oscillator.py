@@ -23,7 +23,11 @@ def test_oscillators_of_every_damping_agree_side_by_side(count: int) -> None:
     # The second body of each has the damping of the next.
     pairs = np.array([(ratio, RATIOS[index - 1]) for index, ratio in enumerate(RATIOS)])
     found = simulate_free_oscillators(
-        np.full(pairs.shape, FREQUENCY**2), 2.0 * pairs * FREQUENCY, states, late, step, count
+        np.full(pairs.shape, FREQUENCY**2),
+        2.0 * pairs * FREQUENCY,
+        states,
+        np.stack([step, late]),
+        count,
     )
     assert found.shape == (len(RATIOS), 2, count)
     for model, body in np.ndindex(pairs.shape):
@@ -39,8 +43,7 @@ def test_what_has_decayed_for_long_is_zero_and_no_overflow() -> None:
         np.full((1, 3), 1e8),
         np.array([[1e2, 2e4, 1e7]]),
         np.ones((1, 2, 3)),
-        np.array([1e6]),
-        np.array([1e4]),
+        np.array([[1e4], [1e6]]),
         50,
     )
     np.testing.assert_array_equal(found, np.zeros((1, 3, 50)))
