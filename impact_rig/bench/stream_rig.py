@@ -14,11 +14,11 @@ from impact_rig.core.errors import RigError
 COMPRESSION = "lz4"
 POINT_SIZE = 8
 """Of a point of both channels [byte]."""
-BLOCK_POINTS = 25_000
-"""Of each channel in a block [-]: 10 ms at the paper's rate."""
-WAITING_TIME = 1.0
-"""For which blocks may wait anywhere on their way [s], our choice: what the nodes' own depths are
-at the paper's rate."""
+PERIOD = 0.01
+"""Between two blocks [s], as asked for."""
+DEPTH = 500
+"""Blocks that may wait anywhere on their way [-], our choice: for 5 s a busy computer may do
+something else."""
 FLOW_SIZE = 1 << 20
 """Of a recording that the stream flows into [byte]."""
 START_TIMEOUT = 60.0
@@ -69,7 +69,6 @@ def run_stream(folder: Path, sampling_rate: float, seconds: float) -> StreamRun:
         If a process ends by itself, or nothing is recorded.
     """
     recording = folder / "stream.mcap"
-    depth = max(round(WAITING_TIME * sampling_rate / BLOCK_POINTS), 100)
     with (
         use_own_domain() as environment,
         RigProcesses(environment, folder / "log.txt") as processes,
@@ -81,16 +80,16 @@ def run_stream(folder: Path, sampling_rate: float, seconds: float) -> StreamRun:
                 output=str(recording),
                 compression=COMPRESSION,
                 record_stream=True,
-                stream_depth=depth,
+                stream_depth=DEPTH,
                 sync="chunk",
             ),
-            "estimator": processes.start_node("estimator", stream_depth=depth),
+            "estimator": processes.start_node("estimator", stream_depth=DEPTH),
             "accelerometer": processes.start_node(
                 "accelerometer",
                 mode="continuous",
                 sampling_rate=sampling_rate,
-                stream_block_size=BLOCK_POINTS,
-                stream_depth=depth,
+                stream_block_size=round(PERIOD * sampling_rate),
+                stream_depth=DEPTH,
             ),
         }
         _await_flow(recording, processes)
