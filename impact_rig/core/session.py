@@ -31,9 +31,9 @@ from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.record import Block, HitLabel, Record
 
-KEPT_TRACES = 160
+KEPT_TRACES = 128
 """Hits that are kept with their traces, of all samples together [-], our choice: more than the
-paper's 120, and 6 MB."""
+paper's 120, and 5 MB."""
 LEAST_TRACES = 10
 """So many are kept of every sample, however many samples there are [-], our choice: as many as the
 paper has."""

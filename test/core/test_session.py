@@ -1,5 +1,9 @@
 """A session: blocks in, verdicts and estimates out, in whatever order samples come."""
 
+import gc
+import sys
+import tracemalloc
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -16,6 +20,7 @@ from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
 from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.uncertainty.results import REMEMBERED_INPUTS, make_ensemble, make_input
 
 SETUP = RigSetup(
     SampleSet((Sample("alike", 0.097), Sample("heavy", 0.297), Sample("third", 0.2)), "alike"),
@@ -318,3 +323,120 @@ def test_a_stated_stiffness_of_the_hammer_takes_the_control_samples_place(strike
     strike(session, "heavy", 2)
     expected = measured.estimate_sample("heavy").body.stiffness
     assert session.estimate_sample("heavy").body.stiffness == pytest.approx(expected, rel=1e-12)
+
+
+class TestLongRuns:
+    """Many hits: memory and work stay what they are, and the numbers what they would be."""
+
+    def test_traces_are_kept_of_so_many_hits_and_no_more(
+        self, strike: Strike, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("impact_rig.core.session.KEPT_TRACES", 30)
+        session, traces = Session(SETUP), []
+        for record in range(1, 52):
+            sample = SETUP.samples.names[record % 3]
+            (hit,) = strike(session, sample, record)
+            assert hit.filtered is not None
+            # Views of the same array would keep it alive, too.
+            traces.append(weakref.ref(hit.filtered.traces))
+            del hit
+            means = [mean for name in session.names if (mean := session.find_mean(name))]
+            assert sum(mean.count for mean in means) == record
+            assert sum(len(mean.hits) for mean in means) == min(record, 30)
+        gc.collect()
+        assert not [1 for trace in traces[:-1] if trace() is not None]
+        # The three samples share what there is.
+        assert [len(mean.hits) for mean in means] == [10, 10, 10]
+
+    def test_memory_does_not_grow_with_the_hits(
+        self, strike: Strike, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("impact_rig.core.session.KEPT_TRACES", 10)
+        session = Session(SETUP)
+        strike_series(strike, session, [900.0] * 20)
+        tracemalloc.start()
+        try:
+            before, _ = tracemalloc.get_traced_memory()
+            strike_series(strike, session, [900.0, 150.0] * 40, first=21)
+            gc.collect()
+            after, _ = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        # Filtered traces of one hit take 40 kB. The 10 that are kept may be others than before,
+        # which were not counted.
+        assert after - before < 10 * 20_000 + 80 * 1000
+
+    def test_every_hit_counts_although_few_show_the_scatter(
+        self, strike: Strike, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("impact_rig.core.session.LEAST_TRACES", 5)
+        whole, sparing = Session(SETUP), Session(SETUP)
+        heights = [900.0 + 5.0 * (record % 9) for record in range(60)]
+        strike_series(strike, whole, heights)
+        monkeypatch.setattr("impact_rig.core.session.KEPT_TRACES", 20)
+        strike_series(strike, sparing, heights)
+        expected, found = (session.estimate_sample("alike") for session in (whole, sparing))
+        assert found.impacts_accepted == expected.impacts_accepted == 60
+        assert found.contact is not None
+        assert expected.contact is not None
+        assert found.contact_time_spread == expected.contact_time_spread
+        assert found.contact.contact_time == pytest.approx(expected.contact.contact_time, rel=1e-9)
+        # Of 20 hits the scatter is known to a sixth; as that of a mean of 20 it would be 1.7
+        # times as large.
+        for uncertainties in (
+            [item.contact.contact_time_uncertainty.standard for item in (found, expected)],
+            [item.body.damping_ratio_uncertainty.standard for item in (found, expected)],
+        ):
+            assert 0.8 < uncertainties[0] / uncertainties[1] < 1.25
+
+    def test_results_do_not_depend_on_how_long_ago_the_hammer_was_estimated(
+        self, strike: Strike
+    ) -> None:
+        asked, quiet = Session(SETUP), Session(SETUP)
+        for session in (asked, quiet):
+            strike_series(strike, session, [900.0, 890.0, 910.0])
+            if session is asked:
+                session.estimate_hammer()
+            strike_series(strike, session, [900.0, 905.0], "heavy", first=4)
+        # What so many hits bring: more uncertain inputs than are told apart by name and value.
+        for number in range(REMEMBERED_INPUTS):
+            make_input("another", float(number), 1.0)
+            make_ensemble("another", (0.0,), np.array([[1.0 + number]]), 5.0)
+        assert repr(asked.estimate_all()) == repr(quiet.estimate_all())
+
+    def test_samples_measured_before_give_way_to_the_next(
+        self, strike: Strike, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("impact_rig.core.session.KEPT_TRACES", 20)
+        monkeypatch.setattr("impact_rig.core.session.LEAST_TRACES", 8)
+        session = Session(SETUP)
+        kept = []
+        for number, name in enumerate(("heavy", "alike", "third")):
+            strike_series(strike, session, [900.0] * 20, name, first=1 + 20 * number)
+            means = [session.find_mean(name) for name in ("heavy", "alike", "third")]
+            kept.append([len(mean.hits) for mean in means if mean])
+        # Never fewer than the least, even if that is more together.
+        assert kept == [[20], [10, 10], [8, 8, 8]]
+
+    def test_the_work_for_a_hit_does_not_grow(
+        self, strike: Strike, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("impact_rig.core.session.KEPT_TRACES", 10)
+        session, calls = Session(SETUP), 0
+
+        def count(_frame: object, event: str, _argument: object) -> None:
+            nonlocal calls
+            calls += event in ("call", "c_call")
+
+        work = []
+        for record in range(1, 71):
+            calls = 0
+            sys.setprofile(count)
+            try:
+                strike(session, "alike", record)
+                session.estimate_sample("alike")
+            finally:
+                sys.setprofile(None)
+            work.append(calls)
+        # Fits take a step more or less.
+        assert np.median(work[-15:]) < 1.1 * np.median(work[15:30])
