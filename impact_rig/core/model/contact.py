@@ -6,6 +6,7 @@ phi = w t, w = 2 pi / tau_p, and z(phi) = e^(N phi) z(0). Positions count as x w
 as x' w, which makes accelerations [m/s^2] of them all, and N a matrix without units.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,7 +82,12 @@ PRINTED, DRIVEN = _make_printed(), _make_driven()
 
 
 def simulate_contacts(
-    system: ContactSystem, numbers: FloatArray, drives: FloatArray, angles: FloatArray, count: int
+    system: ContactSystem,
+    numbers: FloatArray,
+    drives: FloatArray,
+    angles: FloatArray,
+    last_blocks: Sequence[int],
+    count: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Compute accelerations during the contact, and what moves at its end.
 
@@ -94,9 +100,12 @@ def simulate_contacts(
     drives : ndarray, shape (2, models)
         The hammer's v1 w and the force's F0 / (2 m2) [m/s^2].
     angles : ndarray, shape (3, models)
-        phi at the first point, at the end of the contact, and from point to point [rad].
+        phi at the first point, what is left from the last blocks' first points to the end of the
+        contact, and phi from point to point [rad].
+    last_blocks : sequence of int
+        From which of the blocks of `propagate_output` the end is reached.
     count : int
-        Number of points; those beyond the contact mean nothing.
+        Number of points, one or more; those beyond the contact mean nothing.
 
     Returns
     -------
@@ -111,6 +120,7 @@ def simulate_contacts(
     bodies = (size - 3) // 2
     initial = np.zeros((models, size, 1))
     initial[:, bodies, 0], initial[:, -3:-1, 0] = drives[0], drives[1][:, np.newaxis]
-    first, last = powers[:2] @ initial
-    values = propagate_output(powers[2], first[..., 0], entries[:, size:], count)
+    first = powers[0] @ initial
+    values, states = propagate_output(powers[2], first[..., 0], entries[:, size:], count)
+    last = powers[1] @ states[np.arange(models), :, last_blocks][..., np.newaxis]
     return values, last[:, : 2 * bodies].reshape(models, 2, bodies)

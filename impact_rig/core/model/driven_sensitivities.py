@@ -14,7 +14,12 @@ import numpy as np
 from impact_rig.core.model.contact import FULL_TURN
 from impact_rig.core.model.free_sensitivities import propagate_free, read_drive, read_motion
 from impact_rig.core.model.impact import ImpactModel
-from impact_rig.core.model.propagation import exponentiate, find_room, propagate_output
+from impact_rig.core.model.propagation import (
+    exponentiate,
+    find_room,
+    find_way_to_end,
+    propagate_output,
+)
 from impact_rig.core.model.time_grid import find_contact
 from impact_rig.core.signals.record import FloatArray
 
@@ -23,6 +28,7 @@ TAU, T0, STIFFNESS, DAMPING, FORCE = range(5)
 PARAMETERS = 5
 STATES = 7
 """X, X', Y, Y', and the force's constant, cosine and sine."""
+AT_START = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0])
 
 
 def compute_driven_sensitivities(
@@ -34,9 +40,10 @@ def compute_driven_sensitivities(
     """
     tau, force = model.contact_time, model.peak_force
     first, free, begin, late = find_contact(start, tau, sampling_rate, count)
-    time = (start + np.arange(count) / sampling_rate) / tau
-    room = max(first + find_room(free - first), free + find_room(count - free))
+    contact = max(free - first, 1)
+    room = max(first + find_room(contact), free + find_room(count - free))
     derivatives = np.zeros((2, PARAMETERS, room))
+    time = (start + np.arange(count) / sampling_rate) / tau
     phase = time[first:free]
     hammer = derivatives[0, :, first:free]
     hammer[T0] = force * np.pi / (model.hammer.mass * tau) * np.sin(FULL_TURN * phase)
@@ -47,14 +54,14 @@ def compute_driven_sensitivities(
     damping = model.specimen.damping_coefficient * duration / model.specimen.mass
     mixing = _find_mixing(model, stiffness, damping)
     matrix = _make_contact_matrix(stiffness, damping)
-    initial = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0])
     step = 1.0 / (sampling_rate * duration)
-    times = np.array([step, begin / duration, FULL_TURN])
-    power, *shifts = exponentiate(times[:, np.newaxis, np.newaxis] * matrix)
-    arrived, end = (shift @ initial for shift in shifts)
-    propagate_output(
-        power, arrived, mixing @ _read_contact(matrix), free - first, specimen[:, first:]
+    last, left = find_way_to_end((tau - begin) / duration, step, contact)
+    times = np.array([step, begin / duration, left])
+    power, to_first, to_end = exponentiate(times[:, np.newaxis, np.newaxis] * matrix)
+    _, states = propagate_output(
+        power, to_first @ AT_START, mixing @ _read_contact(matrix), contact, specimen[:, first:]
     )
+    end = to_end @ states[:, last]
     propagate_free(
         np.array([stiffness]),
         np.array([damping]),

@@ -76,6 +76,8 @@ def propagate_free(
     out : ndarray, shape (bodies, rows, m)
         Filled with them, and with room for `find_room` of `count` points.
     """
+    if count < 1:
+        return
     matrix = np.zeros((stiffness.size, STATES, STATES))
     matrix[:, 0, 1] = matrix[:, 2, 3] = matrix[:, 3, 0] = 1.0
     matrix[:, 1, 0] = matrix[:, 3, 2] = -stiffness

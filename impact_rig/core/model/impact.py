@@ -27,6 +27,7 @@ from impact_rig.core.model.contact import (
     simulate_contacts,
 )
 from impact_rig.core.model.oscillator import simulate_free_oscillators
+from impact_rig.core.model.propagation import find_way_to_end
 from impact_rig.core.model.stiffness import estimate_equivalent_mass
 from impact_rig.core.model.time_grid import ContactSpan, find_contact
 from impact_rig.core.signals.record import FloatArray
@@ -195,16 +196,21 @@ def _simulate(
         find_contact(start, model.contact_time, sampling_rate, count)
         for model, start in zip(models, starts, strict=True)
     ]
+    longest = max(1, *(span.free - span.first for span in spans))
+    ways = [
+        find_way_to_end(model.contact_time - span.begin, 1.0 / sampling_rate, longest)
+        for model, span in zip(models, spans, strict=True)
+    ]
     table = np.array(
         [
-            _scale(model, span, sampling_rate, is_printed=is_printed)
-            for model, span in zip(models, spans, strict=True)
+            _scale(model, span, left, sampling_rate, is_printed=is_printed)
+            for model, span, (_, left) in zip(models, spans, ways, strict=True)
         ]
     ).T
     numbers, drives = table[:NUMBERS], table[NUMBERS : NUMBERS + 2]
     angles, moments = table[NUMBERS + 2 : NUMBERS + 5], table[NUMBERS + 4 :]
     contact, state = simulate_contacts(
-        system, numbers, drives, angles, max(span.free - span.first for span in spans)
+        system, numbers, drives, angles, [last for last, _ in ways], longest
     )
     for record, values, span in zip(out, contact, spans, strict=True):
         record[:, span.first : span.free] = values[:, : span.free - span.first]
@@ -220,7 +226,7 @@ def _simulate(
 
 
 def _scale(
-    model: ImpactModel, span: ContactSpan, sampling_rate: float, *, is_printed: bool
+    model: ImpactModel, span: ContactSpan, left: float, sampling_rate: float, *, is_printed: bool
 ) -> tuple[float, ...]:
     """Return numbers, drives and angles of a model as its two phases have them."""
     m1, m2 = model.hammer.mass, model.specimen.mass
@@ -231,5 +237,5 @@ def _scale(
     return (
         *(k1 / m1, k1 / m2, k2 / m2, c1 / m1, c1 / m2, c2 / m2, m2 / m1, 1.0),
         *(model.impact_speed * rate if is_printed else 0.0, model.peak_force / (2.0 * m2)),
-        *(rate * span.begin, FULL_TURN, rate / sampling_rate, rate * span.late),
+        *(rate * span.begin, rate * left, rate / sampling_rate, rate * span.late),
     )

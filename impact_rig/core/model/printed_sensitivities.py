@@ -21,7 +21,12 @@ from impact_rig.core.model.free_sensitivities import (
     read_motion,
 )
 from impact_rig.core.model.impact import ImpactModel
-from impact_rig.core.model.propagation import exponentiate, find_room, propagate_output
+from impact_rig.core.model.propagation import (
+    exponentiate,
+    find_room,
+    find_way_to_end,
+    propagate_output,
+)
 from impact_rig.core.model.time_grid import find_contact
 from impact_rig.core.signals.record import FloatArray
 
@@ -106,23 +111,25 @@ def compute_printed_sensitivities(
     first, free, begin, late = find_contact(start, tau, sampling_rate, count)
     step = 1.0 / (sampling_rate * scaled.duration)
     matrix, initial = _make_contact_system(scaled)
-    times = np.array([step, begin / scaled.duration, FULL_TURN])
-    power, *shifts = exponentiate(times[:, np.newaxis, np.newaxis] * matrix)
-    arrived, end = (shift @ initial for shift in shifts)
+    contact = max(free - first, 1)
+    last, left = find_way_to_end((tau - begin) / scaled.duration, step, contact)
+    times = np.array([step, begin / scaled.duration, left])
+    power, to_first, to_end = exponentiate(times[:, np.newaxis, np.newaxis] * matrix)
 
-    mixing = scaled.find_mixing()
-    in_contact = mixing @ _read_contact(scaled, matrix)
-    afterwards = mixing @ _read_free(scaled, end, matrix @ end)
-    room = max(first + find_room(free - first), free + find_room(count - free))
+    room = max(first + find_room(contact), free + find_room(count - free))
     result = np.empty((2, OUTPUTS, room))
     result[:, :, :first] = 0.0
-    propagate_output(
+    mixing = scaled.find_mixing()
+    in_contact = mixing @ _read_contact(scaled, matrix)
+    _, states = propagate_output(
         power,
-        arrived,
+        to_first @ initial,
         in_contact.reshape(2 * OUTPUTS, -1),
-        free - first,
+        contact,
         result.reshape(2 * OUTPUTS, -1)[:, first:],
     )
+    end = to_end @ states[:, last]
+    afterwards = mixing @ _read_free(scaled, end, matrix @ end)
     propagate_free(
         scaled.kappa,
         scaled.delta,

@@ -7,10 +7,11 @@ result down.
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.signals.record import FloatArray, make_read_only
 
 SERIES_BLOCKS = 4
 SERIES_ORDER = SERIES_BLOCKS**2 - 1
@@ -38,11 +39,11 @@ def exponentiate(matrices: FloatArray) -> FloatArray:
     -------
     ndarray, shape (..., d, d)
     """
-    norm = float(np.abs(matrices).sum(axis=-2).max(initial=0.0))
+    norm = float(np.maximum.reduce(np.add.reduce(np.abs(matrices), axis=-2), axis=None, initial=0))
     squarings = max(0, math.ceil(math.log2(norm / LARGEST_NORM))) if norm > 0.0 else 0
     size = matrices.shape[-1]
     powers = np.empty((SERIES_BLOCKS, *matrices.shape))
-    powers[0] = identity = np.eye(size)
+    powers[0] = identity = _make_identity(size)
     scaled = np.multiply(matrices, 0.5**squarings, out=powers[1])
     for n in range(2, SERIES_BLOCKS):
         np.matmul(powers[n - 1], scaled, out=powers[n])
@@ -58,6 +59,11 @@ def exponentiate(matrices: FloatArray) -> FloatArray:
         result = result @ (result + twice)
     result += identity
     return result
+
+
+@lru_cache(maxsize=16)
+def _make_identity(size: int) -> FloatArray:
+    return make_read_only(np.eye(size))
 
 
 def propagate(power: FloatArray, initial: FloatArray, count: int) -> FloatArray:
@@ -88,10 +94,31 @@ def propagate(power: FloatArray, initial: FloatArray, count: int) -> FloatArray:
     return result
 
 
+def find_block(count: int) -> int:
+    """Return how many points `propagate_output` takes together, of `count`."""
+    return 1 << _find_levels(count)
+
+
 def find_room(count: int) -> int:
-    """Return how many points `propagate_output` works on for so many: whole blocks of them."""
-    block = 1 << _find_levels(count)
-    return -(-count // block) * block
+    """Return how many points it works on: whole blocks."""
+    return -(-count // find_block(count)) * find_block(count)
+
+
+def find_way_to_end(duration: float, step: float, count: int) -> tuple[int, float]:
+    """Return from which block a time after the first point is reached, and how far from there.
+
+    Parameters
+    ----------
+    duration : float
+        That time.
+    step : float
+        From point to point.
+    count : int
+        Number of points.
+    """
+    block = find_block(count) * step
+    last = int(min(duration / block, find_room(count) // find_block(count) - 1))
+    return last, duration - last * block
 
 
 def _find_levels(count: int) -> int:
@@ -104,7 +131,7 @@ def propagate_output(
     readout: FloatArray,
     count: int,
     out: FloatArray | None = None,
-) -> FloatArray:
+) -> tuple[FloatArray, FloatArray]:
     """Compute C P^n y for n = 0 ... count - 1.
 
     Parameters
@@ -116,22 +143,22 @@ def propagate_output(
     readout : ndarray, shape (..., r, d)
         C, what is read off a state.
     count : int
-        Number of points.
+        Number of points, one or more.
     out : ndarray, shape (..., r, m), optional
         Where to put them: m is `find_room` of `count` or more, and of so many points those
         beyond `count` mean nothing.
 
     Returns
     -------
-    ndarray, shape (..., r, count)
+    values : ndarray, shape (..., r, count)
+    states : ndarray, shape (..., d, blocks)
+        P^n y at the first point of each block.
     """
     levels = _find_levels(count)
     block, room = 1 << levels, find_room(count)
     outputs, size = readout.shape[-2:]
     if out is None:
         out = np.empty((*readout.shape[:-1], room))
-    if count < 1:
-        return out[..., :0]
     # The readouts of all points of a block are multiplied as one list of rows.
     rows = np.empty((*readout.shape[:-2], block * outputs, size))
     rows[..., :outputs, :] = readout
@@ -140,11 +167,11 @@ def propagate_output(
         np.matmul(rows[..., :done, :], power, out=rows[..., done : 2 * done, :])
         power = power @ power
         done *= 2
-    states = propagate(power, initial, room // block).swapaxes(-1, -2)
+    states = propagate(power, initial, room // block)
     by_output = rows.reshape(*readout.shape[:-2], block, outputs, size).swapaxes(-2, -3)
     np.matmul(
-        states[..., np.newaxis, :, :],
+        states.swapaxes(-1, -2)[..., np.newaxis, :, :],
         by_output.swapaxes(-1, -2),
         out=out[..., :room].reshape(*readout.shape[:-1], -1, block),
     )
-    return out[..., :count]
+    return out[..., :count], states

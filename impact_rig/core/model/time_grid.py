@@ -50,7 +50,7 @@ def find_contact(
 
 def _find_point(start: float, time: float, sampling_rate: float, count: int) -> int:
     """Return the first point at a time or after it; `count`: there is none."""
-    point = min(max(math.ceil((time - start) * sampling_rate), 0), count)
+    point = math.ceil(min(max((time - start) * sampling_rate, 0.0), count))
     # The grid is start + n / rate as rounded, which may be one point aside.
     while point > 0 and start + (point - 1) / sampling_rate >= time:
         point -= 1
