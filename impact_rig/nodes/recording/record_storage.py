@@ -1,16 +1,13 @@
 """Follows the blocks on their way into a recording, and says when a record is on the disk."""
 
 import time
-from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from impact_rig_msgs.msg import AcquisitionState, RecordStored
 from rclpy.serialization import deserialize_message
 
-from impact_rig.core.errors import FileError
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes.messages import stamp_to_msg
-from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recording.interfaces.block_heads import read_block_head, read_stream_head
 from impact_rig.recording.writing.record_watch import RecordWatch
 from impact_rig.recording.writing.recording_writer import RecordingWriter
@@ -25,21 +22,25 @@ SETTLING_TIME = 0.5
 travel by another topic than the word of its end."""
 
 
+class _Ending(NamedTuple):
+    """An arming that has ended: of which sample, with how many blocks, and when they are all."""
+
+    sample: str
+    blocks: int
+    due: float
+
+
 class RecordStorage:
     """Counts blocks as they are written, has records put on the disk, and publishes that they are.
 
     Parameters
     ----------
-    node : RigNode
-        The recorder.
     writer : RecordingWriter
         What it writes to.
     publisher : Publisher
         Of `RecordStored`.
     sync : str
         One of `SYNCS`.
-    fail : callable
-        Called with the error if something cannot be written.
 
     Attributes
     ----------
@@ -54,21 +55,18 @@ class RecordStorage:
 
     def __init__(
         self,
-        node: RigNode,
         writer: RecordingWriter,
         publisher: Any,
         sync: str,
-        fail: Callable[[FileError], None],
     ) -> None:
         self.watch = RecordWatch()
         self.stream = StreamWatch()
         self.longest_lag = 0.0
-        self._node = node
         self._writer = writer
         self._publisher = publisher
         self._sync = sync
-        self._fail = fail
         self._arming: AcquisitionState | None = None
+        self._endings: dict[int, _Ending] = {}
         self._unfinished: HitLabel | None = None
 
     def take_block(self, data: bytes, sent: int) -> None:
@@ -93,7 +91,20 @@ class RecordStorage:
             # The first word is of what was before this recording. Later ones may come so soon
             # after another that only the last is heard.
             is_known = previous.record == self._arming.record
-            self._end_soon(self._arming.record, previous.sample if is_known else "")
+            self._expect_end(self._arming.record, previous.sample if is_known else "")
+
+    def end_quiet_records(self) -> None:
+        """End records whose arming has ended and of which nothing comes; call it now and then."""
+        now = time.monotonic()
+        for record, ending in tuple(self._endings.items()):
+            if ending.due > now:
+                continue
+            del self._endings[record]
+            if self._count_unfinished(record) != ending.blocks:
+                self._expect_end(record, ending.sample)
+            elif not self.watch.has_ended(record):
+                self.watch.end(record, ending.sample)
+                self._store_finished()
 
     def flush(self) -> None:
         """Write what waits; call it now and then. A record that goes on is told of in parts."""
@@ -132,26 +143,12 @@ class RecordStorage:
         unfinished = self.watch.unfinished
         return unfinished.blocks if unfinished and unfinished.label.record == record else 0
 
+    def _expect_end(self, record: int, sample: str) -> None:
+        if not self.watch.has_ended(record):
+            blocks, due = self._count_unfinished(record), time.monotonic() + SETTLING_TIME
+            self._endings[record] = _Ending(sample, blocks, due)
+
     def _store_finished(self) -> None:
         if self._sync == SYNC_HIT and self.watch.has_finished:
             self._writer.sync()
             self.publish_stored()
-
-    def _end_soon(self, record: int, sample: str) -> None:
-        if self.watch.has_ended(record):
-            return
-        blocks = self._count_unfinished(record)
-
-        def end() -> None:
-            if self._writer.closed or self.watch.has_ended(record):
-                return
-            if self._count_unfinished(record) != blocks:
-                self._end_soon(record, sample)
-                return
-            self.watch.end(record, sample)
-            try:
-                self._store_finished()
-            except FileError as error:
-                self._fail(error)
-
-        self._node.run_once_after(SETTLING_TIME, end)

@@ -75,7 +75,7 @@ class RecordingRun:
         self._is_stream_recorded = stream_depth > 0
         self._stream_seen = (time.monotonic(), 0)
         self.writer = open_writer(lambda: self._write_health(SPLIT))
-        self.storage = RecordStorage(node, self.writer, publisher, sync, fail)
+        self.storage = RecordStorage(self.writer, publisher, sync)
         readers = {
             interfaces.ACCELERATION.name: self.storage.take_block,
             interfaces.STREAM.name: self.storage.take_stream_block,
@@ -113,7 +113,7 @@ class RecordingRun:
 
     def start(self, flush_period: float) -> None:
         """Begin to look for further topics and nodes, and to flush."""
-        self.call_every(TAKING_PERIOD, self.topics.take_some)
+        self.call_every(TAKING_PERIOD, self._take_some)
         self.call_every(DISCOVERY_PERIOD, self._discover)
         if flush_period:
             self.call_every(flush_period, self.storage.flush)
@@ -192,6 +192,10 @@ class RecordingRun:
         self.topics.close()
         self.writer.close()
         self.storage.publish_stored()
+
+    def _take_some(self) -> None:
+        self.topics.take_some()
+        self.storage.end_quiet_records()
 
     def _discover(self) -> None:
         self.topics.discover()

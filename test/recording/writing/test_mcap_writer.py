@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -250,3 +251,31 @@ writer.close()
     times = [message.log_time for message in file.read_messages()]
     assert times == list(range(len(times)))
     assert len(times) > 50
+
+
+HITS = 500
+TOPICS = 12
+"""In the chunk of a hit, as a rig has them."""
+
+
+def test_ten_thousand_hits_would_take_little_memory(tmp_path):
+    """Each hit is a chunk; its index is kept to the end: 12 topics of 10 byte, and 80 byte."""
+    definition = find_message_definition("std_msgs/msg/String")
+    with McapWriter(tmp_path / "long.mcap", compression="none") as writer:
+        channels = [writer.add_channel(f"/{number}", definition, ()) for number in range(TOPICS)]
+
+        def measure_growth() -> float:
+            """Return the memory that some hits leave behind, for each of them [byte]."""
+            before = tracemalloc.get_traced_memory()[0]
+            for number in range(HITS):
+                for channel in channels:
+                    writer.add_message(channel, bytes(300), number, number)
+                writer.flush()
+            return (tracemalloc.get_traced_memory()[0] - before) / HITS
+
+        tracemalloc.start()
+        try:
+            measure_growth()
+            assert measure_growth() < 300.0
+        finally:
+            tracemalloc.stop()

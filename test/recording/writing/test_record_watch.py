@@ -1,7 +1,9 @@
 """What a recording has of each record: blocks, gaps, missing points."""
 
+import tracemalloc
+
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.recording.writing.record_watch import RecordWatch
+from impact_rig.recording.writing.record_watch import REMEMBERED, RecordWatch
 
 FIRST = HitLabel("brass", record=1)
 SECOND = HitLabel("brass", record=2, impact=2)
@@ -111,3 +113,24 @@ def test_a_long_record_is_told_in_parts_as_it_grows():
     add(watch, FIRST, 200, last=False)
     assert watch.collect() == ()
     assert [count.blocks for count in watch.collect(with_unfinished=True)] == [3]
+
+
+def test_what_was_told_of_long_ago_is_forgotten():
+    watch = RecordWatch()
+
+    def add_records(first, count):
+        """Return the memory in use after them [byte]."""
+        for record in range(first, first + count):
+            add(watch, HitLabel("brass", record=record), 0, 100)
+            assert [item.label.record for item in watch.collect()] == [record]
+        return tracemalloc.get_traced_memory()[0]
+
+    tracemalloc.start()
+    try:
+        before = add_records(1, 2 * REMEMBERED)
+        after = add_records(2 * REMEMBERED + 1, 10 * REMEMBERED)
+    finally:
+        tracemalloc.stop()
+    assert after - before < 10 * 10 * REMEMBERED, "ten bytes for each record"
+    assert watch.has_ended(12 * REMEMBERED)
+    assert not watch.has_ended(11 * REMEMBERED)
