@@ -165,6 +165,24 @@ def test_every_rejection_names_the_fault_that_was_injected(demo):
         assert rejection["injected_faults"]
 
 
+def test_impacts_are_found_in_a_running_stream_that_is_recorded_too(tmp_path):
+    code, _, errors = run_rig_command(
+        "demo", "--continuous", "--record-stream", "--samples", "steel small", "--impacts", "2",
+        "--output", "out",
+        folder=tmp_path,
+    )  # fmt: skip
+    assert code == 0, errors
+    with (tmp_path / "out" / "session.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    names = {number: channel.topic for number, channel in summary.channels.items()}
+    counts = {
+        names[number]: count for number, count in summary.statistics.channel_message_counts.items()
+    }
+    assert counts["/impact"] == counts["/acceleration"] == 2
+    # A hundred blocks a second.
+    assert counts["/acceleration/stream"] > 50
+
+
 @pytest.mark.parametrize("read", [read_with_rosbags, read_with_mcap_ros2])
 def test_other_peoples_readers_find_every_message_of_every_topic(demo, read):
     folder, _, _ = demo

@@ -8,13 +8,19 @@ from typing import NamedTuple
 
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits.overrule import find_label
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.signals.record import NOT_ARMED, HitLabel
 from impact_rig.nodes.replaying.replay_topics import ReplayTopic
+from impact_rig.nodes.replaying.replayed_stream import ReplayedStream
 from impact_rig.recording.interfaces.channel import Channel
 from impact_rig.recording.interfaces.messages import label_from_msg
 from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
 from impact_rig.recording.reading.mcap_file import RawMessage
-from impact_rig.recording.reading.mcap_reader import BLOCK_TYPE, SETUP_TYPE, VIRTUAL_IMPACT_TYPE
+from impact_rig.recording.reading.mcap_reader import (
+    BLOCK_TYPE,
+    SETUP_TYPE,
+    VIRTUAL_IMPACT_TYPE,
+    is_stream,
+)
 from impact_rig.recording.reading.source import RecordingSource
 
 HIT_TYPES = frozenset(
@@ -120,7 +126,13 @@ class ReplayPlan:
             If the recording is damaged, or a message does not fit its schema.
         """
         is_cut = False
+        stream = ReplayedStream()
         for message in self._read_messages():
+            if is_stream(message.channel):
+                yield from self._find_hits(stream, message)
+                continue
+            if message.channel.type_name == SETUP_TYPE:
+                stream.begin(self._decoder.decode(message.channel, message.data))
             label, is_last = self._look_into(message)
             if label is not None and self._choice is not None and not self._choice.holds(label):
                 is_cut = True
@@ -135,6 +147,14 @@ class ReplayPlan:
                 is_cut,
             )
             is_cut = False
+
+    def _find_hits(self, stream: ReplayedStream, message: RawMessage) -> Iterator[Cue]:
+        """Yield the blocks of the hit that a block of a running stream completes."""
+        block = self._decoder.decode(message.channel, message.data)
+        time = max(message.log_time, self._start or 0)
+        for label, is_last, data in stream.cut(block):
+            if self._choice is None or self._choice.holds(label):
+                yield Cue(message.channel.id, time, data, label.record, is_last)
 
     def _read_messages(self) -> Iterator[RawMessage]:
         if self._start is not None:
@@ -182,7 +202,7 @@ def choose_hits(
     source : RecordingSource
         The recording, all of which is read.
     channels : collection of int
-        Numbers of the channels that hold the rig's blocks.
+        Numbers of the channels that hold the rig's blocks, or its stream.
     samples : sequence of str
         Names: all hits of these.
     names : sequence of str
@@ -202,6 +222,7 @@ def choose_hits(
         _read_label(decoder, message)[0]: None
         for message in source.read_messages(lambda channel: channel.id in channels)
     }
+    labels.pop(NOT_ARMED, None)
     known = list(dict.fromkeys(label.sample for label in labels))
     for sample in samples:
         if sample not in known:

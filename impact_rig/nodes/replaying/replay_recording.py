@@ -164,7 +164,11 @@ def open_recording(
         is_everything=is_everything,
         warn=warnings.append,
     )
-    blocks = {topic.channel.id for topic in topics if topic.channel.type_name == BLOCK_TYPE}
+    blocks = {
+        topic.channel.id
+        for topic in topics
+        if topic.channel.type_name in (BLOCK_TYPE, STREAM_TYPE)
+    }
     choice = choose_hits(source, blocks, samples, hits)
     first_time, last_time = find_time_range(source)
     return RecordingToReplay(

@@ -98,7 +98,7 @@ def choose_topics(
         there is nothing to publish.
     """
     topics = []
-    # Where the impacts were cut out of it already, the stream would give them a second time.
+    # Of a stream the impacts are published: where that was done already, it is left out.
     leaves_stream = holds_blocks(source)
     for channel in source.read_channels():
         if leaves_stream and is_stream(channel):
@@ -141,6 +141,9 @@ def choose_namespace(source: RecordingSource, chosen: str) -> str:
 
 
 def _make_topic(channel: Channel, name: str, known: interfaces.Topic | None) -> ReplayTopic:
+    if is_stream(channel):
+        hits = interfaces.ACCELERATION
+        return ReplayTopic(channel, hits.name, hits.type, hits.qos, converter=None)
     kind = import_type(channel.type_name)
     installed = find_message_definition(channel.type_name).text
     is_same = is_same_definition(installed, channel.schema)
