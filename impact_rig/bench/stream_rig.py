@@ -1,5 +1,7 @@
 """Accelerometers that stream all the time, an estimator and a recorder, as processes."""
 
+import json
+import queue
 import subprocess
 import time
 from collections.abc import Mapping
@@ -8,7 +10,7 @@ from pathlib import Path
 
 import psutil
 
-from impact_rig.bench.rig_processes import RigProcesses, use_own_domain
+from impact_rig.bench.rig_processes import RigProcesses, listen, use_own_domain
 from impact_rig.core.errors import RigError
 
 COMPRESSION = "lz4"
@@ -19,11 +21,11 @@ PERIOD = 0.01
 DEPTH = 500
 """Blocks that may wait anywhere on their way [-], our choice: for 5 s a busy computer may do
 something else."""
-FLOW_SIZE = 1 << 20
-"""Of a recording that the stream flows into [byte]."""
+FLOWING = {"/estimator": "stream blocks", "/recorder": "stream blocks"}
+"""What each of these nodes counts in its diagnostics once the stream reaches it."""
 START_TIMEOUT = 60.0
 """How long that may take [s]."""
-LOOK_PERIOD = 0.1
+LISTENER = "impact_rig.bench.diagnostics_process"
 SETTLING = 2.0
 """From then on to the beginning of the measurement [s], our choice: nodes that have just started
 find each other, and import what they use first."""
@@ -73,6 +75,7 @@ def run_stream(folder: Path, sampling_rate: float, seconds: float) -> StreamRun:
         use_own_domain() as environment,
         RigProcesses(environment, folder / "log.txt") as processes,
     ):
+        told = listen(processes.start_module(LISTENER, listen=True))
         processes.start_node(SETUP_SOURCE)
         nodes = {
             "recorder": processes.start_node(
@@ -92,7 +95,8 @@ def run_stream(folder: Path, sampling_rate: float, seconds: float) -> StreamRun:
                 stream_depth=DEPTH,
             ),
         }
-        _await_flow(recording, processes)
+        _await_flow(told, processes)
+        processes.kill([LISTENER])
         time.sleep(SETTLING)
         before, begin = _read_times(nodes, processes), time.time_ns()
         time.sleep(seconds)
@@ -105,12 +109,22 @@ def run_stream(folder: Path, sampling_rate: float, seconds: float) -> StreamRun:
     return StreamRun(recording, begin, end, shares)
 
 
-def _await_flow(recording: Path, processes: RigProcesses) -> None:
+def _await_flow(told: "queue.Queue[str]", processes: RigProcesses) -> None:
+    """Wait until every node that listens to the stream gets it."""
+    missing = dict(FLOWING)
     deadline = time.monotonic() + START_TIMEOUT
-    while not recording.exists() or recording.stat().st_size < FLOW_SIZE:
-        if time.monotonic() > deadline:
-            raise RigError(f"nothing is streamed: {processes.read_log()}")
-        time.sleep(LOOK_PERIOD)
+    while missing:
+        try:
+            line = told.get(timeout=max(deadline - time.monotonic(), 0.0))
+        except queue.Empty:
+            line = ""
+        if not line:
+            raise RigError(
+                f"the stream does not reach {' and '.join(missing)}: {processes.read_log()}"
+            )
+        status = json.loads(line)
+        if int(status["values"].get(missing.get(status["node"]), 0)) > 0:
+            del missing[status["node"]]
 
 
 def _read_times(
