@@ -94,14 +94,16 @@ def propagate(power: FloatArray, initial: FloatArray, count: int) -> FloatArray:
     return result
 
 
-def find_block(count: int) -> int:
-    """Return how many points `propagate_output` takes together, of `count`."""
-    return 1 << _find_levels(count)
+@lru_cache(maxsize=64)
+def find_blocks(count: int) -> tuple[int, int]:
+    """Return in how many blocks `propagate_output` takes `count` points, and of how many each."""
+    block = 1 << max(count - 1, 0).bit_length() // 2
+    return -(-count // block), block
 
 
 def find_room(count: int) -> int:
-    """Return how many points it works on: whole blocks."""
-    return -(-count // find_block(count)) * find_block(count)
+    """Return on how many points it works: whole blocks."""
+    return math.prod(find_blocks(count))
 
 
 def find_way_to_end(duration: float, step: float, count: int) -> tuple[int, float]:
@@ -116,13 +118,9 @@ def find_way_to_end(duration: float, step: float, count: int) -> tuple[int, floa
     count : int
         Number of points.
     """
-    block = find_block(count) * step
-    last = int(min(duration / block, find_room(count) // find_block(count) - 1))
-    return last, duration - last * block
-
-
-def _find_levels(count: int) -> int:
-    return max(count - 1, 0).bit_length() // 2
+    blocks, block = find_blocks(count)
+    last = int(min(duration / (block * step), blocks - 1))
+    return last, duration - last * block * step
 
 
 def propagate_output(
@@ -154,24 +152,23 @@ def propagate_output(
     states : ndarray, shape (..., d, blocks)
         P^n y at the first point of each block.
     """
-    levels = _find_levels(count)
-    block, room = 1 << levels, find_room(count)
+    blocks, block = find_blocks(count)
     outputs, size = readout.shape[-2:]
     if out is None:
-        out = np.empty((*readout.shape[:-1], room))
+        out = np.empty((*readout.shape[:-1], blocks * block))
     # The readouts of all points of a block are multiplied as one list of rows.
     rows = np.empty((*readout.shape[:-2], block * outputs, size))
     rows[..., :outputs, :] = readout
     done = outputs
-    for _ in range(levels):
+    while done < block * outputs:
         np.matmul(rows[..., :done, :], power, out=rows[..., done : 2 * done, :])
         power = power @ power
         done *= 2
-    states = propagate(power, initial, room // block)
+    states = propagate(power, initial, blocks)
     by_output = rows.reshape(*readout.shape[:-2], block, outputs, size).swapaxes(-2, -3)
     np.matmul(
         states.swapaxes(-1, -2)[..., np.newaxis, :, :],
         by_output.swapaxes(-1, -2),
-        out=out[..., :room].reshape(*readout.shape[:-1], -1, block),
+        out=out[..., : blocks * block].reshape(*readout.shape[:-1], -1, block),
     )
     return out[..., :count], states

@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from impact_rig.core.model.propagation import (
     exponentiate,
-    find_block,
+    find_blocks,
     find_room,
     find_way_to_end,
     propagate,
@@ -60,7 +60,7 @@ def test_what_is_read_off_states_needs_no_states(count: int) -> None:
     assert found.shape == (3, 4, count)
     expected = propagate(powers, initial, count)
     np.testing.assert_allclose(found, readout @ expected, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(states, expected[..., :: find_block(count)], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(states, expected[..., :: find_blocks(count)[1]], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("count", [1, 2, 77, 508])
@@ -84,5 +84,5 @@ def test_a_time_is_reached_from_the_last_block_before_it(
     duration: float, expected: tuple[int, float]
 ) -> None:
     # Eight blocks of eight points, one every 1.6.
-    assert find_block(64) == 8
+    assert find_blocks(64) == (8, 8)
     assert find_way_to_end(duration, 0.2, 64) == pytest.approx(expected)
