@@ -5,6 +5,7 @@ from typing import Any
 
 from impact_rig_msgs.msg import StreamBlock
 
+from impact_rig.core.errors import RigError
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.stream_cutter import StreamCutter, StreamFlow
 from impact_rig.nodes import interfaces
@@ -35,6 +36,7 @@ class StreamCutting:
         self._publisher: Any = None
         self._told = (time.monotonic(), 0)
         self._missing = 0
+        self._problem = ""
         self._lost = 0
         self._lost_at = 0.0
 
@@ -49,11 +51,18 @@ class StreamCutting:
 
         Raises
         ------
-        SignalError
-            If the stream cannot be searched.
-        ParameterError
-            If the sampling rate is not a positive number.
+        RigError
+            If the stream cannot be searched; not again for the same reason, since the next block
+            comes at once.
         """
+        try:
+            self._feed(message)
+        except RigError as error:
+            problem, self._problem = self._problem, str(error)
+            if problem != self._problem:
+                raise
+
+    def _feed(self, message: StreamBlock) -> None:
         if self._publisher is None:
             self._publisher = self._node.advertise(interfaces.ACCELERATION)
         if self._settings is None:
