@@ -33,6 +33,9 @@ CONNECTION_PERIOD = 0.05
 HEALTH_PERIOD = 1.0
 """How often the disk and the counts of what is missing are looked at [s], our choice: a hundredth
 of the time in which a fast stream fills what `LOW_SPACE` leaves."""
+LONGEST_ENDING = 3.0
+"""How long what is still in the queues is written at the end [s], our choice: a full queue of a
+stream takes a second, and one that goes on would never be empty."""
 FAREWELL_TIMEOUT = 0.2
 """How long the last state may take to reach its subscribers [s], our choice."""
 
@@ -96,7 +99,7 @@ class RecorderNode(RigNode):
         run = self._run
         if run is None or not run.is_open:
             return
-        run.topics.take_waiting()
+        run.topics.take_waiting(LONGEST_ENDING)
         if not run.is_open:
             return
         try:

@@ -8,7 +8,7 @@ from pathlib import Path
 import mcap.reader
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, StreamBlock
+from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, HammerRelease, StreamBlock
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
@@ -333,15 +333,29 @@ def test_the_running_stream_is_recorded_when_asked_for_and_its_gaps_are_counted(
 
 def test_the_running_stream_is_left_alone_unless_asked_for(harness, recorder, tmp_path):
     _, stored, node = recorder()
-    stream = harness.advertise(interfaces.STREAM)
+    streams = [
+        harness.peer.create_publisher(StreamBlock, name, 10)
+        for name in ("/acceleration/stream", "/hall/acceleration/stream")
+    ]
     other = harness.peer.create_publisher(Empty, "/later", 1)
     # What is published like the stream is discovered, it is not.
     harness.wait_until(lambda: other.get_subscription_count() > 0)
-    assert stream.get_subscription_count() == 0
+    assert [stream.get_subscription_count() for stream in streams] == [0, 0]
     publish(connect(harness), make_blocks(1))
     stored.wait_for_count(1)
     node.close()
     with AnyReader([tmp_path / "session.mcap"]) as reader:
         topics = set(reader.topics)
     assert "/acceleration" in topics
-    assert "/acceleration/stream" not in topics
+    assert not {topic for topic in topics if "stream" in topic}
+
+
+def test_what_led_to_a_hit_stands_before_it_in_the_file(harness, recorder, tmp_path):
+    _, stored, _ = recorder(flush_period=0.0)
+    releases, blocks = connect(harness, interfaces.RELEASE), connect(harness)
+    for record in range(1, 11):
+        releases.publish(HammerRelease(record=record))
+        assert releases.wait_for_all_acked()
+        publish(blocks, make_blocks(record))
+        stored.wait_for_count(record)
+        assert count_whole_messages(tmp_path / "session.mcap", "/release") == record

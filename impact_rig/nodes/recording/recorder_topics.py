@@ -5,7 +5,6 @@ it. All else is taken out of its queue now and then: the way through the executo
 what taking a message does.
 """
 
-import math
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -37,6 +36,7 @@ URGENT = (interfaces.SETUP, interfaces.ACCELERATION, interfaces.ACQUISITION_STAT
 """Topics that are written as soon as something comes: a verdict waits for it."""
 PARAMETER_EVENTS = "/parameter_events"
 """Tells of every parameter that is set on any node."""
+_STREAM_TYPE = name_type(interfaces.STREAM.type)
 GLOBAL_TOPICS = ("/diagnostics", "/rosout", PARAMETER_EVENTS)
 """Topics outside the rig's namespace that tell of its health and of what it was told to do."""
 
@@ -119,20 +119,18 @@ class RecordedTopics:
         for topic, types in self._node.get_topic_names_and_types():
             if topic in self._subscriptions or topic in self.skipped:
                 continue
-            if topic == self._stream_name or topic_or_service_is_hidden(topic):
+            if topic_or_service_is_hidden(topic):
+                continue
+            if _STREAM_TYPE in types and self._stream_name not in self._subscriptions:
                 continue
             if topic.startswith(prefix) or topic in GLOBAL_TOPICS:
                 publishers = self._node.get_publishers_info_by_topic(topic)
                 if publishers:
                     self._record_discovered(topic, types, publishers)
 
-    def take_some(self) -> None:
-        """Write what is in the queues, for a bounded time; call it every `TAKING_PERIOD`."""
-        self.take_waiting(time.monotonic() + TAKING_PERIOD)
-
-    def take_waiting(self, deadline: float = math.inf) -> None:
-        """Write what is in the queues until they are empty, or until a time of `monotonic`."""
-        self._take_from(list(self._subscriptions), deadline)
+    def take_waiting(self, longest: float) -> None:
+        """Write what is in the queues until they are empty, or that long [s]."""
+        self._take_from(list(self._subscriptions), longest)
 
     def close(self) -> None:
         """Withdraw the subscriptions."""
@@ -173,7 +171,7 @@ class RecordedTopics:
 
         def write_helping(data: bytes, info: Mapping[str, Any]) -> None:
             # What led to it stands before it in the file, and reaches the disk with it.
-            self._take_from(self._leisurely, time.monotonic() + TAKING_PERIOD)
+            self._take_from(self._leisurely, TAKING_PERIOD)
             write(data, info)
             self._take_helping(topic)
 
@@ -186,7 +184,8 @@ class RecordedTopics:
             kind, name, write_helping, qos, callback_group=group, raw=True
         )
 
-    def _take_from(self, waiting: list[str], deadline: float) -> None:
+    def _take_from(self, waiting: list[str], longest: float) -> None:
+        deadline = time.monotonic() + longest
         while waiting and time.monotonic() < deadline:
             waiting = [topic for topic in waiting if self._take_helping(topic)]
 

@@ -194,7 +194,7 @@ class RecordingRun:
         self.storage.publish_stored()
 
     def _take_some(self) -> None:
-        self.topics.take_some()
+        self.topics.take_waiting(TAKING_PERIOD)
         self.storage.end_quiet_records()
 
     def _discover(self) -> None:
