@@ -26,7 +26,7 @@ from impact_rig.core.model.contact import (
     PRINTED,
     simulate_contacts,
 )
-from impact_rig.core.model.oscillator import simulate_free_oscillators
+from impact_rig.core.model.oscillator import find_padding, simulate_free_oscillators
 from impact_rig.core.model.propagation import find_way_to_end
 from impact_rig.core.model.stiffness import estimate_equivalent_mass
 from impact_rig.core.model.time_grid import ContactSpan, find_contact
@@ -175,11 +175,12 @@ def simulate_impacts(
     starts = np.full(len(models), start, dtype=np.float64).tolist()
     if not all(map(math.isfinite, starts)):
         raise ParameterError("the start of a time grid must be a finite number")
-    result = np.zeros((len(models), 2, count))
+    # The last row of a record is written whole.
+    result = np.zeros((len(models), 2, count + find_padding(count)))
     for first in range(0, len(models), BATCH):
         part = slice(first, first + BATCH)
-        _simulate(models[part], sampling_rate, starts[part], variant, result[part])
-    return result
+        _simulate(models[part], sampling_rate, starts[part], variant, count, result[part])
+    return result[:, :, :count]
 
 
 def _simulate(
@@ -187,10 +188,11 @@ def _simulate(
     sampling_rate: float,
     starts: Sequence[float],
     variant: ModelVariant,
+    count: int,
     out: FloatArray,
 ) -> None:
-    """Fill `out`, shape (models, 2, count), which is zero."""
-    count, is_printed = out.shape[2], variant is ModelVariant.PRINTED
+    """Fill `out`, shape (models, 2, count and more), which is zero."""
+    is_printed = variant is ModelVariant.PRINTED
     system = PRINTED if is_printed else DRIVEN
     spans = [
         find_contact(start, model.contact_time, sampling_rate, count)
@@ -217,12 +219,14 @@ def _simulate(
     longest = count - min(span.free for span in spans)
     if longest > 0:
         moving = system.moving
-        stiffness, damping = numbers[K1 : K2 + 1 : 2].T, numbers[C1 : C2 + 1 : 2].T
-        free = simulate_free_oscillators(
-            stiffness[:, moving], damping[:, moving], state, moments, longest
+        simulate_free_oscillators(
+            numbers[K1 : K2 + 1 : 2].T[:, moving],
+            numbers[C1 : C2 + 1 : 2].T[:, moving],
+            state,
+            moments,
+            longest,
+            [record[moving, span.free :] for record, span in zip(out, spans, strict=True)],
         )
-        for record, values, span in zip(out[:, moving], free, spans, strict=True):
-            record[:, span.free :] = values[:, : count - span.free]
 
 
 def _scale(

@@ -10,6 +10,7 @@ the values at all sums of some sqrt(n) late times and sqrt(n) short ones are one
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -20,9 +21,19 @@ SMALLEST_ROOT = 1e-100
 """|w| is taken as this at least: sin wt / w is then t to the last bit, as it must be."""
 
 
+def find_padding(count: int) -> int:
+    """Return how much longer a record of `count` points must be that is written in whole rows."""
+    return math.isqrt(count) + 1
+
+
 def simulate_free_oscillators(
-    stiffness: FloatArray, damping: FloatArray, state: FloatArray, moments: FloatArray, count: int
-) -> FloatArray:
+    stiffness: FloatArray,
+    damping: FloatArray,
+    state: FloatArray,
+    moments: FloatArray,
+    count: int,
+    out: Sequence[FloatArray],
+) -> None:
     """Compute the accelerations of oscillators left alone, in any unit of time.
 
     Parameters
@@ -34,11 +45,10 @@ def simulate_free_oscillators(
     moments : ndarray, shape (2, models)
         Time from point to point, and of the first point.
     count : int
-        Number of points, one or more.
-
-    Returns
-    -------
-    ndarray, shape (models, bodies, count)
+        Number of points, one or more: of the longest record.
+    out : sequence of ndarray, shape (bodies, m)
+        Records, one for each model, that are filled: m is its number of points, at most `count`,
+        and `find_padding` of `count` or more, of which the last mean nothing.
     """
     blocks, grid = _split(count)
     numbers = np.array(
@@ -53,9 +63,12 @@ def simulate_free_oscillators(
         *stiffness.shape, 2, 2
     )
     lists = weights @ fundamental[..., :blocks]
-    values = lists.swapaxes(-1, -2) @ fundamental[..., blocks:]
-    result: FloatArray = values.reshape(*stiffness.shape, -1)[..., :count]
-    return result
+    rows, columns = lists.swapaxes(-1, -2), fundamental[..., blocks:]
+    block = columns.shape[-1]
+    for record, late, short in zip(out, rows, columns, strict=True):
+        needed = min(blocks, record.shape[1] // block)
+        whole = record[:, : needed * block].reshape(-1, needed, block)
+        np.matmul(late[:, :needed], short, out=whole)
 
 
 @lru_cache(maxsize=64)

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
 from impact_rig.core.model.impact import ImpactModel
-from impact_rig.core.model.oscillator import simulate_free_oscillators
+from impact_rig.core.model.oscillator import find_padding, simulate_free_oscillators
 from impact_rig.core.model.pulses import PulseShape, compute_pulse
 from impact_rig.core.signals.record import FloatArray
 
@@ -54,20 +54,22 @@ def simulate_driven(
         matrix, model.peak_force * compute_pulse(grid, model.contact_time, shape) / body.mass, grid
     )
     state = np.array([position(model.contact_time), speed(model.contact_time)])
-    specimen = np.zeros(count)
+    record = np.zeros(count + find_padding(count))
+    specimen = record[:count]
     inside = (time >= 0.0) & (time <= model.contact_time)
     specimen[inside] = force[inside] / body.mass + matrix[1] @ np.stack(
         [position(time[inside]), speed(time[inside])]
     )
     free = int(np.searchsorted(time, model.contact_time, side="right"))
     if free < count:
-        specimen[free:] = simulate_free_oscillators(
+        simulate_free_oscillators(
             np.array([[-matrix[1, 0]]]),
             np.array([[-matrix[1, 1]]]),
             state[np.newaxis, :, np.newaxis],
             np.array([[1.0 / sampling_rate], [time[free] - model.contact_time]]),
             count - free,
-        )[0, 0]
+            [record[np.newaxis, free:]],
+        )
     return -force / model.hammer.mass, specimen
 
 
