@@ -2,7 +2,7 @@
 
 A process of its own that only listens: it may drop views, never data, and nothing waits for it.
 It holds no hit longer than its destinations need to take it: a file is written as hits come. What
-it keeps is bounded: the newest 2000 verdicts for tables and figures, the names of what is shown,
+it keeps is bounded: the newest 1000 verdicts for tables and figures, the names of what is shown,
 and, for viewers that come late, the newest hits, 64 MB for each viewer elsewhere and 512 MB in
 the relay of those that it opens itself.
 """

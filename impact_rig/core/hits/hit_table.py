@@ -94,7 +94,8 @@ class HitTable:
         """Add a hit; return its row."""
         row = self._count
         if row == len(self._rows):
-            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+            rows, self._rows = self._rows, np.zeros(2 * row, COLUMNS)
+            self._rows[:row] = rows
         self._count += 1
         values = self._rows[row]
         for name in LABELS:

@@ -23,6 +23,8 @@ COVERAGE_PERCENT = 95.0
 REMEMBERED_INPUTS = 512
 """Inputs that are told apart by name and value [-], our choice: those that two results of a
 campaign share are asked for within some dozen others. Each hit brings ten, which stay so long."""
+REMEMBERED_ENSEMBLES = 64
+"""The same of ensembles [-], which are larger: each hit brings two."""
 NEGLIGIBLE_SHARE = 1e-9
 """Share of the variance below which an input has no line of its own [-], our choice: its
 contribution would be less than the rounding of the last digit that anyone prints."""
@@ -167,7 +169,7 @@ def make_ensemble(
     return tuple(numbers)
 
 
-@lru_cache(maxsize=REMEMBERED_INPUTS)
+@lru_cache(maxsize=REMEMBERED_ENSEMBLES)
 def _make_errors(
     source: str, count: int, degrees_of_freedom: float, _factors: bytes, _owner: str
 ) -> tuple[UncertainNumber, ...]:

@@ -24,8 +24,8 @@ from impact_rig.results.estimates import HammerResults, SampleResults
 from impact_rig.results.sample_traces import SampleTraces
 from impact_rig.results.setup_results import setup_results_from_setup
 
-LARGEST_CAMPAIGN = 2000
-"""Hits that tables and figures show at most, the newest [-], our choice: sixteen of the paper's
+LARGEST_CAMPAIGN = 1000
+"""Hits that tables and figures show at most, the newest [-], our choice: eight of the paper's
 campaigns. Beyond, the node's memory does not grow."""
 
 
