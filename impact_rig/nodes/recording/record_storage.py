@@ -49,8 +49,10 @@ class RecordStorage:
     stream : StreamWatch
         What it has of the running stream.
     longest_lag : float
-        Longest time from the sending of a block, of a record or of the stream, to its being
-        written [s]; between two computers it holds the difference of their clocks.
+        Longest time from the sending of a record's block to its being written [s]; between two
+        computers it holds the difference of their clocks.
+    longest_stream_lag : float
+        The same of the stream's blocks.
     """
 
     def __init__(
@@ -62,6 +64,7 @@ class RecordStorage:
         self.watch = RecordWatch()
         self.stream = StreamWatch()
         self.longest_lag = 0.0
+        self.longest_stream_lag = 0.0
         self._writer = writer
         self._publisher = publisher
         self._sync = sync
@@ -74,13 +77,13 @@ class RecordStorage:
         head = read_block_head(data)
         self.watch.add(head.label, head.first_sample, head.points, head.stamp, last=head.last)
         self._store_finished()
-        self._measure_lag(sent)
+        self.longest_lag = max(self.longest_lag, _measure_lag(sent))
 
     def take_stream_block(self, data: bytes, sent: int) -> None:
         """Count a block of the running stream that was written."""
         head = read_stream_head(data)
         self.stream.add(head.first_sample, head.points)
-        self._measure_lag(sent)
+        self.longest_stream_lag = max(self.longest_stream_lag, _measure_lag(sent))
 
     def take_acquisition_state(self, data: bytes, _: int) -> None:
         """Note that an arming begins or ends; an ended one gets no more blocks."""
@@ -135,9 +138,6 @@ class RecordStorage:
             message.header.stamp = stamp_to_msg(count.stamp)
             self._publisher.publish(message)
 
-    def _measure_lag(self, sent: int) -> None:
-        self.longest_lag = max(self.longest_lag, (time.time_ns() - sent) / 1e9)
-
     def _count_unfinished(self, record: int) -> int:
         """Return how many blocks of a record that goes on have come."""
         unfinished = self.watch.unfinished
@@ -152,3 +152,7 @@ class RecordStorage:
         if self._sync == SYNC_HIT and self.watch.has_finished:
             self._writer.sync()
             self.publish_stored()
+
+
+def _measure_lag(sent: int) -> float:
+    return (time.time_ns() - sent) / 1e9

@@ -172,6 +172,7 @@ class RecordingRun:
             "stream rate [Hz]": f"{(stream.points - points_before) / (now - before):.4g}",
             "stream gaps": stream.gaps,
             "stream missing points": stream.missing_points,
+            "longest stream lag [s]": f"{self.storage.longest_stream_lag:.3g}",
         }
 
     def close(self, reason: str) -> None:
@@ -218,6 +219,7 @@ class RecordingRun:
                 "stream_blocks": str(stream.blocks),
                 "stream_gaps": str(stream.gaps),
                 "stream_missing_points": str(stream.missing_points),
+                "stream_longest_lag": f"{self.storage.longest_stream_lag:.6f}",
                 "messages_lost": str(self.topics.messages_lost),
                 "longest_lag": f"{self.storage.longest_lag:.6f}",
                 "topics_not_recorded": ", ".join(self.topics.skipped),
