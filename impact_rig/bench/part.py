@@ -33,8 +33,8 @@ class Extent:
     demos: int = 2
     seconds: float = 20.0
     hits: int = 10_000
-    kills: int = 4
-    mutations: int = 200
+    kills: int = 2
+    mutations: int = 100
     repeats: int = 7
     seed: int = 1
 

@@ -84,12 +84,12 @@ EXIT_SIGNALLED = 128
     help="Of the fastest stream in part stream; 200 MB of disk for each. [20]",
 )
 @click.option("--hits", type=click.IntRange(1), metavar="N", help="In part memory. [10000]")
-@click.option("--kills", type=click.IntRange(1), metavar="N", help="In part kill. [4]")
+@click.option("--kills", type=click.IntRange(1), metavar="N", help="In part kill. [2]")
 @click.option(
     "--mutations",
     type=click.IntRange(1),
     metavar="N",
-    help="Damaged recordings in part fuzz. [200]",
+    help="Damaged recordings in part fuzz. [100]",
 )
 @click.option(
     "--seed", type=click.IntRange(0), metavar="N", help="Of what is drawn at random. [1]"

@@ -10,11 +10,12 @@ import psutil
 from impact_rig.bench.disk import check_room
 from impact_rig.bench.figures import Figure, at_most
 from impact_rig.bench.part import Bench, Part
-from impact_rig.bench.rig_processes import RigProcesses, use_own_domain
+from impact_rig.bench.rig_processes import RigProcesses, listen, use_own_domain
 from impact_rig.core.errors import RigError
 
-SAMPLE = "aluminium large"
-"""That is struck: the control sample, whose hits change all estimates."""
+SAMPLE = "steel small"
+"""That is struck, our choice."""
+CAMPAIGN = "impact_rig.bench.campaign_process"
 EARLY_HITS = 100
 """After which the memory is looked at first [-], as asked for."""
 LARGEST_GROWTH = 1.05
@@ -26,8 +27,6 @@ OVERRIDES = {
     "accelerometer": {"trigger_timeout": 0.1, "block_size": 5000},
 }
 """Nobody waits for a simulated swing, and a hit is one block: the more hits in the time."""
-LOOK_PERIOD = 1.0
-"""How soon a campaign that has ended is noticed [s]."""
 HIT_SIZE = 300e3
 """Of recording and view on the disk [byte], at most."""
 REPORT_PERIOD = 50
@@ -44,19 +43,17 @@ def measure(bench: Bench) -> tuple[Figure, ...]:
         use_own_domain() as environment,
         RigProcesses(environment, bench.folder / "log.txt") as processes,
     ):
-        _, lines = processes.start_observer()
         nodes = processes.start_rig(bench.folder, OVERRIDES, visualize=True)
-        campaign = processes.start_campaign(
-            "--samples", SAMPLE, "--impacts", str(hits + FURTHER_HITS),
-            "--output", str(bench.folder / "results"),
-        )  # fmt: skip
+        words = [SAMPLE, str(hits + FURTHER_HITS)]
+        lines = listen(processes.start_module(CAMPAIGN, words, listen=True))
         early: dict[str, float] = {}
-        for hit in range(1, hits + 1):
-            if hit % REPORT_PERIOD == 1:
-                bench.report(hit - 1, hits)
-            _await_verdict(lines, campaign, processes)
-            if hit == early_hits:
+        done = 0
+        while done < hits:
+            before, done = done, _await_hits(lines, processes)
+            if before < early_hits <= done:
                 early = read_memory(nodes)
+            if before // REPORT_PERIOD < done // REPORT_PERIOD:
+                bench.report(done, hits)
         late = read_memory(nodes)
     return tuple(
         Figure(
@@ -69,19 +66,15 @@ def measure(bench: Bench) -> tuple[Figure, ...]:
     )
 
 
-def _await_verdict(
-    lines: "queue.Queue[str]", campaign: Popen[str], processes: RigProcesses
-) -> None:
-    """Wait for the next hit, which must be accepted."""
-    while True:
-        try:
-            line = lines.get(timeout=LOOK_PERIOD)
-            break
-        except queue.Empty:
-            if campaign.poll() is not None:
-                raise RigError(f"the rig does not strike: {processes.read_log()}") from None
-    if not line or not json.loads(line)["accepted"]:
-        raise RigError(f"a good hit was not accepted: {line.strip() or processes.read_log()}")
+def _await_hits(lines: "queue.Queue[str]", processes: RigProcesses) -> int:
+    """Wait for the next word of the campaign, and return how many hits there are."""
+    line = lines.get()
+    if not line:
+        raise RigError(f"the rig does not strike: {processes.read_log()}")
+    count = json.loads(line)
+    if count["rejected"]:
+        raise RigError(f"{count['rejected']} good hits of {count['hits']} were rejected")
+    return int(count["hits"])
 
 
 def read_memory(processes: Mapping[str, Popen[str]]) -> dict[str, float]:
@@ -104,4 +97,4 @@ def read_memory(processes: Mapping[str, Popen[str]]) -> dict[str, float]:
     return found
 
 
-PART = Part("memory", "Memory of each node after thousands of hits", measure, 120.0)
+PART = Part("memory", "Memory of each node after thousands of hits", measure, 170.0)

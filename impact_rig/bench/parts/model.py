@@ -136,5 +136,5 @@ def make_models(count: int, seed: int) -> Sequence[ImpactModel]:
 
 
 PART = Part(
-    "model", "The model: one record and many, beside integrator and exponential", measure, 10.0
+    "model", "The model: one record and many, beside integrator and exponential", measure, 8.0
 )

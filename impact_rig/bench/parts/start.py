@@ -12,8 +12,6 @@ from impact_rig.configuration.processes import list_rig_processes
 
 LONGEST_HELP = 0.3
 """Of `impact-rig --help` [s], as asked for."""
-NODE_REPEATS = 2
-"""Starts of each node [-], our choice: one takes up to a second."""
 EMPTY = ("-c", "pass")
 HELP = ("-m", "impact_rig.cli.main", "--help")
 
@@ -33,8 +31,7 @@ def measure(bench: Bench) -> tuple[Figure, ...]:
         bench.report(number, len(nodes))
         words = ("-c", f"import impact_rig.nodes.{name}")
         run_python(words)
-        times = tuple(run_python(words) for _ in range(min(NODE_REPEATS, bench.extent.repeats)))
-        figures.append(Figure(f"{name}, its imports", times, "s"))
+        figures.append(Figure(f"{name}, its imports", (run_python(words),), "s"))
     return (
         Figure("impact-rig --help", tuple(helps), "s", at_most(LONGEST_HELP)),
         Figure("python -c pass", tuple(empties), "s", note="in turns with it"),
@@ -49,4 +46,4 @@ def run_python(words: Sequence[str]) -> float:
     return time.perf_counter() - started
 
 
-PART = Part("start", "Start of the command line and of each node", measure, 12.0)
+PART = Part("start", "Start of the command line and of each node", measure, 7.0)

@@ -64,7 +64,7 @@ def test_a_rig_that_does_not_strike_is_an_error_in_its_own_words(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("rclpy", reason="the nodes need ROS 2")
-    monkeypatch.setattr(rig_processes, "COMMAND_LINE", "no_such_module")
+    monkeypatch.setattr(memory, "CAMPAIGN", "no_such_module")
     monkeypatch.setattr(rig_processes.RigProcesses, "start_rig", lambda *_, **__: {})
     with pytest.raises(RigError, match=r"the rig does not strike: .*no_such_module"):
         memory.measure(bench)
