@@ -271,9 +271,7 @@ def test_messages_of_any_size_and_time_are_found_by_their_time(tmp_path, compres
             writer.add_message(channel, data, moment, moment + 5)
     with path.open("rb") as file:
         reader = mcap.reader.make_reader(file, validate_crcs=True)
-        found = [
-            (item.channel_id, item.log_time, item.data) for *_, item in reader.iter_messages()
-        ]
+        items = [item for *_, item in reader.iter_messages()]
         some = reader.iter_messages(["/2"], starting_at=200_000, ending_before=700_000)
         part = [item.log_time for *_, item in some]
         statistics = reader.get_summary().statistics
