@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -18,6 +19,8 @@ from impact_rig.configuration.processes import NodeProcess, list_rig_processes
 
 COMMAND_LINE = "impact_rig.cli.main"
 OBSERVER = "impact_rig.bench.observer_process"
+END_TIMEOUT = 5.0
+"""How long all of them together may take to end when nothing of theirs is needed any more [s]."""
 STOP_TIMEOUT = 15.0
 """How long a node may take to close its files and end [s]."""
 
@@ -79,7 +82,16 @@ class RigProcesses:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End them all at once."""
+        """End them all at once, as Ctrl-C does; what does not end is killed.
+
+        A node that is killed leaves the memory behind that it shared with others.
+        """
+        for process in self._processes.values():
+            process.send_signal(signal.SIGINT)
+        deadline = time.monotonic() + END_TIMEOUT
+        for process in self._processes.values():
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(max(deadline - time.monotonic(), 0.0))
         self.kill(list(self._processes))
         for process in self._processes.values():
             if process.stdout is not None:

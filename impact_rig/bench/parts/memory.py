@@ -57,7 +57,7 @@ def measure(bench: Bench) -> tuple[Figure, ...]:
         late = read_memory(nodes)
     return tuple(
         Figure(
-            f"{name}, memory after {hits} hits over that after {early_hits}",
+            f"{name}, after {hits} hits over after {early_hits}",
             (late[name] / early[name],),
             goal=at_most(LARGEST_GROWTH),
             note=f"{late[name] / MEGA:.1f} over {early[name] / MEGA:.1f} MB",
