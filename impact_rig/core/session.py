@@ -127,11 +127,15 @@ class Session:
 
     def _settle_hits(self) -> None:
         """See to it that no more traces are kept than may be."""
-        every = self._series.values()
-        if sum(series.traces for series in every) > KEPT_TRACES:
-            largest = max(every, key=lambda series: series.traces)
-            if largest.traces > LEAST_TRACES:
-                largest.settle_one()
+        if sum(series.traces for series in self._series.values()) <= KEPT_TRACES:
+            return
+        name, largest = max(self._series.items(), key=lambda item: item[1].traces)
+        if largest.traces > LEAST_TRACES:
+            largest.settle_one()
+            # What was estimated from the mean hit before holds on to its hits.
+            self._traces.pop(name, None)
+            if name == self.setup.samples.control_sample:
+                self._hammer = None
 
     @property
     def labels(self) -> tuple[HitLabel, ...]:

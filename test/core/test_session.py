@@ -410,13 +410,19 @@ class TestLongRuns:
         monkeypatch.setattr("impact_rig.core.session.KEPT_TRACES", 20)
         monkeypatch.setattr("impact_rig.core.session.LEAST_TRACES", 8)
         session = Session(SETUP)
-        kept = []
-        for number, name in enumerate(("heavy", "alike", "third")):
+        kept, hits = [], []
+        for number, name in enumerate(("alike", "heavy", "third")):
             strike_series(strike, session, [900.0] * 20, name, first=1 + 20 * number)
-            means = [session.find_mean(name) for name in ("heavy", "alike", "third")]
+            session.estimate_sample(name)
+            hits += [weakref.ref(hit) for hit in session.find_mean(name).hits]
+            means = [session.find_mean(name) for name in ("alike", "heavy", "third")]
             kept.append([len(mean.hits) for mean in means if mean])
         # Never fewer than the least, even if that is more together.
         assert kept == [[20], [10, 10], [8, 8, 8]]
+        # Nothing holds on to those that gave way.
+        del means
+        gc.collect()
+        assert len([hit for hit in hits if hit() is not None]) == 24
 
     def test_the_work_for_a_hit_does_not_grow(
         self, strike: Strike, monkeypatch: pytest.MonkeyPatch
