@@ -6,10 +6,10 @@ phi = w t, w = 2 pi / tau_p, and z(phi) = e^(N phi) z(0). Positions count as x w
 as x' w, which makes accelerations [m/s^2] of them all, and N a matrix without units.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impact_rig.core.model.propagation import exponentiate, propagate_output
 from impact_rig.core.signals.record import FloatArray
@@ -86,7 +86,7 @@ def simulate_contacts(
     numbers: FloatArray,
     drives: FloatArray,
     angles: FloatArray,
-    last_blocks: Sequence[int],
+    last_blocks: NDArray[np.intp],
     count: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Compute accelerations during the contact, and what moves at its end.
@@ -102,7 +102,7 @@ def simulate_contacts(
     angles : ndarray, shape (3, models)
         phi at the first point, what is left from the last blocks' first points to the end of the
         contact, and phi from point to point [rad].
-    last_blocks : sequence of int
+    last_blocks : ndarray of int, shape (models,)
         From which of the blocks of `propagate_output` the end is reached.
     count : int
         Number of points, one or more; those beyond the contact mean nothing.

@@ -32,6 +32,8 @@ from impact_rig.core.model.stiffness import estimate_equivalent_mass
 from impact_rig.core.model.time_grid import ContactSpan, find_contact
 from impact_rig.core.signals.record import FloatArray
 
+ANGLES = NUMBERS + 2
+"""Where the angles begin in the table of all models."""
 BATCH = 64
 """Impacts that are calculated at once [-], measured: what they need stays near the processor."""
 
@@ -170,8 +172,15 @@ def simulate_impacts(
     -------
     ndarray, shape (models, 2, count)
         x1'' and x2'' of each [m/s^2].
+
+    Raises
+    ------
+    ParameterError
+        If the sampling rate is no positive number, a start none at all, or the count below zero.
     """
     check_positive("sampling rate", sampling_rate, "Hz")
+    if count < 0:
+        raise ParameterError(f"count is {count} points: it must be 0 or more")
     starts = np.full(len(models), start, dtype=np.float64).tolist()
     if not all(map(math.isfinite, starts)):
         raise ParameterError("the start of a time grid must be a finite number")
@@ -199,20 +208,15 @@ def _simulate(
         for model, start in zip(models, starts, strict=True)
     ]
     longest = max(1, *(span.free - span.first for span in spans))
-    ways = [
-        find_way_to_end(model.contact_time - span.begin, 1.0 / sampling_rate, longest)
-        for model, span in zip(models, spans, strict=True)
-    ]
     table = np.array(
         [
-            _scale(model, span, left, sampling_rate, is_printed=is_printed)
-            for model, span, (_, left) in zip(models, spans, ways, strict=True)
+            _scale(model, span, sampling_rate, longest, is_printed=is_printed)
+            for model, span in zip(models, spans, strict=True)
         ]
     ).T
-    numbers, drives = table[:NUMBERS], table[NUMBERS : NUMBERS + 2]
-    angles, moments = table[NUMBERS + 2 : NUMBERS + 5], table[NUMBERS + 4 :]
+    numbers, drives, rest = table[:NUMBERS], table[NUMBERS:ANGLES], table[ANGLES:]
     contact, state = simulate_contacts(
-        system, numbers, drives, angles, [last for last, _ in ways], longest
+        system, numbers, drives, rest[:3], rest[4].astype(np.intp), longest
     )
     for record, values, span in zip(out, contact, spans, strict=True):
         record[:, span.first : span.free] = values[:, : span.free - span.first]
@@ -223,23 +227,30 @@ def _simulate(
             numbers[K1 : K2 + 1 : 2].T[:, moving],
             numbers[C1 : C2 + 1 : 2].T[:, moving],
             state,
-            moments,
+            rest[2:4],
             longest,
             [record[moving, span.free :] for record, span in zip(out, spans, strict=True)],
         )
 
 
 def _scale(
-    model: ImpactModel, span: ContactSpan, left: float, sampling_rate: float, *, is_printed: bool
+    model: ImpactModel, span: ContactSpan, sampling_rate: float, longest: int, *, is_printed: bool
 ) -> tuple[float, ...]:
-    """Return numbers, drives and angles of a model as its two phases have them."""
+    """Return what both phases need of a model.
+
+    Numbers and drives of the contact; phi at its first point, what is left to its end from the
+    last block before it, from point to point, and from its end to the first point beyond [rad];
+    and which block that is.
+    """
     m1, m2 = model.hammer.mass, model.specimen.mass
     rate = FULL_TURN / model.contact_time
     k1, k2 = model.hammer.stiffness / rate**2, model.specimen.stiffness / rate**2
     c1 = model.hammer.damping_coefficient / rate
     c2 = model.specimen.damping_coefficient / rate
+    last, left = find_way_to_end(model.contact_time - span.begin, 1.0 / sampling_rate, longest)
     return (
         *(k1 / m1, k1 / m2, k2 / m2, c1 / m1, c1 / m2, c2 / m2, m2 / m1, 1.0),
         *(model.impact_speed * rate if is_printed else 0.0, model.peak_force / (2.0 * m2)),
         *(rate * span.begin, rate * left, rate / sampling_rate, rate * span.late),
+        last,
     )

@@ -142,6 +142,11 @@ def test_a_time_grid_that_begins_nowhere_is_refused(start: float) -> None:
         simulate_impact(MODELS[0], RATE, 10, start=start)
 
 
+def test_fewer_points_than_none_are_refused() -> None:
+    with pytest.raises(ParameterError, match="count is -1 points: it must be 0 or more"):
+        simulate_impacts(MODELS[:1], RATE, -1)
+
+
 METAL = ImpactModel(Body(0.1, 22.54e6, 1900.0), Body(0.17, 45.29e6, 1700.0), 203.2e-6, 0.08, 60)
 
 
