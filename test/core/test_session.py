@@ -404,6 +404,19 @@ class TestLongRuns:
             make_ensemble("another", (0.0,), np.array([[1.0 + number]]), 5.0)
         assert repr(asked.estimate_all()) == repr(quiet.estimate_all())
 
+    def test_what_is_settled_depends_on_the_hits_alone(
+        self, strike: Strike, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("impact_rig.core.session.KEPT_TRACES", 12)
+        monkeypatch.setattr("impact_rig.core.session.LEAST_TRACES", 4)
+        live, file = Session(SETUP), Session(SETUP)
+        for record in range(1, 31):
+            name = SETUP.samples.names[record % 7 % 3]
+            for session in (live, file):
+                strike(session, name, record, height=450.0 if record == 9 else 900.0)
+            live.estimate_sample(name)
+        assert repr(live.estimate_all()) == repr(file.estimate_all())
+
     def test_samples_measured_before_give_way_to_the_next(
         self, strike: Strike, monkeypatch: pytest.MonkeyPatch
     ) -> None:
