@@ -12,9 +12,10 @@ from itertools import chain
 from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_hammer
 from impact_rig.core.estimation.sample import (
     SampleEstimate,
+    add_checks,
     add_models,
     estimate_contact_alone,
-    estimate_sample,
+    estimate_numbers,
 )
 from impact_rig.core.estimation.traces import TraceEstimates, estimate_traces
 from impact_rig.core.hits.averaging import MeanHit
@@ -88,6 +89,7 @@ class Session:
         self._overrules = overrules
         self._series: dict[str, HitSeries] = {}
         self._hammer: tuple[MeanHit, BodyEstimate] | None = None
+        self._numbers: dict[str, SampleEstimate] = {}
         self._traces: dict[str, tuple[MeanHit, TraceEstimates]] = {}
         self._modelled: tuple[SampleEstimate, ...] = ()
 
@@ -111,6 +113,7 @@ class Session:
         """
         self.setup.samples.find(record.label.sample)
         self._modelled = ()
+        self._numbers.clear()
         hit = judge_hit(record, self.setup.analysis)
         series = self._find_series(hit.label.sample)
         if hit.accepted:
@@ -164,8 +167,13 @@ class Session:
             self._hammer = mean, estimate_hammer(mean, self.setup)
         return self._hammer[1]
 
-    def estimate_sample(self, name: str) -> SampleEstimate:
-        """Return what is known of one sample so far, the model not fitted: after every hit."""
+    def estimate_numbers(self, name: str) -> SampleEstimate:
+        """Return tau_p, k and c of one sample so far: at once after a hit."""
+        if name not in self._numbers:
+            self._numbers[name] = self._estimate_numbers(name)
+        return self._numbers[name]
+
+    def _estimate_numbers(self, name: str) -> SampleEstimate:
         series, mean = self._series[name], self.find_mean(name)
         if mean is None:
             note = f"{name}: not determined, none of {len(series)} hits was accepted"
@@ -179,19 +187,21 @@ class Session:
             note = f"k and c: the mass of {' and '.join(unknown)} is not known"
             estimate = replace(estimate, notes=(*estimate.notes, note))
         else:
-            estimate = estimate_sample(
-                name,
-                mean,
-                contact_times,
-                rejected,
-                self.estimate_hammer(),
-                self.setup,
-                self._estimate_traces(name, mean),
+            estimate = estimate_numbers(
+                name, mean, contact_times, rejected, self.estimate_hammer(), self.setup
             )
         warnings = tuple(
             describe_overruled(hit, f"hit {describe_label(hit.label)}") for hit in series.overruled
         )
         return replace(estimate, warnings=estimate.warnings + warnings)
+
+    def estimate_sample(self, name: str) -> SampleEstimate:
+        """Return the same with what stands beside it, but for the fitted model."""
+        estimate, mean = self.estimate_numbers(name), self.find_mean(name)
+        if mean is None or self.setup.find_unknown_masses(name):
+            return estimate
+        traces = self._estimate_traces(name, mean)
+        return add_checks(estimate, mean, self.estimate_hammer(), self.setup, traces)
 
     def _estimate_traces(self, name: str, mean: MeanHit) -> TraceEstimates:
         # Another k1, as each hit on the control sample brings one, changes nothing in these.
@@ -225,6 +235,7 @@ class Session:
         # Hammer and control sample share their hits: made one after the other, they share what
         # is uncertain in them, too.
         self._hammer = None
+        self._numbers.clear()
         control = self.setup.samples.control_sample
         found: dict[str, SampleEstimate] = {}
         for name in sorted(self.names, key=lambda name: name != control):

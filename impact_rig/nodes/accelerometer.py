@@ -1,6 +1,7 @@
 """The accelerometers: armed for one hit at a time, they stream it, or everything, as blocks."""
 
 import functools
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -219,14 +220,17 @@ class AccelerometerNode(RigNode):
         if message.record != label.record or self._struck:
             return
         self._struck = True
+        released = time.monotonic()
         hit = self._rig.strike(label)
         self._virtual_impact.publish(messages.virtual_hit_to_msg(hit, message.header.stamp))
-        timeout = message.swing_time + float(self.get_value("trigger_timeout"))
+        # While the simulation worked the hammer was on its way.
+        swing = max(message.swing_time - (time.monotonic() - released), 0.0)
+        timeout = swing + float(self.get_value("trigger_timeout"))
         if self._stream is not None:
-            self._stream.lay(hit, message.swing_time)
+            self._stream.lay(hit, swing)
             self.run_once_after(timeout, lambda: self._give_up(label))
             return
-        wait = timeout if Fault.MISSED_TRIGGER in hit.faults else message.swing_time
+        wait = timeout if Fault.MISSED_TRIGGER in hit.faults else swing
         self.run_once_after(wait, lambda: self._send(hit))
 
     def _send(self, hit: VirtualHit) -> None:

@@ -191,9 +191,10 @@ def test_other_peoples_readers_find_every_message_of_every_topic(demo, read):
     counts = read(folder / "session.mcap")
     assert counts["/setup"] >= 1
     assert counts["/impact"] == counts["/release"] == counts["/virtual_impact"] == hits
-    # One with each hit, and one of both samples with the model fitted, when the campaign asks for
-    # the results. On a slow host steel small comes again behind a hit on the control sample.
-    assert 3 + 3 + 2 <= counts["/estimate"] <= 3 + 3 + 3 + 2
+    # Two with each hit, numbers and checks, and one of both samples with the model fitted, when
+    # the campaign asks for the results; that may take the place of the last checks. On a slow host
+    # steel small comes again behind a hit on the control sample.
+    assert 6 + 5 + 2 <= counts["/estimate"] <= 6 + 6 + 3 + 2
     assert counts["/acceleration"] >= 5 * 6
     assert counts["/diagnostics"] >= 1
 

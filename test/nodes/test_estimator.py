@@ -76,13 +76,25 @@ def test_a_sample_gets_its_stiffness_as_soon_as_the_control_sample_is_measured(h
     publisher = harness.advertise(interfaces.ACCELERATION)
 
     feed(harness, publisher, make_blocks("steel small", 1))
-    (first,) = estimates.wait_for_count(1)
+    first = estimates.wait_for_count(1)[0]
     assert math.isnan(first.stiffness)
     assert "has no accepted hit yet" in first.notes[0]
 
     feed(harness, publisher, make_blocks(CONTROL_SAMPLE, 1, first_record=2))
-    later = estimates.wait(lambda got: got[-1].sample == "steel small" and len(got) == 3)
-    assert later[-1].stiffness > 0
+    estimates.wait(lambda got: got[-1].sample == "steel small" and got[-1].stiffness > 0)
+
+
+def test_the_numbers_come_first_and_once_more_with_what_stands_beside_them(harness):
+    harness.add(EstimatorNode)
+    estimates = harness.listen(interfaces.ESTIMATE)
+    harness.advertise(interfaces.SETUP).publish(SETUP)
+    feed(harness, harness.advertise(interfaces.ACCELERATION), make_blocks(CONTROL_SAMPLE, 1))
+    numbers, checked = estimates.wait_for_count(2)
+    assert (numbers.contact_time, numbers.stiffness) == (checked.contact_time, checked.stiffness)
+    assert numbers.damping_coefficient == checked.damping_coefficient
+    assert math.isnan(numbers.mse_sample_percent)
+    assert checked.mse_sample_percent > 0
+    assert (numbers.pulse_shape.fits, bool(checked.pulse_shape.fits)) == ([], True)
 
 
 def test_what_the_control_sample_changes_follows_once_and_behind_its_hits(harness):
@@ -97,21 +109,22 @@ def test_what_the_control_sample_changes_follows_once_and_behind_its_hits(harnes
         for block in make_blocks(sample, 1, first_record=number)
     ]
     feed(harness, harness.advertise(interfaces.ACCELERATION), blocks)
-    estimates.wait_for_count(len(others))
+    estimates.wait_for_count(2 * len(others))
     # Faster than from hit to hit on any rig: none of the hits waits for another sample.
     feed(
         harness,
         harness.advertise(interfaces.ACCELERATION),
         make_blocks(CONTROL_SAMPLE, 4, first_record=4),
     )
-    found = estimates.wait_for_count(2 * len(others) + 4)
+    # Numbers and checks of each hit, and then the others.
+    found = estimates.wait_for_count(2 * (len(others) + 4) + len(others))
     assert len(impacts.messages) == len(others) + 4
-    assert [item.sample for item in found[3:7]] == [CONTROL_SAMPLE] * 4
-    assert sorted(item.sample for item in found[7:]) == sorted(others)
+    assert [item.sample for item in found[6:14]] == [CONTROL_SAMPLE] * 8
+    assert sorted(item.sample for item in found[14:]) == sorted(others)
     # Of each the newest state: all four hits on the control sample make it.
     answer = harness.call(GetResults, interfaces.GET_RESULTS)
     final = {item.sample: item.stiffness for item in answer.samples}
-    assert {item.sample: item.stiffness for item in found[7:]} == {
+    assert {item.sample: item.stiffness for item in found[14:]} == {
         name: final[name] for name in others
     }
 

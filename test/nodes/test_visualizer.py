@@ -67,12 +67,12 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
         for block in hit.split(1000, 10**18):
             publisher.publish(block_to_msg(block))
     impacts.wait_for_count(2)
-    estimates.wait_for_count(1)
+    estimates.wait_for_count(2)
     harness.wait_until(lambda: node.diagnose()["hits"] == 2)
     harness.wait_until(lambda: node.diagnose()["comparisons"] == 2)
-    # Setup, ten blocks, two verdicts, estimate, hammer, two comparisons; and from both nodes what
-    # they say of themselves.
-    harness.wait_until(lambda: node.messages_handled >= 19)
+    # Setup, ten blocks, two verdicts, two estimates, hammer, two comparisons; and from both nodes
+    # what they say of themselves.
+    harness.wait_until(lambda: node.messages_handled >= 20)
     node.close()
 
     reader, chunks = read()

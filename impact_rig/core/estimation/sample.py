@@ -92,18 +92,15 @@ class SampleEstimate:
         return next((item for item in self.comparisons if item.variant is variant), None)
 
 
-def estimate_sample(
+def estimate_numbers(
     name: str,
     mean: MeanHit,
     contact_times: FloatArray,
     impacts_rejected: int,
     hammer: BodyEstimate,
     setup: RigSetup,
-    traces: TraceEstimates | None = None,
 ) -> SampleEstimate:
-    """Estimate tau_p, k2 and c2 of one sample, with pulse shape, free decay and comparison.
-
-    The model is not fitted: see `add_models`.
+    """Estimate tau_p, k2 and c2 of one sample by the paper's method, and nothing beside them.
 
     Parameters
     ----------
@@ -119,13 +116,10 @@ def estimate_sample(
         Of the control experiment; k1 NaN: not known yet, and then k2 and c2 are neither.
     setup : RigSetup
         Masses and settings.
-    traces : TraceEstimates or None
-        Of this mean hit, where they are known already.
     """
     contact, body = estimate_bodies(mean, setup, name, hammer)
-    traces = traces or estimate_traces(name, mean, setup)
     first_peak_time, second_peak_time = _find_peak_times(mean, body)
-    estimate = SampleEstimate(
+    return SampleEstimate(
         name=name,
         impacts_accepted=mean.count,
         impacts_rejected=impacts_rejected,
@@ -136,15 +130,46 @@ def estimate_sample(
         specimen_peak=_find_specimen_peak(mean),
         first_peak_time=first_peak_time,
         second_peak_time=second_peak_time,
+        warnings=check_steps(mean) + check_control(setup),
+        notes=_gather_notes(contact, body),
+    )
+
+
+def add_checks(
+    estimate: SampleEstimate,
+    mean: MeanHit,
+    hammer: BodyEstimate,
+    setup: RigSetup,
+    traces: TraceEstimates | None = None,
+) -> SampleEstimate:
+    """Put pulse shape, free decay and comparison with the model beside the numbers.
+
+    Most of the work of an estimate; the model is not fitted yet: see `add_models`.
+
+    Parameters
+    ----------
+    estimate : SampleEstimate
+        As `estimate_numbers` made it.
+    mean : MeanHit
+        What it was made from.
+    hammer : BodyEstimate
+        Likewise.
+    setup : RigSetup
+        Masses and settings.
+    traces : TraceEstimates or None
+        Of this mean hit, where they are known already.
+    """
+    traces = traces or estimate_traces(estimate.name, mean, setup)
+    checked = replace(
+        estimate,
         shape=traces.shape,
         free_decay=traces.free_decay,
         warnings=check_shape(traces.shape)
-        + check_damping(traces.free_decay, body)
-        + check_steps(mean)
-        + check_control(setup),
-        notes=_gather_notes(contact, body) + traces.notes,
+        + check_damping(traces.free_decay, estimate.body)
+        + estimate.warnings,
+        notes=estimate.notes + traces.notes,
     )
-    return _add_comparisons(estimate, mean, hammer, setup)
+    return _add_comparisons(checked, mean, hammer, setup)
 
 
 def estimate_contact_alone(

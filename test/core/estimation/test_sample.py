@@ -10,7 +10,7 @@ from scipy.signal import StateSpace, impulse
 
 from impact_rig.core.damping.log_decrement import estimate_damping_coefficient
 from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_contact, estimate_hammer
-from impact_rig.core.estimation.sample import estimate_sample
+from impact_rig.core.estimation.sample import SampleEstimate, add_checks, estimate_numbers
 from impact_rig.core.hits.averaging import MeanHit, shift_hit
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import measure_pulse
@@ -47,6 +47,19 @@ def make_mean(tau: float, natural: float, ratio: float, *, channels: int = 2) ->
     nothing = np.zeros(channels)
     hit = FilteredHit(traces, RATE, measure_pulse(traces[0]), nothing, nothing, nothing, 300)
     return MeanHit(traces, RATE, ORIGIN, nothing, nothing, (shift_hit(hit),) * 3)
+
+
+def estimate_sample(
+    name: str,
+    mean: MeanHit,
+    contact_times: object,
+    rejected: int,
+    hammer: BodyEstimate,
+    setup: RigSetup,
+) -> SampleEstimate:
+    """Return the numbers of a sample with what stands beside them."""
+    numbers = estimate_numbers(name, mean, np.array(contact_times), rejected, hammer, setup)
+    return add_checks(numbers, mean, hammer, setup)
 
 
 @given(stiffness=st.floats(10e6, 60e6), ratio=st.floats(0.15, 0.5), mass=st.floats(0.02, 0.4))
@@ -187,3 +200,15 @@ def test_the_control_sample_of_the_paper_gives_its_k1() -> None:
     mean = make_mean(212e-6, 1.5e4, 0.3)
     # 22.54 MN/m is rounded to 0.02 %, and 212.0 us makes it 22.536.
     assert estimate_hammer(mean, PAPER_SETUP).stiffness == pytest.approx(22.54e6, rel=1e-3)
+
+
+def test_what_stands_beside_the_numbers_changes_none_of_them() -> None:
+    mean = make_mean(200e-6, 3e4, 0.3)
+    numbers = estimate_numbers("heavy", mean, np.array([200e-6]), 0, HAMMER, SETUP)
+    checked = add_checks(numbers, mean, HAMMER, SETUP)
+    assert (numbers.shape, numbers.free_decay, numbers.comparisons) == (None, None, ())
+    assert checked.shape is not None
+    assert checked.comparisons
+    assert (checked.contact, checked.body) == (numbers.contact, numbers.body)
+    assert set(checked.warnings) >= set(numbers.warnings)
+    assert set(checked.notes) >= set(numbers.notes)

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from impact_rig.core.estimation.paper_method import BodyEstimate, ContactEstimate, estimate_hammer
-from impact_rig.core.estimation.sample import SampleEstimate, estimate_sample
+from impact_rig.core.estimation.sample import SampleEstimate, estimate_numbers
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import measure_pulse
@@ -69,7 +69,7 @@ def estimate(
 ) -> tuple[ContactEstimate, BodyEstimate, BodyEstimate]:
     """Return contact and body of a sample, and the hammer."""
     hammer = estimate_hammer(make_mean(CONTROL), setup)
-    found: SampleEstimate = estimate_sample(
+    found: SampleEstimate = estimate_numbers(
         name, mean or make_mean(name), (1.0,), 0, hammer, setup
     )
     assert found.contact is not None
@@ -241,7 +241,7 @@ def test_one_hit_determines_no_uncertainty_and_says_so() -> None:
 def test_one_hit_on_the_control_sample_leaves_every_k2_without_uncertainty() -> None:
     hammer = estimate_hammer(make_mean(CONTROL, 1), SETUP)
     assert "one accepted hit" in hammer.stiffness_uncertainty.notes[0]
-    found = estimate_sample("steel medium", make_mean("steel medium"), (), 0, hammer, SETUP)
+    found = estimate_numbers("steel medium", make_mean("steel medium"), (), 0, hammer, SETUP)
     assert found.contact is not None
     assert found.contact.equivalent_stiffness_uncertainty.is_determined
     assert math.isfinite(found.body.stiffness)
@@ -252,7 +252,7 @@ def test_one_hit_on_the_control_sample_leaves_every_k2_without_uncertainty() -> 
 
 def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact() -> None:
     given = BodyEstimate(22e6)
-    found = estimate_sample("steel medium", make_mean("steel medium"), (), 0, given, SETUP)
+    found = estimate_numbers("steel medium", make_mean("steel medium"), (), 0, given, SETUP)
     assert found.contact is not None
     part = found.contact.equivalent_stiffness_uncertainty.standard
     gain = (found.body.stiffness / found.contact.equivalent_stiffness) ** 2
@@ -261,7 +261,7 @@ def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact() -> None:
 
 def test_contradicting_masses_determine_neither_value_nor_uncertainty() -> None:
     soft = BodyEstimate(1e6)
-    found = estimate_sample("steel medium", make_mean("steel medium"), (), 0, soft, SETUP)
+    found = estimate_numbers("steel medium", make_mean("steel medium"), (), 0, soft, SETUP)
     assert math.isnan(found.body.stiffness)
     for uncertainty in (
         found.body.stiffness_uncertainty,
