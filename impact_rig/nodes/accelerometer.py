@@ -223,22 +223,29 @@ class AccelerometerNode(RigNode):
         released = time.monotonic()
         hit = self._rig.strike(label)
         self._virtual_impact.publish(messages.virtual_hit_to_msg(hit, message.header.stamp))
-        # While the simulation worked the hammer was on its way.
-        swing = max(message.swing_time - (time.monotonic() - released), 0.0)
-        timeout = swing + float(self.get_value("trigger_timeout"))
+        timeout = float(self.get_value("trigger_timeout"))
+        # While the simulation works the hammer is on its way.
         if self._stream is not None:
+            swing = max(message.swing_time - (time.monotonic() - released), 0.0)
             self._stream.lay(hit, swing)
-            self.run_once_after(timeout, lambda: self._give_up(label))
+            self.run_once_after(swing + timeout, lambda: self._give_up(label))
             return
-        wait = timeout if Fault.MISSED_TRIGGER in hit.faults else swing
-        self.run_once_after(wait, lambda: self._send(hit))
+        wait = message.swing_time + timeout * (Fault.MISSED_TRIGGER in hit.faults)
+        blocks = self._prepare(hit, wait - (time.monotonic() - released))
+        left = max(wait - (time.monotonic() - released), 0.0)
+        self.run_once_after(left, lambda: self._send(label, blocks))
 
-    def _send(self, hit: VirtualHit) -> None:
-        if self._label != hit.label:
+    def _prepare(self, hit: VirtualHit, wait: float) -> list[AccelerationBlock]:
+        """Return the messages of a hit that comes `wait` seconds from now."""
+        stamp = self.get_clock().now().nanoseconds + round(max(wait, 0.0) * 1e9)
+        blocks = hit.split(int(self.get_value("block_size")), stamp)
+        return [messages.block_to_msg(block) for block in blocks]
+
+    def _send(self, label: HitLabel, blocks: list[AccelerationBlock]) -> None:
+        if self._label != label:
             return
-        stamp = self.get_clock().now().nanoseconds
-        for block in hit.split(int(self.get_value("block_size")), stamp):
-            self._publisher.publish(messages.block_to_msg(block))
+        for block in blocks:
+            self._publisher.publish(block)
             self._blocks_sent += 1
         self._finish("record complete")
 

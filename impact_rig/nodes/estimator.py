@@ -22,6 +22,7 @@ from impact_rig.nodes.estimating.stream_cutting import StreamCutting
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.recording.storage_gate import StorageGate
 from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.unhurried import take_message
 from impact_rig.recording.interfaces.messages import block_from_msg, setup_from_msg
 
 WAITING_BLOCKS = 1000
@@ -30,6 +31,9 @@ WAITING_BLOCKS = 1000
 CATCH_UP_PAUSE = 0.5
 """How long no hit on the control sample may have come before the other samples' estimates follow
 what it says [s], our choice: longer than from hit to hit, so that none of them waits."""
+LARGEST_HELPING = 20
+"""How many blocks may be taken before it is another topic's turn [-], our choice: a record has
+five."""
 
 
 class EstimatorNode(RigNode):
@@ -67,7 +71,7 @@ class EstimatorNode(RigNode):
         # not, nor a block for one of nobody's recording.
         self.listen(interfaces.RECORD_STORED, self._take_stored)
         self.listen(interfaces.RECORDER_STATE, self._follow_recorder)
-        self.listen(interfaces.ACCELERATION, self._take_block)
+        self._blocks = self.listen(interfaces.ACCELERATION, self._take_blocks)
         self.listen(
             interfaces.make_stream_topic(self.get_value("stream_depth")), self._take_stream_block
         )
@@ -92,6 +96,15 @@ class EstimatorNode(RigNode):
     def _take_setup(self, message: RigSetup) -> None:
         self._gate.add_setup(message)
         self._work_off()
+
+    def _take_blocks(self, message: AccelerationBlock) -> None:
+        self._take_block(message)
+        for _ in range(LARGEST_HELPING):
+            taken = take_message(self._blocks)
+            if taken is None:
+                break
+            self.messages_handled += 1
+            self._take_block(taken[0])
 
     def _take_block(self, message: AccelerationBlock) -> None:
         if not self.is_active:
@@ -156,17 +169,21 @@ class EstimatorNode(RigNode):
             self._publish(session, hit)
 
     def _publish(self, session: Session, hit: JudgedHit) -> None:
-        self._impact.publish(estimate_messages.hit_to_msg(hit))
-        self._counts["impacts accepted" if hit.accepted else "impacts rejected"] += 1
-        if not hit.accepted:
+        struck, control = hit.label.sample, session.setup.samples.control_sample
+        try:
+            # Made before the verdict is out, which wakes everybody else.
+            numbers = session.estimate_numbers(struck) if hit.accepted else None
+        finally:
+            self._impact.publish(estimate_messages.hit_to_msg(hit))
+            self._counts["impacts accepted" if hit.accepted else "impacts rejected"] += 1
+        if numbers is None:
             return
         stamp = self.get_clock().now().to_msg()
-        struck, control = hit.label.sample, session.setup.samples.control_sample
+        self._publish_estimate(numbers, stamp)
         if struck == control:
             hammer = session.estimate_hammer()
             self._hammer_estimate.publish(estimate_messages.hammer_to_msg(hammer, control, stamp))
-        # The numbers first: what stands beside them takes most of the time.
-        self._publish_estimate(session.estimate_numbers(struck), stamp)
+        # What stands beside the numbers takes most of the time.
         self._unchecked[struck] = None
         self.executor.create_task(self._check)
         self._outdated.pop(struck, None)

@@ -1,6 +1,7 @@
 """The visualizer: model against measured traces, verdicts, tables and the rig's health, in Rerun.
 
-A process of its own that only listens: it may drop views, never data, and nothing waits for it.
+A process of its own that only listens: it may drop views, never data, and nothing waits for it. So
+it looks now and then for what has come, and takes that in the order in which it was sent.
 It holds no hit longer than its destinations need to take it: a file is written as hits come. What
 it keeps is bounded: the newest 1000 verdicts for tables and figures, the names of what is shown,
 and, for viewers that come late, the newest hits, 64 MB for each viewer elsewhere and 512 MB in
@@ -27,6 +28,7 @@ from impact_rig_msgs.msg import (
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RigNode
+from impact_rig.nodes.unhurried import TAKING_PERIOD, UnhurriedGroup, take_message
 from impact_rig.nodes.visualizing.rate_meter import RateMeter
 from impact_rig.nodes.visualizing.rig_health import DIAGNOSTICS, RigHealth
 from impact_rig.nodes.visualizing.shown_campaign import ShownCampaign
@@ -79,7 +81,9 @@ class VisualizerNode(RigNode):
             high=LARGEST_PORT,
         )
         self._destinations: tuple[Destination, ...] = ()
+        self._unhurried = UnhurriedGroup()
         self._subscriptions_of_view: list[Any] = []
+        self._taking = self.create_timer(TAKING_PERIOD, self._take_waiting)
         self._assembler = TraceAssembler()
         self._campaign: ShownCampaign | None = None
         self._early: deque[tuple[Callable[[ShownCampaign, Any], None], Any]] = deque(
@@ -108,7 +112,7 @@ class VisualizerNode(RigNode):
     def activate(self) -> None:
         """Listen; what was said last before is heard now."""
         self._subscriptions_of_view = [
-            self.listen(topic, callback)
+            self.listen(topic, callback, callback_group=self._unhurried)
             for topic, callback in (
                 (interfaces.SETUP, self._begin),
                 (interfaces.ACCELERATION, self._take_block),
@@ -122,7 +126,8 @@ class VisualizerNode(RigNode):
         ]
 
     def deactivate(self) -> None:
-        """Listen no longer."""
+        """Take what has come, and listen no longer."""
+        self._take_waiting()
         for subscription in self._subscriptions_of_view:
             self.destroy_subscription(subscription)
         self._subscriptions_of_view = []
@@ -132,6 +137,16 @@ class VisualizerNode(RigNode):
         for destination in self._destinations:
             destination.close()
         self._destinations = ()
+
+    def _take_waiting(self) -> None:
+        """Work off what has come, of all topics in the order in which it was sent."""
+        waiting: list[tuple[int, int, int, Any]] = []
+        for place, subscription in enumerate(self._subscriptions_of_view):
+            while (taken := take_message(subscription)) is not None:
+                message, info = taken
+                waiting.append((info["source_timestamp"], place, len(waiting), message))
+        for _, place, _, message in sorted(waiting, key=lambda item: item[:3]):
+            self._subscriptions_of_view[place].callback(message)
 
     def diagnose(self) -> dict[str, Any]:
         """Return what was shown, how fast it came, and what was not shown."""

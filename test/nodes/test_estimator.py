@@ -116,15 +116,17 @@ def test_what_the_control_sample_changes_follows_once_and_behind_its_hits(harnes
         harness.advertise(interfaces.ACCELERATION),
         make_blocks(CONTROL_SAMPLE, 4, first_record=4),
     )
-    # Numbers and checks of each hit, and then the others.
-    found = estimates.wait_for_count(2 * (len(others) + 4) + len(others))
+    found = estimates.wait(
+        lambda got: len(got) > 12 and sorted(item.sample for item in got[-3:]) == sorted(others)
+    )
     assert len(impacts.messages) == len(others) + 4
-    assert [item.sample for item in found[6:14]] == [CONTROL_SAMPLE] * 8
-    assert sorted(item.sample for item in found[14:]) == sorted(others)
+    # Numbers of each hit, and what stands beside them once or more; then the others.
+    assert {item.sample for item in found[6:-3]} == {CONTROL_SAMPLE}
+    assert 4 + 1 <= len(found[6:-3]) <= 4 + 4
     # Of each the newest state: all four hits on the control sample make it.
     answer = harness.call(GetResults, interfaces.GET_RESULTS)
     final = {item.sample: item.stiffness for item in answer.samples}
-    assert {item.sample: item.stiffness for item in found[14:]} == {
+    assert {item.sample: item.stiffness for item in found[-3:]} == {
         name: final[name] for name in others
     }
 

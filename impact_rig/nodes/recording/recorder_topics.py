@@ -1,15 +1,13 @@
 """What a recorder subscribes to: the rig's topics at once, others as they are discovered.
 
 What somebody waits for, the blocks of hits, is written as soon as it comes, after what came before
-it. All else is taken out of its queue now and then: the way through the executor costs many times
-what taking a message does.
+it. All else is taken out of its queue now and then.
 """
 
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
@@ -19,6 +17,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, make_qos, name_type
+from impact_rig.nodes.unhurried import TAKING_PERIOD, UnhurriedGroup, take_message
 from impact_rig.recording.interfaces.message_definitions import find_message_definition
 from impact_rig.recording.interfaces.qos_profiles import OfferedQos
 from impact_rig.recording.writing.recording_writer import RecordingWriter
@@ -29,9 +28,6 @@ at 2.5 MS/s, in which the disk may stand still. Only what waits takes memory."""
 LARGEST_HELPING = 50
 """How many messages of one topic may be written before it is another one's turn [-], our
 choice."""
-TAKING_PERIOD = 0.05
-"""How often what nobody waits for is taken [s], our choice: a stream's queue holds many times as
-much. It lasts no longer than that either: then what is waited for has its turn."""
 URGENT = (interfaces.SETUP, interfaces.ACCELERATION, interfaces.ACQUISITION_STATE)
 """Topics that are written as soon as something comes: a verdict waits for it."""
 PARAMETER_EVENTS = "/parameter_events"
@@ -39,14 +35,6 @@ PARAMETER_EVENTS = "/parameter_events"
 _STREAM_TYPE = name_type(interfaces.STREAM.type)
 GLOBAL_TOPICS = ("/diagnostics", "/rosout", PARAMETER_EVENTS)
 """Topics outside the rig's namespace that tell of its health and of what it was told to do."""
-
-
-class _NeverExecuted(CallbackGroup):
-    """Holds subscriptions that no executor waits for."""
-
-    def can_execute(self, _: Any) -> bool:
-        """Keep an executor from waiting."""
-        return False
 
 
 class RecordedTopics:
@@ -89,7 +77,7 @@ class RecordedTopics:
         self._fail = fail
         self._subscriptions: dict[str, Any] = {}
         self._writes: dict[str, Callable[[bytes, Mapping[str, Any]], None]] = {}
-        self._never = _NeverExecuted()
+        self._unhurried = UnhurriedGroup()
         self._leisurely: list[str] = []
         self._stream_name = node.resolve_topic_name(interfaces.STREAM.name)
         self.skipped: dict[str, str] = {}
@@ -129,7 +117,10 @@ class RecordedTopics:
                     self._record_discovered(topic, types, publishers)
 
     def take_waiting(self, longest: float) -> None:
-        """Write what is in the queues until they are empty, or that long [s]."""
+        """Write what is in the queues until they are empty, or that long [s].
+
+        Then what is waited for has its turn.
+        """
         self._take_from(list(self._subscriptions), longest)
 
     def close(self) -> None:
@@ -178,7 +169,7 @@ class RecordedTopics:
         is_urgent = name in {item.name for item in URGENT}
         if not is_urgent and topic != self._stream_name:
             self._leisurely.append(topic)
-        group = None if is_urgent else self._never
+        group = None if is_urgent else self._unhurried
         self._writes[topic] = write
         self._subscriptions[topic] = self._node.create_subscription(
             kind, name, write_helping, qos, callback_group=group, raw=True
@@ -198,8 +189,7 @@ class RecordedTopics:
         subscription = self._subscriptions.get(topic)
         if subscription is None:
             return False
-        with subscription.handle:
-            taken = subscription.handle.take_message(subscription.msg_type, True)
+        taken = take_message(subscription, raw=True)
         if taken is None:
             return False
         self._writes[topic](*taken)

@@ -13,12 +13,9 @@ from impact_rig.core.errors import FileError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.recording.node_parameters import NodeParameters
 from impact_rig.nodes.recording.record_storage import RecordStorage
-from impact_rig.nodes.recording.recorder_topics import (
-    PARAMETER_EVENTS,
-    TAKING_PERIOD,
-    RecordedTopics,
-)
+from impact_rig.nodes.recording.recorder_topics import PARAMETER_EVENTS, RecordedTopics
 from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.unhurried import TAKING_PERIOD
 from impact_rig.recording.writing.origin import (
     ORIGIN_RECORD,
     PARAMETERS_RECORD,
