@@ -1,39 +1,27 @@
-"""What all nodes of the rig share: parameters, lifecycle, waiting and diagnostics."""
+"""What all nodes of the rig share: parameters, topics, lifecycle and diagnostics."""
 
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.task import Future
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
-from impact_rig.core.errors import DeviceError, RigError
+from impact_rig.core.errors import RigError
 from impact_rig.nodes.interfaces import Topic
+from impact_rig.nodes.waiting_node import WaitingNode
 
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two diagnostic messages [s]: the convention of diagnostic aggregators."""
-WAITING_PERIOD = 0.05
-"""How often a condition without a callback is looked at [s], our choice."""
-SERVICE_TIMEOUT = 20.0
-"""How long another node may take to appear or answer [s], our choice: six Python processes start
-in seconds on two cores."""
-RESEND_PERIOD = 3.0
-"""How soon an unanswered request is sent again [s], our choice: longer than any answer takes but
-that of a hammer which has not met the rest of the rig yet."""
-
-
 _NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 _NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 """rclpy's own warn when somebody's QoS does not fit, as theirs do on the other side; and each has
 a share in what every message costs, whichever it is."""
 
 
-class RigNode(LifecycleNode):
+class RigNode(WaitingNode):
     """A lifecycle node of the rig.
 
     Subclasses override `configure`, `activate`, `deactivate` and `cleanup`; a `RigError` raised
@@ -51,11 +39,6 @@ class RigNode(LifecycleNode):
         self.declare(
             "autostart", True, "configure and activate at start-up, without a lifecycle manager"
         )
-        # While a callback waits, the others of its group stand still: those that wait get a
-        # group that lets them pass.
-        self.waiting_group = ReentrantCallbackGroup()
-        self._waiters: list[Callable[[], None]] = []
-        self._idle: list[_OneShot] = []
         self.messages_handled = 0
         self.stop_requested = threading.Event()
         self._fault = ""
@@ -65,11 +48,6 @@ class RigNode(LifecycleNode):
             DiagnosticArray, "/diagnostics", 10, event_callbacks=_NO_PUBLISHER_EVENTS
         )
         self.create_timer(DIAGNOSTIC_PERIOD, self._publish_diagnostics)
-        # Runs while something waits; to make one each time would cost as much as the waiting.
-        self._looking = self.create_timer(
-            WAITING_PERIOD, self.wake_waiters, callback_group=self.waiting_group
-        )
-        self._looking.cancel()
 
     # Overridden by the nodes.
 
@@ -206,97 +184,6 @@ class RigNode(LifecycleNode):
 
         return publish
 
-    def run_once_after(self, delay: float, work: Callable[[], None]) -> None:
-        """Call `work` once, `delay` seconds from now; a `RigError` in it is reported."""
-        # rclpy remembers every timer that there ever was: those that have fired are used again.
-        one_shot = self._idle.pop() if self._idle else _OneShot(self, self._fire)
-        one_shot.start(delay, work)
-
-    def _fire(self, one_shot: "_OneShot") -> None:
-        one_shot.stop()
-        self._idle.append(one_shot)
-        try:
-            one_shot.work()
-        except RigError as error:
-            self.report_fault(str(error))
-        self.wake_waiters()
-
-    async def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """Wait for a condition that some callback of this node makes true.
-
-        Parameters
-        ----------
-        condition : callable
-            Looked at after every callback of `listen` and `run_once_after`, and every
-            `WAITING_PERIOD`, for what has no callback.
-        timeout : float
-            [s]
-
-        Returns
-        -------
-        bool
-            Whether the condition came true in time.
-        """
-        if condition():
-            return True
-        future: Future = Future(executor=self.executor)
-        deadline = time.monotonic() + timeout
-
-        def look() -> None:
-            if future.done():
-                return
-            if condition():
-                future.set_result(True)
-            elif time.monotonic() >= deadline:
-                future.set_result(False)
-
-        self._waiters.append(look)
-        if len(self._waiters) == 1:
-            self._looking.reset()
-        try:
-            return bool(await future)
-        finally:
-            self._waiters.remove(look)
-            if not self._waiters:
-                self._looking.cancel()
-
-    async def call(self, client: Any, request: Any, timeout: float = SERVICE_TIMEOUT) -> Any:
-        """Call a service of another node of the rig and return its answer.
-
-        A server that has not met the client's reader yet drops its answer, so an unanswered
-        request is sent again: the rig's services take a repeated request as the same one.
-
-        Raises
-        ------
-        DeviceError
-            If nobody offers the service, or no answer comes within `timeout` seconds.
-        """
-        if not await self.wait_until(client.service_is_ready, timeout):
-            raise DeviceError(
-                f"nobody offers the service {client.srv_name}: start the node that does"
-            )
-        pending: list[Future] = []
-        deadline = time.monotonic() + timeout
-        try:
-            while (left := deadline - time.monotonic()) > 0.0:
-                pending.append(client.call_async(request))
-                pending[-1].add_done_callback(lambda _: self.wake_waiters())
-                await self.wait_until(
-                    lambda: any(item.done() for item in pending), min(RESEND_PERIOD, left)
-                )
-                for item in pending:
-                    if item.done():
-                        return item.result()
-        finally:
-            for item in pending:
-                client.remove_pending_request(item)
-        raise DeviceError(f"{client.srv_name} did not answer within {timeout:g} s")
-
-    def wake_waiters(self) -> None:
-        """Let everything that waits in `wait_until` look at its condition."""
-        for look in tuple(self._waiters):
-            look()
-
     def report_fault(self, text: str) -> None:
         """Log an error and show it in the diagnostics until the next good transition."""
         self._fault = text
@@ -375,23 +262,6 @@ class RigNode(LifecycleNode):
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
-
-
-class _OneShot:
-    """A timer that calls its work once, and is then idle until it is started again."""
-
-    def __init__(self, node: RigNode, fire: Callable[["_OneShot"], None]) -> None:
-        self.work: Callable[[], None] = lambda: None
-        self._timer = node.create_timer(WAITING_PERIOD, lambda: fire(self))
-        self.stop()
-
-    def start(self, delay: float, work: Callable[[], None]) -> None:
-        self.work = work
-        self._timer.timer_period_ns = round(delay * 1e9)
-        self._timer.reset()
-
-    def stop(self) -> None:
-        self._timer.cancel()
 
 
 def split_names(text: str) -> list[str]:
