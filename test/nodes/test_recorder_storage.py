@@ -280,20 +280,22 @@ def test_a_full_disk_ends_the_recording_cleanly_and_says_so(
 
 
 def test_every_file_of_a_split_recording_says_how_it_ended(harness, recorder, tmp_path):
-    states, stored, _ = recorder(
+    states, stored, node = recorder(
         output=str(tmp_path / "session"), split_size=20_000, compression="none"
     )
     publisher = connect(harness)
     for record in range(1, 5):
         publish(publisher, make_blocks(record, 5))
         stored.wait_for_count(record)
+    assert states.messages[-1].uri == str(tmp_path / "session")
+    # What else is recorded may begin another file at any moment.
+    node.close()
     files = sorted((tmp_path / "session").glob("*.mcap"))
     assert len(files) > 2
-    assert states.messages[-1].uri == str(tmp_path / "session")
-    for file in files[:-1]:
-        metadata = read_metadata(file)
-        assert [item["reason"] for item in metadata["impact_rig/health"]] == ["split"]
-        assert metadata["impact_rig"][-1]["software_version"]
+    metadata = [read_metadata(file) for file in files]
+    reasons = [[item["reason"] for item in one["impact_rig/health"]] for one in metadata]
+    assert reasons == [["split"]] * (len(files) - 1) + [["closed"]]
+    assert all(one["impact_rig"][-1]["software_version"] for one in metadata)
 
 
 def make_stream(*starts):
