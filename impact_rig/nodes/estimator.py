@@ -28,6 +28,9 @@ from impact_rig.recording.interfaces.messages import block_from_msg, setup_from_
 WAITING_BLOCKS = 1000
 """Blocks kept while no set-up has arrived [-], our choice: a few seconds of streaming."""
 
+CHECK_PAUSE = 0.015
+"""How long no hit may have come before what stands beside the numbers follows [s], our choice:
+less than any swing takes, so that it is done before the next hit."""
 CATCH_UP_PAUSE = 0.5
 """How long no hit on the control sample may have come before the other samples' estimates follow
 what it says [s], our choice: longer than from hit to hit, so that none of them waits."""
@@ -54,6 +57,8 @@ class EstimatorNode(RigNode):
         self._session: Session | None = None
         self._setup_stamp = Time()
         self._unchecked: dict[str, None] = {}
+        self._checking = self.create_timer(CHECK_PAUSE, self._check)
+        self._checking.cancel()
         self._outdated: dict[str, None] = {}
         self._pause = self.create_timer(CATCH_UP_PAUSE, self._catch_up)
         self._pause.cancel()
@@ -183,9 +188,9 @@ class EstimatorNode(RigNode):
         if struck == control:
             hammer = session.estimate_hammer()
             self._hammer_estimate.publish(estimate_messages.hammer_to_msg(hammer, control, stamp))
-        # What stands beside the numbers takes most of the time.
+        # What stands beside the numbers takes most of the time: it follows when nothing hurries.
         self._unchecked[struck] = None
-        self.executor.create_task(self._check)
+        self._checking.reset()
         self._outdated.pop(struck, None)
         if struck == control:
             # What the control sample says of the hammer changes every other sample's k2. The next
@@ -195,6 +200,7 @@ class EstimatorNode(RigNode):
 
     def _check(self) -> None:
         """Publish the estimates of the samples struck last anew, with what stands beside them."""
+        self._checking.cancel()
         session, names = self._session, tuple(self._unchecked)
         self._unchecked.clear()
         if session is None:
