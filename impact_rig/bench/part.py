@@ -34,7 +34,7 @@ class Extent:
     seconds: float = 20.0
     hits: int = 10_000
     kills: int = 2
-    mutations: int = 100
+    mutations: int = 60
     repeats: int = 7
     seed: int = 1
 

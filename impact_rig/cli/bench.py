@@ -89,7 +89,7 @@ EXIT_SIGNALLED = 128
     "--mutations",
     type=click.IntRange(1),
     metavar="N",
-    help="Damaged recordings in part fuzz. [100]",
+    help="Damaged recordings in part fuzz. [60]",
 )
 @click.option(
     "--seed", type=click.IntRange(0), metavar="N", help="Of what is drawn at random. [1]"
