@@ -12,22 +12,6 @@ from impact_rig.bench.part import Bench, Extent, Part
 from impact_rig.bench.recordings import Campaigns
 from impact_rig.core.errors import RigError
 
-PARTS = (
-    "start",
-    "model",
-    "hit",
-    "write",
-    "demo",
-    "latency",
-    "read",
-    "stream",
-    "memory",
-    "batch",
-    "fuzz",
-    "kill",
-)
-"""Modules of `impact_rig.bench.parts`, in the order in which they run: the quiet ones first."""
-
 
 @dataclass(frozen=True)
 class PartResults:

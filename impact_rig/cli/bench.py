@@ -10,23 +10,9 @@ from typing import Any
 
 import click
 
+from impact_rig.bench.part_names import PARTS
 from impact_rig.cli import options
 
-PARTS = (
-    "start",
-    "model",
-    "hit",
-    "write",
-    "demo",
-    "latency",
-    "read",
-    "stream",
-    "memory",
-    "batch",
-    "fuzz",
-    "kill",
-)
-"""As `impact_rig.bench.run.PARTS` has them; here so that the help needs none of them."""
 EXIT_MISSED = 1
 """Everything was measured, and a goal is missed."""
 EXIT_SIGNALLED = 128

@@ -7,6 +7,7 @@ import pytest
 from impact_rig.bench import run
 from impact_rig.bench.figures import Figure, at_most
 from impact_rig.bench.part import Bench, Extent, Part
+from impact_rig.bench.part_names import PARTS
 from impact_rig.core.errors import RigError
 
 
@@ -56,7 +57,7 @@ def test_progress_is_told_by_part() -> None:
     assert told == [("well", 0, 0), ("well", 1, 2)]
 
 
-@pytest.mark.parametrize("name", run.PARTS)
+@pytest.mark.parametrize("name", PARTS)
 def test_every_part_says_its_name_and_what_it_measures(name: str) -> None:
     part = run.load_part(name)
     assert part.name == name

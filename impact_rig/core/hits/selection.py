@@ -74,22 +74,6 @@ QUANTITIES = (
 2 %, and 12 bits tell the ratio of widths within a part of 1 %."""
 
 
-@dataclass(frozen=True)
-class Selection:
-    """What became of the hits of one sample.
-
-    Attributes
-    ----------
-    kept : tuple of JudgedHit
-        Those that are averaged, in the order of arrival.
-    left_out : tuple of JudgedHit
-        All others with their reasons, in the order of arrival.
-    """
-
-    kept: tuple[JudgedHit, ...]
-    left_out: tuple[JudgedHit, ...]
-
-
 def find_threshold(count: int) -> float:
     """Return T(n) for `count` hits [-], see `THRESHOLDS`."""
     counts = np.array(list(THRESHOLDS), dtype=np.float64)[::-1]
