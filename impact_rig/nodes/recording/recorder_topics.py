@@ -116,11 +116,17 @@ class RecordedTopics:
                 if publishers:
                     self._record_discovered(topic, types, publishers)
 
-    def take_waiting(self, longest: float) -> None:
-        """Write what is in the queues until they are empty, or that long [s].
+    def take_unhurried(self, longest: float) -> None:
+        """Write what nobody waits for until its queues are empty, or that long [s].
 
-        Then what is waited for has its turn.
+        What is waited for comes by the executor, behind what led to it.
         """
+        stream = [self._stream_name] if self._stream_name in self._subscriptions else []
+        self._take_from([*self._leisurely, *stream], longest)
+
+    def take_waiting(self, longest: float) -> None:
+        """Write what is in the queues until they are empty, or that long [s]: at the end."""
+        self._take_from(self._leisurely, longest)
         self._take_from(list(self._subscriptions), longest)
 
     def close(self) -> None:

@@ -192,7 +192,7 @@ class RecordingRun:
         self.storage.publish_stored()
 
     def _take_some(self) -> None:
-        self.topics.take_waiting(TAKING_PERIOD)
+        self.topics.take_unhurried(TAKING_PERIOD)
         self.storage.end_quiet_records()
 
     def _discover(self) -> None:
