@@ -108,6 +108,10 @@ class Harness:
         self._executor.add_node(node)
         return node
 
+    def close(self, node: RigNode) -> None:
+        """Close a node where its callbacks run, none of them being under way."""
+        self.wait(self._executor.create_task(node.close))
+
     def listen(self, topic: Topic, namespace: str = "") -> Collector:
         collector = Collector()
         self.peer.create_subscription(

@@ -289,7 +289,7 @@ def test_every_file_of_a_split_recording_says_how_it_ended(harness, recorder, tm
         stored.wait_for_count(record)
     assert states.messages[-1].uri == str(tmp_path / "session")
     # What else is recorded may begin another file at any moment.
-    node.close()
+    harness.close(node)
     files = sorted((tmp_path / "session").glob("*.mcap"))
     assert len(files) > 2
     metadata = [read_metadata(file) for file in files]
@@ -319,7 +319,7 @@ def test_the_running_stream_is_recorded_when_asked_for_and_its_gaps_are_counted(
         lambda got: got and any(v.key == "stream gaps" and v.value == "2" for v in got[-1].values)
     )[-1].values
     assert {item.key: item.value for item in values}["stream blocks"] == "4"
-    node.close()
+    harness.close(node)
     path = tmp_path / "session.mcap"
     with AnyReader([path]) as reader:
         starts = [
@@ -347,7 +347,7 @@ def test_the_running_stream_is_left_alone_unless_asked_for(harness, recorder, tm
     assert [stream.get_subscription_count() for stream in streams] == [0, 0]
     publish(connect(harness), make_blocks(1))
     stored.wait_for_count(1)
-    node.close()
+    harness.close(node)
     with AnyReader([tmp_path / "session.mcap"]) as reader:
         topics = set(reader.topics)
     assert "/acceleration" in topics

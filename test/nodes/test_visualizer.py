@@ -73,7 +73,7 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
     # Setup, ten blocks, two verdicts, two estimates, hammer, two comparisons; and from both nodes
     # what they say of themselves.
     harness.wait_until(lambda: node.messages_handled >= 20)
-    node.close()
+    harness.close(node)
 
     reader, chunks = read()
     assert len(reader.blueprints()) == 1
@@ -107,7 +107,7 @@ def test_what_was_said_before_it_came_is_shown_too(harness, tmp_path, read):
     harness.advertise(interfaces.SETUP).publish(SETUP)
     node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
     harness.wait_until(lambda: node.diagnose()["campaigns"] == 1)
-    node.close()
+    harness.close(node)
 
     reader, _ = read()
     assert len(reader.blueprints()) == 1
@@ -120,7 +120,7 @@ def test_a_setup_that_is_said_again_leaves_the_layout_alone(harness, tmp_path, r
     for count in (1, 2):
         publisher.publish(SETUP)
         harness.wait_until(lambda count=count: node.diagnose()["campaigns"] == count)
-    node.close()
+    harness.close(node)
 
     reader, _ = read()
     assert len(reader.blueprints()) == 1
@@ -135,7 +135,7 @@ def test_it_works_in_a_namespace(harness, tmp_path, read):
     )
     publisher.publish(SETUP)
     harness.wait_until(lambda: node.diagnose()["campaigns"] == 1)
-    node.close()
+    harness.close(node)
     reader, _ = read()
     assert len(reader.blueprints()) == 1
 
