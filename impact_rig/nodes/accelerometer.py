@@ -230,7 +230,8 @@ class AccelerometerNode(RigNode):
             self._stream.lay(hit, swing)
             self.run_once_after(swing + timeout, lambda: self._give_up(label))
             return
-        wait = message.swing_time + timeout * (Fault.MISSED_TRIGGER in hit.faults)
+        is_missed = Fault.MISSED_TRIGGER in hit.faults
+        wait = message.swing_time + (timeout if is_missed else 0.0)
         blocks = self._prepare(hit, wait - (time.monotonic() - released))
         left = max(wait - (time.monotonic() - released), 0.0)
         self.run_once_after(left, lambda: self._send(label, blocks))

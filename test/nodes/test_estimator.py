@@ -10,6 +10,7 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.choices import Fault
+from impact_rig.devices.virtual.digitizer import DigitizerSettings
 from impact_rig.devices.virtual.faults import FaultPlan, ScheduledFault
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
@@ -175,6 +176,20 @@ def test_a_new_set_up_starts_the_estimates_afresh(harness):
         lambda: harness.call(GetResults, interfaces.GET_RESULTS).setup_stamp == again.header.stamp
     )
     assert not harness.call(GetResults, interfaces.GET_RESULTS).samples
+
+
+def test_a_verdict_comes_even_if_its_hit_cannot_be_averaged_with_the_others(harness):
+    node = harness.add(EstimatorNode)
+    impacts = harness.listen(interfaces.IMPACT)
+    harness.advertise(interfaces.SETUP).publish(SETUP)
+    publisher = harness.advertise(interfaces.ACCELERATION)
+    feed(harness, publisher, make_blocks(CONTROL_SAMPLE, 1))
+    slower = VirtualRigSettings(digitizer=DigitizerSettings(sampling_rate=1.25e6))
+    hit = VirtualRig(PAPER_SETUP, slower).strike(HitLabel(CONTROL_SAMPLE, record=2, impact=2))
+    feed(harness, publisher, hit.split(1000, 0))
+    verdicts = impacts.wait_for_count(2)
+    assert [verdict.accepted for verdict in verdicts] == [True, True]
+    harness.wait_until(lambda: "cannot be averaged" in node.fault)
 
 
 def test_a_block_that_cannot_be_meant_is_named_and_the_next_ones_are_judged(harness):

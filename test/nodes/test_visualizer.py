@@ -103,6 +103,26 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
     assert len({name for name in drawn if "/hammer/hits/" in name}) == 1
 
 
+def test_what_has_come_is_taken_in_the_order_in_which_it_was_sent(harness, tmp_path, monkeypatch):
+    taken = []
+    monkeypatch.setattr(VisualizerNode, "_begin", lambda *_: taken.append("setup"))
+    monkeypatch.setattr(VisualizerNode, "_take_block", lambda *_: taken.append("block"))
+    harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
+    setups, blocks = (
+        harness.advertise(topic) for topic in (interfaces.SETUP, interfaces.ACCELERATION)
+    )
+    harness.wait_until(
+        lambda: all(item.get_subscription_count() == 1 for item in (setups, blocks))
+    )
+    # Sooner than it looks again; topic by topic it would be a set-up and two blocks.
+    block = block_to_msg(strike(1, 1).split(1000, 0)[0])
+    blocks.publish(block)
+    setups.publish(SETUP)
+    blocks.publish(block)
+    harness.wait_until(lambda: len(taken) == 3)
+    assert taken == ["block", "setup", "block"]
+
+
 def test_what_was_said_before_it_came_is_shown_too(harness, tmp_path, read):
     harness.advertise(interfaces.SETUP).publish(SETUP)
     node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
