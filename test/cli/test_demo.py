@@ -7,11 +7,14 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+
+from impact_rig.configuration.rig_file import read_template
 
 PATIENCE = 120.0
 """How long a demo may take before the test fails [s]."""
@@ -45,6 +48,12 @@ def read_with_mcap_ros2(path: Path) -> dict[str, int]:
             assert message is not None
             counts[channel.topic] = counts.get(channel.topic, 0) + 1
     return counts
+
+
+def read_stream_blocks(path: Path) -> list[Any]:
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        return [item[3] for item in reader.iter_decoded_messages(["/acceleration/stream"])]
 
 
 def read_with_rosbags(path: Path) -> dict[str, int]:
@@ -179,8 +188,12 @@ def test_impacts_are_found_in_a_running_stream_that_is_recorded_too(tmp_path):
         names[number]: count for number, count in summary.statistics.channel_message_counts.items()
     }
     assert counts["/impact"] == counts["/acceleration"] == 2
-    # A hundred blocks a second.
-    assert counts["/acceleration/stream"] > 50
+    # All of the stream, from before the first contact until after the second, is there.
+    blocks = read_stream_blocks(tmp_path / "out" / "session.mcap")
+    firsts = [block.first_sample for block in blocks]
+    assert firsts == list(range(firsts[0], firsts[-1] + 1, 25_000))
+    assert counts["/acceleration/stream"] == len(firsts)
+    assert {block.record for block in blocks} >= {1, 2}
 
 
 @pytest.mark.parametrize("read", [read_with_rosbags, read_with_mcap_ros2])
@@ -238,6 +251,18 @@ def test_bad_input_gets_one_sentence_and_leaves_nothing(tmp_path, arguments, wor
     assert errors.count("\n") == 1
     assert "Traceback" not in output + errors
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_demonstration_never_reaches_the_hammer_that_a_rig_file_names(tmp_path):
+    text = (
+        read_template() + '\n[holder]\ndriver = "serial"\nport = "/dev/ttyUSB0"\n'
+    ).splitlines()
+    (tmp_path / "rig.toml").write_text("\n".join(text), "utf-8")
+    code, _, errors = run_rig_command("demo", "--rig-file", "rig.toml", folder=tmp_path)
+    assert code == 2
+    line = text.index('driver = "serial"') + 1
+    assert f"line {line}: the demo strikes the virtual rig only" in errors
+    assert not (tmp_path / "runs").exists()
 
 
 def test_a_folder_that_holds_a_run_is_never_written_again(demo):
