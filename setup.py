@@ -15,6 +15,21 @@ NODES = (
     "visualizer",
     "replayer",
 )
+SOURCES = {
+    "virtual": "virtual.source:VirtualSource",
+    "recording": "recording.source:RecordingSource",
+    "nidaqmx": "nidaqmx.source:NidaqmxSource",
+    "scpi": "scpi.source:ScpiSource",
+    "sound": "sound.source:SoundSource",
+}
+HOLDERS = {
+    "virtual": "virtual.holder:VirtualHolder",
+    "manual": "manual.holder:ManualHolder",
+    "serial": "serial_relay.holder:SerialRelay",
+    "nidaqmx": "nidaqmx.holder:NidaqmxHolder",
+    "gpio": "gpio.holder:GpioHolder",
+}
+"""Drivers of devices, by the names that rig files use."""
 EXECUTABLES = f"$base/lib/{NAME}"  # where `ros2 run` and `ros2 launch` look
 
 version = re.findall(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_text("utf-8"))[0]
@@ -37,6 +52,12 @@ setup(
     ],
     entry_points={
         "console_scripts": [f"{node} = {NAME}.nodes.{node}:main" for node in NODES],
+        "impact_rig.acceleration_sources": [
+            f"{name} = {NAME}.devices.{place}" for name, place in SOURCES.items()
+        ],
+        "impact_rig.hammer_holders": [
+            f"{name} = {NAME}.devices.{place}" for name, place in HOLDERS.items()
+        ],
     },
     options={
         "develop": {"script_dir": EXECUTABLES},
@@ -46,6 +67,10 @@ setup(
         "formats": ["h5py>=3.10", "npTDMS>=1.9", "pyuff>=2.4"],
         "batch": ["dask>=2024.5", "distributed>=2024.5"],
         "bench": ["psutil>=5.9"],
+        "nidaqmx": ["nidaqmx[grpc]>=1.0,<1.1"],
+        "serial": ["pyserial>=3.5"],
+        "sound": ["sounddevice>=0.5"],
+        "gpio": ["gpiod>=2.1"],
     },
     python_requires=">=3.11",
     zip_safe=False,

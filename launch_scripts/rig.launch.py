@@ -136,8 +136,9 @@ def make_rig(context: LaunchContext) -> list[Action]:
         return LaunchConfiguration(name).perform(context)
 
     rig_file = Path(read("rig_file")).resolve() if read("rig_file") else None
+    rig = load_rig_file(rig_file)
     virtual = merge_virtual(
-        load_rig_file(rig_file),
+        rig,
         plant=read("plant") or None,
         seed=read_number("seed", read("seed"), int),
         faults=read_number("faults", read("faults"), float),
@@ -147,6 +148,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
         folder.resolve(),
         rig_file=str(rig_file or ""),
         virtual=virtual,
+        swing=rig.hammer,
         continuous=read("continuous") == "true",
         record=read("record") == "true",
         recording=RecordingPlan(

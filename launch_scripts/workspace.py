@@ -16,7 +16,7 @@ from pathlib import Path
 ROS_DISTRIBUTION = "jazzy"
 MESSAGES = "impact_rig_msgs"
 NODES = "impact_rig"
-LIBRARY_GROUPS = ("scientific", "rig", "formats", "test")
+LIBRARY_GROUPS = ("scientific", "rig", "formats", "devices", "test")
 """Requirement files beside those of ROS 2."""
 BOOTSTRAP_DONE = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 """Tells the ROS wheels that the library path is right; else each Python starts itself twice."""

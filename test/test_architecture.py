@@ -23,6 +23,7 @@ BELOW = {"core", "analysis", *SIDE_BY_SIDE, *SHOWING}
 MAY_IMPORT = {
     "core": {"core"},
     **{name: {"core", name} for name in SIDE_BY_SIDE},
+    "devices": {"core", "configuration", "recording", "devices"},
     **{name: {"core", "results", name} for name in SHOWING},
     "analysis": {"core", "configuration", "recording", "results", "analysis"},
     "study": {"core", "devices", "study"},
@@ -30,14 +31,15 @@ MAY_IMPORT = {
     "cli": {"nodes", "study", "bench", "cli", *BELOW},
     "bench": {"nodes", "study", "bench", "cli", *BELOW},
 }
-"""Imports run one way; those side by side know nothing of each other. What shows results knows
+"""Imports run one way; those side by side know nothing of each other, but for the devices:
+their tables come from the rig file, and a recording may be a source. What shows results knows
 results, not where they come from; the analysis makes them of files. The study strikes the virtual
 rig: it stands above the devices. The bench measures what the command line does: it may know
 everything, and of the command line only its own command knows it."""
 
 PURE = {
     "GTC", "abc", "collections", "dataclasses", "enum", "functools", "itertools", "math",
-    "numbers", "numpy", "operator", "scipy", "sys", "types", "typing",
+    "numbers", "numpy", "operator", "re", "scipy", "sys", "types", "typing",
 }  # fmt: skip
 """What the core may import: nothing here reads a file, a clock or the network."""
 
@@ -47,12 +49,15 @@ WRAPPED_BY = {
     "click": {"cli"},
     "dask": {"analysis"},
     "distributed": {"analysis"},
+    "gpiod": {"devices"},
+    "grpc": {"devices"},
     "h5py": {"recording"},
     "honcho": {"cli"},
     "lz4": {"recording"},
     "jinja2": {"reporting"},
     "matplotlib": {"reporting", "study"},
     "mcap": {"bench", "recording"},
+    "nidaqmx": {"devices"},
     "nptdms": {"recording"},
     "pint": {"configuration"},
     "psutil": {"bench"},
@@ -61,19 +66,26 @@ WRAPPED_BY = {
     "rerun": {"visualization"},
     "rich": {"reporting", "cli"},
     "rosbags": {"recording"},
+    "serial": {"devices"},
+    "sounddevice": {"devices"},
     "yaml": {"recording"},
     "zstandard": {"recording"},
 }
 """Which package wraps a library."""
 IMPORTED_WHEN_USED = {
+    "gpiod",
+    "grpc",
     "h5py",
     "jinja2",
     "matplotlib",
+    "nidaqmx",
     "nptdms",
     "pint",
     "pyarrow",
     "pyuff",
     "rerun",
+    "serial",
+    "sounddevice",
 }
 
 ALLOWED_AT_THE_TOP = {

@@ -7,15 +7,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from impact_rig.configuration.toml_tables import (
-    check_keys,
-    parse_settings,
-    parse_toml,
-    read_text_file,
-    take_table,
-    take_text,
-)
-from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
+from impact_rig.configuration.analysis_table import parse_settings
+from impact_rig.configuration.text_file import read_text_file
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
+from impact_rig.configuration.units import parse_reading, parse_sensitivity
 from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.core.setup.channel_plan import ChannelPlan, ChannelUse
 
@@ -66,7 +61,7 @@ def read_import_file(path: Path) -> ImportFile:
     ------
     FileError
         If there is none, it is no TOML, or something in it cannot be meant; the message names
-        file, place and value.
+        file, line, place and value.
     """
     text = read_text_file(path, "file of channels")
     try:
@@ -83,69 +78,58 @@ def parse_import_file(text: str) -> ImportFile:
     ParameterError
         If it is no TOML, has an unknown key, or a value cannot be meant.
     """
-    document = parse_toml(text)
-    check_keys(
-        document,
-        "the file",
-        ("sample", "description", "columns", "sampling_rate", "hammer", "specimen", "analysis"),
-    )
-    hammer, specimen = take_table(document, "hammer"), take_table(document, "specimen")
-    check_keys(hammer, "[hammer]", (*CHANNEL_KEYS, "stiffness"))
-    check_keys(specimen, "[specimen]", (*CHANNEL_KEYS, "accelerometer_mass", "control"))
+    document = parse_toml_table(text)
+    document.check_keys("sample", "description", "columns", "sampling_rate", "hammer", "specimen",
+                        "analysis")  # fmt: skip
+    hammer, specimen = document.take_table("hammer"), document.take_table("specimen")
+    hammer.check_keys(*CHANNEL_KEYS, "stiffness")
+    specimen.check_keys(*CHANNEL_KEYS, "accelerometer_mass", "control")
     return ImportFile(
-        plan=ChannelPlan(
-            hammer=_parse_use(hammer, "[hammer]"),
-            specimen=_parse_use(specimen, "[specimen]"),
-            columns=_parse_columns(document),
-            sampling_rate=_parse(document, "the file", "sampling_rate", "Hz", "25.6 kHz"),
-        ),
-        sample=take_text(document, "the file", "sample"),
-        description=take_text(document, "the file", "description"),
-        hammer_mass=_parse(hammer, "[hammer]", "mass", "kg", "100 g"),
-        sample_mass=_parse(specimen, "[specimen]", "mass", "kg", "102.38 g"),
-        accelerometer_mass=_parse(specimen, "[specimen]", "accelerometer_mass", "kg", "3 g"),
-        hammer_stiffness=_parse(hammer, "[hammer]", "stiffness", "N/m", "22.5 MN/m"),
-        control=_parse_control(specimen),
+        plan=_parse_plan(document, hammer, specimen),
+        sample=document.take_text("sample"),
+        description=document.take_text("description"),
+        hammer_mass=hammer.take_quantity("mass", "kg", "100 g", NAN),
+        sample_mass=specimen.take_quantity("mass", "kg", "102.38 g", NAN),
+        accelerometer_mass=specimen.take_quantity("accelerometer_mass", "kg", "3 g", NAN),
+        hammer_stiffness=hammer.take_quantity("stiffness", "N/m", "22.5 MN/m", NAN),
+        control=specimen.take_boolean("control", default=False),
         settings=parse_settings(document),
     )
 
 
-def _parse(table: Mapping[str, Any], place: str, key: str, unit: str, example: str) -> float:
-    if key not in table:
-        return NAN
-    return parse_quantity(f"{key} of {place}", table[key], unit, example)
+def _parse_plan(document: TomlTable, hammer: TomlTable, specimen: TomlTable) -> ChannelPlan:
+    uses = {"hammer": _parse_use(hammer), "specimen": _parse_use(specimen)}
+    columns = _parse_columns(document)
+    sampling_rate = document.take_quantity("sampling_rate", "Hz", "25.6 kHz", NAN)
+    try:
+        return ChannelPlan(columns=columns, sampling_rate=sampling_rate, **uses)
+    except ParameterError as error:
+        raise document.locate(error) from None
 
 
-def _parse_use(table: Mapping[str, Any], place: str) -> ChannelUse:
-    full_scale, unit = (
-        parse_reading(f"full_scale of {place}", table["full_scale"])
-        if "full_scale" in table
-        else (0.0, "m/s^2")
-    )
-    sensitivity = (
-        parse_sensitivity(f"sensitivity of {place}", table["sensitivity"])
-        if "sensitivity" in table
-        else None
-    )
+def _parse_use(table: TomlTable) -> ChannelUse:
     channel = table.get("channel", "")
     if isinstance(channel, bool) or not isinstance(channel, str | int):
-        raise ParameterError(
-            f"channel of {place} is {channel!r}: it must be a name in quotes or a whole number"
-        )
-    return ChannelUse(str(channel), take_text(table, place, "unit"), sensitivity, full_scale, unit)
+        raise table.refuse("channel", "a name in quotes or a whole number")
+    unit = table.take_text("unit")
+    full_scale, full_scale_unit = 0.0, "m/s^2"
+    sensitivity = None
+    try:
+        if "full_scale" in table:
+            full_scale, full_scale_unit = parse_reading(
+                f"full_scale of {table.place}", table["full_scale"]
+            )
+        if "sensitivity" in table:
+            sensitivity = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
+        return ChannelUse(str(channel), unit, sensitivity, full_scale, full_scale_unit)
+    except ParameterError as error:
+        raise table.locate(error) from None
 
 
-def _parse_columns(document: Mapping[str, Any]) -> tuple[str, ...] | None:
+def _parse_columns(document: TomlTable) -> tuple[str, ...] | None:
     columns = document.get("columns")
     if columns is None:
         return None
     if not isinstance(columns, list) or not all(isinstance(role, str) for role in columns):
-        raise ParameterError(f"columns is {columns!r}: it must be a list of roles in quotes")
+        raise document.refuse("columns", "a list of roles in quotes")
     return tuple(columns)
-
-
-def _parse_control(table: Mapping[str, Any]) -> bool:
-    value = table.get("control", False)
-    if not isinstance(value, bool):
-        raise ParameterError(f"control of [specimen] is {value!r}: it must be true or false")
-    return value

@@ -71,6 +71,7 @@ def list_rig_processes(
     *,
     rig_file: str = "",
     virtual: Mapping[str, Any] | None = None,
+    swing: Mapping[str, Any] | None = None,
     continuous: bool = False,
     record: bool = True,
     recording: RecordingPlan = RecordingPlan(),
@@ -88,6 +89,8 @@ def list_rig_processes(
         Path of the rig file; empty: the paper's rig.
     virtual : mapping, optional
         Parameters of the virtual rig: plant, seed, fault_probability ...
+    swing : mapping, optional
+        Parameters of the hammer that the rig file gives: swing_time ...
     continuous : bool
         Whether the accelerometers stream all the time, and not only each hit.
     record : bool
@@ -113,11 +116,13 @@ def list_rig_processes(
     """
     further = overrides or {}
     folder = Path(output)
-    hammer: dict[str, Any] = {} if record else {"require_recorder": False}
-    accelerometer = dict(virtual or {})
+    described = {"rig_file": str(rig_file)} if rig_file else {}
+    hammer: dict[str, Any] = {**described, **(swing or {})}
+    accelerometer = {**described, **(virtual or {})}
     if continuous:
         accelerometer["mode"] = CONTINUOUS
     if not record:
+        hammer["require_recorder"] = False
         accelerometer["required_subscribers"] = "estimator"
     given = {**accelerometer, **further.get("accelerometer", {})}
     if recording.stream and given.get("mode") != CONTINUOUS:
@@ -128,7 +133,7 @@ def list_rig_processes(
         NodeProcess("hammer", hammer),
         NodeProcess("accelerometer", accelerometer),
         NodeProcess("estimator"),
-        NodeProcess("campaign", {"rig_file": str(rig_file)} if rig_file else {}),
+        NodeProcess("campaign", described),
     ]
     if record:
         content = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from functools import lru_cache
 from tokenize import TokenError
@@ -13,7 +14,13 @@ from impact_rig.core.setup.calibration import Sensitivity
 if TYPE_CHECKING:
     from pint import UnitRegistry
 
+_FACTOR = r"\(*(?:[^\W\d]+|%)(?:(?:\^|\*\*)-?\d|[²³])?\)*"
+_UNIT = re.compile(rf"(?:1\s*/\s*)?{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
+"""A product of units and their small powers. pint would calculate whatever stands there."""
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(\S.*?)\s*")
+
+_UNREADABLE = (ValueError, TypeError, AttributeError, SyntaxError, TokenError, AssertionError)
+"""pint reads a unit with Python's own tokenizer, whose errors come through as they are."""
 
 
 @lru_cache(maxsize=1)
@@ -53,19 +60,23 @@ def parse_quantity(what: str, value: Any, unit: str, example: str) -> float:
         raise ParameterError(
             f'{what} is {value!r}, which has no unit: write it as a text like "{example}"'
         )
+    match = _NUMBER_AND_UNIT.fullmatch(value)
+    number = math.nan
     try:
-        quantity: Any = _load_registry().Quantity(value)
-        return float(quantity.to(unit).magnitude)
+        if match is not None and _UNIT.fullmatch(match[2]):
+            quantity: Any = _load_registry().Quantity(float(match[1]), match[2])
+            number = float(quantity.to(unit).magnitude)
     except DimensionalityError:
         raise ParameterError(
             f'{what} is "{value}", which is no {unit}: write it like "{example}"'
         ) from None
-    # pint reads the text with Python's own tokenizer, whose errors come through as they are.
-    except (PintError, ValueError, TypeError, AttributeError, SyntaxError, TokenError):
-        raise ParameterError(
-            f'{what} is "{value}", which cannot be read as number and unit: write it like'
-            f' "{example}"'
-        ) from None
+    except (PintError, *_UNREADABLE):
+        number = math.nan
+    if math.isfinite(number):
+        return number
+    raise ParameterError(
+        f'{what} is "{value}", which cannot be read as number and unit: write it like "{example}"'
+    )
 
 
 def parse_sensitivity(what: str, value: Any) -> Sensitivity:

@@ -5,7 +5,8 @@ What a recording holds too is read by `impact_rig.recording.interfaces.messages`
 
 from array import array
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -16,6 +17,7 @@ from impact_rig_msgs.msg import (
     Impact,
     RigSetup,
     Sample,
+    Sensor,
     VirtualImpact,
 )
 
@@ -37,17 +39,36 @@ def stamp_to_msg(nanoseconds: int) -> Time:
 
 def channel_to_msg(channel: record.ChannelBlock) -> Channel:
     """Return one channel over one block as a message."""
+    message = Channel()
+    fill_channel_msg(message, channel)
+    return message
+
+
+def fill_channel_msg(message: Channel, channel: record.ChannelBlock) -> None:
+    """Let a message be that of one channel over one block.
+
+    It keeps its memory if that is as long: to get some costs more than to copy a block into it.
+    """
+    output = channel.output
+    nothing = output[:0]
+    is_counted = output.dtype == np.int32
+    message.counts = _fill(message.counts, output if is_counted else nothing)
+    message.values = _fill(message.values, nothing if is_counted else output)
+    message.scale = channel.scale
+    message.offset = channel.offset
+    message.full_scale = channel.full_scale
+    message.overload = channel.overloaded
+
+
+def _fill(room: "array[Any]", output: record.RawArray) -> "array[Any]":
+    """Return an array that holds a channel's output: the one there is, or a new one."""
+    if output.size and len(room) == output.size:
+        np.frombuffer(room, dtype=output.dtype)[:] = output
+        return room
     # An array.array is taken over as it is; numpy would be checked item by item.
-    counts, values = array("i"), array("d")
-    output = np.ascontiguousarray(channel.output)
-    (counts if output.dtype == np.int32 else values).frombytes(output.view(np.uint8).data)
-    return Channel(
-        counts=counts,
-        values=values,
-        scale=channel.scale,
-        offset=channel.offset,
-        full_scale=channel.full_scale,
-    )
+    fresh = array(room.typecode)
+    fresh.frombytes(np.ascontiguousarray(output).view(np.uint8).data)
+    return fresh
 
 
 def block_to_msg(block: record.Block) -> AccelerationBlock:
@@ -122,6 +143,7 @@ def setup_to_msg(setup: samples.RigSetup, stamp: Time) -> RigSetup:
             double_hit_level=float(analysis.double_hit_level),
             keep_hits=int(analysis.keep_hits),
         ),
+        sensors=[Sensor(**asdict(sensor)) for sensor in setup.sensors],
     )
     message.header.stamp = stamp
     return message

@@ -79,6 +79,11 @@ class RigNode(WaitingNode):
         return self._is_active
 
     @property
+    def is_configured(self) -> bool:
+        """Whether the node is in the state `inactive` or `active`."""
+        return self._is_configured
+
+    @property
     def fault(self) -> str:
         """What the diagnostics call an error; empty: nothing."""
         return self._fault
@@ -188,6 +193,10 @@ class RigNode(WaitingNode):
         """Log an error and show it in the diagnostics until the next good transition."""
         self._fault = text
         self.get_logger().error(text)
+
+    def keep_fault(self, text: str) -> None:
+        """Show an error in the diagnostics until the next good transition, without logging it."""
+        self._fault = text
 
     # Lifecycle.
 

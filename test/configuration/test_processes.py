@@ -20,10 +20,10 @@ def by_name(**options):
 
 
 def test_a_whole_rig_records_and_shows_into_its_folder():
-    nodes = by_name(rig_file="my.toml", virtual={"seed": 3})
+    nodes = by_name(rig_file="my.toml", virtual={"seed": 3}, swing={"swing_time": 0.3})
     assert nodes == {
-        "hammer": {},
-        "accelerometer": {"seed": 3},
+        "hammer": {"rig_file": "my.toml", "swing_time": 0.3},
+        "accelerometer": {"rig_file": "my.toml", "seed": 3},
         "estimator": {},
         "campaign": {"rig_file": "my.toml"},
         "recorder": {"output": "out/session.mcap", "attachments": "my.toml"},

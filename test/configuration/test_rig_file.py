@@ -116,8 +116,126 @@ def test_the_file_is_named_in_every_error(tmp_path):
         read_rig_file(tmp_path / "absent.toml")
     path = tmp_path / "bad.toml"
     path.write_text(SMALLEST.replace("80 g", "80 m"), "utf-8")
-    with pytest.raises(FileError, match=r"bad\.toml: mass of sample 'oak'"):
+    with pytest.raises(FileError, match=r"bad\.toml: line 8: mass of sample 'oak'"):
         read_rig_file(path)
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FileError, match=r"bad\.toml cannot be read"):
         read_rig_file(path)
+
+
+def test_the_line_is_named_wherever_one_is_wrong():
+    lines = read_template().split("\n")
+    wrong = {
+        'mass = "100 g" ': 'mass = "-100 g"',
+        'mass = "21.31 g"': 'mass = "21.31 mm"',
+        'control = "aluminium large"': 'control = "tin"',
+        "pulse_factor = 2.0 ": "pulse_factor = 9.0",
+        "clock_uncertainty = 5.8e-5 ": "clock_uncertainty = true",
+        'reference_contact_time = "144.8 us"': 'reference_contact_time = "-1 us"',
+        'name = "steel small"': 'name = "aluminium small"',
+        'name = "steel large"': "naem = 1",
+    }
+    for old, new in wrong.items():
+        (number,) = (number for number, line in enumerate(lines) if line.startswith(old))
+        text = "\n".join([*lines[:number], new, *lines[number + 1 :]])
+        with pytest.raises(ParameterError, match=f"^line {number + 1}: "):
+            parse_rig_file(text)
+
+
+def test_what_the_template_comments_out_can_be_used():
+    begin = read_template().index("# [source]")
+    end = read_template().index("\n\n", begin)
+    taught = read_template()[begin:end].replace("# [", "[").split("\n")
+    rig = parse_rig_file(SMALLEST + "\n".join(line.removeprefix("# ") for line in taught))
+    assert (rig.source["driver"], rig.holder["driver"]) == ("scpi", "manual")
+    hammer, specimen = rig.setup.sensors
+    assert hammer.describe() == (
+        "acceleration, 10 mV per g, up to 500 g, serial number LW1234, calibrated 2026-03-01"
+    )
+    assert specimen.describe() == "acceleration, 10 mV per g"
+
+
+def test_what_a_rig_file_says_of_the_swing_are_parameters_of_the_hammer():
+    text = '[holder]\ndriver = "manual"\nswing_time = "150 ms"\nconfirm_return = true\n'
+    rig = parse_rig_file(SMALLEST + text)
+    assert rig.hammer == {"swing_time": pytest.approx(0.15), "confirm_return": True}
+    assert parse_rig_file(SMALLEST).hammer == {}
+    with pytest.raises(ParameterError, match=r"line 10: swing_time .* between 0 and 60 s"):
+        parse_rig_file(SMALLEST + '[holder]\nswing_time = "2 min"\n')
+
+
+FULL = (
+    SMALLEST
+    + """
+mass_uncertainty = "1 g"
+material = "wood"
+reference_contact_time = "203.2 us"
+reference_stiffness = "45.29 MN/m"
+reference_damping_coefficient = "1170 N*s/m"
+[source]
+driver = "scpi"
+[source.hammer]
+quantity = "acceleration"
+sensitivity = "10 mV/g"
+unit = "g"
+full_scale = "500 g"
+serial_number = "LW1234"
+calibration_date = 2026-03-01
+[holder]
+swing_time = "207 ms"
+return_time = "1 s"
+confirm_return = true
+[digitizer]
+clock_uncertainty = 5.8e-5
+[samples]
+control = "oak"
+accelerometer_mass = "3 g"
+accelerometer_mass_uncertainty = "0.29 g"
+[analysis]
+cutoff_frequency = "50 kHz"
+pulse_factor = 2.0
+pre_trigger = "200 us"
+record_duration = "2 ms"
+detection_level = 0.03
+minimum_peak = 0.15
+maximum_peak = 0.95
+overload_run = 3
+double_hit_level = 0.05
+keep_hits = 0
+"""
+)
+ODD_VALUES = (
+    "true", "-3", "1e400", "nan", "-1.5", '""', '"x"', '"nan kg"', '"inf s"', '"-1 mV/g"', '"1/0"',
+    '"5 g g"', '"\\u0000"', "[1]", "{a = 1}", "[[]]", "2020-01-01", "2020-01-01T00:00:00",
+    "12:00:00", '"9**9**9**9 kg"', '"1e999 kg"', '"5 kg**-1**-1"',
+)  # fmt: skip
+
+
+def find_error(text):
+    """Return why a rig file is refused; empty: it is not."""
+    try:
+        parse_rig_file(text)
+    except ParameterError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize(
+    "number",
+    [
+        number
+        for number, line in enumerate(FULL.split("\n"))
+        if " = " in line and "scpi" not in line
+    ],
+)
+def test_whatever_stands_for_a_value_it_is_taken_or_refused_with_its_line(number):
+    lines = FULL.split("\n")
+    key = lines[number].partition(" = ")[0]
+    refused = 0
+    for value in ODD_VALUES:
+        text = "\n".join([*lines[:number], f"{key} = {value}", *lines[number + 1 :]])
+        error = find_error(text)
+        refused += bool(error)
+        assert not error or error.startswith("line ")
+    # A text may be anything, but nothing is both a text and a number.
+    assert refused >= 8

@@ -76,6 +76,10 @@ def check_channels(record: Record, settings: AnalysisSettings) -> tuple[Rejectio
                     f" ({rail / g:.4g} g)",
                 )
             )
+        elif trace.overloaded:
+            found.append(
+                Rejection(Reason.OVERLOAD, f"the device says that the {name} channel overloaded")
+            )
     return tuple(found)
 
 

@@ -44,9 +44,11 @@ class ChannelUse:
 
     def __post_init__(self) -> None:
         """Refuse unknown units, and a sensitivity of what is no voltage."""
-        for unit in (self.unit, self.full_scale_unit):
+        for what, unit in (("", self.unit), ("full scale: ", self.full_scale_unit)):
             if unit and normalize_unit(unit) not in UNITS:
-                raise ParameterError(f"unit {unit!r} is unknown: a channel is in {list_units()}")
+                raise ParameterError(
+                    f"{what}unit {unit!r} is unknown: a channel is in {list_units()}"
+                )
         check_not_negative("full scale", self.full_scale, self.full_scale_unit)
         if self.sensitivity and self.unit and normalize_unit(self.unit) not in VOLTAGES:
             raise ParameterError(

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from impact_rig.core.checks import check_mass_uncertainty, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.setup.settings import AnalysisSettings
 
 DEFAULT_CLOCK_UNCERTAINTY = 5.8e-5
@@ -146,6 +147,8 @@ class RigSetup:
         Relative standard uncertainty of the sampling rate [-].
     hammer_stiffness : float
         k1 from an earlier control experiment [N/m]; NaN: from the control sample of this set.
+    sensors : tuple of Sensor
+        Of the channels, as far as they are known; one each at most.
     """
 
     samples: SampleSet
@@ -157,9 +160,13 @@ class RigSetup:
     hammer_mass_uncertainty: float = 0.0
     clock_uncertainty: float = DEFAULT_CLOCK_UNCERTAINTY
     hammer_stiffness: float = math.nan
+    sensors: tuple[Sensor, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
+        channels = [sensor.channel for sensor in self.sensors]
+        if len(set(channels)) < len(channels):
+            raise ParameterError(f"sensors are of {', '.join(channels)}: a channel has one")
         if not math.isnan(self.hammer_mass):
             check_positive("hammer mass", self.hammer_mass, "kg")
         if not math.isnan(self.hammer_stiffness):

@@ -111,7 +111,8 @@ class ImpactDetector:
                 break
             gaps = [gap for gap in self._gaps if gap.high > wanted and gap.low < last]
             hammer, specimen = stretch.read(first, min(last, stretch.stop))
-            records.append(self._make_hit(stretch, first, hammer, specimen, gaps))
+            overloads = stretch.find_overloads(first, last)
+            records.append(self._make_hit(stretch, first, hammer, specimen, gaps, overloads))
             if stretch.stop >= last:
                 self._hit = hammer
             # Where a gap cut the hit off, the rest of its window still belongs to it.
@@ -149,6 +150,7 @@ class ImpactDetector:
         hammer: RawArray,
         specimen: RawArray,
         gaps: Iterable[Gap],
+        overloads: tuple[bool, bool],
     ) -> Record:
         block = stretch.block
         return self._make_record(
@@ -157,6 +159,7 @@ class ImpactDetector:
             specimen=to_acceleration(block.specimen, specimen) if block.has_specimen else None,
             pulse_index=None if self._pulse is None else self._pulse - first,
             gaps=gaps,
+            overloads=overloads,
             delay=round((first - stretch.start) / block.sampling_rate * 1e9),
         )
 
@@ -167,7 +170,8 @@ class ImpactDetector:
             return self._make_record(block, gaps=self._gaps)
         first = max(stretch.start, stretch.stop - QUIET_RECORDS * self._length)
         hammer, specimen = stretch.read(first, stretch.stop)
-        return self._make_hit(stretch, first, hammer, specimen, self._gaps)
+        overloads = stretch.find_overloads(first, stretch.stop)
+        return self._make_hit(stretch, first, hammer, specimen, self._gaps, overloads)
 
     @staticmethod
     def _make_record(
@@ -178,15 +182,18 @@ class ImpactDetector:
         pulse_index: int | None = None,
         triggered: bool = True,
         gaps: Iterable[Gap] = (),
+        overloads: tuple[bool, bool] = (False, False),
         delay: int = 0,
     ) -> Record:
         return Record(
             label=block.label,
             sampling_rate=block.sampling_rate,
-            hammer=Trace(hammer, block.hammer.full_scale, block.hammer.resolution),
+            hammer=Trace(hammer, block.hammer.full_scale, block.hammer.resolution, overloads[0]),
             specimen=None
             if specimen is None
-            else Trace(specimen, block.specimen.full_scale, block.specimen.resolution),
+            else Trace(
+                specimen, block.specimen.full_scale, block.specimen.resolution, overloads[1]
+            ),
             pulse_index=pulse_index,
             triggered=triggered,
             flaws=tuple(gap.description for gap in gaps),

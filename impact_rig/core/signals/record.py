@@ -71,12 +71,15 @@ class ChannelBlock:
         Acceleration per unit of the output and at zero output [m/s^2].
     full_scale : float
         Largest acceleration the channel can show, either sign [m/s^2]; 0: not known.
+    overloaded : bool
+        The device says that the channel was driven beyond its range in this block.
     """
 
     output: RawArray
     scale: float
     offset: float
     full_scale: float
+    overloaded: bool = False
 
     def __post_init__(self) -> None:
         """Make the output read-only, and refuse what cannot be meant."""
@@ -167,11 +170,14 @@ class Trace:
         Largest acceleration the channel can show, either sign [m/s^2]; 0: not known.
     resolution : float
         Acceleration of one count [m/s^2]; 0: not known.
+    overloaded : bool
+        The device says that the channel was driven beyond its range, in a block of this trace.
     """
 
     acceleration: FloatArray
     full_scale: float = 0.0
     resolution: float = 0.0
+    overloaded: bool = False
 
     def __post_init__(self) -> None:
         """Make the trace read-only, and refuse one that is not a vector."""

@@ -212,9 +212,11 @@ class StreamCutter:
             last = min(stretch.stop, window.last)
             if first < last:
                 hammer, specimen = stretch.read(first, last)
+                overloads = stretch.find_overloads(first, last)
             elif blocks:
                 # Nothing of the window, but it says where the stream goes on: the gap shows.
                 hammer, specimen = block.hammer.output[:0], block.specimen.output[:0]
+                overloads = (False, False)
             else:
                 continue
             blocks.append(
@@ -222,8 +224,8 @@ class StreamCutter:
                     label=window.label,
                     first_sample=first - window.first,
                     sampling_rate=block.sampling_rate,
-                    hammer=replace(block.hammer, output=hammer),
-                    specimen=replace(block.specimen, output=specimen),
+                    hammer=replace(block.hammer, output=hammer, overloaded=overloads[0]),
+                    specimen=replace(block.specimen, output=specimen, overloaded=overloads[1]),
                     stamp=stretch.find_time(first),
                 )
             )

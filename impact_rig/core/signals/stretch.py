@@ -18,6 +18,7 @@ class _Chunk(NamedTuple):
     hammer: RawArray
     specimen: RawArray
     stamp: int
+    overloads: tuple[bool, bool]
 
 
 class Stretch:
@@ -50,7 +51,14 @@ class Stretch:
         """Take the block that follows."""
         stop = self.stop + block.hammer.output.size
         self._chunks.append(
-            _Chunk(self.stop, stop, block.hammer.output, block.specimen.output, block.stamp)
+            _Chunk(
+                self.stop,
+                stop,
+                block.hammer.output,
+                block.specimen.output,
+                block.stamp,
+                (block.hammer.overloaded, block.specimen.overloaded),
+            )
         )
         self.stop = stop
 
@@ -84,6 +92,17 @@ class Stretch:
                 break
             begin = max(first, chunk.start)
             yield begin, chunk.hammer[begin - chunk.start : last - chunk.start]
+
+    def find_overloads(self, first: int, last: int) -> tuple[bool, bool]:
+        """Return whether the device called hammer and sample overloaded from `first` to `last`."""
+        hammers, specimens = [False], [False]
+        for chunk in reversed(self._chunks):
+            if chunk.stop <= first:
+                break
+            if chunk.start < last:
+                hammers.append(chunk.overloads[0])
+                specimens.append(chunk.overloads[1])
+        return any(hammers), any(specimens)
 
     def find_time(self, point: int) -> int:
         """Return when a point was taken, by its own block, nanoseconds since the epoch."""

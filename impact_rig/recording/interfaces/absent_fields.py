@@ -13,6 +13,17 @@ from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY
 ABSENT_FIELDS: Mapping[str, Mapping[str, Any]] = {
     "impact_rig_msgs/msg/Channel": {
         "values": (),  # they hold counts only
+        "overload": False,  # told by the counts alone
+    },
+    "impact_rig_msgs/msg/HammerRelease": {
+        "latest_contact": math.nan,  # that of the swing
+    },
+    "impact_rig_msgs/msg/HammerState": {
+        "disarmed_by": 0,
+        "holder": "",
+    },
+    "impact_rig_msgs/msg/AcquisitionState": {
+        "simulated": False,
     },
     "impact_rig_msgs/msg/Sample": {
         "mass_uncertainty": 0.0,  # not stated
@@ -22,6 +33,7 @@ ABSENT_FIELDS: Mapping[str, Mapping[str, Any]] = {
         "hammer_stiffness": math.nan,  # from the control experiment
         "accelerometer_mass_uncertainty": 0.0,
         "clock_uncertainty": DEFAULT_CLOCK_UNCERTAINTY,
+        "sensors": (),
     },
     "impact_rig_msgs/msg/SampleEstimate": {
         "first_peak": math.nan,  # not told

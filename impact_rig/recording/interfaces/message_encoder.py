@@ -75,6 +75,7 @@ class MessageEncoder:
             control_sample=samples.control_sample,
             samples=[self._make_sample(sample) for sample in samples.samples],
             analysis=self._make(PACKAGE + "AnalysisSettings", **asdict(setup.analysis)),
+            sensors=[self._make(PACKAGE + "Sensor", **asdict(item)) for item in setup.sensors],
         )
         return bytes(self._store.serialize_cdr(message, SETUP_TYPE))
 
@@ -109,6 +110,7 @@ class MessageEncoder:
             scale=channel.scale,
             offset=channel.offset,
             full_scale=channel.full_scale,
+            overload=channel.overloaded,
         )
 
     def _make_header(self, stamp: int) -> Any:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import NOT_ARMED, Block, ChannelBlock, HitLabel, RawArray
 from impact_rig.recording.interfaces.absent_fields import read_field
@@ -48,6 +49,7 @@ def _channel_from_msg(message: Any) -> ChannelBlock:
         scale=float(message.scale),
         offset=float(message.offset),
         full_scale=float(message.full_scale),
+        overloaded=bool(read_field(message, _CHANNEL, "overload")),
     )
 
 
@@ -136,4 +138,16 @@ def setup_from_msg(message: Any) -> RigSetup:
         hammer_mass_uncertainty=float(read_field(message, _SETUP, "hammer_mass_uncertainty")),
         hammer_stiffness=float(read_field(message, _SETUP, "hammer_stiffness")),
         clock_uncertainty=float(read_field(message, _SETUP, "clock_uncertainty")),
+        sensors=tuple(
+            Sensor(
+                channel=str(sensor.channel),
+                quantity=str(sensor.quantity),
+                unit=str(sensor.unit),
+                sensitivity=float(sensor.sensitivity),
+                full_scale=float(sensor.full_scale),
+                serial_number=str(sensor.serial_number),
+                calibration_date=str(sensor.calibration_date),
+            )
+            for sensor in read_field(message, _SETUP, "sensors")
+        ),
     )

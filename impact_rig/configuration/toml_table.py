@@ -1,0 +1,235 @@
+"""A table of a TOML file whose errors name the line, the value and what would be right."""
+
+import datetime as dt
+import difflib
+import math
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from impact_rig.configuration.toml_lines import KeyPath, find_lines
+from impact_rig.configuration.units import parse_quantity
+from impact_rig.core.errors import ParameterError, RigError
+
+REQUIRED: Any = object()
+"""Default of a key that must be there."""
+
+
+class TomlTable(Mapping[str, Any]):
+    """A table that is read key by key, each with what it must be.
+
+    What is read by none of the `take_` methods is found by `check_keys`.
+
+    Parameters
+    ----------
+    values : mapping
+        As `tomllib` gives it.
+    place : str
+        What the table is called in messages: "the file", "[source]".
+    lines : mapping
+        Where in the file each path stands, counted from 1; empty: not from a file.
+    path : tuple
+        Of this table.
+    """
+
+    def __init__(
+        self,
+        values: Mapping[str, Any],
+        place: str = "the file",
+        lines: Mapping[KeyPath, int] | None = None,
+        path: KeyPath = (),
+    ) -> None:
+        self._values = values
+        self.place = place
+        self._lines = lines or {}
+        self._path = path
+
+    def __getitem__(self, key: str) -> Any:
+        """Return a value as the file has it."""
+        return self._values[key]
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the keys."""
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        """Return the number of keys."""
+        return len(self._values)
+
+    def without(self, *keys: str) -> "TomlTable":
+        """Return the table without some keys, which somebody else reads."""
+        left = {key: value for key, value in self._values.items() if key not in keys}
+        return TomlTable(left, self.place, self._lines, self._path)
+
+    def make_error(self, key: str, text: str) -> ParameterError:
+        """Return an error that names the line of a key, or of the table that should have it."""
+        place: KeyPath = (*self._path, key)
+        while place and place not in self._lines:
+            place = place[:-1]
+        line = self._lines.get(place)
+        return ParameterError(f"line {line}: {text}" if line else text)
+
+    def locate(self, error: RigError) -> ParameterError:
+        """Return an error about a value of this table, told by others, with its line.
+
+        It is that of the longest key which the sentence is about, else that of the table.
+        """
+        subject = str(error).partition(" is ")[0].replace("_", " ")
+        named = [key for key in self._values if key.replace("_", " ") in subject]
+        return self.make_error(max(named, key=len, default=""), str(error))
+
+    def refuse(self, key: str, wanted: str) -> ParameterError:
+        """Return the error that a value is not what is wanted: "it must be ..."."""
+        return self.make_error(
+            key, f"{key} of {self.place} is {self._values.get(key)!r}: it must be {wanted}"
+        )
+
+    def check_keys(self, *known: str) -> None:
+        """Require keys that are known, and suggest one where it is not.
+
+        Raises
+        ------
+        ParameterError
+            If a key is unknown.
+        """
+        for key in self._values:
+            if key not in known:
+                near = difflib.get_close_matches(key, known, n=1)
+                hint = f"did you mean {near[0]!r}?" if near else "it knows " + ", ".join(known)
+                raise self.make_error(key, f"{self.place} has an unknown key {key!r}: {hint}")
+
+    def take_text(self, key: str, default: str = "", example: str = "") -> str:
+        """Return a text; raises `ParameterError` if it is none, or lacks and is `REQUIRED`."""
+        value = self._take(key, default, f'"{example}"')
+        if not isinstance(value, str):
+            raise self.refuse(key, "a text in quotes")
+        return value
+
+    def take_choice(self, key: str, choices: Sequence[str], default: str = REQUIRED) -> str:
+        """Return one of some texts; errors as `take_text`."""
+        value = self.take_text(key, default, choices[0])
+        if value not in choices:
+            raise self.refuse(key, "one of " + ", ".join(choices))
+        return value
+
+    def take_boolean(self, key: str, *, default: bool) -> bool:
+        """Return true or false; raises `ParameterError` if it is neither."""
+        value = self._take(key, default, "true")
+        if not isinstance(value, bool):
+            raise self.refuse(key, "true or false")
+        return value
+
+    def take_number(
+        self, key: str, low: float, high: float, default: float = REQUIRED, example: str = ""
+    ) -> float:
+        """Return a plain number between two others; raises `ParameterError`."""
+        value = self._take(key, default, example or f"{low:g}")
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not is_number or not low <= value <= high:
+            raise self.refuse(key, f"a plain number between {low:g} and {high:g}")
+        return float(value)
+
+    def take_whole(self, key: str, low: int, high: int, default: int = REQUIRED) -> int:
+        """Return a whole number between two others; raises `ParameterError`."""
+        value = self._take(key, default, str(low))
+        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+            raise self.refuse(key, f"a whole number between {low} and {high}")
+        return value
+
+    def take_quantity(
+        self,
+        key: str,
+        unit: str,
+        example: str,
+        default: float = REQUIRED,
+        *,
+        low: float = -math.inf,
+        high: float = math.inf,
+    ) -> float:
+        """Return a quantity in SI units.
+
+        Parameters
+        ----------
+        key : str
+            Of the table.
+        unit : str
+            SI unit of the result, in pint's notation.
+        example : str
+            A good value, for the message.
+        default : float
+            Where the key is missing.
+        low, high : float
+            What it may be [unit].
+
+        Raises
+        ------
+        ParameterError
+            If it is missing and `REQUIRED`, is no quantity, or not in the range.
+        """
+        value = self._take(key, default, f'"{example}"')
+        if key not in self._values:
+            return float(value)
+        try:
+            number = parse_quantity(f"{key} of {self.place}", value, unit, example)
+        except ParameterError as error:
+            raise self.make_error(key, str(error)) from None
+        if not (low <= number <= high and math.isfinite(number)):
+            raise self.refuse(key, _describe_range(low, high, unit))
+        return number
+
+    def take_date(self, key: str) -> str:
+        """Return a date as year-month-day, empty where there is none; raises `ParameterError`."""
+        value = self._values.get(key, "")
+        if isinstance(value, dt.date) and not isinstance(value, dt.datetime):
+            return value.isoformat()
+        if value == "":
+            return ""
+        try:
+            return dt.date.fromisoformat(value).isoformat()
+        except (TypeError, ValueError):
+            raise self.refuse(key, "a date, written as year-month-day like 2026-03-01") from None
+
+    def take_table(self, key: str) -> "TomlTable":
+        """Return a table below this one, empty where there is none; raises `ParameterError`."""
+        value = self._values.get(key, {})
+        name = ".".join(str(part) for part in (*self._path, key))
+        if not isinstance(value, Mapping):
+            raise self.make_error(key, f"{name} is {value!r}: it must be a table [{name}]")
+        return TomlTable(value, f"[{name}]", self._lines, (*self._path, key))
+
+    def take_tables(self, key: str) -> "tuple[TomlTable, ...]":
+        """Return a list of tables, empty where there is none; raises `ParameterError`."""
+        entries = self._values.get(key, [])
+        if not isinstance(entries, list) or not all(isinstance(item, Mapping) for item in entries):
+            raise self.make_error(key, f"{key}: give it as tables [[{key}]], one for each")
+        return tuple(
+            TomlTable(entry, f"{key} {entry.get('name', number + 1)!r}", self._lines,
+                      (*self._path, key, number))
+            for number, entry in enumerate(entries)
+        )  # fmt: skip
+
+    def _take(self, key: str, default: Any, example: str) -> Any:
+        if key in self._values:
+            return self._values[key]
+        if default is REQUIRED:
+            raise self.make_error(
+                key, f"{self.place} lacks {key}: give it, for example {key} = {example}"
+            )
+        return default
+
+
+def _describe_range(low: float, high: float, unit: str) -> str:
+    if math.isfinite(low) and math.isfinite(high):
+        return f"between {low:g} and {high:g} {unit}"
+    if math.isfinite(low):
+        return f"{low:g} {unit} or more"
+    return f"{high:g} {unit} or less" if math.isfinite(high) else f"a finite number of {unit}"
+
+
+def parse_toml_table(text: str) -> TomlTable:
+    """Read the text of a TOML file; raises `ParameterError` if it is none."""
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ParameterError(f"this is no TOML: {error}") from None
+    return TomlTable(values, lines=find_lines(text))

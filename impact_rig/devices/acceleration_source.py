@@ -1,0 +1,251 @@
+"""What a driver of accelerometers must do: the protocol, and what passes through it."""
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
+
+from impact_rig.configuration.toml_table import TomlTable
+from impact_rig.core.checks import check_between, check_positive
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.signals.record import ChannelBlock, HitLabel
+from impact_rig.devices.found_device import FoundDevice
+
+if TYPE_CHECKING:
+    from impact_rig.devices.virtual.rig import VirtualHit
+
+
+@dataclass(frozen=True)
+class SourceChannel:
+    """One channel of a device, and the sensor that is plugged into it.
+
+    Attributes
+    ----------
+    name : str
+        What the device calls the channel: "Dev1/ai0", "1".
+    sensor : Sensor
+        By its calibration sheet.
+    moving_mass : float
+        Of the body that a force acts on [kg]; NaN: the sensor measures no force.
+    options : TomlTable
+        What else the rig file says of the channel: the driver's own keys.
+    """
+
+    name: str
+    sensor: Sensor
+    moving_mass: float = math.nan
+    options: TomlTable = field(default_factory=lambda: TomlTable({}))
+
+    def find_scale(self) -> float:
+        """Return the acceleration of one volt [m/s^2 per V]; errors as `Sensor.find_scale`."""
+        return self.sensor.find_scale(self.moving_mass)
+
+    def find_full_scale(self, input_range: float) -> float:
+        """Return the largest acceleration that sensor and input can show [m/s^2].
+
+        Parameters
+        ----------
+        input_range : float
+            Largest voltage of the device's input, either sign [V].
+        """
+        electrical = abs(self.find_scale()) * input_range
+        mechanical = self.sensor.find_full_scale(self.moving_mass)
+        return min(electrical, mechanical) if mechanical else electrical
+
+
+@dataclass(frozen=True)
+class AcquisitionPlan:
+    """What a source is asked to do.
+
+    Attributes
+    ----------
+    sampling_rate : float
+        [Hz]
+    record_duration : float
+        Of one triggered record [s].
+    pre_trigger : float
+        Part of it before the trigger [s].
+    trigger_level : float
+        Acceleration of the hammer that triggers, either sign [m/s^2].
+    continuous : bool
+        Everything that comes, without a trigger; else one record for each arming.
+    block_size : int
+        Points per block, at most.
+    depth : int
+        Blocks that may wait in the device's or driver's buffer before the oldest are lost.
+    hammer : SourceChannel
+        Inside the hammer.
+    specimen : SourceChannel or None
+        On the sample; None: not measured.
+    """
+
+    sampling_rate: float
+    record_duration: float
+    pre_trigger: float
+    trigger_level: float
+    hammer: SourceChannel
+    specimen: SourceChannel | None
+    continuous: bool = False
+    block_size: int = 1000
+    depth: int = 400
+
+    def __post_init__(self) -> None:
+        """Refuse impossible numbers."""
+        check_positive("sampling rate", self.sampling_rate, "Hz")
+        check_positive("record duration", self.record_duration, "s")
+        check_between("pre-trigger", self.pre_trigger, 0.0, self.record_duration)
+        check_positive("trigger level", self.trigger_level, "m/s^2")
+        if self.block_size < 1 or self.depth < 1:
+            raise ParameterError(
+                f"block size is {self.block_size} points, depth {self.depth} blocks: each must be"
+                " 1 or more"
+            )
+
+    @property
+    def points(self) -> int:
+        """Points of one triggered record."""
+        return round(self.sampling_rate * self.record_duration)
+
+    @property
+    def pre_trigger_points(self) -> int:
+        """Points of it before the trigger."""
+        return round(self.sampling_rate * self.pre_trigger)
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """What a configured source is, and really does.
+
+    Attributes
+    ----------
+    identity : str
+        Maker, model, serial number and address, as far as the device tells.
+    sampling_rate : float
+        [Hz]
+    """
+
+    identity: str
+    sampling_rate: float
+
+
+@dataclass(frozen=True)
+class AcquiredBlock:
+    """A contiguous stretch of both channels, as a source delivers it.
+
+    Attributes
+    ----------
+    first_sample : int
+        Index of the first point, counted since `arm`. It never goes back; a jump is a gap: what
+        the device or its driver has lost.
+    hammer, specimen : ChannelBlock
+        Of equal length, calibrated, with the device's overload flag; a sample that is not
+        measured has no points.
+    last : bool
+        The record is complete; never in a continuous stream.
+    stamp : int
+        Time of the first point, nanoseconds since the epoch, as well as it is known.
+    """
+
+    first_sample: int
+    hammer: ChannelBlock
+    specimen: ChannelBlock
+    last: bool = False
+    stamp: int = 0
+
+
+class AccelerationSource(Protocol):
+    """Delivers what the accelerometers see: one object for one device.
+
+    The life of a source: `configure`, then any number of times `arm`, `read` ..., `disarm`, then
+    `close`, after which it may be configured again. All of it happens in one thread at a time.
+    Whatever goes wrong with the device (gone, silent, in other hands, another one than expected,
+    nonsense or half an answer) is a `DeviceError` whose sentence names device, what it did, and
+    what would be right; nothing blocks for longer than its time-out. A library that is not
+    installed may raise `ModuleNotFoundError`. After an error only `close` and `configure` are
+    called.
+
+    A driver is a class, found by the entry point group `impact_rig.acceleration_sources` and
+    called with its options: the table `[source]` of the rig file without the keys that all sources
+    share. It checks them with `options.check_keys` and touches no device yet.
+
+    Attributes
+    ----------
+    description : str
+        What the driver is for, in a few words.
+    example : str
+        Table `[source]` of a rig file to copy, with the driver's own keys explained.
+    """
+
+    description: ClassVar[str]
+    example: ClassVar[str]
+
+    def __init__(self, options: TomlTable) -> None: ...
+
+    @classmethod
+    def find_devices(cls) -> tuple[FoundDevice, ...]:
+        """Return what can be found without touching a setting; empty where nothing can be.
+
+        Raises
+        ------
+        DeviceError, ModuleNotFoundError
+            If the vendor's software is missing.
+        """
+        ...
+
+    def configure(self, plan: AcquisitionPlan) -> Acquisition:
+        """Open the device, see that it is the right one, and set it up.
+
+        Raises
+        ------
+        DeviceError
+            If it is not there, held by another program, another one, or does not obey.
+        ParameterError
+            If it cannot do what the plan says: channel, range, rate.
+        """
+        ...
+
+    def arm(self) -> None:
+        """Wait for one trigger; in continuous mode begin the stream. Points count from 0 again."""
+        ...
+
+    def read(self, timeout: float) -> AcquiredBlock | None:
+        """Return the next block; None if there is none within `timeout` seconds.
+
+        After a triggered record's last block there is none until the next `arm`.
+        """
+        ...
+
+    def disarm(self) -> None:
+        """Stop, and forget what has not been read; nothing happens if it is not armed."""
+        ...
+
+    def close(self) -> None:
+        """Let the device go, whatever state it is in; never raises, safe to call twice."""
+        ...
+
+
+@runtime_checkable
+class SimulatedSource(AccelerationSource, Protocol):
+    """A source that no hammer strikes: it is told when one would.
+
+    These methods come from another thread than the others.
+    """
+
+    def take_setup(self, setup: RigSetup) -> None:
+        """Take masses and samples."""
+        ...
+
+    def check_sample(self, name: str) -> None:
+        """Raise `RigError` if the sample cannot be struck."""
+        ...
+
+    def strike(self, label: HitLabel, swing_time: float) -> "VirtualHit | None":
+        """Let the hammer of an armed record be on its way, `swing_time` seconds from contact.
+
+        Returns
+        -------
+        VirtualHit or None
+            The truth behind what `read` will deliver; None: nobody knows it.
+        """
+        ...

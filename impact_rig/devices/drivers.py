@@ -1,0 +1,133 @@
+"""Drivers of devices, this package's and others', found by their entry points."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Any
+
+from impact_rig.configuration.toml_table import REQUIRED, TomlTable
+from impact_rig.core.errors import DeviceError
+
+SOURCES = "impact_rig.acceleration_sources"
+HOLDERS = "impact_rig.hammer_holders"
+"""Entry point groups: a package that names a class there adds a driver."""
+VIRTUAL = "virtual"
+"""Driver where the rig file has no such table."""
+COMMON_KEYS = {
+    SOURCES: (
+        "driver", "sampling_rate", "record_duration", "pre_trigger", "trigger_level", "hammer",
+        "specimen",
+    ),
+    HOLDERS: ("driver", "swing_time", "return_time", "confirm_return"),
+}  # fmt: skip
+"""What all drivers share of the tables [source] and [holder]; the other keys are the driver's."""
+
+
+@dataclass(frozen=True)
+class Driver:
+    """A driver that is installed; its module is imported when it is loaded, not before.
+
+    Attributes
+    ----------
+    name : str
+        As the rig file names it.
+    package : str
+        The distribution that brings it.
+    entry_point : EntryPoint
+        Where its class is.
+    """
+
+    name: str
+    package: str
+    entry_point: metadata.EntryPoint
+
+    def load(self) -> Any:
+        """Return the driver's class.
+
+        Raises
+        ------
+        DeviceError
+            If the package names a class that is not there, or that fails to import.
+        """
+        try:
+            return self.entry_point.load()
+        except ModuleNotFoundError as error:
+            raise DeviceError(
+                f"driver {self.name!r} of {self.package} needs the Python package"
+                f" {error.name!r}, which is not installed"
+            ) from None
+        except (ImportError, AttributeError) as error:
+            raise DeviceError(
+                f"driver {self.name!r} of {self.package} cannot be loaded: {error}"
+            ) from None
+
+
+def find_drivers(group: str) -> Mapping[str, Driver]:
+    """Return all drivers of a group by name.
+
+    Parameters
+    ----------
+    group : str
+        `SOURCES` or `HOLDERS`.
+
+    Raises
+    ------
+    DeviceError
+        If two packages bring drivers of the same name.
+    """
+    drivers: dict[str, Driver] = {}
+    for entry_point in metadata.entry_points(group=group):
+        distribution = entry_point.dist
+        package = distribution.name if distribution is not None else "an unknown package"
+        driver = Driver(entry_point.name, package, entry_point)
+        other = drivers.setdefault(driver.name, driver)
+        if other.entry_point.value != entry_point.value:
+            raise DeviceError(
+                f"{other.package} and {package} both bring a driver {driver.name!r}: uninstall one"
+            )
+    return dict(sorted(drivers.items()))
+
+
+def find_driver(group: str, name: str) -> Driver:
+    """Return the driver of a name.
+
+    Raises
+    ------
+    DeviceError
+        If there is none.
+    """
+    drivers = find_drivers(group)
+    if name not in drivers:
+        kind = "holder" if group == HOLDERS else "source"
+        known = ", ".join(drivers) or "none: install the package impact_rig anew"
+        raise DeviceError(f"there is no {kind} driver {name!r}: installed are {known}")
+    return drivers[name]
+
+
+def read_driver_name(table: TomlTable) -> str:
+    """Return which driver a table [source] or [holder] names; raises `ParameterError`."""
+    return table.take_text("driver", REQUIRED if table else VIRTUAL, VIRTUAL)
+
+
+def make_device(group: str, table: TomlTable) -> Any:
+    """Return the source or holder that a table of a rig file describes, not yet configured.
+
+    Parameters
+    ----------
+    group : str
+        `SOURCES` or `HOLDERS`.
+    table : TomlTable
+        [source] or [holder] of the rig file.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such driver, or it does not know a key or a value; names the line.
+    DeviceError
+        If the driver cannot be loaded.
+    """
+    name = read_driver_name(table)
+    drivers = find_drivers(group)
+    if name not in drivers:
+        raise table.refuse("driver", f"one of {', '.join(drivers)}")
+    return drivers[name].load()(table.without(*COMMON_KEYS[group]))

@@ -1,0 +1,116 @@
+"""The table [source] of a rig file: what its device is asked to do."""
+
+import math
+
+from impact_rig.configuration.sensor_table import SENSOR_KEYS
+from impact_rig.configuration.toml_table import TomlTable
+from impact_rig.configuration.units import parse_reading
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.setup.calibration import find_scale
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.devices.acceleration_source import AcquisitionPlan, SourceChannel
+
+PRE_TRIGGER_MARGIN = 1.5
+"""How much more is recorded before the trigger than the analysis keeps [-], our choice: the
+pulse is found below the trigger level, and its baseline before it."""
+
+
+def make_plan(
+    table: TomlTable, setup: RigSetup, *, continuous: bool, block_size: int, depth: int
+) -> AcquisitionPlan:
+    """Return what the source of a table [source] is asked to do.
+
+    Parameters
+    ----------
+    table : TomlTable
+        Of the rig file.
+    setup : RigSetup
+        Its sensors, the hammer's mass and the analysis's window are used.
+    continuous : bool
+        Without a trigger.
+    block_size, depth : int
+        As in `AcquisitionPlan`.
+
+    Raises
+    ------
+    ParameterError
+        If a value is missing or cannot be meant; the message names its line.
+    """
+    analysis = setup.analysis
+    hammer = _make_channel(table, "hammer", setup)
+    if hammer is None:
+        raise table.make_error(
+            "hammer", f"{table.place} has no [source.hammer]: its pulse is what is measured"
+        )
+    pre_trigger = table.take_quantity(
+        "pre_trigger", "s", "300 us", PRE_TRIGGER_MARGIN * analysis.pre_trigger, low=0.0
+    )
+    duration = table.take_quantity(
+        "record_duration",
+        "s",
+        "2.2 ms",
+        pre_trigger + analysis.record_duration - analysis.pre_trigger,
+        low=0.0,
+    )
+    if pre_trigger >= duration:
+        key = "pre_trigger" if "pre_trigger" in table else "record_duration"
+        raise table.make_error(
+            key,
+            f"{table.place} keeps {pre_trigger:g} s before the trigger: that must be less than its"
+            f" record_duration of {duration:g} s",
+        )
+    rate = table.take_quantity("sampling_rate", "Hz", "2.5 MHz", low=1.0)
+    return AcquisitionPlan(
+        sampling_rate=rate,
+        record_duration=duration,
+        pre_trigger=pre_trigger,
+        trigger_level=_take_level(table, hammer, setup),
+        hammer=hammer,
+        specimen=_make_channel(table, "specimen", setup),
+        continuous=continuous,
+        block_size=block_size,
+        depth=depth,
+    )
+
+
+def _make_channel(table: TomlTable, name: str, setup: RigSetup) -> SourceChannel | None:
+    sensors = [sensor for sensor in setup.sensors if sensor.channel == name]
+    if name not in table or not sensors:
+        return None
+    channel = table.take_table(name)
+    key = channel.get("channel", "")
+    if isinstance(key, bool) or not isinstance(key, str | int):
+        raise channel.refuse("channel", "the device's name of the channel in quotes, or a number")
+    return SourceChannel(
+        str(key),
+        sensors[0],
+        _find_mass(sensors[0], setup),
+        channel.without("channel", *SENSOR_KEYS),
+    )
+
+
+def _find_mass(sensor: Sensor, setup: RigSetup) -> float:
+    return setup.hammer_mass if sensor.quantity == "force" else math.nan
+
+
+def _take_level(table: TomlTable, hammer: SourceChannel, setup: RigSetup) -> float:
+    """Return the acceleration that triggers [m/s^2]."""
+    if "trigger_level" not in table:
+        full_scale = hammer.sensor.find_full_scale(hammer.moving_mass)
+        if full_scale:
+            return setup.analysis.detection_level * full_scale
+    else:
+        try:
+            value, unit = parse_reading("trigger_level of [source]", table["trigger_level"])
+            level = value * find_scale(unit, hammer.moving_mass)
+        except ParameterError as error:
+            raise table.make_error("trigger_level", str(error)) from None
+        if not 0.0 < level < math.inf:
+            raise table.refuse("trigger_level", "above zero")
+        return level
+    raise table.make_error(
+        "trigger_level",
+        f'{table.place} lacks trigger_level: give it, for example trigger_level = "5 g", or the'
+        " hammer sensor's full_scale",
+    )

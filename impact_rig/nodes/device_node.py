@@ -1,0 +1,103 @@
+"""What both nodes with a device share: a rig file, and a device that may go and come back."""
+
+from abc import abstractmethod
+from pathlib import Path
+from typing import Any
+
+from rclpy.lifecycle import TransitionCallbackReturn
+
+from impact_rig.configuration.rig_file import RigFile, read_rig_file
+from impact_rig.core.errors import RigError
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.nodes.rig_node import RigNode
+
+
+class DeviceNode(RigNode):
+    """A lifecycle node with a device that may be lost.
+
+    When the device is lost, the node becomes `unconfigured`: it lets the device go, says why in
+    its state and in the diagnostics, and can be configured again. Unless a lifecycle manager does
+    that (`autostart` off), it does so itself every `reconnect_period`.
+
+    Parameters
+    ----------
+    name : str
+        Node name, unless remapped.
+    """
+
+    def __init__(self, name: str, **options: Any) -> None:
+        super().__init__(name, **options)
+        self.declare("rig_file", "", "path of the rig file; empty: the paper's rig, virtual")
+        self.declare(
+            "reconnect_period", 1.0,
+            "how often a device that is not there is looked for [s]; 0: only when the node is"
+            " configured anew", low=0.0, high=3600.0,
+        )  # fmt: skip
+        self._is_wanted = False
+        self._reconnection = self.create_timer(1.0, self._reconnect)
+        self._reconnection.cancel()
+
+    @abstractmethod
+    def publish_fault(self, text: str) -> None:
+        """Say on the node's state topic that the device is lost, and why."""
+
+    def read_rig_file(self) -> RigFile:
+        """Return what the rig file says; without one, the paper's rig.
+
+        Raises
+        ------
+        FileError
+            If it cannot be read.
+        """
+        path = self.get_value("rig_file")
+        return read_rig_file(Path(path)) if path else RigFile(setup=PAPER_SETUP)
+
+    def lose_device(self, error: RigError) -> None:
+        """Become unconfigured because the device does not do what it should."""
+        self.get_logger().error(str(error))
+        if self.is_active:
+            self.trigger_deactivate()
+        self.trigger_cleanup()
+        self._tell_fault(str(error))
+
+    def autostart(self) -> None:
+        """Configure and activate, if the parameter says so; try again while that fails."""
+        self._is_wanted = bool(self.get_value("autostart"))
+        if self._is_wanted and not self._start():
+            self._tell_fault(self.fault)
+
+    def report_fault(self, text: str) -> None:
+        """Log an error, once while it stays the same, and show it in the diagnostics."""
+        if text != self.fault:
+            super().report_fault(text)
+
+    def _start(self) -> bool:
+        if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
+            return False
+        if self.trigger_activate() == TransitionCallbackReturn.SUCCESS:
+            return True
+        fault = self.fault
+        self.trigger_cleanup()
+        self.keep_fault(fault)
+        return False
+
+    def _tell_fault(self, text: str) -> None:
+        self.keep_fault(text)
+        self.publish_fault(text)
+        period = float(self.get_value("reconnect_period"))
+        if self._is_wanted and period:
+            self._reconnection.timer_period_ns = round(period * 1e9)
+            self._reconnection.reset()
+
+    def _reconnect(self) -> None:
+        self._reconnection.cancel()
+        if self.is_configured:
+            # Somebody else was faster.
+            return
+        before = self.fault
+        if self._start():
+            self.get_logger().info("the device is back")
+        else:
+            if self.fault != before:
+                self.publish_fault(self.fault)
+            self._reconnection.reset()

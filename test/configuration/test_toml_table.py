@@ -1,0 +1,129 @@
+"""A table of a TOML file is read key by key; what cannot be meant is named with its line."""
+
+import pytest
+
+from impact_rig.configuration.toml_table import REQUIRED, TomlTable, parse_toml_table
+from impact_rig.core.errors import ParameterError
+
+TEXT = """\
+name = "rig"
+port = 5000
+ratio = 0.5
+inverted = true
+rate = "2.5 MHz"
+day = 2026-03-01
+same_day = "2026-03-01"
+
+[source]
+driver = "scpi"
+
+[[sample]]
+name = "oak"
+[[sample]]
+mass = 3
+"""
+
+
+@pytest.fixture
+def table():
+    return parse_toml_table(TEXT)
+
+
+def test_values_are_read_as_what_they_must_be(table):
+    assert table.take_text("name") == "rig"
+    assert table.take_choice("name", ("rig", "bench")) == "rig"
+    assert table.take_whole("port", 1, 65535) == 5000
+    assert table.take_number("ratio", 0.0, 1.0) == 0.5
+    assert table.take_boolean("inverted", default=False) is True
+    assert table.take_quantity("rate", "Hz", "1 MHz") == pytest.approx(2.5e6)
+    assert table.take_date("day") == table.take_date("same_day") == "2026-03-01"
+    assert dict(table.take_table("source")) == {"driver": "scpi"}
+    assert [dict(item) for item in table.take_tables("sample")] == [{"name": "oak"}, {"mass": 3}]
+
+
+def test_what_is_missing_has_its_default(table):
+    assert table.take_text("no", "none") == "none"
+    assert table.take_whole("no", 1, 9, 7) == 7
+    assert table.take_number("no", 1.0, 2.0, 1.5) == 1.5
+    assert table.take_boolean("no", default=True) is True
+    assert table.take_quantity("no", "Hz", "1 Hz", 3.0) == 3.0
+    assert table.take_date("no") == ""
+    assert dict(table.take_table("no")) == {}
+    assert table.take_tables("no") == ()
+
+
+@pytest.mark.parametrize(
+    ("take", "told"),
+    [
+        (lambda table: table.take_text("port"), "line 2: port of the file is 5000: .* quotes"),
+        (lambda table: table.take_text("no", REQUIRED, "COM3"), 'the file lacks no: .* "COM3"'),
+        (lambda table: table.take_choice("name", ("a", "b")), "line 1: .* 'rig': .* one of a, b"),
+        (lambda table: table.take_whole("ratio", 1, 9), "line 3: .* whole number between 1 and 9"),
+        (lambda table: table.take_whole("inverted", 0, 9), "line 4: .* True: .* a whole number"),
+        (lambda table: table.take_whole("port", 1, 9), "line 2: .* between 1 and 9"),
+        (lambda table: table.take_number("name", 0, 1), "line 1: .* plain number between 0 and 1"),
+        (lambda table: table.take_number("port", 0, 1), "line 2: .* 5000: .* between 0 and 1"),
+        (lambda table: table.take_boolean("port", default=True), "line 2: .* true or false"),
+        (lambda table: table.take_quantity("rate", "s", "1 s"), "line 5: rate .* is no s"),
+        (lambda table: table.take_quantity("port", "s", "1 s"), "line 2: .* has no unit"),
+        (lambda table: table.take_quantity("rate", "Hz", "1 Hz", low=3e6), "3e.06 Hz or more"),
+        (lambda table: table.take_quantity("rate", "Hz", "1 Hz", high=3.0), "line 5: .* 3 Hz or"),
+        (lambda table: table.take_quantity("rate", "Hz", "1 Hz", low=1.0, high=3.0),
+         "between 1 and 3 Hz"),
+        (lambda table: table.take_date("name"), "line 1: name .* is 'rig': .* year-month-day"),
+        (lambda table: table.take_table("name"), r"line 1: name is 'rig': .* a table \[name\]"),
+        (lambda table: table.take_tables("source"), r"line 9: source: .* \[\[source\]\]"),
+        (lambda table: table.take_table("source").take_whole("driver", 0, 1),
+         r"line 10: driver of \[source\] is 'scpi'"),
+        (lambda table: table.take_table("source").take_text("port", REQUIRED),
+         r"line 9: \[source\] lacks port"),
+        (lambda table: table.take_tables("sample")[1].take_text("mass"),
+         "line 15: mass of sample 2 is 3"),
+        (lambda table: table.take_table("source").check_keys("drive"),
+         r"line 10: \[source\] has an unknown key 'driver': did you mean 'drive'"),
+        (lambda table: table.check_keys("xyz"), "unknown key 'name': it knows xyz"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_meant_is_named_with_its_line(table, take, told):
+    with pytest.raises(ParameterError, match=told):
+        take(table)
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
+def test_no_number_and_no_quantity_is_infinite(value):
+    table = parse_toml_table(f'number = {value}\nmass = "{value} kg"')
+    with pytest.raises(ParameterError, match=r"line 1: .* plain number"):
+        table.take_number("number", -1.0, 1.0)
+    with pytest.raises(ParameterError, match=r"line 2: .* finite number of kg|cannot be read"):
+        table.take_quantity("mass", "kg", "1 kg")
+
+
+@pytest.mark.parametrize(
+    ("sentence", "line"),
+    [
+        ("ratio is 0.5: it must lie between 1 and 2", "line 3: "),
+        ("the same day is wrong, whatever the ratio says", "line 7: "),
+        ("what is this", ""),
+    ],
+)
+def test_an_error_of_others_gets_the_line_of_the_longest_key_that_it_is_about(
+    table, sentence, line
+):
+    assert str(table.locate(ParameterError(sentence))) == line + sentence
+
+
+def test_what_others_read_is_left_out_and_keeps_its_lines(table):
+    left = table.without("name", "source", "sample")
+    assert "name" not in left
+    assert len(left) == 6
+    assert "line 2" in str(left.refuse("port", "less"))
+
+
+def test_a_table_from_no_file_names_no_line():
+    with pytest.raises(ParameterError, match=r"^port of \[source\] is 1: it must be a text"):
+        TomlTable({"port": 1}, "[source]").take_text("port")
+
+
+def test_what_is_no_toml_is_told_with_its_line():
+    with pytest.raises(ParameterError, match=r"this is no TOML: .*line 2"):
+        parse_toml_table("a = 1\nb = \n")

@@ -1,0 +1,97 @@
+"""What a rig file asks of its source: rate, record, trigger and channels."""
+
+from dataclasses import replace
+
+import pytest
+
+from impact_rig.configuration.rig_file import parse_rig_file
+from impact_rig.core.errors import ParameterError
+from impact_rig.devices.source_table import make_plan
+
+RIG = """\
+[hammer]
+mass = "0.1 kg"
+impact_speed = "30 cm/s"
+[[sample]]
+name = "oak"
+mass = "80 g"
+[source]
+driver = "scpi"
+sampling_rate = "2 MHz"
+"""
+HAMMER = '[source.hammer]\nchannel = 1\nsensitivity = "10 mV/g"\nfull_scale = "500 g"\n'
+G = 9.80665
+
+
+def plan_rig(text, *, mass=0.1):
+    rig = parse_rig_file(RIG + text)
+    setup = replace(rig.setup, hammer_mass=mass)
+    return make_plan(rig.source, setup, continuous=False, block_size=1000, depth=400)
+
+
+def test_rate_and_channels_are_as_written_and_the_rest_follows_from_the_analysis():
+    plan = plan_rig(HAMMER + '[source.specimen]\nchannel = "ai1"\nsensitivity = "5 mV/g"\n')
+    assert plan.sampling_rate == pytest.approx(2e6)
+    assert plan.trigger_level == pytest.approx(0.03 * 500 * G)
+    # The analysis keeps 0.2 ms of 2 ms before the pulse; half as much again is recorded.
+    assert plan.pre_trigger == pytest.approx(0.3e-3)
+    assert plan.record_duration == pytest.approx(2.1e-3)
+    assert (plan.points, plan.pre_trigger_points) == (4200, 600)
+    assert (plan.hammer.name, plan.specimen.name) == ("1", "ai1")
+    assert plan.hammer.find_scale() == pytest.approx(100 * G)
+    assert plan.hammer.find_full_scale(1.0) == pytest.approx(100 * G)
+    assert plan.hammer.find_full_scale(20.0) == pytest.approx(500 * G)
+
+
+def test_what_is_written_goes_first():
+    text = 'record_duration = "5 ms"\npre_trigger = "1 ms"\ntrigger_level = "50 m/s^2"\n' + HAMMER
+    plan = plan_rig(text)
+    assert plan.record_duration == pytest.approx(5e-3)
+    assert plan.pre_trigger == pytest.approx(1e-3)
+    assert plan.trigger_level == pytest.approx(50.0)
+    assert plan.specimen is None
+
+
+def test_a_force_is_that_on_the_hammers_mass():
+    text = (
+        'trigger_level = "20 N"\n[source.hammer]\nquantity = "force"\n'
+        'sensitivity = "2 mV/N"\nfull_scale = "2 kN"\n'
+    )
+    plan = plan_rig(text, mass=0.25)
+    assert plan.trigger_level == pytest.approx(80.0)
+    assert plan.hammer.find_scale() == pytest.approx(500 / 0.25)
+    assert plan.hammer.find_full_scale(1e9) == pytest.approx(8000.0)
+
+
+def test_keys_of_a_channel_that_no_sheet_has_are_the_drivers():
+    plan = plan_rig(HAMMER + 'coupling = "AC"\n')
+    assert dict(plan.hammer.options) == {"coupling": "AC"}
+    with pytest.raises(ParameterError, match=r"line 14: \[source.hammer\] .*unknown key"):
+        plan.hammer.options.check_keys("range")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", r"line 7: \[source\] has no \[source.hammer\]"),
+        (HAMMER.replace("channel = 1", "channel = true"), "line 11: channel .*in quotes, or a"),
+        ('pre_trigger = "3 ms"\nrecord_duration = "2 ms"\n' + HAMMER,
+         "line 10: .*keeps 0.003 s before .*less than its record_duration of 0.002 s"),
+        ('record_duration = "0.2 ms"\n' + HAMMER, "line 10: .*keeps 0.0003 s before"),
+        ('pre_trigger = "-1 ms"\n' + HAMMER, "line 10: pre_trigger .*0 s or more"),
+        ('trigger_level = "5 V"\n' + HAMMER, "line 10: .*sensitivity"),
+        ('trigger_level = 5\n' + HAMMER, "line 10: trigger_level .*with a unit"),
+        ('trigger_level = "-5 g"\n' + HAMMER, "line 10: trigger_level .*above zero"),
+        (HAMMER.replace('full_scale = "500 g"\n', ""), r"line 7: \[source\] lacks trigger_level"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_meant_is_named_with_its_line(text, told):
+    with pytest.raises(ParameterError, match=told):
+        plan_rig(text)
+
+
+@pytest.mark.parametrize("rate", ['"0 Hz"', '"2 s"', "2", '"-1 MHz"'])
+def test_a_rate_that_is_none_is_refused(rate):
+    rig = parse_rig_file(RIG.replace('"2 MHz"', rate) + HAMMER)
+    with pytest.raises(ParameterError, match=r"line 9: sampling_rate of \[source\] is"):
+        make_plan(rig.source, rig.setup, continuous=False, block_size=1000, depth=400)
