@@ -1,8 +1,6 @@
 """The accelerometers: armed for one hit at a time, they stream it, or everything, as blocks."""
 
-import functools
-import time
-from dataclasses import replace
+import math
 from typing import Any
 
 from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, HammerRelease, RigSetup
@@ -11,47 +9,61 @@ from std_srvs.srv import Trigger
 
 from impact_rig.configuration.processes import CONTINUOUS
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.signals.record import NOT_ARMED, HitLabel
-from impact_rig.devices.virtual.choices import Fault
-from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
+from impact_rig.core.setup import samples
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes import interfaces, messages
-from impact_rig.nodes.acquisition.running_stream import RunningStream
-from impact_rig.nodes.acquisition.virtual_rig_parameters import (
-    declare_virtual_rig,
-    read_virtual_rig,
-)
+from impact_rig.nodes.acquisition.arming import Arming
+from impact_rig.nodes.acquisition.block_output import BlockOutput
+from impact_rig.nodes.acquisition.handover import Handover
+from impact_rig.nodes.acquisition.offered_topic import OfferedTopic
+from impact_rig.nodes.acquisition.open_source import OpenSource, open_source
+from impact_rig.nodes.acquisition.source_thread import COMPLETE, SourceThread
+from impact_rig.nodes.acquisition.stream_parameters import MODES, declare_stream
+from impact_rig.nodes.acquisition.virtual_rig_parameters import declare_virtual_rig
+from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recording.interfaces.messages import setup_from_msg
 
 CONNECTION_TIMEOUT = 10.0
 """How long arming may wait for estimator and recorder to connect [s], our choice."""
-TRIGGERED = "triggered"
-MODES = (TRIGGERED, CONTINUOUS)
-"""Each hit's record, as a trigger cuts it out; or all that comes, in which the estimator finds the
-impacts."""
+ARMING_TIMEOUT = 10.0
+"""How long a device may take to arm [s], our choice: longer than any time-out of a driver."""
 
 
-class AccelerometerNode(RigNode):
-    """Streams what the virtual rig's accelerometers see: after each release, or all the time."""
+class AccelerometerNode(DeviceNode):
+    """Streams what a source of accelerations delivers: of each arming a record, or all the time.
+
+    The source is read in a thread of its own, which also publishes what comes; everything else
+    happens in the executor.
+
+    Each release gets exactly one verdict, whatever goes wrong meanwhile, unless somebody disarms
+    or deactivates: see `HitBlocks` and `RunningStream`. When the device is lost the arming is
+    over, the state is FAULT, and the node is unconfigured until the device is back; an arming
+    whose hammer has not been let go leaves nothing behind. A release that was on its way while
+    the device was lost is answered by a block that says that nothing came.
+
+    In triggered mode a hit that nobody let go of, because someone has bumped the hammer, is
+    published like any other and judged by the estimator; the state says so, and the arming is
+    over: the hammer refuses to release for it.
+    """
 
     def __init__(self, **options: Any) -> None:
         super().__init__("accelerometer", **options)
-        self._declare_stream()
+        declare_stream(self)
         declare_virtual_rig(self)
-        self._rig_settings = VirtualRigSettings()
-        self._rig: VirtualRig | None = None
-        self._label: HitLabel | None = None
-        self._struck = False
+        self._handover = Handover(self)
+        self._setup: samples.RigSetup | None = None
+        self._open: OpenSource | None = None
+        self._output: BlockOutput | None = None
+        self._thread: SourceThread | None = None
+        self._arming: Arming | None = None
+        self._cut_off: Arming | None = None
+        self._is_lost = False
         self._record = 0
-        self._blocks_sent = 0
-        self._publisher: Any = None
-        self._hits: Any = None
-        self._stream: RunningStream | None = None
-        self._dropped_before = 0
-        self._publish_state = functools.partial(
-            self.advertise_state(interfaces.ACQUISITION_STATE), source=interfaces.VIRTUAL_SOURCE
-        )
+        self._missing_before = 0
+        self._identity: dict[str, Any] = {}
+        self._topic = OfferedTopic(self, self._take_hit)
+        self._publish = self.advertise_state(interfaces.ACQUISITION_STATE)
         self._virtual_impact = self.advertise(interfaces.VIRTUAL_IMPACT)
         self.listen(interfaces.SETUP, self._take_setup)
         self.listen(interfaces.RELEASE, self._swing)
@@ -60,218 +72,212 @@ class AccelerometerNode(RigNode):
         )
         self.create_service(Trigger, interfaces.DISARM_ACCELEROMETER, self._disarm)
 
-    def _declare_stream(self) -> None:
-        self.declare(
-            "mode", TRIGGERED,
-            f"{TRIGGERED}: blocks of each hit, on `acceleration`; {CONTINUOUS}: blocks of all that"
-            " comes, on `acceleration/stream`, in which the estimator finds the impacts",
-        )  # fmt: skip
-        self.declare("block_size", 1000, "points per block of a hit [-]", low=1, high=10_000_000)
-        self.declare(
-            "stream_block_size", 25_000, "points per block of the running stream [-]",
-            low=1, high=10_000_000,
-        )  # fmt: skip
-        self.declare(
-            "stream_depth", interfaces.STREAM_DEPTH,
-            "blocks of the running stream that may wait before the oldest are lost [-]",
-            low=1, high=100_000,
-        )  # fmt: skip
-        self.declare(
-            "required_subscribers", "estimator, recorder",
-            "nodes of this namespace, by commas, that must be connected to `acceleration` before"
-            " a release",
-        )  # fmt: skip
-        self.declare(
-            "trigger_timeout", 0.5, "how long after the expected contact a trigger may come [s]",
-            low=0.0, high=60.0,
-        )  # fmt: skip
+    # Lifecycle.
 
     def configure(self) -> None:
-        """Read how the virtual rig behaves, and offer what the mode wants."""
+        """Open the source, and offer what the mode wants."""
         mode = self.get_value("mode")
         if mode not in MODES:
             raise DeviceError(f"mode is {mode!r}: it must be one of " + ", ".join(MODES))
-        self._rig_settings = read_virtual_rig(self)
-        if self._rig is not None:
-            self._rig = VirtualRig(self._rig.setup, self._rig_settings)
-        if mode == CONTINUOUS:
-            topic = interfaces.make_stream_topic(self.get_value("stream_depth"))
-            self._publisher = self.advertise(topic)
-            self._hits = self.listen(interfaces.ACCELERATION, self._take_hit)
-        else:
-            self._publisher = self.advertise(interfaces.ACCELERATION)
+        opened = open_source(self, continuous=mode == CONTINUOUS)
+        self._open = opened
+        self._identity = {
+            "source": opened.acquisition.identity,
+            "simulated": opened.simulated is not None,
+        }
+        self._is_lost, self._cut_off, self._missing_before = False, None, 0
+        self._topic.offer(opened.plan)
+        self._output = opened.make_output(self._topic.publisher)
+        if opened.simulated is not None and self._setup is not None:
+            opened.simulated.take_setup(self._setup)
 
     def cleanup(self) -> None:
-        """Take back what the mode wanted."""
-        self.destroy_publisher(self._publisher)
-        if self._hits is not None:
-            self.destroy_subscription(self._hits)
-        self._publisher = self._hits = None
+        """Let the source go."""
+        if self._open is not None:
+            self._open.source.close()
+            self._open = None
 
     def activate(self) -> None:
-        """Begin the running stream, and say that the accelerometers can be armed."""
-        if self.get_value("mode") == CONTINUOUS:
-            self._dropped_before = 0
-            self._stream = RunningStream(
-                self,
-                self._publisher,
-                self._rig_settings,
-                self.get_value("stream_block_size"),
-                self.get_value("stream_depth"),
-            )
-        self._finish("ready")
+        """Begin to read the source, and say that the accelerometers can be armed."""
+        opened, output = self._open, self._output
+        if opened is None or output is None:
+            raise DeviceError("the accelerometer node is not configured: configure it first")
+        if opened.plan.continuous:
+            output.restart()
+            opened.source.arm()
+        hand_over = self._handover.hand_over
+        self._thread = SourceThread(
+            opened.source,
+            output,
+            is_continuous=opened.plan.continuous,
+            patience=opened.plan.record_duration + float(self.get_value("trigger_timeout")),
+            on_armed=lambda arming: hand_over(lambda: self._note_armed(arming)),
+            on_ended=lambda arming, why: hand_over(lambda: self._note_ended(arming, why)),
+            on_failed=lambda error: hand_over(lambda: self._lose(opened, error)),
+        )
+        self._thread.start()
+        self._tell(AcquisitionState.IDLE, "ready")
 
     def deactivate(self) -> None:
-        """Disarm, and end the running stream."""
-        if self._stream is not None:
-            self._stream.stop()
-            self._stream = None
-        if self.context.ok():
-            self._finish("node inactive")
+        """Disarm, and read no more."""
+        thread, self._thread = self._thread, None
+        if thread is not None and not thread.stop():
+            self.get_logger().error("the source's driver does not come back from what it does")
+        self._end_arming()
+        if self.context.ok() and not self._is_lost:
+            self._tell(AcquisitionState.IDLE, "node inactive")
+
+    def publish_fault(self, text: str) -> None:
+        """Say on the node's state topic that the source is lost, and why."""
+        self._tell(AcquisitionState.FAULT, text)
 
     def find_warning(self) -> str:
-        """Return what the running stream has lost since this was asked last."""
-        dropped = self._stream.dropped if self._stream else 0
-        lost, self._dropped_before = dropped - self._dropped_before, dropped
+        """Return what has been lost since this was asked last."""
+        missing = self._output.flow.missing_points if self._output else 0
+        lost, self._missing_before = missing - self._missing_before, missing
         if not lost:
             return ""
-        return f"{lost} blocks of the stream were lost: this computer does not hold its rate"
+        return f"{lost} points of the source were lost: this computer does not hold its rate"
 
     def diagnose(self) -> dict[str, Any]:
-        """Return how much has been streamed."""
-        flow = self._stream.describe() if self._stream else {"blocks sent": self._blocks_sent}
-        subscribers = self._publisher.get_subscription_count() if self._publisher else 0
+        """Return what is read, and how much has been streamed."""
         return {
+            "source": self._identity.get("source", ""),
             "record": self._record,
-            "armed": self._label is not None,
-            **flow,
-            "subscribers": subscribers,
+            "armed": self._arming is not None,
+            **(self._output.describe() if self._output else {}),
+            "subscribers": self._topic.count_subscribers(),
         }
 
+    # The course of an arming.
+
     def _take_setup(self, message: RigSetup) -> None:
-        self._rig = VirtualRig(setup_from_msg(message), self._rig_settings)
+        self._setup = setup_from_msg(message)
+        if self._open is not None and self._open.simulated is not None:
+            self._open.simulated.take_setup(self._setup)
 
     async def _arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
         await self.wait_until(
-            lambda: bool(self._rig) and not self._find_missing_subscribers(), CONNECTION_TIMEOUT
+            lambda: (
+                not self.is_active or bool(self._setup and not self._find_missing_subscribers())
+            ),
+            CONNECTION_TIMEOUT,
         )
-        label = HitLabel(
-            sample=request.sample,
-            record=self._record + 1,
-            impact=request.impact,
-            attempt=request.attempt,
-        )
-        armed = self._label
-        if armed is not None and not self._struck and armed == replace(label, record=armed.record):
-            # The same request again: its first answer was lost.
-            response.success, response.record = True, armed.record
-            return response
-        response.message = self._find_obstacle(label)
-        response.success = not response.message
-        if response.success:
-            self._label, self._struck = label, False
-            self._record = response.record = label.record
-            if self._stream is not None:
-                self._stream.label = label
-            self._publish_state(
-                state=AcquisitionState.ARMED,
-                record=label.record,
-                sample=label.sample,
-                message="waiting for the trigger" + self._tell_loss(),
-            )
+        label = HitLabel(request.sample, self._record + 1, request.impact, request.attempt)
+        arming = self._arming
+        # The same request again: its first answer was lost.
+        if arming is None or not arming.is_for(label):
+            response.message = self._find_obstacle(label)
+            if response.message or self._thread is None:
+                return response
+            arming = Arming(label)
+            self._arming, self._record, self._cut_off = arming, label.record, None
+            self._thread.arm(arming)
+        await self.wait_until(lambda: arming.is_armed or arming.is_over, ARMING_TIMEOUT)
+        response.success, response.record = arming.is_armed, arming.label.record
+        if not arming.is_armed:
+            response.message = self.fault or "the source was disarmed, or did not answer, in time"
         return response
 
     def _find_obstacle(self, label: HitLabel) -> str:
         """Return why the accelerometers may not be armed; empty: they may."""
         if not self.is_active:
-            return "the accelerometer node is not active: activate it first"
-        if self._label is not None:
-            return f"already armed for record {self._label.record}: disarm first"
-        if self._rig is None:
+            why = self.fault or "activate it first"
+            return f"the accelerometer node is not active: {why}"
+        if self._arming is not None:
+            return f"already armed for record {self._arming.label.record}: disarm first"
+        if self._setup is None:
             return "no set-up has been received: start the campaign node first"
         if missing := self._find_missing_subscribers():
             return f"{missing}: start it first, or change the parameter required_subscribers"
         try:
-            self._rig.check_sample(label.sample)
+            self._setup.samples.find(label.sample)
+            if self._open is not None and self._open.simulated is not None:
+                self._open.simulated.check_sample(label.sample)
         except RigError as error:
             return str(error)
         return ""
 
     def _find_missing_subscribers(self) -> str:
-        required = self.get_value("required_subscribers")
-        if self._stream is None:
-            return self.find_missing_subscribers(self._publisher, required)
-        hits, stream = interfaces.ACCELERATION.name, self._publisher.topic_name
-        if not self.count_publishers(hits):
-            return f"nobody finds impacts in {stream}"
-        return self.find_missing_listeners(
-            self.resolve_topic_name(hits), required
-        ) or self.find_missing_subscribers(self._publisher, "")
+        return self._topic.find_missing(self.get_value("required_subscribers"))
 
-    def _disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._finish("disarmed by the operator")
-        response.success, response.message = True, "disarmed"
-        return response
+    def _note_armed(self, arming: Arming) -> None:
+        if arming.is_over:
+            return
+        arming.is_armed = True
+        self._tell(AcquisitionState.ARMED, "waiting for the trigger", arming.label.sample)
 
     def _swing(self, message: HammerRelease) -> None:
-        label = self._label
-        if not self.is_active or self._rig is None or label is None:
+        arming, opened = self._arming, self._open
+        if arming is None or opened is None or message.record != arming.label.record:
+            self._answer_late(message.record)
             return
-        if message.record != label.record or self._struck:
+        if not arming.is_armed or arming.is_released:
             return
-        self._struck = True
-        released = time.monotonic()
-        hit = self._rig.strike(label)
-        self._virtual_impact.publish(messages.virtual_hit_to_msg(hit, message.header.stamp))
+        by_hand = message.latest_contact
+        swing = by_hand if math.isfinite(by_hand) and by_hand > 0.0 else message.swing_time
         timeout = float(self.get_value("trigger_timeout"))
-        # While the simulation works the hammer is on its way.
-        if self._stream is not None:
-            swing = max(message.swing_time - (time.monotonic() - released), 0.0)
-            self._stream.lay(hit, swing)
-            self.run_once_after(swing + timeout, lambda: self._give_up(label))
+        arming.release(swing + timeout + opened.plan.record_duration)
+        if opened.simulated is None:
             return
-        is_missed = Fault.MISSED_TRIGGER in hit.faults
-        wait = message.swing_time + (timeout if is_missed else 0.0)
-        blocks = self._prepare(hit, wait - (time.monotonic() - released))
-        left = max(wait - (time.monotonic() - released), 0.0)
-        self.run_once_after(left, lambda: self._send(label, blocks))
+        hit = opened.simulated.strike(arming.label, message.swing_time)
+        if hit is not None:
+            truth = messages.virtual_hit_to_msg(hit, message.header.stamp)
+            self._virtual_impact.publish(truth)
 
-    def _prepare(self, hit: VirtualHit, wait: float) -> list[AccelerationBlock]:
-        """Return the messages of a hit that comes `wait` seconds from now."""
-        stamp = self.get_clock().now().nanoseconds + round(max(wait, 0.0) * 1e9)
-        blocks = hit.split(int(self.get_value("block_size")), stamp)
-        return [messages.block_to_msg(block) for block in blocks]
-
-    def _send(self, label: HitLabel, blocks: list[AccelerationBlock]) -> None:
-        if self._label != label:
+    def _answer_late(self, record: int) -> None:
+        """Say that nothing came of an arming that was cut off before its release was heard of."""
+        cut_off, output = self._cut_off, self._output
+        if cut_off is None or output is None or cut_off.label.record != record:
             return
-        for block in blocks:
-            self._publisher.publish(block)
-            self._blocks_sent += 1
-        self._finish("record complete")
+        self._cut_off = None
+        output.begin(cut_off.label)
+        output.end(is_awaited=True)
 
     def _take_hit(self, message: AccelerationBlock) -> None:
         """End the arming when its impact has been found in the running stream."""
-        if self._label is not None and message.record == self._label.record and message.last:
-            self._finish("record complete")
+        arming = self._arming
+        if arming is not None and message.record == arming.label.record and message.last:
+            self._end_arming()
+            self._tell(AcquisitionState.IDLE, COMPLETE)
 
-    def _give_up(self, label: HitLabel) -> None:
-        if self._label == label and self._stream is not None:
-            self._stream.end_arming()
-            self._finish("no impact came in time")
+    def _note_ended(self, arming: Arming, why: str) -> None:
+        if self._arming is arming:
+            arming.is_over, self._arming = True, None
+            self._tell(AcquisitionState.IDLE, why)
 
-    def _finish(self, message: str) -> None:
-        self._label = None
-        if self._stream is not None:
-            self._stream.label = NOT_ARMED
-        self._publish_state(
-            state=AcquisitionState.IDLE, record=self._record, message=message + self._tell_loss()
+    def _disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._end_arming()
+        if self.is_active:
+            self._tell(AcquisitionState.IDLE, "disarmed by the operator")
+        response.success, response.message = True, "disarmed"
+        return response
+
+    def _end_arming(self) -> None:
+        arming, self._arming = self._arming, None
+        if arming is not None:
+            arming.is_over = True
+            if self._thread is not None:
+                self._thread.end(arming)
+
+    def _lose(self, opened: OpenSource, error: RigError) -> None:
+        if self._open is not opened:
+            return
+        arming = self._arming
+        self._cut_off = arming if arming is not None and not arming.is_released else None
+        self._is_lost = True
+        self.lose_device(error)
+
+    def _tell(self, state: int, message: str, sample: str = "") -> None:
+        missing = self._output.flow.missing_points if self._output else 0
+        loss = f"; {missing} points of the source were lost so far" if missing else ""
+        self._publish(
+            state=state,
+            record=self._record,
+            sample=sample,
+            message=message + loss,
+            **self._identity,
         )
-
-    def _tell_loss(self) -> str:
-        """Return what the running stream has lost so far, to be added to a state."""
-        dropped = self._stream.dropped if self._stream else 0
-        return f"; {dropped} blocks of the stream were lost so far" if dropped else ""
 
 
 def main() -> int:

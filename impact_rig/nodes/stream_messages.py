@@ -3,18 +3,25 @@
 from impact_rig_msgs.msg import StreamBlock
 
 from impact_rig.core.signals.record import ChannelBlock, HitLabel
-from impact_rig.nodes.messages import channel_to_msg, stamp_to_msg
+from impact_rig.nodes.messages import fill_channel_msg, stamp_to_msg
 
 
 def stream_block_to_msg(
     hammer: ChannelBlock, specimen: ChannelBlock, sampling_rate: float
 ) -> StreamBlock:
     """Return both channels over a block as a message, without its place in a stream."""
-    return StreamBlock(
-        sampling_rate=sampling_rate,
-        hammer=channel_to_msg(hammer),
-        specimen=channel_to_msg(specimen),
-    )
+    message = StreamBlock()
+    fill_stream_block(message, hammer, specimen, sampling_rate)
+    return message
+
+
+def fill_stream_block(
+    message: StreamBlock, hammer: ChannelBlock, specimen: ChannelBlock, sampling_rate: float
+) -> None:
+    """Let a message hold both channels over another block; see `fill_channel_msg`."""
+    message.sampling_rate = sampling_rate
+    fill_channel_msg(message.hammer, hammer)
+    fill_channel_msg(message.specimen, specimen)
 
 
 def place_stream_block(

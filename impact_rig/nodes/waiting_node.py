@@ -1,11 +1,13 @@
 """What lets a node's callbacks wait: for a time, for a condition, for another node's answer."""
 
+import contextlib
 import time
 from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.exceptions import InvalidHandle
 from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
 
@@ -103,31 +105,53 @@ class WaitingNode(LifecycleNode):
         finally:
             self._waiters.remove(look)
             if not self._waiters:
-                self._looking.cancel()
+                # The node itself may be gone: then nobody waits for this any more.
+                with contextlib.suppress(InvalidHandle):
+                    self._looking.cancel()
 
-    async def call(self, client: Any, request: Any, timeout: float = SERVICE_TIMEOUT) -> Any:
+    async def call(
+        self,
+        client: Any,
+        request: Any,
+        timeout: float = SERVICE_TIMEOUT,
+        is_given_up: Callable[[], bool] = lambda: False,
+    ) -> Any:
         """Call a service of another node of the rig and return its answer.
 
         A server that has not met the client's reader yet drops its answer, so an unanswered
         request is sent again: the rig's services take a repeated request as the same one.
 
+        Parameters
+        ----------
+        client : Client
+            Of the service.
+        request : message
+            What is asked.
+        timeout : float
+            [s]
+        is_given_up : callable
+            Whether nobody waits for the answer any more.
+
         Raises
         ------
         DeviceError
-            If nobody offers the service, or no answer comes within `timeout` seconds.
+            If nobody offers the service, no answer comes within `timeout` seconds, or it is
+            given up.
         """
-        if not await self.wait_until(client.service_is_ready, timeout):
+        await self.wait_until(lambda: client.service_is_ready() or is_given_up(), timeout)
+        if not client.service_is_ready():
             raise DeviceError(
                 f"nobody offers the service {client.srv_name}: start the node that does"
             )
         pending: list[Future] = []
         deadline = time.monotonic() + timeout
         try:
-            while (left := deadline - time.monotonic()) > 0.0:
+            while (left := deadline - time.monotonic()) > 0.0 and not is_given_up():
                 pending.append(client.call_async(request))
                 pending[-1].add_done_callback(lambda _: self.wake_waiters())
                 await self.wait_until(
-                    lambda: any(item.done() for item in pending), min(RESEND_PERIOD, left)
+                    lambda: any(item.done() for item in pending) or is_given_up(),
+                    min(RESEND_PERIOD, left),
                 )
                 for item in pending:
                     if item.done():
@@ -135,6 +159,8 @@ class WaitingNode(LifecycleNode):
         finally:
             for item in pending:
                 client.remove_pending_request(item)
+        if is_given_up():
+            raise DeviceError(f"{client.srv_name} has not answered")
         raise DeviceError(f"{client.srv_name} did not answer within {timeout:g} s")
 
     def wake_waiters(self) -> None:

@@ -174,11 +174,11 @@ def test_a_rate_that_cannot_be_held_is_counted_named_and_spoils_no_estimate(
     assert not verdict.accepted
     assert verdict.reasons[0].startswith("gap:")
     status = wait_for_status(
-        harness, seen, "/accelerometer", lambda _, values: int(values["blocks dropped"]) > 0
+        harness, seen, "/accelerometer", lambda _, values: int(values["points lost"]) > 0
     )
     assert status.level == DiagnosticStatus.WARN
     assert "does not hold its rate" in status.message
-    assert "blocks of the stream were lost so far" in states.messages[-1].message
+    assert "points of the source were lost so far" in states.messages[-1].message
     status = wait_for_status(
         harness, seen, "/estimator", lambda _, values: int(values["stream points missing"]) > 0
     )

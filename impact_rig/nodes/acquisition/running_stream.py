@@ -1,122 +1,54 @@
-"""The running stream of continuous mode, published block by block as the clock says."""
+"""Continuous mode: everything that a source delivers, published block by block."""
 
-import time
 from typing import Any
 
 from impact_rig_msgs.msg import StreamBlock
 
 from impact_rig.core.signals.record import NOT_ARMED, HitLabel
-from impact_rig.devices.virtual.block_clock import BlockClock
-from impact_rig.devices.virtual.rig import VirtualHit, VirtualRigSettings
-from impact_rig.devices.virtual.stream import VirtualStream
-from impact_rig.nodes.rig_node import RigNode
-from impact_rig.nodes.stream_messages import place_stream_block, stream_block_to_msg
-
-SHORTEST_TURN = 5e-3
-"""Least time from one look at the clock to the next [s], our choice: of shorter blocks several are
-sent at a time, since each look costs as much as sending a block."""
+from impact_rig.devices.acceleration_source import AcquiredBlock
+from impact_rig.nodes.acquisition.block_output import BlockOutput
+from impact_rig.nodes.stream_messages import fill_stream_block, place_stream_block
 
 
-class RunningStream:
-    """Publishes what the digitizer delivers, armed or not, until it is stopped.
+class RunningStream(BlockOutput):
+    """Publishes `StreamBlock`, armed or not; each has the label of the arming under way.
+
+    The estimator finds the hit. An arming that ends without one, though the hammer has been let
+    go, is ended by an empty block that says so, upon which the estimator rejects what has not
+    come: exactly one verdict. If the stream breaks off within a hit, that verdict comes when the
+    stream begins anew.
 
     Parameters
     ----------
-    node : RigNode
-        The accelerometers'.
     publisher : Publisher
-        Of `StreamBlock`.
-    settings : VirtualRigSettings
-        Digitizer and seed are used.
+        Of the messages.
+    sampling_rate : float
+        [Hz]
     block_size : int
-        Points per block.
-    depth : int
-        Blocks that the digitizer's buffer holds.
-
-    Attributes
-    ----------
-    label : HitLabel
-        The arming under way.
-    sent : int
-        Blocks published.
+        Points per message, at most.
     """
 
-    def __init__(
-        self,
-        node: RigNode,
-        publisher: Any,
-        settings: VirtualRigSettings,
-        block_size: int,
-        depth: int,
-    ) -> None:
-        digitizer = settings.digitizer
-        self.label = NOT_ARMED
-        self.sent = 0
-        self._node = node
-        self._publisher = publisher
-        self._digitizer = digitizer
-        self._stream = VirtualStream(digitizer, block_size, settings.seed)
-        # Most blocks are noise, and ready to be sent: only their place in the stream is new.
-        self._noise = [
-            stream_block_to_msg(hammer, specimen, digitizer.sampling_rate)
-            for hammer, specimen in self._stream.noise
-        ]
-        self._ending: HitLabel | None = None
-        self._period = block_size / digitizer.sampling_rate
-        self._start_stamp = node.get_clock().now().nanoseconds
-        self._clock = BlockClock(self._period, depth, time.monotonic())
-        self._told = (self._clock.find_time(0), 0)
-        self._timer = node.create_timer(max(self._period, SHORTEST_TURN), self._send_due)
+    def __init__(self, publisher: Any, sampling_rate: float, block_size: int) -> None:
+        super().__init__(publisher, sampling_rate, block_size)
+        self._label = NOT_ARMED
+        # The same for all blocks, since it is sent before the next one comes.
+        self._message = StreamBlock()
 
-    @property
-    def dropped(self) -> int:
-        """Blocks that the buffer has lost."""
-        return self._clock.dropped
+    def begin(self, label: HitLabel) -> None:
+        """Let the next blocks carry the label of an arming."""
+        self._label = label
 
-    def stop(self) -> None:
-        """Send no more."""
-        self._node.destroy_timer(self._timer)
+    def end(self, *, is_awaited: bool) -> None:
+        """Let the next blocks belong to no arming; if a verdict is awaited, say that it ends."""
+        if is_awaited and self._label is not NOT_ARMED:
+            self.publish_end(self._next_sample)
+        self._label = NOT_ARMED
 
-    def lay(self, hit: VirtualHit, delay: float) -> None:
-        """Let a hit's contact be seen `delay` seconds from now."""
-        contact = time.monotonic() + delay - self._clock.find_time(0)
-        point = round((contact - self._digitizer.pre_trigger) * self._digitizer.sampling_rate)
-        unsent = self._clock.next_block * self._stream.block_size
-        self._stream.lay(hit, max(point, unsent))
-
-    def end_arming(self) -> None:
-        """Let the next block say that it is the last one of the arming under way."""
-        self._ending, self.label = self.label, NOT_ARMED
-
-    def describe(self) -> dict[str, Any]:
-        """Return the flow since this was asked last, by names for the diagnostics."""
-        now, sent = time.monotonic(), self.sent
-        before, sent_before = self._told
-        self._told = now, sent
-        points = (sent - sent_before) * self._stream.block_size
-        return {
-            "blocks sent": sent,
-            "blocks dropped": self._clock.dropped,
-            "points per second": round(points / max(now - before, 1e-9)),
-            "delay [s]": round(self._clock.delay, 4),
-        }
-
-    def _send_due(self) -> None:
-        for number in self._clock.fetch(time.monotonic()):
-            if self._stream.has_hit(number) and self._stream.is_lost(number):
-                continue
-            self._publisher.publish(self._make_message(number))
-            self.sent += 1
-
-    def _make_message(self, number: int) -> StreamBlock:
-        message = self._noise[number % len(self._noise)]
-        if self._stream.has_hit(number):
-            hammer, specimen = self._stream.read(number)
-            message = stream_block_to_msg(hammer, specimen, self._digitizer.sampling_rate)
-        begun = self._start_stamp + round(number * self._period * 1e9)
-        first_sample = number * self._stream.block_size
-        ending, self._ending = self._ending, None
+    def make_message(self, block: AcquiredBlock) -> StreamBlock:
+        """Return the message of a block."""
+        message = self._message
+        fill_stream_block(message, block.hammer, block.specimen, self._sampling_rate)
         place_stream_block(
-            message, first_sample, begun, ending or self.label, last=ending is not None
+            message, block.first_sample, self.find_stamp(block), self._label, last=block.last
         )
         return message
