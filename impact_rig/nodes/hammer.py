@@ -2,19 +2,17 @@
 
 from typing import Any
 
-from impact_rig_msgs.msg import (
-    AcquisitionState,
-    HammerRelease,
-    HammerState,
-    RecorderState,
-    RecordStored,
-)
+from impact_rig_msgs.msg import AcquisitionState, HammerRelease
 from impact_rig_msgs.srv import Release
 from std_srvs.srv import Trigger
 
+from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.devices.drivers import HOLDERS, make_device
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.device_node import DeviceNode
+from impact_rig.nodes.holding.guarded_hammer import GuardedHammer, HammerCondition, HammerPlace
+from impact_rig.nodes.holding.rig_readiness import RigReadiness
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import RigNode
 
 READINESS_TIMEOUT = 4.0
 """How long a release may wait for the word of accelerometers and recorder [s], our choice: their
@@ -24,10 +22,18 @@ DISCOVERY_TIMEOUT = 10.0
 """The same while one of them has not been heard of at all, or the recorder still looks for its
 topics [s], our choice: nodes that have just started take a while to find each other. And while the
 record before is on its way to the disk: a busy one takes seconds."""
+WATCH_PERIOD = 0.5
+"""How often holder, accelerometers and recorder are looked after [s], our choice: an operator who
+pulls a plug wants to see the enable go."""
 
 
-class HammerNode(RigNode):
-    """Holds and releases the hammer; refuses, with a reason, what could not be recorded."""
+class HammerNode(DeviceNode):
+    """Holds and releases the hammer; refuses, with a reason, what could not be recorded.
+
+    A release needs a holder that holds, the operator's enable, accelerometers that are armed for
+    this hit, and a recorder that records. The loss of any of them takes the enable back. Only a
+    release that was asked for lets the hammer go: not the start, not the end, nor a watchdog.
+    """
 
     def __init__(self, **options: Any) -> None:
         super().__init__("hammer", **options)
@@ -36,91 +42,180 @@ class HammerNode(RigNode):
             low=0.0, high=60.0,
         )  # fmt: skip
         self.declare("return_time", 0.0, "from contact back into the holder [s]", low=0.0, high=60)
+        self.declare(
+            "confirm_return", False,
+            "after each swing, wait until somebody calls hammer/confirm_held",
+        )  # fmt: skip
         self.declare("require_recorder", True, "refuse to release while nothing is recorded")
-        self._state = HammerState.HELD
-        self._armed = False
+        self._patience = 0.0
+        self._identity = ""
         self._released: Release.Request | None = None
-        self._acquisition: AcquisitionState | None = None
-        self._recorder: RecorderState | None = None
-        self._unstored = 0
+        self._swings = 0
         self._publish_state = self.advertise_state(interfaces.HAMMER_STATE)
         self._release = self.advertise(interfaces.RELEASE)
-        self.listen(interfaces.ACQUISITION_STATE, self._keep_acquisition)
-        self.listen(interfaces.RECORDER_STATE, self._keep_recorder)
-        self.listen(interfaces.RECORD_STORED, self._note_stored)
-        self.create_service(Trigger, interfaces.ARM_HAMMER, self._arm)
-        self.create_service(Trigger, interfaces.DISARM_HAMMER, self._disarm)
+        self._hammer = GuardedHammer(self._tell)
+        self._rig = RigReadiness(self)
+        self.listen(interfaces.ACQUISITION_STATE, self._take_acquisition)
+        for name, callback in (
+            (interfaces.ARM_HAMMER, self._arm),
+            (interfaces.DISARM_HAMMER, self._disarm),
+            (interfaces.CONFIRM_HELD, self._confirm_held),
+            (interfaces.EMERGENCY_STOP, self._stop),
+            (interfaces.RESET_HAMMER, self._reset),
+        ):
+            self.create_service(Trigger, name, callback)
         self.create_service(
             Release, interfaces.RELEASE_HAMMER, self._let_go, callback_group=self.waiting_group
         )
+        self.create_timer(WATCH_PERIOD, self._watch)
+
+    # What the lifecycle asks for.
+
+    def configure(self) -> None:
+        """Open the holder, which holds from now on."""
+        path = self.get_value("rig_file")
+        try:
+            holder = make_device(HOLDERS, self.read_rig_file().holder)
+        except ParameterError as error:
+            raise ParameterError(f"rig file {path}: {error}") from None
+        try:
+            self._identity = holder.configure()
+        except RigError:
+            holder.close()
+            raise
+        self._patience = holder.patience if holder.is_by_hand else 0.0
+        self._hammer.take(holder, confirm_return=self.get_value("confirm_return"))
 
     def activate(self) -> None:
-        """Say that the hammer is held and not armed."""
-        self._change(HammerState.HELD, armed=False, message="held, not armed")
+        """Say what the hammer does."""
+        self._tell(self._hammer.condition)
 
     def deactivate(self) -> None:
         """Take the operator's enable back."""
-        if self.context.ok():
-            self._change(self._state, armed=False, message="node inactive")
+        if self._hammer.condition.is_armed:
+            self._hammer.disarm("node inactive")
+
+    def cleanup(self) -> None:
+        """Close the holder; it goes on holding as far as it can."""
+        self._hammer.drop()
+
+    def publish_fault(self, text: str) -> None:
+        """Say that the holder is lost, and why."""
+        self._hammer.lose(text)
+
+    def lose_device(self, error: RigError) -> None:
+        """Take the enable back, let the holder go, and look for it again."""
+        self._hammer.lose(str(error))
+        super().lose_device(error)
 
     def diagnose(self) -> dict[str, Any]:
         """Return what the hammer does."""
-        return {"armed": self._armed, "held": self._state == HammerState.HELD}
+        condition = self._hammer.condition
+        return {
+            "holder": self._identity,
+            "armed": condition.is_armed,
+            "held": condition.place is HammerPlace.HELD,
+        }
 
-    def _keep_acquisition(self, message: AcquisitionState) -> None:
-        self._acquisition = message
+    def find_warning(self) -> str:
+        """Return that an emergency stop lasts."""
+        return "an emergency stop lasts" if self._hammer.is_stopped else ""
+
+    # What is heard and seen.
+
+    def _tell(self, condition: HammerCondition) -> None:
+        if self.context.ok():
+            self._publish_state(
+                state=condition.place,
+                armed=condition.is_armed,
+                disarmed_by=condition.disarmed_by,
+                message=condition.message,
+                holder=self._identity,
+            )
+
+    def _take_acquisition(self, message: AcquisitionState) -> None:
+        self._rig.take_acquisition(message)
+        self._hammer.note_loss(self._rig.find_loss())
         if message.state == AcquisitionState.ARMED:
             # A new arming: what looks like an earlier request is another one.
             self._released = None
+        elif message.state == AcquisitionState.IDLE and self._waits_for_operator(message.record):
+            self._end_swing(self._swings, "the record has ended")
 
-    def _keep_recorder(self, message: RecorderState) -> None:
-        previous, self._recorder = self._recorder, message
-        if not message.recording or (previous and previous.uri != message.uri):
-            # What one recording did not store, the next one will not.
-            self._unstored = 0
+    def _waits_for_operator(self, record: int) -> bool:
+        """Whether an operator has been told to let the hammer go for a record."""
+        return bool(self._patience and self._released and self._released.record == record)
 
-    def _note_stored(self, message: RecordStored) -> None:
-        if message.complete and message.record == self._unstored:
-            self._unstored = 0
+    def _watch(self) -> None:
+        """See whether what a release needs is still there; never releases."""
+        self._hammer.note_loss(self._rig.find_loss())
+        try:
+            self._hammer.check()
+        except DeviceError as error:
+            self.lose_device(error)
 
-    def _change(self, state: int, *, armed: bool, message: str) -> None:
-        self._state, self._armed = state, armed
-        self._publish_state(state=state, armed=armed, message=message)
+    # What is asked of the hammer.
 
     def _arm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self.is_active
-        response.message = "armed" if self.is_active else "the hammer node is not active"
-        if self.is_active:
-            self._change(self._state, armed=True, message="armed by the operator")
-        return response
+        state = self._hammer.condition
+        is_ours_to_say = state.place is not HammerPlace.FAULT and not self._hammer.is_stopped
+        if is_ours_to_say and not self.is_active:
+            return _answer(response, "the hammer node is not active: activate it first")
+        return _answer(response, self._rig.find_loss() or self._hammer.arm(), "armed")
 
     def _disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._change(self._state, armed=False, message="disarmed by the operator")
-        response.success, response.message = True, "disarmed"
-        return response
+        self._hammer.disarm("disarmed by the operator")
+        return _answer(response, "", "disarmed")
+
+    def _confirm_held(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            return _answer(response, self._hammer.confirm_held(), "held")
+        except DeviceError as error:
+            self.lose_device(error)
+            return _answer(response, str(error))
+
+    def _stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.get_logger().warning("emergency stop")
+        try:
+            self._hammer.stop()
+        except DeviceError as error:
+            self.lose_device(error)
+            return _answer(response, "", f"stopped, but the holder is lost: {error}")
+        return _answer(response, "", "stopped: hammer/reset ends it")
+
+    def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._hammer.reset()
+        return _answer(response, "", "no emergency stop lasts; call hammer/arm to go on")
 
     async def _let_go(
         self, request: Release.Request, response: Release.Response
     ) -> Release.Response:
-        if not self._find_own_obstacle():
-            await self.wait_until(lambda: self._is_settled(request), DISCOVERY_TIMEOUT)
-            await self.wait_until(lambda: not self._find_obstacle(request), READINESS_TIMEOUT)
+        if self._released != request:
+            await self._wait_for_rig(request)
         # The same request again: the hammer went, and the first answer was lost.
         if self._released != request:
-            response.message = self._find_own_obstacle() or self._find_obstacle(request)
+            response.message = self._try_release(request)
             if response.message:
                 self.get_logger().warning(f"release refused: {response.message}")
                 return response
-            self._swing(request)
         response.success = True
-        if self._recorder is not None and self._recorder.recording:
-            response.recording = self._recorder.uri
+        response.recording = self._rig.recording
+        response.latest_contact = self._find_latest_contact()
         return response
 
-    def _swing(self, request: Release.Request) -> None:
-        self._released = request
-        if self._recorder is not None and self._recorder.recording:
-            self._unstored = request.record
+    async def _wait_for_rig(self, request: Release.Request) -> None:
+        """Wait until the rest of the rig can record a hit, unless the hammer itself may not go."""
+        hammer, rig = self._hammer, self._rig
+        await self.wait_until(
+            lambda: bool(hammer.find_obstacle()) or rig.is_settled(request), DISCOVERY_TIMEOUT
+        )
+        await self.wait_until(
+            lambda: bool(hammer.find_obstacle()) or not rig.find_obstacle(request),
+            READINESS_TIMEOUT,
+        )
+
+    def _try_release(self, request: Release.Request) -> str:
+        """Let the hammer go for a hit, if nothing forbids it; return what does."""
         swing_time = float(self.get_value("swing_time"))
         release = HammerRelease(
             record=request.record,
@@ -128,58 +223,48 @@ class HammerNode(RigNode):
             impact=request.impact,
             attempt=request.attempt,
             swing_time=swing_time,
+            latest_contact=self._find_latest_contact(),
         )
         release.header.stamp = self.get_clock().now().to_msg()
-        self._change(HammerState.SWINGING, armed=self._armed, message="released")
-        self._release.publish(release)
-        self.run_once_after(swing_time + float(self.get_value("return_time")), self._catch)
-
-    def _catch(self) -> None:
-        self._change(HammerState.HELD, armed=self._armed, message="back in the holder")
-
-    def _is_settled(self, request: Release.Request) -> bool:
-        """Whether nodes that are just starting have found each other, and the disk is quiet."""
-        if self._acquisition is None:
-            return False
-        if not self.get_value("require_recorder"):
-            return True
-        recorder = self._recorder
-        return recorder is not None and not recorder.waiting and not self._is_unstored(request)
-
-    def _is_unstored(self, request: Release.Request) -> bool:
-        """Whether the record before this one is still on its way to the disk."""
-        return self._unstored not in (0, request.record)
-
-    def _find_own_obstacle(self) -> str:
-        """Return why the hammer itself may not go now; empty: it may."""
-        if not self.is_active:
-            return "the hammer node is not active: activate it first"
-        if not self._armed:
-            return "the hammer is not armed: call hammer/arm first"
-        if self._state != HammerState.HELD:
-            return "the hammer is not in its holder: wait for the swing to end"
-        return ""
-
-    def _find_obstacle(self, request: Release.Request) -> str:
-        """Return why the rest of the rig could not record the hit; empty: it could."""
-        acquisition, recorder = self._acquisition, self._recorder
-        if acquisition is None or acquisition.state != AcquisitionState.ARMED:
-            return "the accelerometers are not armed: call accelerometer/arm first"
-        if (acquisition.record, acquisition.sample) != (request.record, request.sample):
-            return (
-                f"the accelerometers are armed for record {acquisition.record} on"
-                f" {acquisition.sample!r}, not for record {request.record} on"
-                f" {request.sample!r}"
+        try:
+            reason = self._hammer.release(self._rig.find_obstacle(request))
+        except DeviceError as error:
+            self.lose_device(error)
+            return str(error)
+        if not reason:
+            self._release.publish(release)
+            self._released = request
+            self._rig.note_release(request.record)
+            self._swings += 1
+            swing, text = self._swings, self._describe_end()
+            self.run_once_after(
+                self._find_latest_contact() + float(self.get_value("return_time")),
+                lambda: self._end_swing(swing, text),
             )
-        if self.get_value("require_recorder") and not (recorder and recorder.recording):
-            why = recorder.message if recorder else "no recorder has reported"
-            return f"nothing is being recorded ({why}): start the recorder first"
-        if self.get_value("require_recorder") and self._is_unstored(request):
-            return (
-                f"the recorder has not said that record {self._unstored} is stored: wait for it,"
-                " or start the recorder anew"
-            )
-        return ""
+        return reason
+
+    def _find_latest_contact(self) -> float:
+        return self._patience or float(self.get_value("swing_time"))
+
+    def _describe_end(self) -> str:
+        if not self._patience:
+            return "back in the holder"
+        return f"nobody let the hammer go within {self._patience:g} s"
+
+    def _end_swing(self, swing: int, message: str) -> None:
+        """Hold the hammer again, if no later swing has begun."""
+        if swing != self._swings:
+            return
+        try:
+            self._hammer.end_swing(message, confirm_return=self.get_value("confirm_return"))
+        except DeviceError as error:
+            self.lose_device(error)
+
+
+def _answer(response: Trigger.Response, reason: str, done: str = "") -> Trigger.Response:
+    """Fill in an answer: why not, or what was done."""
+    response.success, response.message = not reason, reason or done
+    return response
 
 
 def main() -> int:

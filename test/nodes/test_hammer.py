@@ -112,7 +112,7 @@ def test_waits_for_a_recorder_that_still_looks_for_its_topics(harness, states, m
     )
     recorder.publish(RecorderState(waiting=True, uri="a.mcap", message="waiting for topics"))
     assert harness.call(Trigger, interfaces.ARM_HAMMER).success
-    harness.wait_until(lambda: hammer._recorder is not None and hammer._acquisition is not None)
+    harness.wait_until(lambda: None not in (hammer._rig._recorder, hammer._rig._acquisition))
     client = harness.peer.create_client(Release, interfaces.RELEASE_HAMMER)
     harness.wait_until(client.service_is_ready)
     answer = client.call_async(Release.Request(**HIT))

@@ -1,0 +1,1 @@
+"""A hammer holder on a pin of the computer itself."""

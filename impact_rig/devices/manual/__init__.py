@@ -1,0 +1,1 @@
+"""An operator who holds the hammer and lets it go."""

@@ -1,0 +1,1 @@
+"""Stand-ins for instruments, which speak their protocols over real sockets and terminals."""

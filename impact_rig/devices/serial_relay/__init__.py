@@ -1,0 +1,1 @@
+"""A hammer holder that a relay on a serial port switches."""

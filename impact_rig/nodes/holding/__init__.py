@@ -1,0 +1,1 @@
+"""What the hammer node consists of."""

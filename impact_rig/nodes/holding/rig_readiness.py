@@ -1,0 +1,123 @@
+"""Whether the rest of the rig could record a hit now, by what the hammer node has heard of it."""
+
+from typing import Any
+
+from impact_rig_msgs.msg import AcquisitionState, RecorderState, RecordStored
+from impact_rig_msgs.srv import Release
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.rig_node import RigNode
+
+
+class RigReadiness:
+    """Listens to accelerometers and recorder.
+
+    Parameters
+    ----------
+    node : RigNode
+        The hammer's; its parameter `require_recorder` is read.
+    """
+
+    def __init__(self, node: RigNode) -> None:
+        self._acquisition: AcquisitionState | None = None
+        self._node: Any = node
+        self._recorder: RecorderState | None = None
+        self._was_recording = False
+        self._unstored = 0
+        node.listen(interfaces.RECORDER_STATE, self._take_recorder)
+        node.listen(interfaces.RECORD_STORED, self._take_stored)
+
+    @property
+    def recording(self) -> str:
+        """Where a hit would be recorded now; empty: nowhere."""
+        recorder = self._recorder
+        return recorder.uri if recorder is not None and recorder.recording else ""
+
+    def take_acquisition(self, message: AcquisitionState) -> None:
+        """Hear the accelerometers."""
+        self._acquisition = message
+
+    def note_release(self, record: int) -> None:
+        """Note that a hit is on its way into the recording, if there is one."""
+        if self.recording:
+            self._unstored = record
+
+    def find_loss(self) -> str:
+        """Return what was there and is lost; empty: nothing.
+
+        What has not been heard of yet, or has come to a normal end, is not lost.
+        """
+        acquisition = self._acquisition
+        if acquisition is not None:
+            if acquisition.state == AcquisitionState.FAULT:
+                return f"the accelerometers are lost: {acquisition.message}"
+            if self._has_gone(interfaces.ACQUISITION_STATE):
+                return "the accelerometer node has gone: start it again"
+        recorder = self._recorder
+        if recorder is None or not self._node.get_value("require_recorder"):
+            return ""
+        if self._has_gone(interfaces.RECORDER_STATE):
+            return "the recorder has gone: start it again"
+        if self._was_recording and not (recorder.recording or recorder.waiting):
+            return f"nothing is being recorded any more ({recorder.message})"
+        return ""
+
+    def is_settled(self, request: Release.Request) -> bool:
+        """Whether nodes that are just starting have found each other, and the disk is quiet."""
+        if self._acquisition is None:
+            return False
+        if not self._node.get_value("require_recorder"):
+            return True
+        recorder = self._recorder
+        return recorder is not None and not recorder.waiting and not self._is_unstored(request)
+
+    def find_obstacle(self, request: Release.Request) -> str:
+        """Return why the rest of the rig could not record a hit; empty: it could."""
+        return (
+            self.find_loss()
+            or self._find_acquisition_obstacle(request)
+            or self._find_recorder_obstacle(request)
+        )
+
+    def _find_acquisition_obstacle(self, request: Release.Request) -> str:
+        acquisition = self._acquisition
+        if acquisition is None or acquisition.state != AcquisitionState.ARMED:
+            return "the accelerometers are not armed: call accelerometer/arm first"
+        if (acquisition.record, acquisition.sample) != (request.record, request.sample):
+            return (
+                f"the accelerometers are armed for record {acquisition.record} on"
+                f" {acquisition.sample!r}, not for record {request.record} on"
+                f" {request.sample!r}"
+            )
+        return ""
+
+    def _find_recorder_obstacle(self, request: Release.Request) -> str:
+        if not self._node.get_value("require_recorder"):
+            return ""
+        if not self.recording:
+            why = self._recorder.message if self._recorder else "no recorder has reported"
+            return f"nothing is being recorded ({why}): start the recorder first"
+        if self._is_unstored(request):
+            return (
+                f"the recorder has not said that record {self._unstored} is stored: wait for it,"
+                " or start the recorder anew"
+            )
+        return ""
+
+    def _is_unstored(self, request: Release.Request) -> bool:
+        """Whether the record before this one is still on its way to the disk."""
+        return self._unstored not in (0, request.record)
+
+    def _has_gone(self, topic: interfaces.Topic) -> bool:
+        return not self._node.count_publishers(topic.name)
+
+    def _take_recorder(self, message: RecorderState) -> None:
+        previous, self._recorder = self._recorder, message
+        self._was_recording = self._was_recording or message.recording
+        if not message.recording or (previous and previous.uri != message.uri):
+            # What one recording did not store, the next one will not.
+            self._unstored = 0
+
+    def _take_stored(self, message: RecordStored) -> None:
+        if message.complete and message.record == self._unstored:
+            self._unstored = 0

@@ -1,0 +1,180 @@
+"""What takes the operator's enable, and what never lets the hammer go."""
+
+import pytest
+from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState
+from impact_rig_msgs.srv import Release
+from std_srvs.srv import Trigger
+
+from impact_rig.configuration.rig_file import read_template
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.hammer import HammerNode
+
+HIT = {"record": 4, "sample": "steel small", "impact": 2, "attempt": 1}
+ARMED = AcquisitionState(state=AcquisitionState.ARMED, record=4, sample="steel small")
+
+
+class Rig:
+    """A hammer among accelerometers and a recorder that say what a test wants."""
+
+    def __init__(self, harness) -> None:
+        self._harness = harness
+        self.acquisition = harness.advertise(interfaces.ACQUISITION_STATE)
+        self.recorder = harness.advertise(interfaces.RECORDER_STATE)
+        self.states = harness.listen(interfaces.HAMMER_STATE)
+        self.releases = harness.listen(interfaces.RELEASE)
+        self.hammer = None
+
+    def start(self, **parameters):
+        """Start the hammer node, ready and armed."""
+        self.hammer = self._harness.add(HammerNode, **{"swing_time": 0.01, **parameters})
+        self.acquisition.publish(ARMED)
+        self.recorder.publish(RecorderState(recording=True, uri="a.mcap"))
+        readiness = self.hammer._rig
+        self._harness.wait_until(lambda: None not in (readiness._acquisition, readiness._recorder))
+        assert self.call(interfaces.ARM_HAMMER).success
+
+    def call(self, name):
+        return self._harness.call(Trigger, name)
+
+    def release(self, **changes):
+        request = Release.Request(**{**HIT, **changes})
+        return self._harness.call(Release, interfaces.RELEASE_HAMMER, request)
+
+    def wait(self, condition):
+        """Return the first state that fulfils a condition."""
+        found = self.states.wait(lambda messages: any(condition(item) for item in messages))
+        return next(item for item in found if condition(item))
+
+    def wait_for_loss(self):
+        return self.wait(lambda item: item.disarmed_by == HammerState.LOSS)
+
+
+@pytest.fixture
+def rig(harness):
+    return Rig(harness)
+
+
+def test_accelerometers_that_report_a_fault_disarm_the_hammer_until_they_are_back(rig):
+    rig.start()
+    rig.acquisition.publish(
+        AcquisitionState(state=AcquisitionState.FAULT, message="the cable is out")
+    )
+    state = rig.wait_for_loss()
+    assert not state.armed
+    assert state.message == "the accelerometers are lost: the cable is out"
+    assert "the cable is out" in rig.call(interfaces.ARM_HAMMER).message
+    assert "the cable is out" in rig.release().message
+    rig.acquisition.publish(AcquisitionState(state=AcquisitionState.IDLE))
+    rig.acquisition.publish(ARMED)
+    rig._harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)
+    assert rig.release().success
+
+
+def test_a_recorder_that_stops_disarms_the_hammer(rig):
+    rig.start()
+    rig.recorder.publish(RecorderState(recording=False, message="disk full"))
+    assert "nothing is being recorded any more (disk full)" in rig.wait_for_loss().message
+
+
+@pytest.mark.parametrize("name", ["acquisition", "recorder"])
+def test_a_node_that_goes_disarms_the_hammer(rig, harness, name):
+    rig.start()
+    harness.peer.destroy_publisher(getattr(rig, name))
+    assert "has gone: start it again" in rig.wait_for_loss().message
+    assert "has gone" in rig.call(interfaces.ARM_HAMMER).message
+
+
+def test_without_a_recorder_none_is_missed(rig, harness):
+    rig.start(require_recorder=False)
+    rig.recorder.publish(RecorderState(recording=False, message="disk full"))
+    harness.wait_until(lambda: not rig.hammer._rig.recording)
+    rig.hammer._watch()
+    assert rig.release().success
+
+
+def test_the_normal_end_of_an_arming_is_no_loss(rig, harness):
+    rig.start()
+    rig.acquisition.publish(AcquisitionState(state=AcquisitionState.IDLE, record=4))
+    readiness = rig.hammer._rig
+    harness.wait_until(lambda: readiness._acquisition.state == AcquisitionState.IDLE)
+    rig.hammer._watch()
+    assert rig.states.messages[-1].armed
+
+
+def test_a_stop_lasts_until_it_is_reset_and_the_hammer_is_armed_anew(rig):
+    rig.start()
+    assert rig.call(interfaces.EMERGENCY_STOP).success
+    state = rig.wait(lambda item: item.disarmed_by == HammerState.EMERGENCY_STOP)
+    assert not state.armed
+    assert "hammer/reset" in rig.call(interfaces.ARM_HAMMER).message
+    assert "hammer/reset" in rig.release().message
+    assert rig.call(interfaces.RESET_HAMMER).success
+    assert "not armed" in rig.release().message
+    assert rig.call(interfaces.ARM_HAMMER).success
+    assert rig.release().success
+
+
+def test_a_stop_works_in_every_state_of_the_node_and_outlasts_it(rig, harness):
+    rig.hammer = node = harness.add(HammerNode, autostart=False)
+    assert rig.call(interfaces.EMERGENCY_STOP).success
+    rig.wait(lambda item: item.disarmed_by == HammerState.EMERGENCY_STOP)
+    for transition in (node.trigger_configure, node.trigger_activate, node.trigger_deactivate):
+        harness.wait(harness._executor.create_task(transition))
+        assert "hammer/reset" in rig.call(interfaces.ARM_HAMMER).message
+    assert rig.call(interfaces.RESET_HAMMER).success
+    assert "not active" in rig.call(interfaces.ARM_HAMMER).message
+
+
+def test_where_returns_are_confirmed_the_hammer_stays_away_until_somebody_says_so(rig):
+    rig.start(confirm_return=True)
+    assert rig.release().success
+    rig.wait(lambda item: item.state == HammerState.AWAY)
+    assert "hammer/confirm_held" in rig.release(impact=3).message
+    assert rig.call(interfaces.CONFIRM_HELD).success
+    assert rig.release(impact=3).success
+    assert [item.impact for item in rig.releases.wait_for_count(2)] == [2, 3]
+
+
+def test_a_swinging_hammer_is_not_confirmed(rig):
+    rig.start(confirm_return=True, swing_time=60.0)
+    assert rig.release().success
+    assert "wait for the swing to end" in rig.call(interfaces.CONFIRM_HELD).message
+
+
+@pytest.fixture
+def start_by_hand(rig, tmp_path):
+    """Return a function that starts a hammer which an operator lets go within some time."""
+
+    def start(patience):
+        path = tmp_path / "rig.toml"
+        holder = f'[holder]\ndriver = "manual"\npatience = "{patience}"\n'
+        path.write_text(f"{read_template()}\n{holder}")
+        rig.start(rig_file=str(path))
+
+    return start
+
+
+def test_an_operator_may_take_his_time_and_everybody_knows_how_long(rig, start_by_hand):
+    start_by_hand("5 min")
+    answer = rig.release()
+    assert answer.success
+    assert answer.latest_contact == 300.0
+    assert rig.releases.wait_for_count(1)[0].latest_contact == 300.0
+    assert rig.wait(lambda item: item.message == "the operator may let go").holder == "operator"
+    rig.acquisition.publish(AcquisitionState(state=AcquisitionState.IDLE, record=4))
+    state = rig.wait(lambda item: item.message == "the record has ended")
+    assert state.state == HammerState.HELD
+    assert state.armed
+
+
+def test_an_operator_who_does_not_let_go_is_not_waited_for_for_ever(rig, start_by_hand):
+    start_by_hand("1 s")
+    assert rig.release().success
+    state = rig.wait(lambda item: item.message == "nobody let the hammer go within 1 s")
+    assert state.state == HammerState.HELD
+
+
+def test_a_swing_takes_as_long_as_was_said(rig):
+    rig.start(swing_time=0.02)
+    assert rig.release().latest_contact == 0.02
+    assert rig.releases.wait_for_count(1)[0].latest_contact == 0.02
