@@ -7,6 +7,7 @@ PARTS = (
     "write",
     "demo",
     "latency",
+    "devices",
     "read",
     "stream",
     "memory",

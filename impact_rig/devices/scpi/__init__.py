@@ -1,0 +1,1 @@
+"""Digitizers that speak SCPI over TCP."""
