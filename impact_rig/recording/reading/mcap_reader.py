@@ -25,6 +25,7 @@ BLOCK_TYPE = "impact_rig_msgs/msg/AccelerationBlock"
 STREAM_TYPE = "impact_rig_msgs/msg/StreamBlock"
 VIRTUAL_IMPACT_TYPE = "impact_rig_msgs/msg/VirtualImpact"
 """Types that tell the rig's topics in a recording, whatever they were remapped to."""
+_EVENT_TYPES = (SETUP_TYPE, BLOCK_TYPE, STREAM_TYPE, VIRTUAL_IMPACT_TYPE)
 
 SHARED_TOPICS = frozenset({"/diagnostics", "/rosout", "/parameter_events", "/clock"})
 """Topics that are the same for all namespaces: they are never taken as relative."""
@@ -119,19 +120,37 @@ class Recording:
 
         for raw in self._file.read_messages(is_wanted, report=report):
             if raw.channel.type_name == VIRTUAL_IMPACT_TYPE:
-                label, faults = self._convert(raw, _faults_from_msg)
+                label, faults = self.convert(raw, _faults_from_msg)
                 self._faults[label] = faults
             elif raw.channel.type_name == BLOCK_TYPE:
-                yield self._convert(raw, block_from_msg)
+                yield self.convert(raw, block_from_msg)
             elif cutter is not None and is_stream(raw.channel):
-                yield from cutter.feed(self._convert(raw, stream_block_from_msg))
+                yield from cutter.feed(self.convert(raw, stream_block_from_msg))
             elif is_first:
                 is_first = False
             else:
-                setup = self._convert(raw, setup_from_msg)
+                setup = self.convert(raw, setup_from_msg)
                 if cutter is not None:
                     cutter = StreamCutter(setup.analysis)
                 yield setup
+
+    def raw_messages(
+        self, *type_names: str, start_time: int | None = None, end_time: int | None = None
+    ) -> Iterator[RawMessage]:
+        """Yield messages of the rig as they stand in the file; see `McapFile.read_messages`.
+
+        Parameters
+        ----------
+        type_names : str
+            Of `SETUP_TYPE`, `BLOCK_TYPE` and so on: those to be read.
+        start_time, end_time : int, optional
+            Only messages logged from the one to before the other, nanoseconds since the epoch.
+        """
+        return self._file.read_messages(
+            lambda channel: channel.type_name in type_names and self._is_event(channel),
+            start_time=start_time,
+            end_time=end_time,
+        )
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RecordedMessage]:
         """Yield decoded messages of any topic in file order.
@@ -155,19 +174,12 @@ class Recording:
             yield RecordedMessage(topic, self._decode(raw), raw.log_time)
 
     def _is_event(self, channel: Channel) -> bool:
-        return channel.type_name in (
-            SETUP_TYPE,
-            BLOCK_TYPE,
-            STREAM_TYPE,
-            VIRTUAL_IMPACT_TYPE,
-        ) and channel.topic.startswith(self.namespace.rstrip("/") + "/")
+        prefix = self.namespace.rstrip("/") + "/"
+        return channel.type_name in _EVENT_TYPES and channel.topic.startswith(prefix)
 
     def _find_setup(self) -> RigSetup:
-        def wanted(channel: Channel) -> bool:
-            return channel.type_name == SETUP_TYPE and self._is_event(channel)
-
-        for raw in self._file.read_messages(wanted):
-            return self._convert(raw, setup_from_msg)
+        for raw in self.raw_messages(SETUP_TYPE):
+            return self.convert(raw, setup_from_msg)
         raise FileError(
             f"{self.path} holds no set-up of a rig (topic 'setup', {SETUP_TYPE}): without masses"
             " and settings its blocks cannot be evaluated"
@@ -179,7 +191,21 @@ class Recording:
         except FileError as error:
             raise FileError(f"{self.path}: {error}") from None
 
-    def _convert(self, raw: RawMessage, convert: Callable[[Any], _T]) -> _T:
+    def convert(self, raw: RawMessage, convert: Callable[[Any], _T]) -> _T:
+        """Return a message as a core type.
+
+        Parameters
+        ----------
+        raw : RawMessage
+            Of this recording.
+        convert : callable
+            From the decoded message to the core type.
+
+        Raises
+        ------
+        FileError
+            If the message does not have the fields of this version, or they cannot be meant.
+        """
         message = self._decode(raw)
         try:
             return convert(message)

@@ -1,0 +1,1 @@
+"""Sound cards and accelerometers that look like one, by PortAudio."""

@@ -1,0 +1,1 @@
+"""What drivers share whose device streams all the time: the trigger is in software."""

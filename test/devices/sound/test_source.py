@@ -1,0 +1,268 @@
+"""What a sound card hears comes out of the driver bit by bit, and what is wrong with it, too."""
+
+import os
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
+from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.session import Session
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.devices.acceleration_source import AcquisitionPlan, SourceChannel
+from impact_rig.devices.contract.source_contract import wait_for_loss
+from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
+from impact_rig.devices.peers.sound_card import SoundCardPeer, make_pulse
+from impact_rig.devices.sound.source import SoundSource
+from impact_rig.devices.virtual.digitizer import DigitizerSettings
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+
+RATE = 192_000
+FULL_SCALE = 2000.0
+PATIENCE = 20.0
+PLAN = AcquisitionPlan(
+    sampling_rate=RATE,
+    record_duration=0.02,
+    pre_trigger=0.002,
+    trigger_level=50.0,
+    hammer=SourceChannel("1", Sensor("hammer", full_scale=FULL_SCALE)),
+    specimen=SourceChannel("2", Sensor("specimen", full_scale=2 * FULL_SCALE)),
+    block_size=1500,
+)
+
+
+@pytest.fixture
+def make_source(card):
+    """Return a function that makes a configured source of the card."""
+    sources = []
+
+    def make(plan=PLAN) -> SoundSource:
+        sources.append(SoundSource(TomlTable({"device": card.name}, "[source]")))
+        sources[-1].configure(plan)
+        return sources[-1]
+
+    yield make
+    for source in sources:
+        source.close()
+
+
+def read_next(source: SoundSource):
+    """Return the next block, which must come."""
+    deadline = time.monotonic() + PATIENCE
+    while (block := source.read(0.1)) is None:
+        assert time.monotonic() < deadline
+    return block
+
+
+def read_record(source: SoundSource) -> list:
+    """Return the blocks of a record."""
+    blocks = [read_next(source)]
+    while not blocks[-1].last:
+        blocks.append(read_next(source))
+    return blocks
+
+
+def join(blocks, channel: str) -> np.ndarray:
+    """Return a channel's counts."""
+    return np.concatenate([getattr(block, channel).output for block in blocks])
+
+
+def test_a_stream_is_what_the_card_heard_bit_by_bit(card, make_source):
+    generator = np.random.default_rng(5)
+    heard = generator.integers(-(2**31), 2**31, (RATE // 4, 2), dtype=np.int64).astype(np.int32)
+    source = make_source(replace(PLAN, continuous=True))
+    source.arm()
+    card.feed(heard)
+    blocks = []
+    while (
+        not blocks
+        or not np.array_equal(join(blocks, "hammer")[-1500:], np.zeros(1500))
+        or (not join(blocks, "hammer").any())
+    ):
+        blocks.append(read_next(source))
+    hammer, specimen = join(blocks, "hammer"), join(blocks, "specimen")
+    begin = int(np.flatnonzero(hammer)[0]) - int(np.flatnonzero(heard[:, 0])[0])
+    assert np.array_equal(hammer[begin : begin + len(heard)], heard[:, 0])
+    assert np.array_equal(specimen[begin : begin + len(heard)], heard[:, 1])
+    assert blocks[0].hammer.scale == FULL_SCALE / 2**31
+    assert blocks[0].specimen.full_scale == 2 * FULL_SCALE
+
+
+def test_a_hit_keeps_its_contact_time(card, make_source):
+    settings = VirtualRigSettings(
+        digitizer=DigitizerSettings(sampling_rate=RATE, record_duration=0.02, bits=24,
+                                    pre_trigger=0.002, noise=1e-5, offset=0.0)
+    )  # fmt: skip
+    label = HitLabel("bronze large")
+    hit = VirtualRig(PAPER_SETUP, settings).strike(label)
+    counts = np.stack([hit.hammer.output, hit.specimen.output], axis=1) * 2**8
+    setup = replace(PAPER_SETUP, analysis=replace(PAPER_SETUP.analysis, record_duration=0.01))
+    source = make_source()
+    source.arm()
+    card.feed(counts)
+    direct, through = Session(setup), Session(setup)
+    (judged,) = direct.feed(hit.split(10_000, 0)[0])
+    found = [
+        hit
+        for block in read_record(source)
+        for hit in through.feed(
+            Block(label, block.first_sample, RATE, block.hammer, block.specimen, last=block.last)
+        )
+    ]
+    assert judged.accepted, judged.rejections
+    (heard,) = found
+    assert heard.accepted, heard.rejections
+    assert heard.contact_time == pytest.approx(judged.contact_time, rel=1e-6)
+
+
+def test_a_channel_at_its_rail_is_overloaded(card, make_source):
+    source = make_source()
+    source.arm()
+    card.feed(np.minimum(make_pulse(RATE, height=0.99).astype(np.int64) * 2, 2**31 - 1))
+    blocks = read_record(source)
+    assert any(block.hammer.overloaded for block in blocks)
+    assert not all(block.hammer.overloaded for block in blocks)
+    assert not any(block.specimen.overloaded for block in blocks)
+
+
+def test_one_channel_may_be_all(card, make_source):
+    source = make_source(replace(PLAN, hammer=replace(PLAN.hammer, name="2"), specimen=None))
+    source.arm()
+    card.feed(make_pulse(RATE, height=0.5))
+    blocks = read_record(source)
+    # It is the right one, which hears half of the pulse.
+    assert np.max(np.abs(join(blocks, "hammer"))) == pytest.approx(0.25 * 2**31, rel=1e-6)
+    assert all(block.specimen.output.size == 0 for block in blocks)
+
+
+def test_what_port_audio_lost_is_a_gap(make_source):
+    source = make_source(replace(PLAN, continuous=True, block_size=100))
+    capture = source._streaming.capture
+    source.arm()
+    lost = 480
+    with capture.changed:
+        # PortAudio tells that points were lost in front of a block, and when it was taken.
+        before, frames = capture._last_block
+        data = np.ones((50, 2), np.int32).tobytes()
+        taken = before + (frames + lost) / capture.sampling_rate
+        place = capture.store.end
+        capture._take_block(
+            data,
+            50,
+            SimpleNamespace(inputBufferAdcTime=taken),
+            SimpleNamespace(input_overflow=True),
+        )
+        assert capture.store.end == place + lost + 50
+    blocks = [read_next(source)]
+    while not blocks[-1].hammer.output.any():
+        blocks.append(read_next(source))
+    behind = blocks[-1].first_sample - (
+        blocks[-2].first_sample + blocks[-2].hammer.output.size if len(blocks) > 1 else 0
+    )
+    assert behind == lost
+
+
+def test_the_oldest_points_are_lost_when_nobody_reads(card, make_source):
+    source = make_source(replace(PLAN, continuous=True, block_size=10, depth=10))
+    capacity = 2 * PLAN.points + PLAN.pre_trigger_points
+    source.arm()
+    with source._streaming.capture.changed:
+        store = source._streaming.capture.store
+        assert source._streaming.capture.changed.wait_for(
+            lambda: store.end > source._armed_at + 3 * capacity, PATIENCE
+        )
+    assert read_next(source).first_sample > 0
+
+
+def test_a_card_that_falls_silent_is_lost(card, make_source):
+    source = make_source()
+    source.arm()
+    card.is_silent = True
+    with pytest.raises(DeviceError, match=r"rig_card, ALSA is silent: .* nothing for \d+\.\d s"):
+        wait_for_loss(source)
+
+
+def test_a_sound_server_that_ends_takes_the_card_with_it(card, make_source):
+    source = make_source()
+    source.arm()
+    card.stop()
+    with pytest.raises(DeviceError, match="rig_card, ALSA is gone"):
+        wait_for_loss(source)
+    source.close()
+    with pytest.raises(DeviceError, match="rig_card"):
+        source.configure(PLAN)
+
+
+def test_the_card_is_found_by_name_part_and_number(card):
+    found = SoundSource.find_devices()
+    assert card.name in [device.address for device in found]
+    number = [device.address for device in found].index(card.name)
+    for device in (card.name, "RIG_", "rig_card, ALSA", number):
+        source = SoundSource(TomlTable({"device": device}, "[source]"))
+        assert source.configure(PLAN).identity == "sound device rig_card, ALSA"
+        source.close()
+
+
+def make_from_text(text: str) -> SoundSource:
+    """Return the source of a table [source]."""
+    table = parse_toml_table(text).take_table("source")
+    return SoundSource(table.without(*COMMON_KEYS[SOURCES]))
+
+
+def test_a_card_that_is_not_there_is_named_with_the_line(card):
+    source = make_from_text('[source]\ndriver = "sound"\ndevice = "Digiducer"\n')
+    with pytest.raises(DeviceError, match=r"line 3: there is no sound device 'Digiducer': this"):
+        source.configure(PLAN)
+
+
+@pytest.mark.parametrize("value", ["true", '""', "1.5", '" "'])
+def test_a_device_that_is_no_name_is_refused(value):
+    with pytest.raises(ParameterError, match=r"line 2: device of \[source\] is .*: it must be"):
+        make_from_text(f"[source]\ndevice = {value}\n")
+
+
+def test_a_source_without_a_device_is_refused():
+    with pytest.raises(ParameterError, match=r"lacks device: give it, for example"):
+        make_from_text('[source]\ndriver = "sound"\n')
+
+
+@pytest.mark.parametrize("name", ["0", "99", "left", "-1"])
+def test_a_channel_that_the_card_has_not_is_refused(make_source, name):
+    hammer = replace(PLAN.hammer, name=name)
+    with pytest.raises(ParameterError, match=r"rig_card, ALSA has 1 to "):
+        make_source(replace(PLAN, hammer=hammer))
+
+
+def test_port_audio_that_is_not_installed_is_told_with_its_package():
+    program = (
+        "import ctypes.util; ctypes.util.find_library = lambda name: None\n"
+        "from impact_rig.core.errors import DeviceError\n"
+        "from impact_rig.devices.sound.source import SoundSource\n"
+        "try: SoundSource.find_devices()\n"
+        "except DeviceError as error: print(error)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    assert "package libportaudio2" in done.stdout
+
+
+def test_a_missing_python_package_is_left_to_who_asks(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sounddevice", None)
+    with pytest.raises(ModuleNotFoundError) as found:
+        SoundSource.find_devices()
+    assert found.value.name == "sounddevice"
+
+
+def test_the_stand_in_says_how_it_is_reached(card):
+    assert isinstance(card, SoundCardPeer)
+    assert card.environment["ALSA_CONFIG_PATH"].endswith("asound.conf")
