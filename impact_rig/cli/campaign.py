@@ -35,7 +35,7 @@ RIG_TIMEOUT = 10.0
 @click.option(
     "--ask/--no-ask",
     default=None,
-    help="Wait until each sample is mounted. [yes, unless the rig is virtual]",
+    help="Wait until each sample is mounted. [yes, unless the hits are simulated]",
 )
 @click.option(
     "--notes", default="", metavar="TEXT", help="What the recording should say of this campaign."
@@ -63,10 +63,13 @@ def command(
     """Run a campaign on a rig that is up, here or on another host.
 
     The rig's campaign node does the work; this command starts it, follows it, and asks for the
-    next sample to be mounted.
+    next sample to be mounted, and for the hammer to be put back where nothing else does that.
+    When a device is lost, the campaign pauses, says why, and goes on when it is back; after an
+    emergency stop it goes on when the hammer is reset and armed: see `impact-rig hammer`.
     """
     from impact_rig.cli.rigs.campaign_view import CampaignView, report_outcome, run_campaign
-    from impact_rig.nodes.campaign_client import CampaignClient, CampaignRequest
+    from impact_rig.nodes.campaign_client import CampaignClient
+    from impact_rig.nodes.campaigning.request import CampaignRequest
     from impact_rig.reporting.terminal.console import make_console
 
     options.check_keep(keep, impacts)
@@ -76,7 +79,7 @@ def command(
         client.wait_for_rig(RIG_TIMEOUT)
         if notes:
             client.publish_note(notes, RIG_TIMEOUT)
-        confirm = not client.is_virtual if ask is None else ask
+        confirm = not client.is_simulated if ask is None else ask
         outcome = run_campaign(
             client, CampaignRequest(samples, impacts, attempts or 0, confirm, keep), view
         )

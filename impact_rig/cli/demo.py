@@ -15,6 +15,8 @@ from impact_rig.configuration.processes import (
     list_rig_processes,
     make_viewer_parameters,
 )
+from impact_rig.configuration.rig_file import RigFile
+from impact_rig.devices.drivers import VIRTUAL, read_driver_name
 
 START_TIMEOUT = 90.0
 """How long the processes may take to start [s]: seconds on two cores, more on a busy host."""
@@ -83,6 +85,7 @@ def command(
 
     options.check_keep(keep, impacts)
     rig = run.load_rig_file(rig_file)
+    _check_virtual(rig)
     run.check_samples(rig, samples)
     make_viewer_parameters(viewers)
     list_rig_processes("", virtual=rig.virtual, continuous=continuous, recording=recording)
@@ -99,7 +102,8 @@ def command(
             arguments += [name, str(value)]
     try:
         with use_private_domain(), run_rig(folder, arguments) as running:
-            from impact_rig.nodes.campaign_client import CampaignClient, CampaignRequest
+            from impact_rig.nodes.campaign_client import CampaignClient
+            from impact_rig.nodes.campaigning.request import CampaignRequest
 
             with CampaignClient() as client, CampaignView(make_console(stderr=True)) as view:
                 client.wait_for_rig(START_TIMEOUT, running.check)
@@ -115,3 +119,14 @@ def command(
     report_outcome(outcome, folder, as_json=as_json)
     if not (folder / VIEW_NAME).exists():
         click.echo(f"no view was written: see {folder / LOG_NAME}", err=True)
+
+
+def _check_virtual(rig: RigFile) -> None:
+    """Raise `ParameterError` if a rig file names a device: a demonstration reaches no hammer."""
+    for table in (rig.source, rig.holder):
+        if read_driver_name(table) != VIRTUAL:
+            raise table.make_error(
+                "driver",
+                f"the demo strikes the virtual rig only, and {table.place} names the driver"
+                f" {read_driver_name(table)!r}: use `impact-rig up` and `impact-rig campaign`",
+            )

@@ -7,18 +7,21 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import Impact, RecorderState, RecordStored
-from impact_rig_msgs.srv import Arm, ConfirmSample, GetResults, Release
+from impact_rig_msgs.msg import Impact
+from impact_rig_msgs.srv import ConfirmSample, GetResults
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
-from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes import interfaces, messages
-from impact_rig.nodes.campaign_progress import CampaignProgress, CancelledError
+from impact_rig.nodes.campaigning.progress import CampaignProgress, CancelledError
+from impact_rig.nodes.campaigning.readiness import Readiness
+from impact_rig.nodes.campaigning.rig_watch import RigWatch
+from impact_rig.nodes.campaigning.striking import InterruptedHitError, Striker
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
 
@@ -37,26 +40,22 @@ class CampaignNode(RigNode):
             low=1, high=1000,
         )  # fmt: skip
         self.declare(
-            "verdict_timeout", 10.0, "longest time from release to verdict [s]",
+            "verdict_timeout", 10.0, "longest time from the latest contact to the verdict [s]",
             low=0.1, high=3600.0,
+        )  # fmt: skip
+        self.declare(
+            "pause_timeout", 0.0,
+            "how long a campaign may wait for what a hit needs and was lost [s]; 0: for ever",
+            low=0.0, high=1e6,
         )  # fmt: skip
         self._setup_of_rig: RigSetup = PAPER_SETUP
         self._progress: CampaignProgress | None = None
-        self._verdicts: dict[int, Impact] = {}
         self._confirmed = ""
-        self._recording = ""
-        self._stored: set[int] = set()
-        self._recorder = RecorderState()
         self._setup = self.advertise(interfaces.SETUP)
-        self.listen(interfaces.IMPACT, self._keep_verdict)
-        self.listen(interfaces.RECORD_STORED, self._note_stored)
-        self.listen(interfaces.RECORDER_STATE, self._keep_recorder)
+        self._watch = RigWatch(self)
+        self._readiness = Readiness(self, self._watch)
+        self._striker = Striker(self, self._watch)
         self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._confirm)
-        self._arm = self.create_client(Arm, interfaces.ARM_ACCELEROMETER)
-        self._disarm = self.create_client(Trigger, interfaces.DISARM_ACCELEROMETER)
-        self._enable = self.create_client(Trigger, interfaces.ARM_HAMMER)
-        self._disable = self.create_client(Trigger, interfaces.DISARM_HAMMER)
-        self._release = self.create_client(Release, interfaces.RELEASE_HAMMER)
         self._results = self.create_client(GetResults, interfaces.GET_RESULTS)
         self._server = ActionServer(
             self,
@@ -94,16 +93,6 @@ class CampaignNode(RigNode):
         message = messages.setup_to_msg(setup, self.get_clock().now().to_msg())
         self._setup.publish(message)
         return message.header.stamp
-
-    def _keep_verdict(self, message: Impact) -> None:
-        self._verdicts[message.record] = message
-
-    def _note_stored(self, message: RecordStored) -> None:
-        if message.complete:
-            self._stored.add(message.record)
-
-    def _keep_recorder(self, message: RecorderState) -> None:
-        self._recorder = message
 
     def _confirm(
         self, request: ConfirmSample.Request, response: ConfirmSample.Response
@@ -194,15 +183,15 @@ class CampaignNode(RigNode):
         while (await self.call(self._results, GetResults.Request())).setup_stamp != stamp:
             if time.monotonic() > deadline:
                 raise DeviceError("the estimator does not take the set-up: see its diagnostics")
-        answer = await self.call(self._enable, Trigger.Request())
-        if not answer.success:
-            raise DeviceError(f"the hammer cannot be armed: {answer.message}")
+        self._striker.begin()
+        if refusal := await self._readiness.enable():
+            raise DeviceError(f"the hammer cannot be armed: {refusal}")
 
     async def _await_sample(self, progress: CampaignProgress, sample: str) -> None:
         self._confirmed = ""
         progress.publish(phase=RunCampaign.Feedback.WAITING_FOR_SAMPLE)
         confirmed = await self.wait_until(
-            lambda: self._confirmed == sample or progress.handle.is_cancel_requested,
+            lambda: self._confirmed == sample or progress.is_cancelled,
             CONFIRMATION_TIMEOUT,
         )
         progress.check_cancel()
@@ -213,10 +202,19 @@ class CampaignNode(RigNode):
     async def _strike_until_accepted(
         self, progress: CampaignProgress, sample: str, impact: int
     ) -> None:
-        verdict = Impact()
-        for attempt in range(1, progress.attempts + 1):
-            progress.check_cancel()
-            verdict = await self._strike(progress, sample, impact, attempt)
+        verdict, attempt, rejected = Impact(), 0, 0
+        while rejected < progress.attempts:
+            await self._readiness.wait(progress, self._striker.recording)
+            attempt, losses = attempt + 1, self._watch.losses
+            try:
+                verdict = await self._striker.strike(
+                    progress, HitLabel(sample, 0, impact, attempt)
+                )
+            except InterruptedHitError as error:
+                self.get_logger().warning(f"{sample}, hit {impact}.{attempt} is lost: {error}")
+                if self._watch.find_obstacle() is None:
+                    progress.publish(phase=RunCampaign.Feedback.PAUSED, message=str(error))
+                continue
             if verdict.accepted:
                 progress.accepted += 1
                 progress.publish(impact=impact, last=verdict)
@@ -224,69 +222,24 @@ class CampaignNode(RigNode):
             reasons = "; ".join(verdict.reasons)
             self.get_logger().warning(f"{sample}, hit {impact}.{attempt} rejected: {reasons}")
             progress.publish(rejected=progress.feedback.rejected + 1, last=verdict)
+            # A hit that a loss has spoiled says nothing against the next one.
+            rejected += not self._watch.is_lost_since(losses)
         raise DeviceError(
             f"{sample}, hit {impact}: {progress.attempts} hits in a row were rejected, the last"
             f" for {'; '.join(verdict.reasons)}"
         )
 
-    async def _strike(
-        self, progress: CampaignProgress, sample: str, impact: int, attempt: int
-    ) -> Impact:
-        hit = {"sample": sample, "impact": impact, "attempt": attempt}
-        self._verdicts.clear()
-        self._stored.clear()
-        armed = await self.call(self._arm, Arm.Request(**hit))
-        if not armed.success:
-            raise DeviceError(f"the accelerometers cannot be armed: {armed.message}")
-        record = armed.record
-        released = await self.call(self._release, Release.Request(record=record, **hit))
-        if not released.success:
-            raise DeviceError(f"the hammer was not released: {released.message}")
-        self._recording = released.recording
-        timeout = float(self.get_value("verdict_timeout"))
-        await self.wait_until(
-            lambda: (
-                record in self._verdicts
-                or progress.handle.is_cancel_requested
-                or self._has_lost(record)
-            ),
-            timeout,
-        )
-        if record not in self._verdicts:
-            progress.check_cancel()
-            raise DeviceError(self._explain_silence(record, timeout))
-        return self._verdicts[record]
-
-    def _has_lost(self, record: int) -> bool:
-        """Whether the recorder has stopped before it stored a record."""
-        recorder = self._recorder
-        return (
-            recorder.uri == self._recording != ""
-            and not (recorder.recording or recorder.waiting)
-            and record not in self._stored
-        )
-
-    def _explain_silence(self, record: int, timeout: float) -> str:
-        """Return why there is no verdict on a record, as far as it can be known here."""
-        if self._has_lost(record):
-            return f"the recorder has stopped: {self._recorder.message}"
-        cause = f"no verdict on record {record} came within {timeout:g} s"
-        if self._recording and record not in self._stored:
-            cause += f": the recorder has not said that record {record} is stored"
-        return cause
-
     async def _settle(self, result: RunCampaign.Result) -> None:
         """Disarm everything and collect what there is, whatever ended the campaign."""
-        for client in (self._disable, self._disarm):
-            if client.service_is_ready():
-                await self._try_call(client, Trigger.Request())
+        await self._readiness.disable()
+        await self._striker.disarm()
         results = await self._try_call(self._results, GetResults.Request())
         if results is not None:
             result.hammer = results.hammer
             result.samples = results.samples
             result.accepted = results.accepted
             result.rejected = results.rejected
-        result.recording = self._recording
+        result.recording = self._striker.recording
 
     async def _try_call(self, client: Any, request: Any) -> Any:
         try:

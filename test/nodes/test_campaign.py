@@ -1,46 +1,23 @@
 """A campaign strikes until every sample has its hits, and stops with a reason when it cannot."""
 
+import functools
+
 import pytest
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import RecorderState
 from impact_rig_msgs.srv import ConfirmSample
-from rclpy.action import ActionClient
-from std_srvs.srv import Trigger
 
 from impact_rig.core.setup.paper import CONTROL_SAMPLE
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.accelerometer import AccelerometerNode
-from impact_rig.nodes.campaign import CampaignNode
-from impact_rig.nodes.estimator import EstimatorNode
-from impact_rig.nodes.hammer import HammerNode
+
+from .campaigns import run, start_rig
 
 
 @pytest.fixture
 def start(harness):
     """Return a function that starts the rig's nodes and returns a client of the campaign."""
-
-    def run(namespace="", *, campaign=None, **accelerometer):
-        harness.add(HammerNode, namespace=namespace, swing_time=0.001, require_recorder=False)
-        harness.add(
-            AccelerometerNode,
-            namespace=namespace,
-            required_subscribers="estimator",
-            trigger_timeout=0.001,
-            **accelerometer,
-        )
-        harness.add(EstimatorNode, namespace=namespace)
-        harness.add(CampaignNode, namespace=namespace, **(campaign or {}))
-        client = ActionClient(harness.peer, RunCampaign, f"{namespace}/{interfaces.RUN_CAMPAIGN}")
-        harness.wait_until(client.server_is_ready)
-        return client
-
-    return run
-
-
-def run(harness, client, *, follow=None, **goal):
-    handle = harness.wait(client.send_goal_async(RunCampaign.Goal(**goal), follow))
-    return harness.wait(handle.get_result_async())
+    return functools.partial(start_rig, harness)
 
 
 def test_every_sample_gets_its_hits_and_its_numbers(harness, start):
@@ -162,21 +139,6 @@ def test_cancelling_ends_it_with_the_hammer_disarmed(harness, start):
     assert "cancelled" in answer.result.message
     assert answer.result.samples[0].impacts_accepted >= 2
     states.wait(lambda got: not got[-1].armed)
-
-
-def test_disarming_the_hammer_stops_the_campaign_with_that_reason(harness, start):
-    feedback = harness.make_collector()
-    client = start()
-    handle = harness.wait(
-        client.send_goal_async(
-            RunCampaign.Goal(impacts=1000), lambda message: feedback.take(message.feedback)
-        )
-    )
-    feedback.wait(lambda got: got[-1:] and got[-1].impact >= 1)
-    harness.call(Trigger, interfaces.DISARM_HAMMER)
-    answer = harness.wait(handle.get_result_async())
-    assert answer.status == GoalStatus.STATUS_ABORTED
-    assert "not armed" in answer.result.message
 
 
 @pytest.fixture

@@ -11,7 +11,8 @@ from rich.text import Text
 from impact_rig.cli.progress_bar import ProgressBar, format_time_left
 from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.core.errors import RigError
-from impact_rig.nodes.campaign_client import CampaignClient, CampaignOutcome, CampaignRequest
+from impact_rig.nodes.campaign_client import CampaignClient
+from impact_rig.nodes.campaigning.request import CampaignOutcome, CampaignRequest
 from impact_rig.reporting.terminal.campaign_tables import print_results
 from impact_rig.reporting.terminal.columns import make_printable
 from impact_rig.reporting.terminal.console import ALARM, GOOD, make_console
@@ -22,8 +23,8 @@ from impact_rig.results.results_file import format_json, results_to_json, write_
 class CampaignView(ProgressBar):
     """Follows a campaign on standard error; use it in a ``with`` statement.
 
-    A rejected hit gets a line that stays, above the bar or in a log. A log also has a line for
-    each sample.
+    A rejected hit gets a line that stays, above the bar or in a log, and so does a pause with its
+    reason. A log also has a line for each sample.
 
     Parameters
     ----------
@@ -46,6 +47,7 @@ class CampaignView(ProgressBar):
         )
         self._sample = ""
         self._record = 0
+        self._pause = ""
 
     def follow(self, feedback: Any) -> None:
         """Show one feedback of the campaign action."""
@@ -59,6 +61,8 @@ class CampaignView(ProgressBar):
         if feedback.last.record != self._record:
             self._record = feedback.last.record
             self._take_verdict(feedback.last)
+        if feedback.message != self._pause:
+            self._take_pause(feedback.message)
         total = feedback.sample_count * feedback.impacts
         done = (feedback.sample_number - 1) * feedback.impacts + feedback.impact
         self.update(
@@ -85,10 +89,33 @@ class CampaignView(ProgressBar):
             )
         )
 
-    def ask(self, sample: str) -> None:
+    def _take_pause(self, reason: str) -> None:
+        """Say why the campaign waits, or that it does not any more."""
+        text = Text.assemble(("paused", ALARM), f": {reason}") if reason else Text("it goes on")
+        self._pause = reason
+        self.console.print(text)
+        self.update(status=text)
+
+    def mount(self, sample: str) -> None:
         """Ask for a sample to be mounted, and wait for the answer."""
+        self._ask(f"Mount {sample} and press Enter")
+
+    def put_back(self, refusal: str) -> None:
+        """Ask for the hammer to be put back, and wait for the answer."""
+        if refusal:
+            self.console.print(refusal, style=ALARM)
+        self._ask("Put the hammer back into its holder and press Enter")
+
+    def let_go(self, sample: str, patience: float) -> None:
+        """Say that the hammer may be let go by hand."""
+        text = f"Let the hammer go on {sample}, within {patience:g} s"
+        if not self.is_drawn:
+            self.console.print(text)
+        self.update(status=Text(text, GOOD))
+
+    def _ask(self, text: str) -> None:
         self.hide()
-        click.prompt(f"Mount {sample} and press Enter", default="", show_default=False, err=True)
+        click.prompt(text, default="", show_default=False, err=True)
         self.show()
 
 
@@ -135,9 +162,9 @@ def report_outcome(outcome: CampaignOutcome, folder: Path, *, as_json: bool) -> 
 def run_campaign(
     client: CampaignClient, request: CampaignRequest, view: CampaignView
 ) -> CampaignOutcome:
-    """Run a campaign under a view; Ctrl-C cancels it on the rig before it is passed on."""
+    """Run a campaign under a view; Ctrl-C, or no more answers, cancels it on the rig first."""
     try:
-        return client.run(request, follow=view.follow, confirm=view.ask)
-    except KeyboardInterrupt:
+        return client.run(request, view)
+    except (KeyboardInterrupt, click.Abort):
         client.cancel()
         raise

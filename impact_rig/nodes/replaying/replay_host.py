@@ -19,7 +19,7 @@ from rclpy.task import Future
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.setup.samples import RigSetup as CoreRigSetup
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.campaign_client import results_from_msgs
+from impact_rig.nodes.campaigning.request import results_from_msgs
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.nodes.replaying.replay_recording import RecordingToReplay

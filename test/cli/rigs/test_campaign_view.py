@@ -23,10 +23,12 @@ BAD = SimpleNamespace(
 )  # fmt: skip
 
 
-def make_feedback(last, *, impact, rejected=0, time_left=math.nan, sample="steel small"):
+def make_feedback(
+    last, *, impact, rejected=0, time_left=math.nan, sample="steel small", message=""
+):
     return SimpleNamespace(
         sample=sample, sample_number=1, sample_count=2, impact=impact, impacts=5, last=last,
-        rejected=rejected, time_left=time_left,
+        rejected=rejected, time_left=time_left, message=message,
     )  # fmt: skip
 
 
@@ -87,6 +89,24 @@ def test_a_log_has_a_line_for_each_sample_and_each_rejection_and_nothing_else():
         "sample 1 of 2: steel small",
         f"steel small, hit 2.1 rejected: {'; '.join(BAD.reasons)}",
         "sample 1 of 2: steel large",
+    ]
+
+
+def test_a_pause_is_told_once_with_its_reason_and_so_is_its_end():
+    stopped, gone = "emergency stop: call hammer/reset", "no answer"
+    texts = follow(
+        make_feedback(GOOD, impact=1),
+        make_feedback(GOOD, impact=1, message=stopped),
+        make_feedback(GOOD, impact=1, message=stopped),
+        make_feedback(GOOD, impact=1, message=gone),
+        make_feedback(GOOD, impact=1),
+        width=1000,
+        is_terminal=False,
+    )
+    assert "".join(texts).splitlines()[1:] == [
+        f"paused: {stopped}",
+        f"paused: {gone}",
+        "it goes on",
     ]
 
 

@@ -1,0 +1,20 @@
+"""Rigs whose nodes and devices are processes, each in a ROS domain of its own."""
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator
+
+import pytest
+from impact_rig.nodes.domain import reserve_domain
+
+
+@pytest.fixture(scope="module")
+def make_environment() -> Iterator[Callable[[], dict[str, str]]]:
+    """Return a function that makes the environment of processes that meet nobody else."""
+    with contextlib.ExitStack() as domains:
+        yield lambda: {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(domains.enter_context(reserve_domain())),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "PYTHONUNBUFFERED": "1",
+        }

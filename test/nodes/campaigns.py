@@ -1,0 +1,57 @@
+"""A rig to run campaigns on, and what it takes to follow them."""
+
+import copy
+from typing import Any
+
+from impact_rig_msgs.action import RunCampaign
+from rclpy.action import ActionClient
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.accelerometer import AccelerometerNode
+from impact_rig.nodes.campaign import CampaignNode
+from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.nodes.hammer import HammerNode
+
+
+def start_rig(harness, namespace="", *, campaign=None, hammer=None, **accelerometer) -> Any:
+    """Start the rig's nodes with these parameters; return a client of the campaign."""
+    harness.add(
+        HammerNode,
+        namespace=namespace,
+        **{"swing_time": 0.001, "require_recorder": False, **(hammer or {})},
+    )
+    harness.add(
+        AccelerometerNode,
+        namespace=namespace,
+        required_subscribers="estimator",
+        trigger_timeout=0.001,
+        **accelerometer,
+    )
+    harness.add(EstimatorNode, namespace=namespace)
+    harness.add(CampaignNode, namespace=namespace, **(campaign or {}))
+    return make_client(harness, namespace)
+
+
+def make_client(harness, namespace="") -> Any:
+    """Return a client of the campaign, which is up."""
+    client = ActionClient(harness.peer, RunCampaign, f"{namespace}/{interfaces.RUN_CAMPAIGN}")
+    harness.wait_until(client.server_is_ready)
+    return client
+
+
+def run(harness, client, *, follow=None, **goal) -> Any:
+    """Run a campaign to its end; return what it answers."""
+    handle = harness.wait(client.send_goal_async(RunCampaign.Goal(**goal), follow))
+    return harness.wait(handle.get_result_async())
+
+
+def begin(harness, client, **goal) -> tuple[Any, Any]:
+    """Start a campaign; return its handle and a collector of its feedback."""
+    feedback = harness.make_collector()
+    handle = harness.wait(
+        client.send_goal_async(
+            RunCampaign.Goal(**goal),
+            lambda message: feedback.take(copy.deepcopy(message.feedback)),
+        )
+    )
+    return handle, feedback
