@@ -31,9 +31,9 @@ def use_own_domain() -> Iterator[dict[str, str]]:
 
     Whatever domain the environment names may be that of a real rig: a bench never goes there.
     """
-    from domain_coordinator import domain_id
+    from impact_rig.nodes.domain import reserve_domain
 
-    with domain_id() as number:
+    with reserve_domain() as number:
         yield {
             **os.environ,
             "ROS_DOMAIN_ID": str(number),

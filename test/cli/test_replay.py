@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from domain_coordinator import domain_id
+from impact_rig.nodes.domain import reserve_domain
 
 from impact_rig.core.setup.paper import CONTROL_SAMPLE
 from impact_rig.devices.virtual.faults import FaultPlan
@@ -40,7 +40,7 @@ def quiet_ros(monkeypatch):
 def start():
     """Return a function that starts a replay in a ROS domain of its own."""
     processes = []
-    with domain_id() as number:
+    with reserve_domain() as number:
 
         def begin(*arguments):
             processes.append(

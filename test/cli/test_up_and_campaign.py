@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from domain_coordinator import domain_id
+from impact_rig.nodes.domain import reserve_domain
 from rosbags.highlevel import AnyReader
 
 PATIENCE = 120.0
@@ -17,7 +17,7 @@ PATIENCE = 120.0
 @pytest.fixture
 def environment(monkeypatch):
     """Return an environment with a ROS domain of its own."""
-    with domain_id() as number:
+    with reserve_domain() as number:
         yield {**os.environ, "ROS_DOMAIN_ID": str(number)}
 
 

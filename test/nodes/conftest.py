@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import pytest
 import rclpy
-from domain_coordinator import domain_id
+from impact_rig.nodes.domain import reserve_domain
 from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -64,7 +64,7 @@ class Harness:
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain, args=[])
         self._executor = SingleThreadedExecutor(context=self._context)
-        self._nodes: list[RigNode] = []
+        self.nodes: list[RigNode] = []
         self.peer = Node("peer", context=self._context)
         self._executor.add_node(self.peer)
         self._stop = Future()
@@ -88,7 +88,7 @@ class Harness:
         self._stop.set_result(None)
         self._thread.join(PATIENCE)
         self._executor.shutdown(timeout_sec=1.0)
-        for node in self._nodes:
+        for node in self.nodes:
             node.close()
             node.destroy_node()
         self.peer.destroy_node()
@@ -103,14 +103,17 @@ class Harness:
                 Parameter(name, value=value) for name, value in parameters.items()
             ],
         )
-        self._nodes.append(node)
+        self.nodes.append(node)
         node.autostart()
         self._executor.add_node(node)
         return node
 
+    def run(self, work: Callable[[], Any]) -> Any:
+        """Do something where the nodes' callbacks run, none of them being under way."""
+        return self.wait(self._executor.create_task(work))
+
     def close(self, node: RigNode) -> None:
-        """Close a node where its callbacks run, none of them being under way."""
-        self.wait(self._executor.create_task(node.close))
+        self.run(node.close)
 
     def listen(self, topic: Topic, namespace: str = "") -> Collector:
         collector = Collector()
@@ -189,7 +192,7 @@ def start_process(
 @pytest.fixture
 def ros_domain() -> Iterator[int]:
     """Return a ROS domain that nobody else on this host uses now."""
-    with domain_id() as number:
+    with reserve_domain() as number:
         yield number
 
 

@@ -10,6 +10,7 @@ import uuid
 from collections.abc import Iterator, Mapping
 from importlib import metadata, util
 
+from impact_rig.nodes.domain import reserve_domain
 from impact_rig.cli.checks.findings import Finding, Status
 
 DISTRIBUTION = "jazzy"
@@ -174,10 +175,7 @@ def _pick_environment() -> Iterator[dict[str, str]]:
     """Yield the environment of a node, in a domain where nobody else is."""
     environment = dict(os.environ)
     environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    try:
-        coordinator = importlib.import_module("domain_coordinator")
-    except ModuleNotFoundError:
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(ModuleNotFoundError):
+            environment["ROS_DOMAIN_ID"] = str(stack.enter_context(reserve_domain()))
         yield environment
-        return
-    with coordinator.domain_id() as number:
-        yield {**environment, "ROS_DOMAIN_ID": str(number)}

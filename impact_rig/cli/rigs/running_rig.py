@@ -108,9 +108,9 @@ def use_private_domain() -> Iterator[None]:
     if "ROS_DOMAIN_ID" in os.environ:
         yield
         return
-    from domain_coordinator import domain_id
+    from impact_rig.nodes.domain import reserve_domain
 
-    with domain_id() as number:
+    with reserve_domain() as number:
         os.environ["ROS_DOMAIN_ID"] = str(number)
         try:
             yield

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from domain_coordinator import domain_id
+from impact_rig.nodes.domain import reserve_domain
 
 from impact_rig.cli.rigs.node_processes import make_command
 from impact_rig.configuration.processes import NodeProcess
@@ -33,7 +33,7 @@ def test_parameters_reach_the_shell_quoted_as_yaml():
 
 @pytest.mark.parametrize("awaited", ["hammer started", "campaign started"])
 def test_a_stop_while_the_processes_start_ends_them_all(tmp_path, awaited):
-    with domain_id() as number:
+    with reserve_domain() as number:
         process = subprocess.Popen(
             [sys.executable, "-m", "impact_rig.cli.main", "up", "--no-visualizer"],
             cwd=tmp_path,
