@@ -30,6 +30,9 @@ COMMANDS = {
     "demo": _Entry("Run a whole campaign on the virtual rig.", "impact_rig.cli.demo"),
     "up": _Entry("Start the nodes of a rig, real or virtual.", "impact_rig.cli.up"),
     "campaign": _Entry("Run a campaign on a rig that is up.", "impact_rig.cli.campaign"),
+    "devices": _Entry("See which devices are found, and try them.", "impact_rig.cli.devices"),
+    "calibrate": _Entry("Find a sensor's sensitivity from hits.", "impact_rig.cli.calibrate"),
+    "hammer": _Entry("Arm, disarm or stop the hammer of a rig.", "impact_rig.cli.hammer"),
     "analyze": _Entry("Estimate from recordings or plain traces.", "impact_rig.cli.analyze"),
     "info": _Entry("See what a recording holds, and whether it is sound.", "impact_rig.cli.info"),
     "replay": _Entry("Publish a recording again.", "impact_rig.cli.replay"),
@@ -62,6 +65,11 @@ PROVIDERS = {
     "h5py": "h5py",
     "psutil": "psutil",
     "matplotlib": "Matplotlib",
+    "nidaqmx": "nidaqmx",
+    "grpc": "nidaqmx[grpc]",
+    "serial": "pyserial",
+    "sounddevice": "sounddevice",
+    "gpiod": "gpiod",
     "jinja2": "Jinja2",
 }
 """Modules that may be absent, and what brings them."""

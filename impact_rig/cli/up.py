@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from impact_rig.cli import options
+from impact_rig.cli.calibration_warnings import find_rig_warnings
 from impact_rig.cli.rigs.recording_options import recording_options
 from impact_rig.configuration import run
 from impact_rig.configuration.processes import LOG_NAME, RecordingPlan, list_rig_processes
@@ -74,8 +75,11 @@ def command(
         click.echo(read_template(), nl=False)
         return
     from impact_rig.cli.rigs.node_processes import run_nodes
+    from impact_rig.reporting.terminal.console import print_warning
 
     rig = run.load_rig_file(rig_file)
+    for warning in find_rig_warnings(rig.setup):
+        print_warning(warning)
     overrides = run.parse_settings(settings)
     folder = run.make_run_folder(output)
     options.set_discovery(network=network)
@@ -83,6 +87,7 @@ def command(
         folder.resolve(),
         rig_file=str(rig_file.resolve()) if rig_file else "",
         virtual=run.merge_virtual(rig, plant=plant, seed=seed, faults=faults),
+        swing=rig.hammer,
         continuous=continuous,
         record=record,
         recording=recording,

@@ -200,13 +200,16 @@ def _count_known(values: Sequence[float]) -> int:
 
 
 def _flatten_setup(results: Results) -> dict[tuple[str, str], float | str]:
-    """Return every field that numbers depend on, by sample and name."""
+    """Return every field that numbers depend on, by sample or sensor and name."""
     setup = results.setup
-    without = {"name", "description", "samples", "analysis"}
+    without = {"name", "description", "samples", "analysis", "sensors"}
     flat = {("", name): value for name, value in _list_fields(setup) if name not in without}
     flat |= {("", name): value for name, value in _list_fields(setup.analysis)}
     for sample in setup.samples:
         flat |= {(sample.name, key): value for key, value in _list_fields(sample) if key != "name"}
+    for sensor in setup.sensors:
+        place = f"{sensor.channel} sensor"
+        flat |= {(place, key): value for key, value in _list_fields(sensor) if key != "channel"}
     return flat
 
 

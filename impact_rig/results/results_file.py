@@ -18,6 +18,8 @@ from impact_rig.results.campaign import Results
 
 FORMAT_NAME = "impact-rig results"
 FORMAT_VERSION = 3
+ADDED_FIELDS: dict[str, list[Any]] = {"setup.sensors": []}
+"""Fields that files of this version may lack, and what they then hold."""
 
 Json = dict[str, Any]
 WANTED = {int: "a whole number", str: "text", bool: "true or false"}
@@ -138,9 +140,10 @@ def _record_from_json(kind: Any, content: Any, place: str) -> Any:
     values = {}
     for field in fields(kind):
         name = f"{place}.{field.name}" if place else field.name
-        if field.name not in content:
+        if field.name not in content and name not in ADDED_FIELDS:
             raise _FieldError(f"the field {name} is missing")
-        values[field.name] = _value_from_json(hints[field.name], content[field.name], name)
+        value = content.get(field.name, ADDED_FIELDS.get(name))
+        values[field.name] = _value_from_json(hints[field.name], value, name)
     return kind(**values)
 
 

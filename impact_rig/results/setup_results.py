@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.setup.settings import AnalysisSettings
 
 NAN = math.nan
@@ -31,6 +32,45 @@ reference_damping_coefficient_n_s_per_m : float
     reference_contact_time_s: float = NAN
     reference_stiffness_n_per_m: float = NAN
     reference_damping_coefficient_n_s_per_m: float = NAN
+
+
+@dataclass(frozen=True)
+class SensorResults:
+    """One sensor, as its calibration sheet has it.
+
+    Attributes
+    ----------
+    channel : str
+        "hammer" or "specimen".
+    quantity, unit : str
+        What it measures: "acceleration" or "force", and in which unit.
+    sensitivity_v_per_unit : float
+        For one `unit` [V]; NaN: not known, or none is needed.
+    full_scale : float
+        Largest value that it takes, either sign [unit]; 0: not known.
+    serial_number, calibration_date : str
+        As on the sensor, and year-month-day; empty: not known.
+    """
+
+    channel: str
+    quantity: str
+    unit: str
+    sensitivity_v_per_unit: float = NAN
+    full_scale: float = 0.0
+    serial_number: str = ""
+    calibration_date: str = ""
+
+    def to_sensor(self) -> Sensor:
+        """Return the sensor; raises `ParameterError` if it cannot be meant."""
+        return Sensor(
+            channel=self.channel,
+            quantity=self.quantity,
+            unit=self.unit,
+            sensitivity=self.sensitivity_v_per_unit,
+            full_scale=self.full_scale,
+            serial_number=self.serial_number,
+            calibration_date=self.calibration_date,
+        )
 
 
 @dataclass(frozen=True)
@@ -91,6 +131,8 @@ class SetupResults:
         In their order.
     analysis : SettingsResults
         How hits were judged and evaluated.
+    sensors : tuple of SensorResults
+        Of the channels, as far as they are known.
     """
 
     name: str = ""
@@ -105,6 +147,7 @@ class SetupResults:
     control_sample: str = ""
     samples: tuple[SampleSetupResults, ...] = ()
     analysis: SettingsResults = SettingsResults()
+    sensors: tuple[SensorResults, ...] = ()
 
     def to_samples(self) -> SampleSet:
         """Return the sample set, as the tables take it."""
@@ -143,6 +186,7 @@ def setup_results_from_setup(setup: RigSetup) -> SetupResults:
         control_sample=samples.control_sample,
         samples=tuple(map(_flatten_sample, samples.samples)),
         analysis=_flatten_settings(setup.analysis),
+        sensors=tuple(map(_flatten_sensor, setup.sensors)),
     )
 
 
@@ -155,6 +199,18 @@ def _flatten_sample(sample: Sample) -> SampleSetupResults:
         reference_contact_time_s=float(sample.reference_contact_time),
         reference_stiffness_n_per_m=float(sample.reference_stiffness),
         reference_damping_coefficient_n_s_per_m=float(sample.reference_damping_coefficient),
+    )
+
+
+def _flatten_sensor(sensor: Sensor) -> SensorResults:
+    return SensorResults(
+        channel=sensor.channel,
+        quantity=sensor.quantity,
+        unit=sensor.unit,
+        sensitivity_v_per_unit=float(sensor.sensitivity),
+        full_scale=float(sensor.full_scale),
+        serial_number=sensor.serial_number,
+        calibration_date=sensor.calibration_date,
     )
 
 

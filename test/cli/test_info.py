@@ -2,15 +2,21 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import mcap.writer
 import pytest
 
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.recording.interfaces.message_definitions import MessageDefinition
 from impact_rig.recording.interfaces.qos_profiles import OfferedQos
 from impact_rig.recording.writing.mcap_writer import McapWriter
+
+from .conftest import record_campaigns
 
 Run = Callable[..., Any]
 TEXT = MessageDefinition("std_msgs/msg/String", "string data\n", "")
@@ -190,3 +196,21 @@ def test_a_running_stream_is_named_with_what_it_lacks(run: Run, tmp_path: Path) 
             "missing_points": 150,
         }
     ]
+
+
+def test_the_sensors_are_told_of_and_calibrations_that_were_too_old(
+    run: Run, tmp_path: Path
+) -> None:
+    sensors = (
+        Sensor("hammer", "force", "N", 2.25e-3, 2200.0, "LW 7", "2022-03-01"),
+        Sensor("specimen", "acceleration", "g", 0.01),
+    )
+    path = tmp_path / "session.mcap"
+    setup = replace(PAPER_SETUP, sensors=sensors)
+    record_campaigns(path, VirtualRigSettings(), ["steel small"], 1, setup=setup)
+    text = " ".join(run("info", path).stdout.split())
+    assert "hammer: force, 2.25 mV per N, up to 2200 N, serial number LW 7" in text
+    assert "warning: the hammer sensor LW 7 was calibrated on 2022-03-01, over a year" in text
+    content = json.loads(run("info", path, "--json").stdout)
+    assert [item["serial_number"] for item in content["sensors"]] == ["LW 7", ""]
+    assert content["sound"] is True

@@ -17,7 +17,12 @@ from impact_rig.results.comparison import (
     find_setup_differences,
 )
 from impact_rig.results.estimates import HammerResults, SampleResults
-from impact_rig.results.setup_results import SampleSetupResults, SettingsResults, SetupResults
+from impact_rig.results.setup_results import (
+    SampleSetupResults,
+    SensorResults,
+    SettingsResults,
+    SetupResults,
+)
 
 SETUP = SetupResults(hammer_mass_kg=0.1, samples=(SampleSetupResults("disc", mass_kg=0.2),))
 
@@ -99,6 +104,7 @@ def test_differing_masses_and_settings_are_named_with_their_values():
             SETUP,
             name="another name alone is no difference",
             samples=(SampleSetupResults("disc", mass_kg=0.3), SampleSetupResults("rod")),
+            sensors=(SensorResults("hammer", "force", "N", 2e-3),),
             analysis=SettingsResults(cutoff_frequency_hz=30e3),
         ),
     )
@@ -108,6 +114,7 @@ def test_differing_masses_and_settings_are_named_with_their_values():
     assert found["", "cutoff_frequency_hz"] == (50e3, 30e3)
     assert found["disc", "mass_kg"] == (0.2, 0.3)
     assert found["rod", "material"] == (None, "")
+    assert found["hammer sensor", "sensitivity_v_per_unit"] == (None, 2e-3)
     assert ("", "name") not in found
     assert ("", "hammer_mass_kg") not in found
 

@@ -169,3 +169,16 @@ def test_other_text_is_refused(tmp_path: Path, text: str) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="cannot be read"):
         read_results(tmp_path / "results.json")
+
+
+def test_results_of_older_versions_know_no_sensors(tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    write_results(path, RESULTS)
+    content = json.loads(path.read_text())
+    del content["setup"]["sensors"]
+    path.write_text(json.dumps(content))
+    assert read_results(path).setup.sensors == ()
+    del content["setup"]["samples"]
+    path.write_text(json.dumps(content))
+    with pytest.raises(FileError, match=r"the field setup.samples is missing"):
+        read_results(path)

@@ -8,6 +8,7 @@ import pytest
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.results.setup_results import SetupResults, setup_results_from_setup
 
@@ -77,3 +78,13 @@ def test_masses_that_are_not_known_stay_so() -> None:
     flat = setup_results_from_setup(RigSetup(samples, math.nan, 0.1, AnalysisSettings()))
     assert math.isnan(flat.samples[0].mass_kg)
     assert math.isnan(flat.to_samples().samples[0].mass)
+
+
+def test_the_sensors_come_back_as_they_were() -> None:
+    sensors = (
+        Sensor("hammer", "force", "N", 2.25e-3, 2200.0, "SN 7", "2026-03-01"),
+        Sensor("specimen", "acceleration", "g", -0.01),
+    )
+    flat = setup_results_from_setup(replace(PAPER_SETUP, sensors=sensors))
+    assert flat.sensors[0].sensitivity_v_per_unit == 2.25e-3
+    assert tuple(item.to_sensor() for item in flat.sensors) == sensors

@@ -71,6 +71,21 @@ LIBRARIES = (
             ("h5py", "h5py", ".h5 and .mat of version 7.3"),
         )
     ),
+    *(
+        Library(
+            module,
+            (name,),
+            purpose,
+            is_needed=False,
+            advice=f'pip install "{wanted}"; all else works without it',
+        )
+        for module, name, purpose, wanted in (
+            ("nidaqmx", "nidaqmx", "devices of National Instruments", "nidaqmx[grpc]"),
+            ("serial", "pyserial", "relays on a serial port", "pyserial"),
+            ("sounddevice", "sounddevice", "sound cards", "sounddevice"),
+            ("gpiod", "gpiod", "GPIO lines", "gpiod"),
+        )
+    ),
     Library(
         "distributed",
         ("distributed",),
@@ -100,6 +115,12 @@ LIBRARIES = (
         advice="pip install rerun-sdk; it needs numpy 2, all else works without it",
     ),
 )
+
+
+def find_library(module: str) -> Library | None:
+    """Return the library that a module is of; None: it is none of `LIBRARIES`."""
+    top = module.partition(".")[0]
+    return next((item for item in LIBRARIES if item.module.partition(".")[0] == top), None)
 
 
 def check_python() -> Finding:

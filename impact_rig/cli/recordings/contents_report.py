@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
+from impact_rig.cli.recordings.recorded_sensors import find_sensor_warnings, find_sensors
 from impact_rig.core.errors import FileError
 from impact_rig.recording.interfaces.interface_changes import find_interface_changes
 from impact_rig.recording.interfaces.message_definitions import find_message_definition
@@ -15,6 +16,7 @@ from impact_rig.recording.recovery.contents import RECOVERY_RECORD, Contents
 from impact_rig.recording.recovery.recorded_hits import HitState, RecordedHit
 from impact_rig.recording.writing.origin import ORIGIN_RECORD, PARAMETERS_RECORD
 from impact_rig.recording.writing.split_contents import HEALTH_RECORD
+from impact_rig.results.results_file import record_to_json
 
 OUR_INTERFACES = "impact_rig_msgs/"
 """How the names of the rig's message types begin."""
@@ -151,7 +153,7 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
         "sound": contents.is_sound,
         "verdict": describe_verdict(contents),
         "problems": list(contents.problems),
-        "remarks": list(contents.remarks),
+        "remarks": [*contents.remarks, *find_sensor_warnings(contents)],
         "start_time_ns": contents.start_time,
         "end_time_ns": contents.end_time,
         "messages": contents.messages,
@@ -193,6 +195,7 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
             for file in contents.files
         ],
         "missing_files": list(contents.missing_files),
+        "sensors": [record_to_json(sensor) for sensor in find_sensors(contents)],
         "versions": find_versions(contents),
         "interface_differences": find_interface_differences(contents),
         "health": find_health(contents),

@@ -19,6 +19,7 @@ from impact_rig.cli.recordings.contents_report import (
     find_parameters,
     find_versions,
 )
+from impact_rig.cli.recordings.recorded_sensors import find_sensor_warnings, list_sensors
 from impact_rig.core.hits.overrule import describe_label
 from impact_rig.recording.recovery.contents import RECOVERY_RECORD, Contents
 from impact_rig.recording.recovery.recorded_hits import HitState, RecordedHit
@@ -40,7 +41,7 @@ def print_contents(console: Console, contents: Contents) -> None:
     _print_samples(console, contents)
     print_incomplete_hits(console, contents)
     print_topics(console, contents)
-    for remark in contents.remarks:
+    for remark in (*contents.remarks, *find_sensor_warnings(contents)):
         console.print(Text.assemble(("warning: ", ALARM), remark))
 
 
@@ -118,6 +119,7 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
         rigs = dict.fromkeys(str(getattr(setup, "name", "")) for setup in contents.setups)
         named = ", ".join(name for name in rigs if name)
         facts.append(("campaigns", f"{len(campaigns)}{f' on {named}' if named else ''}"))
+    facts += [("sensor", text) for text in list_sensors(contents)]
     facts += [
         ("stream", f"{stream.topic}, {stream.points} points of each channel")
         for stream in contents.streams

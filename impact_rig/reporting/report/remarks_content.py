@@ -2,8 +2,10 @@
 
 from collections.abc import Iterable, Sequence
 
+from impact_rig.core.setup.calibration_age import find_calibration_warning
 from impact_rig.reporting.report.document import Paragraph, Part, Remark, Remarks, Section
 from impact_rig.reporting.report.hits_content import count_reasons
+from impact_rig.reporting.report.setup_content import format_time, is_dated
 from impact_rig.results.campaign import Results
 from impact_rig.results.estimates import SampleResults
 from impact_rig.results.run import Run
@@ -58,6 +60,7 @@ def _gather_warnings(run: Run) -> list[Remark]:
     results = run.campaign.results
     return [
         *_warn_of_recording(run),
+        *_warn_of_sensors(run),
         *_warn_of_samples_without_hits(results.samples, results),
         *gather_remarks([(sample.name, sample.warnings) for sample in results.samples]),
     ]
@@ -73,6 +76,16 @@ def _warn_of_recording(run: Run) -> list[Remark]:
             )
     # A damaged file is told of by whoever read it, too.
     return list(dict.fromkeys(items))
+
+
+def _warn_of_sensors(run: Run) -> list[Remark]:
+    """Warn of calibrations that were too old on the day of the recording."""
+    if run.provenance is None or not is_dated(run.provenance):
+        return []
+    day = format_time(run.provenance.start_time).partition(" ")[0]
+    sensors = [item.to_sensor() for item in run.campaign.results.setup.sensors]
+    found = (find_calibration_warning(sensor, day) for sensor in sensors)
+    return [Remark(text, "recording") for text in found if text]
 
 
 def _warn_of_samples_without_hits(

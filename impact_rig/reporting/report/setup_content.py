@@ -19,7 +19,7 @@ from impact_rig.reporting.report.document import (
 )
 from impact_rig.results.numbers import MEGA, MICRO, MISSING, format_number
 from impact_rig.results.run import Acquisition, Note, Provenance, Run
-from impact_rig.results.setup_results import SettingsResults, SetupResults
+from impact_rig.results.setup_results import SensorResults, SettingsResults, SetupResults
 
 GRAM = 1e3
 """Kilograms to grams."""
@@ -78,6 +78,12 @@ SETUP_FIELDS = {
     "reference_contact_time_s": SetupField("reference τp", "µs", MICRO),
     "reference_stiffness_n_per_m": SetupField("reference k2", "MN/m", MEGA),
     "reference_damping_coefficient_n_s_per_m": SetupField("reference c2", "N s/m"),
+    "quantity": SetupField("quantity"),
+    "unit": SetupField("unit"),
+    "sensitivity_v_per_unit": SetupField("sensitivity", "mV per unit", 1e3),
+    "full_scale": SetupField("full scale", "unit"),
+    "serial_number": SetupField("serial number"),
+    "calibration_date": SetupField("calibrated"),
 }
 """Fields of the whole set-up, by the names that results.json gives them."""
 
@@ -89,6 +95,7 @@ def make_setup_section(run: Run) -> Section:
     parts += [
         Facts(_list_facts(run)),
         _tabulate_bodies(setup),
+        *_tabulate_sensors(setup.sensors),
         *_tabulate_acquisitions(run.acquisitions),
         _fold_settings(setup.analysis),
         *_list_software(run.provenance),
@@ -195,6 +202,27 @@ def _tabulate_bodies(setup: SetupResults) -> Table:
         " sample is expected to show, published or from earlier work."
     )
     return make_table("Bodies", columns, [note])
+
+
+def _tabulate_sensors(sensors: Sequence[SensorResults]) -> list[Part]:
+    if not sensors:
+        return []
+    names = ("quantity", "unit", "sensitivity_v_per_unit", "full_scale", "serial_number",
+             "calibration_date")  # fmt: skip
+    cells = {
+        name: [SETUP_FIELDS[name].format(getattr(sensor, name) or "") for sensor in sensors]
+        for name in names
+    }
+    columns = [
+        make_text_column("Sensor", [sensor.channel for sensor in sensors]),
+        make_text_column("Quantity", cells["quantity"]),
+        make_text_column("Unit", cells["unit"]),
+        make_column("Sensitivity [mV per unit]", cells["sensitivity_v_per_unit"]),
+        make_column("Full scale [unit]", cells["full_scale"]),
+        make_text_column("Serial number", cells["serial_number"]),
+        make_text_column("Calibrated", cells["calibration_date"]),
+    ]
+    return [make_table("Sensors, by their calibration sheets", columns)]
 
 
 def _tabulate_acquisitions(acquisitions: Sequence[Acquisition]) -> list[Part]:

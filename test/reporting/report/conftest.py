@@ -9,6 +9,7 @@ import pytest
 
 from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.faults import FaultPlan, ScheduledFault
@@ -48,7 +49,14 @@ def strike_run() -> Run:
         replace(samples.find("aluminium large"), name=HOSTILE),
         samples.find("brass medium"),
     )
-    setup = replace(PAPER_SETUP, samples=replace(samples, samples=renamed, control_sample=HOSTILE))
+    setup = replace(
+        PAPER_SETUP,
+        samples=replace(samples, samples=renamed, control_sample=HOSTILE),
+        sensors=(
+            Sensor("hammer", "force", "N", 2.25e-3, 2200.0, "<i>LW 7", "2022-03-01"),
+            Sensor("specimen", "acceleration", "g", calibration_date="2023-03-01"),
+        ),
+    )
     weak = ScheduledFault(Fault.WEAK_HIT, 1, HOSTILE)
     settings = VirtualRigSettings(plant=Plant.DYNAMICS, faults=FaultPlan(scheduled=(weak,)))
     rig, session, assembler = VirtualRig(setup, settings), Session(setup), TraceAssembler()

@@ -90,6 +90,16 @@ def test_the_measurement_can_be_traced_back(read: Reader):
     assert bodies[HOSTILE][-1] == "control sample"
 
 
+def test_the_sensors_stand_with_their_calibration_which_was_too_old_that_day(read: Reader):
+    assert read.find_table("Sensors")[1:] == [
+        ["hammer", "force", "N", "2.25", "2200", "<i>LW 7", "2022-03-01"],
+        ["specimen", "acceleration", "g", "-", "-", "-", "2023-03-01"],
+    ]
+    told = "the hammer sensor <i>LW 7 was calibrated on 2022-03-01, over a year before 2023-11-14"
+    assert told in read.text
+    assert "specimen sensor was calibrated" not in read.text
+
+
 def test_every_hit_left_out_stands_with_its_reason(read: Reader):
     (_, row) = read.find_table("Hits left out: 1")
     assert row[:4] == [HOSTILE, "1", "1", "1"]

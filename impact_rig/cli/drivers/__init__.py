@@ -1,0 +1,1 @@
+"""Drivers of devices as the command line shows and tries them."""

@@ -1,0 +1,310 @@
+"""`impact-rig calibrate`: sensors whose true sensitivity is known, recorded and live."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import pytest
+
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
+from impact_rig.devices.peers.scpi_digitizer import ScpiDigitizer
+from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
+from impact_rig.recording.interfaces.message_encoder import MessageEncoder
+from impact_rig.recording.interfaces.qos_profiles import OfferedQos
+from impact_rig.recording.writing.mcap_writer import McapWriter
+
+Run = Callable[..., Any]
+G = 9.80665
+DAY = "2023-11-14"
+STAMP = 1_700_000_000_000_000_000
+RATE = 2.5e6
+RIG = """\
+# rig of the test bench
+[hammer]
+mass = "100 g"
+impact_speed = "30 cm/s"
+[[sample]]
+name = "block"
+mass = "197 g"
+[source]
+driver = "scpi"
+address = "{address}"
+sampling_rate = "2.5 MHz"
+trigger_level = "5 g"
+[source.hammer]
+channel = 1
+{hammer}
+[source.specimen]
+channel = 2
+sensitivity = "5 mV/g"   # as bought
+calibration_date = 2020-01-01
+"""
+ACCELERATION = 'sensitivity = "5 mV/g"'
+FORCE = 'quantity = "force"\nsensitivity = "2.25 mV/N"'
+
+
+@pytest.fixture(autouse=True)
+def zone(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Let the day be that of universal time."""
+    monkeypatch.setenv("TZ", "UTC")
+    time.tzset()
+    yield
+    monkeypatch.undo()
+    time.tzset()
+
+
+def write_rig(folder: Path, hammer: str = ACCELERATION, address: str = "127.0.0.1:1") -> Path:
+    path = folder / "rig.toml"
+    path.write_text(RIG.format(hammer=hammer, address=address))
+    return path
+
+
+def make_pulses(number: int, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return a versed-sine in both channels [m/s^2], with noise of 0.1 % of 1000 m/s^2."""
+    rng = np.random.default_rng(number)
+    time = np.arange(5000) / RATE - 0.4e-3
+    inside = (time >= 0) & (time <= 200e-6)
+    pulse = np.where(inside, np.sin(np.pi * time / 200e-6) ** 2, 0.0)
+    height = rng.uniform(500.0, 900.0)
+    return tuple(scale * height * pulse + rng.normal(0.0, 1.0, 5000) for scale in (1.0, ratio))
+
+
+def record(path: Path, ratio: float, *, sensors: tuple[Sensor, ...] = (), hits: int = 8) -> Path:
+    """Record hits whose specimen trace is `ratio` times the hammer's."""
+    encoder = MessageEncoder()
+    setup = replace(PAPER_SETUP, sensors=sensors)
+    with McapWriter(path) as writer:
+        setups = writer.add_channel("/setup", encoder.setup_definition, (OfferedQos(),))
+        blocks = writer.add_channel("/acceleration", encoder.block_definition, (OfferedQos(),))
+        writer.add_message(setups, encoder.encode_setup(setup, STAMP), STAMP, STAMP)
+        for number in range(1, hits + 1):
+            hammer, specimen = (
+                ChannelBlock(trace, 1.0, 0.0, 2000.0) for trace in make_pulses(number, ratio)
+            )
+            stamp = STAMP + number * 1_000_000_000
+            block = Block(HitLabel("block", number, number), 0, RATE, hammer, specimen,
+                          last=True, stamp=stamp)  # fmt: skip
+            writer.add_message(blocks, encoder.encode_block(block), stamp, stamp)
+    return path
+
+
+def test_back_to_back_the_sensor_under_test_takes_the_ratio(run: Run, tmp_path: Path) -> None:
+    path = write_rig(tmp_path)
+    recording = record(tmp_path / "hits.mcap", ratio=1.04)
+    outcome = run("calibrate", path, "--back-to-back", "--sensor", "specimen",
+                  "--reference-uncertainty", "0.5 %", "--recording", recording)  # fmt: skip
+    assert outcome.exit_code == 0
+    assert outcome.stdout.startswith("specimen sensor: 5.")
+    assert f"rig-{DAY}.toml" in outcome.stdout
+    assert "the recording does not say with which sensitivity" in " ".join(outcome.stdout.split())
+    new = (tmp_path / f"rig-{DAY}.toml").read_text().split("\n")
+    old = path.read_text().split("\n")
+    changed = [pair for pair in zip(old, new, strict=True) if pair[0] != pair[1]]
+    (before, after), (_, dated) = changed
+    assert before == 'sensitivity = "5 mV/g"   # as bought'
+    assert float(after.split('"')[1].split()[0]) == pytest.approx(5.2, rel=1e-3)
+    assert after.endswith('mV/g"   # as bought')
+    assert dated == f"calibration_date = {DAY}"
+
+
+def test_the_reference_may_be_either_sensor_and_all_is_in_json(run: Run, tmp_path: Path) -> None:
+    recording = record(tmp_path / "hits.mcap", ratio=1.04)
+    outcome = run("calibrate", write_rig(tmp_path), "--back-to-back", "--sensor", "hammer",
+                  "--recording", recording, "--output", tmp_path / "new.toml",
+                  "--json")  # fmt: skip
+    content = json.loads(outcome.stdout)
+    assert content["ratio"] == pytest.approx(1 / 1.04, rel=1e-3)
+    assert content["sensitivity_v_per_unit"] == pytest.approx(0.005 / 1.04, rel=1e-3)
+    assert abs(content["ratio"] - 1 / 1.04) <= content["uncertainty_of_ratio"]["expanded"]
+    assert content["hits_used"] == len(content["hits"]) == 8
+    assert content["file"] == str(tmp_path / "new.toml")
+    assert Path(content["file"]).exists()
+
+
+def test_a_body_of_known_mass_gives_the_force_sensors_sensitivity(
+    run: Run, tmp_path: Path
+) -> None:
+    # Force as recorded is 0.1 kg times the hammer's trace; the body of 0.2 kg is accelerated by
+    # 0.52 of that trace: true is 0.104 kg times it, so the sensor gives 4 % too little.
+    path = write_rig(tmp_path, FORCE)
+    used = Sensor("hammer", "force", "N", 2e-3)
+    recording = record(tmp_path / "hits.mcap", ratio=0.52, sensors=(used,))
+    outcome = run("calibrate", path, "--known-mass", "200 g", "--mass-uncertainty", "0.1 g",
+                  "--reference-uncertainty", "0.5%", "--recording", recording,
+                  "--json")  # fmt: skip
+    content = json.loads(outcome.stdout)
+    assert content["sensitivity_v_per_unit"] == pytest.approx(2e-3 / 1.04, rel=1e-3)
+    assert content["warnings"] == [
+        "the hits were measured with 2 mV per N, and the rig file says 2.25"
+    ]
+    sources = {line["source"] for line in content["uncertainty_of_ratio"]["budget"]}
+    assert {"known mass", "sensitivity of the reference", "scatter of the hits"} <= sources
+    assert "mass of the hammer" not in sources
+
+
+def test_nothing_is_ever_overwritten(run: Run, tmp_path: Path) -> None:
+    recording = record(tmp_path / "hits.mcap", ratio=1.0)
+    words = ("calibrate", write_rig(tmp_path), "--back-to-back", "--sensor", "hammer",
+             "--recording", recording)  # fmt: skip
+    assert run(*words).exit_code == 0
+    first = (tmp_path / f"rig-{DAY}.toml").read_bytes()
+    outcome = run(*words)
+    assert outcome.exit_code == 2
+    assert "exists already" in outcome.stderr
+    assert (tmp_path / f"rig-{DAY}.toml").read_bytes() == first
+
+
+def test_traces_that_do_not_show_the_same_give_no_sensitivity(run: Run, tmp_path: Path) -> None:
+    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
+    path = tmp_path / "hits.mcap"
+    encoder = MessageEncoder()
+    with McapWriter(path) as writer:
+        setups = writer.add_channel("/setup", encoder.setup_definition, (OfferedQos(),))
+        blocks = writer.add_channel("/acceleration", encoder.block_definition, (OfferedQos(),))
+        writer.add_message(setups, encoder.encode_setup(PAPER_SETUP, STAMP), STAMP, STAMP)
+        for number in (1, 2, 3):
+            for block in rig.strike(HitLabel("steel small", number, number)).split(5000, STAMP):
+                writer.add_message(blocks, encoder.encode_block(block), STAMP, STAMP)
+    words = ("calibrate", write_rig(tmp_path), "--known-mass", "59 g", "--recording", path)
+    outcome = run(*words)
+    assert outcome.exit_code == 2
+    assert "0 of 3 hits can be used" in outcome.stderr
+    assert "do not show the same" in outcome.stderr
+    assert list(tmp_path.glob("rig-*.toml")) == []
+    outcome = run(*words, "--sample", "steel large")
+    assert (outcome.exit_code, "no hit on 'steel large'" in outcome.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ((), "choose one of --back-to-back and --known-mass"),
+        (("--back-to-back", "--known-mass", "1 kg"), "choose one of"),
+        (("--back-to-back",), "needs --sensor"),
+        (
+            ("--back-to-back", "--sensor", "hammer", "--mass-uncertainty", "1 g"),
+            "for --known-mass",
+        ),
+        (("--known-mass", "1 kg", "--sample", "x"), "--sample is for --recording"),
+        (("--known-mass", "-1 kg"), "known mass is -1"),
+        (("--known-mass", "1 kg", "--reference-uncertainty", "75"), "is 75.0"),
+        (("--known-mass", "1 s"), "which is no kg"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(
+    run: Run, tmp_path: Path, words: tuple[str, ...], told: str
+) -> None:
+    outcome = run("calibrate", write_rig(tmp_path), *words)
+    assert outcome.exit_code == 2
+    assert told in outcome.stderr
+
+
+def test_a_sensor_without_a_sensitivity_is_refused(run: Run, tmp_path: Path) -> None:
+    outcome = run("calibrate", write_rig(tmp_path, 'unit = "g"'), "--known-mass", "1 kg")
+    assert outcome.exit_code == 2
+    assert "[source.hammer] has no sensitivity" in outcome.stderr
+
+
+class Striker:
+    """Hits of both sensors alike, as long as the digitizer waits for any.
+
+    Its sensors give 5 and 5.2 mV/g.
+
+    Parameters
+    ----------
+    strikes : int
+        After so many, the digitizer is unplugged.
+    """
+
+    def __init__(self, strikes: int = 1_000_000) -> None:
+        self._left = strikes
+        self.digitizer = ScpiDigitizer(0.005 / G, 0.0052 / G)
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._strike)
+
+    def __enter__(self) -> Self:
+        self.digitizer.start()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._is_over.set()
+        self._thread.join()
+        self.digitizer.stop()
+
+    def _strike(self) -> None:
+        number = 0
+        while not self._is_over.wait(0.02):
+            number += 1
+            hammer, specimen = (
+                ChannelBlock(np.round(8 * trace).astype(np.int32), 0.125, 0.0, 2000.0)
+                for trace in make_pulses(number, 1.0)
+            )
+            model = VirtualRig(PAPER_SETUP, VirtualRigSettings()).strike(
+                HitLabel("steel small")
+            ).model  # fmt: skip
+            label = HitLabel("block", number)
+            hit = VirtualHit(label, (), model, hammer, specimen, RATE)
+            # One that nobody waits for is none.
+            self._left -= self.digitizer.feed(hit) is not None
+            if not self._left:
+                self.digitizer.unplug()
+                return
+
+
+def test_hits_are_struck_on_a_real_instrument_over_tcp(run: Run, tmp_path: Path) -> None:
+    with Striker() as striker:
+        path = write_rig(tmp_path, address=striker.digitizer.address)
+        outcome = run("calibrate", path, "--back-to-back", "--sensor", "specimen", "--hits", 4,
+                      "--json", "--output", tmp_path / "new.toml")  # fmt: skip
+    assert outcome.exit_code == 0, outcome.stderr
+    content = json.loads(outcome.stdout)
+    assert content["sensitivity_v_per_unit"] == pytest.approx(0.0052, rel=1e-3)
+    assert content["hits_used"] == 4
+    assert outcome.stderr.splitlines()[0] == "Strike 4 times; Ctrl-C ends before."
+    assert outcome.stderr.splitlines()[-1].startswith("4 of 4: ratio 1.0")
+
+
+def test_a_device_that_is_lost_takes_no_hit_with_it(run: Run, tmp_path: Path) -> None:
+    with Striker(strikes=5) as striker:
+        path = write_rig(tmp_path, address=striker.digitizer.address)
+        outcome = run("calibrate", path, "--back-to-back", "--sensor", "specimen", "--hits", 9,
+                      "--json", "--output", tmp_path / "new.toml")  # fmt: skip
+        assert outcome.exit_code == 0, outcome.stderr
+        assert json.loads(outcome.stdout)["hits_used"] >= 3
+        assert "hits before that are kept" in outcome.stderr
+        outcome = run("calibrate", path, "--back-to-back", "--sensor", "specimen")
+        assert (outcome.exit_code, striker.digitizer.address in outcome.stderr) == (2, True)
+
+
+def test_ctrl_c_keeps_the_hits_that_were_struck(tmp_path: Path) -> None:
+    words = (sys.executable, "-m", "impact_rig.cli.main", "calibrate")
+    with Striker() as striker:
+        path = write_rig(tmp_path, address=striker.digitizer.address)
+        process = subprocess.Popen(
+            [*words, path, "--back-to-back", "--sensor", "specimen", "--hits", "100000",
+             "--json"],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ},
+        )  # fmt: skip
+        try:
+            while not process.stderr.readline().startswith("4 of "):
+                assert process.poll() is None
+            process.send_signal(signal.SIGINT)
+            output, errors = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert process.returncode == 0, errors
+    content = json.loads(output)
+    assert content["hits_used"] >= 4
+    assert Path(content["file"]).read_text().count("mV/g") == 2

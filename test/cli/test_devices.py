@@ -1,0 +1,160 @@
+"""`impact-rig devices`: the list, one driver, and the devices of a rig file."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from impact_rig.devices.peers.scpi_digitizer import ScpiDigitizer
+from impact_rig.devices.peers.serial_relay import SerialRelayPeer
+
+from .drivers.conftest import foreign_package  # noqa: F401 - a fixture
+
+Run = Callable[..., Any]
+pytestmark = pytest.mark.usefixtures("foreign_package")
+RIG = """\
+[hammer]
+mass = "0.1 kg"
+impact_speed = "30 cm/s"
+[[sample]]
+name = "oak"
+mass = "80 g"
+[source]
+driver = "good"
+sampling_rate = "1 MHz"
+trigger_level = "5 g"
+[source.hammer]
+sensitivity = "10 mV/g"
+serial_number = "LW 7"
+calibration_date = 2020-03-01
+[holder]
+driver = "good"
+"""
+
+
+def write_rig(folder: Path, text: str = RIG) -> Path:
+    path = folder / "rig.toml"
+    path.write_text(text)
+    return path
+
+
+def test_one_driver_is_shown_with_a_table_to_copy(run: Run) -> None:
+    outcome = run("devices", "good")
+    assert outcome.exit_code == 0
+    assert "good, a source of bench-drivers" in outcome.stdout
+    assert "found: here  digitizer 3000" in outcome.stdout
+    assert '[source]\ndriver = "good"\nport = 7   # its own key\n' in outcome.stdout
+
+
+def test_a_driver_that_is_not_there_is_named_with_those_that_are(run: Run) -> None:
+    outcome = run("devices", "god")
+    assert outcome.exit_code == 2
+    assert "there is no driver 'god': installed are" in outcome.stderr
+    assert "good" in outcome.stderr
+
+
+def test_the_list_fits_a_terminal_and_names_what_is_not_ready(run: Run) -> None:
+    site = Path.cwd() / "site" / "bench_drivers-1.0.dist-info" / "entry_points.txt"
+    site.write_text(site.read_text().replace("hanging = bench_drivers:Hanging\n", ""))
+    outcome = run("devices")
+    assert outcome.exit_code == 0
+    assert max(map(len, outcome.stdout.splitlines())) <= 80
+    text = " ".join(outcome.stdout.split())
+    assert "silent: the vendor's service is not running: start it." in text
+    assert "here digitizer 3000" in text
+
+
+def test_json_has_the_driver_as_it_is(run: Run) -> None:
+    (silent,) = json.loads(run("devices", "silent", "--json").stdout)
+    assert silent["trouble"] == "the vendor's service is not running: start it"
+    assert (silent["kind"], silent["package"]) == ("source", "bench-drivers")
+
+
+def test_a_check_opens_both_devices_says_what_they_are_and_closes_them(
+    run: Run, tmp_path: Path
+) -> None:
+    outcome = run("devices", "--check", write_rig(tmp_path))
+    assert outcome.exit_code == 0
+    text = " ".join(outcome.stdout.split())
+    assert "ok source driver good device digitizer 3000" in text
+    assert "rate 500 kHz, where 1000 kHz are asked for" in text
+    assert "hammer acceleration, 10 mV per g, serial number LW 7" in text
+    assert "specimen not measured" in text
+    assert "ok holder driver good device holder 3000 state it holds" in text
+    assert "warning: the hammer sensor LW 7 was calibrated on 2020-03-01, over a year" in text
+    assert Path("closed").read_text() == "77"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('driver = "good"\ns', 'driver = "god"\ns', "rig.toml: line 8: driver of [source] is"),
+        ('"1 MHz"', '"1 MHz"\nport = 10', "rig.toml: line 10: port of [source] is 10"),
+        ('"1 MHz"', '"1 MHz"\nport = 8', "the digitizer at port 8 does not answer: switch it on"),
+        ('"1 MHz"', '"1 MHz"\nport = 9', "the Python package 'library_of_nobody' is not"),
+        ('driver = "good"\ns', 'driver = "gone"\ns', "driver 'gone' of bench-drivers cannot"),
+    ],
+)
+def test_what_is_wrong_with_one_device_is_told_and_the_other_is_tried_all_the_same(
+    run: Run, tmp_path: Path, old: str, new: str, told: str
+) -> None:
+    outcome = run("devices", "--check", write_rig(tmp_path, RIG.replace(old, new)))
+    assert outcome.exit_code == 1
+    text = " ".join(outcome.stdout.split())
+    assert told in text
+    assert "fault source" in text
+    assert "ok holder" in text
+
+
+def test_a_holder_that_does_not_hold_is_a_fault(run: Run, tmp_path: Path) -> None:
+    path = write_rig(tmp_path, RIG + "port = 6\n")
+    outcome = run("devices", "--check", path, "--json")
+    assert outcome.exit_code == 1
+    content = json.loads(outcome.stdout)
+    assert (
+        content["holder"]["trouble"] == "the holder holder 3000 does not hold: look at its wiring"
+    )
+    assert content["source"]["device"] == "digitizer 3000"
+    assert len(content["warnings"]) == 1
+
+
+def test_a_real_check_holds_the_hammer_and_never_lets_it_go(run: Run, tmp_path: Path) -> None:
+    released = []
+    digitizer = ScpiDigitizer(5e-4, 5e-4)
+    relay = SerialRelayPeer(lambda: released.append(True))
+    digitizer.start()
+    relay.start()
+    tables = RIG.partition("[source]")[0] + (
+        f'[source]\ndriver = "scpi"\naddress = "{digitizer.address}"\n'
+        'sampling_rate = "2.5 MHz"\ntrigger_level = "5 g"\n'
+        '[source.hammer]\nchannel = 1\nsensitivity = "5 mV/g"\n'
+        f'[holder]\ndriver = "serial"\nport = "{relay.port}"\n'
+    )
+    try:
+        path = write_rig(tmp_path, tables)
+        content = json.loads(run("devices", "--check", path, "--json").stdout)
+        assert content["source"]["rate"] == "2500 kHz"
+        assert content["source"]["trouble"] == content["holder"]["trouble"] == ""
+        assert content["holder"]["state"] == "it holds"
+        assert relay.is_holding
+        digitizer.unplug()
+        outcome = run("devices", "--check", path, "--json")
+        assert outcome.exit_code == 1
+        content = json.loads(outcome.stdout)
+        assert digitizer.address in content["source"]["trouble"]
+        assert content["holder"]["trouble"] == ""
+    finally:
+        relay.stop()
+        digitizer.stop()
+    assert released == []
+
+
+def test_options_that_contradict_each_other_are_refused(run: Run, tmp_path: Path) -> None:
+    outcome = run("devices", "--continuous")
+    assert (outcome.exit_code, "is for --check" in outcome.stderr) == (2, True)
+    outcome = run("devices", "good", "--check", write_rig(tmp_path))
+    assert (outcome.exit_code, "leave 'good' out" in outcome.stderr) == (2, True)
+    outcome = run("devices", "--check", tmp_path / "no.toml")
+    assert (outcome.exit_code, "there is no rig file" in outcome.stderr) == (2, True)
