@@ -7,8 +7,9 @@ import subprocess
 import sys
 
 import pytest
-from impact_rig.nodes.domain import reserve_domain
 from rosbags.highlevel import AnyReader
+
+from impact_rig.nodes.domain import reserve_domain
 
 PATIENCE = 120.0
 """How long anything may take before a test fails [s]."""

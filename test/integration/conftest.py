@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Iterator
 
 import pytest
+
 from impact_rig.nodes.domain import reserve_domain
 
 

@@ -12,12 +12,12 @@ from typing import Any, Self
 
 import pytest
 import rclpy
-from impact_rig.nodes.domain import reserve_domain
 from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
+from impact_rig.nodes.domain import reserve_domain
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import RigNode
 

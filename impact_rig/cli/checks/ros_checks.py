@@ -1,7 +1,6 @@
 """Checks of ROS 2: which one, what the environment says, and whether two processes can talk."""
 
 import contextlib
-import importlib
 import os
 import subprocess
 import sys
@@ -10,8 +9,8 @@ import uuid
 from collections.abc import Iterator, Mapping
 from importlib import metadata, util
 
-from impact_rig.nodes.domain import reserve_domain
 from impact_rig.cli.checks.findings import Finding, Status
+from impact_rig.nodes.domain import reserve_domain
 
 DISTRIBUTION = "jazzy"
 PROBE_TIMEOUT = 20.0

@@ -7,10 +7,10 @@ import subprocess
 import sys
 
 import pytest
-from impact_rig.nodes.domain import reserve_domain
 
 from impact_rig.cli.rigs.node_processes import make_command
 from impact_rig.configuration.processes import NodeProcess
+from impact_rig.nodes.domain import reserve_domain
 
 PATIENCE = 60.0
 """How long anything may take before a test fails [s]."""
