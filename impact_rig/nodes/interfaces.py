@@ -127,6 +127,3 @@ RUN_CAMPAIGN = "campaign/run"
 PAUSE_REPLAYER = "replayer/pause"
 RESUME_REPLAYER = "replayer/resume"
 STEP_REPLAYER = "replayer/step"
-
-VIRTUAL_SOURCE = "virtual rig"
-"""`AcquisitionState.source` of accelerometers whose hits are simulated."""
