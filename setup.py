@@ -67,6 +67,7 @@ setup(
         "formats": ["h5py>=3.10", "npTDMS>=1.9", "pyuff>=2.4"],
         "batch": ["dask>=2024.5", "distributed>=2024.5"],
         "bench": ["psutil>=5.9"],
+        "contract": ["pytest>=8"],
         "nidaqmx": ["nidaqmx[grpc]>=1.0,<1.1"],
         "serial": ["pyserial>=3.5"],
         "sound": ["sounddevice>=0.5"],

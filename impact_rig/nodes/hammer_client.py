@@ -1,18 +1,13 @@
 """A client of the hammer node: what a person may want of it, from the command line."""
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Self
 
-import rclpy
 from impact_rig_msgs.msg import HammerState
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.rig_client import RigClient
 
 SERVICES = {
     "arm": interfaces.ARM_HAMMER,
@@ -52,7 +47,7 @@ class HammerReport:
     holder: str
 
 
-class HammerClient:
+class HammerClient(RigClient):
     """Asks the hammer of a rig that is up; use it in a ``with`` statement.
 
     Parameters
@@ -64,22 +59,8 @@ class HammerClient:
     """
 
     def __init__(self, namespace: str, timeout: float) -> None:
+        super().__init__("hammer_client", namespace)
         self._timeout = timeout
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context, args=[])
-        self._node = Node("hammer_client", namespace=namespace or None, context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-
-    def __enter__(self) -> Self:
-        """Return the client."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Leave ROS."""
-        self._executor.shutdown(timeout_sec=1.0)
-        self._node.destroy_node()
-        self._context.try_shutdown()
 
     def ask(self, action: str) -> str:
         """Ask for something of `SERVICES`; return what was done.
@@ -89,11 +70,7 @@ class HammerClient:
         DeviceError
             If it was refused, or nobody answers.
         """
-        client = self._node.create_client(Trigger, SERVICES[action])
-        self._wait(client.service_is_ready)
-        answer = client.call_async(Trigger.Request())
-        self._wait(answer.done)
-        response: Any = answer.result()
+        response = self.call(Trigger, SERVICES[action], Trigger.Request(), self._timeout)
         if not response.success:
             raise DeviceError(f"refused: {response.message}")
         return str(response.message)
@@ -101,20 +78,11 @@ class HammerClient:
     def read(self) -> HammerReport:
         """Return what the hammer does; raises `DeviceError` if it does not say it."""
         heard: list[HammerState] = []
-        topic = interfaces.HAMMER_STATE
-        self._node.create_subscription(topic.type, topic.name, heard.append, topic.qos)
-        self._wait(lambda: bool(heard))
+        self.listen(interfaces.HAMMER_STATE, heard.append)
+        if not self.spin_until(lambda: bool(heard), self._timeout):
+            raise DeviceError(
+                f"no hammer says what it does within {self._timeout:g} s: start a rig with"
+                " `impact-rig up`, and check ROS_DOMAIN_ID and the namespace on both sides"
+            )
         state = heard[-1]
         return HammerReport(PLACES[state.state], state.armed, state.message, state.holder)
-
-    def _wait(self, condition: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + self._timeout
-        while not condition():
-            left = deadline - time.monotonic()
-            if left <= 0.0:
-                raise DeviceError(
-                    f"no hammer answers in namespace {self._node.get_namespace()!r} within"
-                    f" {self._timeout:g} s: start a rig with `impact-rig up`, and check"
-                    " ROS_DOMAIN_ID and the namespace on both sides"
-                )
-            self._executor.spin_once(timeout_sec=min(left, 0.1))
