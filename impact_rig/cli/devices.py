@@ -77,9 +77,9 @@ def _show_drivers(name: str, *, as_json: bool) -> None:
 
 
 def _check(rig_file: Path, *, continuous: bool, as_json: bool) -> None:
-    from impact_rig.cli.calibration_warnings import find_rig_warnings
     from impact_rig.cli.drivers.check_view import checks_to_json, print_checks
     from impact_rig.cli.drivers.rig_check import check_rig
+    from impact_rig.configuration.calibration_warnings import find_rig_warnings
     from impact_rig.configuration.rig_file import read_rig_file
     from impact_rig.reporting.terminal.console import make_console
 

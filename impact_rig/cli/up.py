@@ -6,9 +6,9 @@ from pathlib import Path
 import click
 
 from impact_rig.cli import options
-from impact_rig.cli.calibration_warnings import find_rig_warnings
 from impact_rig.cli.rigs.recording_options import recording_options
 from impact_rig.configuration import run
+from impact_rig.configuration.calibration_warnings import find_rig_warnings
 from impact_rig.configuration.processes import LOG_NAME, RecordingPlan, list_rig_processes
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.core.errors import RigError

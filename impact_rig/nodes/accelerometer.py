@@ -208,6 +208,8 @@ class AccelerometerNode(DeviceNode):
         self._tell(AcquisitionState.ARMED, "waiting for the trigger", arming.label.sample)
 
     def _swing(self, message: HammerRelease) -> None:
+        # Started anew in the middle of a campaign: numbers go on where they were.
+        self._record = max(self._record, message.record)
         arming, opened = self._arming, self._open
         if arming is None or opened is None or message.record != arming.label.record:
             self._answer_late(message.record)

@@ -20,7 +20,7 @@ from impact_rig.cli.calibration.recorded_hits import (
     find_tested_sensor,
     read_hits,
 )
-from impact_rig.cli.calibration_warnings import find_today
+from impact_rig.configuration.calibration_warnings import find_today
 from impact_rig.configuration.rig_file import RigFile, parse_rig_file, read_rig_file
 from impact_rig.configuration.sheet_change import change_sheet, name_new_file
 from impact_rig.core.calibration.sensitivity import (

@@ -12,9 +12,10 @@ from impact_rig.devices.acceleration_source import (
     AccelerationSource,
     Acquisition,
     AcquisitionPlan,
+    SimulatedSource,
     SourceChannel,
 )
-from impact_rig.devices.drivers import HOLDERS, SOURCES, VIRTUAL, make_device, read_driver_name
+from impact_rig.devices.drivers import HOLDERS, SOURCES, make_device, read_driver_name
 from impact_rig.devices.hammer_holder import HammerHolder, HolderState
 from impact_rig.devices.source_table import make_plan
 from impact_rig.devices.virtual.digitizer import DigitizerSettings
@@ -92,7 +93,7 @@ def plan_source(
         "depth": AcquisitionPlan.depth,
     }
     source: AccelerationSource = make_device(SOURCES, rig.source)
-    if read_driver_name(rig.source) == VIRTUAL:
+    if isinstance(source, SimulatedSource):
         return source, make_virtual_plan(DigitizerSettings(), **stream)
     return source, make_plan(rig.source, rig.setup, **stream)
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from impact_rig.configuration.calibration_warnings import find_rig_warnings
 from impact_rig.configuration.rig_file import RigFile
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.devices.acceleration_source import (
@@ -72,6 +73,8 @@ def open_source(node: DeviceNode, *, continuous: bool) -> OpenSource:
         If the vendor's library is missing.
     """
     file = node.read_rig_file()
+    for warning in find_rig_warnings(file.setup):
+        node.get_logger().warning(warning)
     with _name_file(node.get_value("rig_file")):
         source, plan = _make_source(node, file, continuous=continuous)
         try:
