@@ -187,6 +187,8 @@ def start_process(
     yield start
     for process in processes:
         process.kill()
+        # Shown where the test has failed.
+        print(process.output)
 
 
 @pytest.fixture

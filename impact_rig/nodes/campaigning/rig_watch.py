@@ -56,6 +56,7 @@ class RigWatch:
         self.acquisition: AcquisitionState | None = None
         self.losses = 0
         self._recorder: RecorderState | None = None
+        self._recordings: set[str] = set()
         self._peers = {
             topic.name: _Peer(node, topic)
             for topic in (
@@ -110,6 +111,9 @@ class RigWatch:
             return ""
         if self._peers[interfaces.RECORDER_STATE.name].is_gone():
             return "the recorder has gone"
+        if recording not in self._recordings:
+            # The hammer has heard of it first: what was heard last here is of the one before.
+            return ""
         if recorder.uri != recording:
             return f"the recorder has begun another recording, {recorder.uri}"
         if not (recorder.recording or recorder.waiting):
@@ -143,6 +147,7 @@ class RigWatch:
 
     def _take_recorder(self, message: RecorderState) -> None:
         self._recorder = message
+        self._recordings.add(message.uri)
 
 
 def _find_hammer_obstacle(hammer: HammerState) -> Obstacle | None:
