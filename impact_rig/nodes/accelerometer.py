@@ -85,7 +85,7 @@ class AccelerometerNode(DeviceNode):
             "source": opened.acquisition.identity,
             "simulated": opened.simulated is not None,
         }
-        self._is_lost, self._cut_off, self._missing_before = False, None, 0
+        self._is_lost, self._missing_before = False, 0
         self._topic.offer(opened.plan)
         self._output = opened.make_output(self._topic.publisher)
         if opened.simulated is not None and self._setup is not None:
@@ -266,7 +266,10 @@ class AccelerometerNode(DeviceNode):
         if self._open is not opened:
             return
         arming = self._arming
-        self._cut_off = arming if arming is not None and not arming.is_released else None
+        # Here, where releases are heard of, it is known whether somebody waits for a verdict.
+        is_awaited = arming is not None and arming.is_released
+        is_closed = self._output is not None and self._output.end(is_awaited=is_awaited)
+        self._cut_off = None if is_closed else arming
         self._is_lost = True
         self.lose_device(error)
 

@@ -102,10 +102,10 @@ def test_what_is_wrong_with_one_device_is_told_and_the_other_is_tried_all_the_sa
 ) -> None:
     outcome = run("devices", "--check", write_rig(tmp_path, RIG.replace(old, new)))
     assert outcome.exit_code == 1
-    text = " ".join(outcome.stdout.split())
-    assert told in text
-    assert "fault source" in text
-    assert "ok holder" in text
+    # Lines end in the middle of a long path.
+    text = "".join(outcome.stdout.split())
+    for part in (told, "fault source", "ok holder"):
+        assert part.replace(" ", "") in text
 
 
 def test_a_holder_that_does_not_hold_is_a_fault(run: Run, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-PATIENCE = 120.0
+PATIENCE = 60.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""
 COMMAND_LINE = "impact_rig.cli.main"
 RIG_PEER = "impact_rig.devices.peers.rig_peer"

@@ -1,6 +1,7 @@
 """The accelerometers read whatever source a rig file names: here one of another package."""
 
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -266,7 +267,7 @@ def test_a_device_that_is_lost_is_named_and_comes_back_as_often_as_it_goes(
     assert {block.record for block in got} == {6}
 
 
-@pytest.mark.parametrize("first", ["release", "loss"])
+@pytest.mark.parametrize("first", ["release", "loss", "neither"])
 def test_a_device_that_is_lost_while_the_hammer_swings_leaves_one_empty_block(
     harness, desk, rig, blocks, states, release, first
 ):
@@ -276,6 +277,19 @@ def test_a_device_that_is_lost_while_the_hammer_swings_leaves_one_empty_block(
         release(record, latest_contact=60.0)
         wait_for_release(harness, node)
         desk.unplug()
+        wait_for_state(states, AcquisitionState.FAULT)
+    elif first == "neither":
+        # Both are there when the node comes to look.
+        gate = threading.Event()
+        busy = threading.Thread(target=lambda: harness.run(gate.wait))
+        busy.start()
+        desk.unplug()
+        harness.wait_until(
+            lambda: not any(thread.name == "source" for thread in threading.enumerate())
+        )
+        release(record, latest_contact=60.0)
+        gate.set()
+        busy.join()
         wait_for_state(states, AcquisitionState.FAULT)
     else:
         # The release is on its way when the device goes.

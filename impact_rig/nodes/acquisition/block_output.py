@@ -69,13 +69,18 @@ class BlockOutput(ABC):
         """Let what follows belong to an arming."""
 
     @abstractmethod
-    def end(self, *, is_awaited: bool) -> None:
+    def end(self, *, is_awaited: bool) -> bool:
         """End the arming under way, and its record; do nothing if there is none.
 
         Parameters
         ----------
         is_awaited : bool
             The hammer has been let go: a verdict must come, even if nothing has come so far.
+
+        Returns
+        -------
+        bool
+            Whether something was published that a verdict follows.
         """
 
     @abstractmethod

@@ -44,15 +44,17 @@ class HitBlocks(BlockOutput):
         self.restart()
         self._label, self._has_begun = label, False
 
-    def end(self, *, is_awaited: bool) -> None:
-        """Close the record, if there is one or somebody waits for it."""
+    def end(self, *, is_awaited: bool) -> bool:
+        """Close the record, if there is one or somebody waits for it; return whether it was."""
         if self._label is NOT_ARMED:
-            return
-        if self._has_begun:
+            return False
+        has_begun = self._has_begun
+        if has_begun:
             self.publish_end(max(self._record_points, self._next_sample))
         elif is_awaited:
             self.publish_end(0)
         self._label, self._has_begun = NOT_ARMED, False
+        return has_begun or is_awaited
 
     def publish(self, block: AcquiredBlock) -> None:
         """Publish a block of the record; its last one ends the arming."""

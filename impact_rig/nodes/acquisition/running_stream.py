@@ -38,11 +38,13 @@ class RunningStream(BlockOutput):
         """Let the next blocks carry the label of an arming."""
         self._label = label
 
-    def end(self, *, is_awaited: bool) -> None:
+    def end(self, *, is_awaited: bool) -> bool:
         """Let the next blocks belong to no arming; if a verdict is awaited, say that it ends."""
-        if is_awaited and self._label is not NOT_ARMED:
+        is_told = is_awaited and self._label is not NOT_ARMED
+        if is_told:
             self.publish_end(self._next_sample)
         self._label = NOT_ARMED
+        return is_told
 
     def make_message(self, block: AcquiredBlock) -> StreamBlock:
         """Return the message of a block."""

@@ -42,7 +42,8 @@ class SourceThread:
     on_ended : callable
         Called with an arming that has ended by itself, and why.
     on_failed : callable
-        Called with the error when the device is lost; the thread then ends.
+        Called with the error when the device is lost. The thread then ends, and leaves it to who
+        is told to end the arming under way at the output.
     """
 
     def __init__(
@@ -95,9 +96,10 @@ class SourceThread:
             self._output.end(is_awaited=False)
             self._source.disarm()
         except RigError as error:
-            self._fail(error)
+            self._on_failed(error)
         except Exception as error:  # noqa: BLE001 - a driver's mistake must not go unheard
-            self._fail(DeviceError(f"the source's driver failed: {type(error).__name__}: {error}"))
+            text = f"the source's driver failed: {type(error).__name__}: {error}"
+            self._on_failed(DeviceError(text))
 
     @property
     def _is_idle(self) -> bool:
@@ -160,8 +162,3 @@ class SourceThread:
             self._source.disarm()
         self._output.end(is_awaited=is_awaited)
         self._arming = None
-
-    def _fail(self, error: RigError) -> None:
-        arming = self._arming
-        self._output.end(is_awaited=arming is not None and arming.is_released)
-        self._on_failed(error)

@@ -53,7 +53,7 @@ class StreamFile:
         channel = self._make(
             "impact_rig_msgs/msg/Channel",
             counts=np.zeros(POINTS, np.int32), values=np.empty(0), scale=1.0, offset=0.0,
-            full_scale=1.0,
+            full_scale=1.0, overload=False,
         )  # fmt: skip
         self._add(
             BLOCK, moment, first_sample=first_sample, sampling_rate=1e6, record=0, sample="",
