@@ -18,4 +18,6 @@ def make_environment() -> Iterator[Callable[[], dict[str, str]]]:
             "ROS_DOMAIN_ID": str(domains.enter_context(reserve_domain())),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "PYTHONUNBUFFERED": "1",
+            # Whatever width of a terminal stands in the environment: lines are looked for whole.
+            "COLUMNS": "1000",
         }

@@ -47,10 +47,11 @@ class Collector:
             self._arrived.notify_all()
 
     def wait(self, condition: Callable[[list[Any]], bool]) -> list[Any]:
+        """Wait until there are messages that fulfil a condition; return all."""
         with self._arrived:
-            assert self._arrived.wait_for(lambda: condition(self.messages), PATIENCE), (
-                f"only {len(self.messages)} messages came"
-            )
+            assert self._arrived.wait_for(
+                lambda: bool(self.messages) and condition(self.messages), PATIENCE
+            ), f"only {len(self.messages)} messages came"
             return list(self.messages)
 
     def wait_for_count(self, count: int) -> list[Any]:
