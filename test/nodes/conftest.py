@@ -47,15 +47,17 @@ class Collector:
             self._arrived.notify_all()
 
     def wait(self, condition: Callable[[list[Any]], bool]) -> list[Any]:
-        """Wait until there are messages that fulfil a condition; return all."""
-        with self._arrived:
-            assert self._arrived.wait_for(
-                lambda: bool(self.messages) and condition(self.messages), PATIENCE
-            ), f"only {len(self.messages)} messages came"
-            return list(self.messages)
+        """Wait until messages that have come fulfil a condition; return all."""
+        return self._wait(lambda: bool(self.messages) and condition(self.messages))
 
     def wait_for_count(self, count: int) -> list[Any]:
-        return self.wait(lambda messages: len(messages) >= count)
+        return self._wait(lambda: len(self.messages) >= count)
+
+    def _wait(self, condition: Callable[[], bool]) -> list[Any]:
+        with self._arrived:
+            came_true = self._arrived.wait_for(condition, PATIENCE)
+            assert came_true, f"only {len(self.messages)} messages came"
+            return list(self.messages)
 
 
 class Harness:
