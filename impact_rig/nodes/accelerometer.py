@@ -26,6 +26,9 @@ from impact_rig.recording.interfaces.messages import setup_from_msg
 
 CONNECTION_TIMEOUT = 10.0
 """How long arming may wait for estimator and recorder to connect [s], our choice."""
+ENDING_TIMEOUT = 1.0
+"""How long the source's thread may take to say what it has done [s], our choice: it does so at
+once, unless the computer is busy."""
 ARMING_TIMEOUT = 10.0
 """How long a device may take to arm [s], our choice: longer than any time-out of a driver."""
 
@@ -162,6 +165,10 @@ class AccelerometerNode(DeviceNode):
                 not self.is_active or bool(self._setup and not self._find_missing_subscribers())
             ),
             CONNECTION_TIMEOUT,
+        )
+        # The verdict on a hit may be faster than the word of its end from the source's thread.
+        await self.wait_until(
+            lambda: self._arming is None or not self._arming.is_read, ENDING_TIMEOUT
         )
         label = HitLabel(request.sample, self._record + 1, request.impact, request.attempt)
         arming = self._arming

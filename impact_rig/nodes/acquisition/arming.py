@@ -21,6 +21,8 @@ class Arming:
         It has ended, however (executor).
     is_released : bool
         The hammer has been let go (executor).
+    is_read : bool
+        Its record is complete, or nothing came in time, which is about to be told (source thread).
     latest_contact : float
         When the hit must have come, by the monotonic clock [s]; infinite: it waits for ever
         (executor).
@@ -30,6 +32,7 @@ class Arming:
     is_armed: bool = False
     is_over: bool = False
     is_released: bool = False
+    is_read: bool = False
     latest_contact: float = math.inf
 
     def release(self, longest_wait: float) -> None:

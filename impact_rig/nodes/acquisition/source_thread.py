@@ -134,11 +134,15 @@ class SourceThread:
         deadline = self._find_deadline()
         block = self._source.read(min(max(deadline - time.monotonic(), 0.0), LONGEST_READ))
         if block is not None:
+            if block.last and self._arming is not None:
+                # Before the verdict on it can lead to the next arming.
+                self._arming.is_read = True
             self._output.publish(block)
             if not self._is_continuous:
                 self._follow_record(block)
         arming = self._arming
         if arming is not None and time.monotonic() >= self._find_deadline():
+            arming.is_read = True
             self._finish(is_awaited=True)
             self._on_ended(arming, BROKEN_OFF if self._has_begun else NOTHING_CAME)
 
