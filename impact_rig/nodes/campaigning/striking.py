@@ -104,9 +104,14 @@ class Striker:
         struck in its place.
         """
         for record in self._unjudged & self._verdicts.keys():
-            self._unjudged.remove(record)
-            return self._verdicts[record]
+            return self._take_verdict(record)
         return None
+
+    def _take_verdict(self, record: int) -> Impact:
+        """Return the verdict on a record, and forget the record: long campaigns have many."""
+        self._unjudged.remove(record)
+        self._stored.discard(record)
+        return self._verdicts.pop(record)
 
     async def _strike(self, progress: CampaignProgress, label: HitLabel, losses: int) -> Impact:
         hit = {"sample": label.sample, "impact": label.impact, "attempt": label.attempt}
@@ -120,9 +125,6 @@ class Striker:
                 " started anew; start the campaign anew, too, so that no two hits have one number"
             )
         self._newest = record
-        # What is known of such a record is of another run.
-        self._verdicts.pop(record, None)
-        self._stored.discard(record)
         self._unjudged.add(record)
         released = await self._ask(
             progress,
@@ -133,8 +135,7 @@ class Striker:
         )
         self.recording = released.recording
         await self._await_verdict(progress, record, released.latest_contact, losses)
-        self._unjudged.remove(record)
-        return self._verdicts[record]
+        return self._take_verdict(record)
 
     async def _ask(
         self, progress: CampaignProgress, client: Any, request: Any, losses: int, failure: str
@@ -206,8 +207,9 @@ class Striker:
         return cause
 
     def _keep_verdict(self, message: Impact) -> None:
-        self._verdicts[message.record] = message
+        if message.record in self._unjudged:
+            self._verdicts[message.record] = message
 
     def _note_stored(self, message: RecordStored) -> None:
-        if message.complete:
+        if message.complete and message.record in self._unjudged:
             self._stored.add(message.record)
