@@ -20,4 +20,6 @@ What a bench cannot do is skipped, and the skip says so.
 
 import pytest
 
-pytest.register_assert_rewrite(f"{__name__}.source_contract", f"{__name__}.holder_contract")
+pytest.register_assert_rewrite(
+    *(f"{__name__}.{name}_contract" for name in ("driver", "source", "holder"))
+)

@@ -2,50 +2,44 @@
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
-from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
-from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.errors import DeviceError
 from impact_rig.devices.contract.benches import HolderBench
-from impact_rig.devices.contract.source_contract import CYCLES, LATE, PATIENCE, check_sentence
-from impact_rig.devices.drivers import COMMON_KEYS, HOLDERS
+from impact_rig.devices.contract.driver_contract import (
+    CYCLES,
+    LATE,
+    PATIENCE,
+    DriverContract,
+    check_sentence,
+)
+from impact_rig.devices.drivers import HOLDERS
 from impact_rig.devices.hammer_holder import HammerHolder, HolderState
 
 LONGEST_CALL = 0.5
 """What a call may take [s], by the protocol."""
 
 
-class HammerHolderContract:
+class HammerHolderContract(DriverContract):
     """Tests of one driver."""
+
+    group = HOLDERS
+    table = "holder"
 
     @pytest.fixture
     def bench(self) -> HolderBench:
         """Return what stands behind the driver: to be overridden."""
         raise NotImplementedError
 
-    def test_it_says_what_it_is_for_and_gives_an_example_that_it_takes(
+    def test_it_says_whether_an_operator_lets_go_and_how_long_he_may_take(
         self, bench: HolderBench
     ) -> None:
         driver = bench.get_driver()
-        assert driver.description
         assert driver.is_by_hand in {True, False}
-        table = parse_toml_table(driver.example).take_table("holder")
-        assert table["driver"]
-        holder = driver(table.without(*COMMON_KEYS[HOLDERS]))
+        holder: Any = bench.make_holder()
         assert not driver.is_by_hand or holder.patience > 0.0
-
-    def test_a_key_that_it_does_not_know_is_refused_by_name(self, bench: HolderBench) -> None:
-        with pytest.raises(ParameterError, match="colour"):
-            bench.get_driver()(TomlTable({"colour": "red"}, "[holder]"))
-
-    def test_a_search_finds_devices_or_says_what_is_missing(self, bench: HolderBench) -> None:
-        try:
-            devices = bench.get_driver().find_devices()
-        except (DeviceError, ModuleNotFoundError) as error:
-            check_sentence(error)
-        else:
-            assert all(device.address for device in devices)
 
     def test_it_holds_as_soon_as_it_is_configured(self, bench: HolderBench) -> None:
         holder = bench.make_holder()

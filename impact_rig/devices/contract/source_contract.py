@@ -5,8 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
-from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.signals.pulse_search import to_acceleration
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.devices.acceleration_source import (
@@ -15,16 +14,17 @@ from impact_rig.devices.acceleration_source import (
     AcquisitionPlan,
 )
 from impact_rig.devices.contract.benches import SourceBench
-from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
+from impact_rig.devices.contract.driver_contract import (
+    CYCLES,
+    LATE,
+    PATIENCE,
+    DriverContract,
+    check_sentence,
+)
+from impact_rig.devices.drivers import SOURCES
 
-PATIENCE = 20.0
-"""How long a device may take for what it should do at once, before a test fails [s]."""
 QUIET = 0.2
 """How long nothing may come where nothing should [s]."""
-LATE = 3.0
-"""How much later than its time-out a call may return on a busy computer [s]."""
-CYCLES = 20
-"""How often a device is unplugged and comes back."""
 TRIGGER_TOLERANCE = 0.05
 """How far from its place in the record the pulse may begin, part of the record [-]."""
 CLOCK_TOLERANCE = 60.0
@@ -35,34 +35,16 @@ STAMP_TOLERANCE = 0.1
 times, and their drivers take that of the arrival."""
 
 
-class AccelerationSourceContract:
+class AccelerationSourceContract(DriverContract):
     """Tests of one driver."""
+
+    group = SOURCES
+    table = "source"
 
     @pytest.fixture
     def bench(self) -> SourceBench:
         """Return what stands behind the driver: to be overridden."""
         raise NotImplementedError
-
-    def test_it_says_what_it_is_for_and_gives_an_example_that_it_takes(
-        self, bench: SourceBench
-    ) -> None:
-        driver = bench.get_driver()
-        assert driver.description
-        table = parse_toml_table(driver.example).take_table("source")
-        assert table["driver"]
-        driver(table.without(*COMMON_KEYS[SOURCES]))
-
-    def test_a_key_that_it_does_not_know_is_refused_by_name(self, bench: SourceBench) -> None:
-        with pytest.raises(ParameterError, match="colour"):
-            bench.get_driver()(TomlTable({"colour": "red"}, "[source]"))
-
-    def test_a_search_finds_devices_or_says_what_is_missing(self, bench: SourceBench) -> None:
-        try:
-            devices = bench.get_driver().find_devices()
-        except (DeviceError, ModuleNotFoundError) as error:
-            check_sentence(error)
-        else:
-            assert all(device.address for device in devices)
 
     def test_it_says_who_it_is_and_how_fast(self, bench: SourceBench) -> None:
         plan = bench.make_plan()
@@ -280,11 +262,3 @@ def center(values: FloatArray) -> FloatArray:
     """Return a trace without its offset, which no contract says anything of."""
     centered: FloatArray = values - np.median(values)
     return centered
-
-
-def check_sentence(error: BaseException) -> None:
-    """Require one sentence for people."""
-    text = str(error)
-    assert text
-    assert "\n" not in text
-    assert "Traceback" not in text
