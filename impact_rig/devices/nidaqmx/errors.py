@@ -123,8 +123,11 @@ def _shorten(error: Any) -> str:
 
 def _make_server_error(subject: str, error: Any) -> DeviceError:
     code = getattr(error.rpc_code, "name", str(error.rpc_code))
+    gone = "cannot be reached: is NI's gRPC device server running there?"
     reasons = {
-        "UNAVAILABLE": "cannot be reached: is NI's gRPC device server running there?",
+        "UNAVAILABLE": gone,
+        # Of a call that was under way when the server went.
+        "CANCELLED": gone,
         "DEADLINE_EXCEEDED": "does not answer in time",
         "UNIMPLEMENTED": "does not know this call: NI's gRPC device server must be newer",
         "RESOURCE_EXHAUSTED": "has sent or got too much at once",

@@ -18,7 +18,7 @@ from nidaqmx.errors import DaqError, DaqReadError, DaqWarning, RpcError
 from impact_rig.configuration.rig_file import parse_rig_file, read_template
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
-from impact_rig.devices.contract.source_contract import check_sentence
+from impact_rig.devices.contract.driver_contract import check_sentence
 from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
 from impact_rig.devices.nidaqmx import errors
 from impact_rig.devices.nidaqmx import source as source_module
@@ -367,3 +367,12 @@ def is_installed():
         return bool(System.local().driver_version)
     except Error:
         return False
+
+
+@pytest.mark.parametrize("code", [grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.CANCELLED])
+def test_a_server_that_goes_before_or_during_a_call_cannot_be_reached(code):
+    with (
+        pytest.raises(DeviceError, match="^NI device Dev1 cannot be reached: is NI's"),
+        report_errors("NI device Dev1"),
+    ):
+        raise RpcError(code, code.name)

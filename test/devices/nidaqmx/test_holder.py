@@ -7,7 +7,7 @@ from nidaqmx.stream_writers import DigitalSingleChannelWriter
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
 from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.devices.contract.source_contract import check_sentence
+from impact_rig.devices.contract.driver_contract import check_sentence
 from impact_rig.devices.drivers import COMMON_KEYS, HOLDERS
 from impact_rig.devices.hammer_holder import HolderState
 from impact_rig.devices.nidaqmx import holder as holder_module
