@@ -372,7 +372,7 @@ def is_installed():
 @pytest.mark.parametrize("code", [grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.CANCELLED])
 def test_a_server_that_goes_before_or_during_a_call_cannot_be_reached(code):
     with (
-        pytest.raises(DeviceError, match="^NI device Dev1 cannot be reached: is NI's"),
+        pytest.raises(DeviceError, match=r"^NI device Dev1 cannot be reached: is NI's"),
         report_errors("NI device Dev1"),
     ):
         raise RpcError(code, code.name)
