@@ -2,6 +2,7 @@
 
 import time
 import warnings
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +26,7 @@ NO_CHANNEL = ChannelBlock(np.empty(0), 1.0, 0.0, 0.0)
 """Of a sample that is not measured."""
 
 
-class Reading:
+class Reading(ABC):
     """Reads blocks of a task.
 
     Parameters
@@ -60,9 +61,9 @@ class Reading:
         self._begin = time.time_ns()
         self._task.start()
 
+    @abstractmethod
     def read(self, timeout: float) -> AcquiredBlock | None:
         """Return the next block; None if there is none in time [s]."""
-        raise NotImplementedError
 
     def stop(self) -> None:
         """Stop the task, and forget what was not read."""
