@@ -1,4 +1,8 @@
-"""What the estimator finds to messages."""
+"""What the estimator finds to messages.
+
+Each names the set-up that it was found under by the stamp of that, so that whoever comes late can
+tell an earlier campaign's from this one's.
+"""
 
 from array import array
 from collections.abc import Sequence
@@ -18,9 +22,10 @@ from impact_rig.results.flat_estimates import (
 )
 
 
-def hit_to_msg(judged: hit.JudgedHit) -> Impact:
+def hit_to_msg(judged: hit.JudgedHit, setup_stamp: Time) -> Impact:
     """Return a judged hit as a message, stamped with its record's first point's time."""
     message = Impact(
+        setup_stamp=setup_stamp,
         record=judged.label.record,
         sample=judged.label.sample,
         impact=judged.label.impact,
@@ -37,26 +42,32 @@ def hit_to_msg(judged: hit.JudgedHit) -> Impact:
 
 
 def hammer_to_msg(
-    hammer: paper_method.BodyEstimate, control_sample: str, stamp: Time
+    hammer: paper_method.BodyEstimate, control_sample: str, stamp: Time, setup_stamp: Time
 ) -> HammerEstimate:
     """Return the hammer's estimate as a message."""
     message: HammerEstimate = result_to_msg(hammer_results_from_body(hammer, control_sample))
-    message.header.stamp = stamp
+    message.header.stamp, message.setup_stamp = stamp, setup_stamp
     return message
 
 
-def estimate_to_msg(estimate: estimation.SampleEstimate, stamp: Time) -> SampleEstimate:
+def estimate_to_msg(
+    estimate: estimation.SampleEstimate, stamp: Time, setup_stamp: Time
+) -> SampleEstimate:
     """Return a sample's estimate as a message."""
     message: SampleEstimate = result_to_msg(sample_results_from_estimate(estimate))
-    message.header.stamp = stamp
+    message.header.stamp, message.setup_stamp = stamp, setup_stamp
     return message
 
 
 def comparison_to_msg(
-    estimate: estimation.SampleEstimate, compared: comparison.ModelComparison, stamp: Time
+    estimate: estimation.SampleEstimate,
+    compared: comparison.ModelComparison,
+    stamp: Time,
+    setup_stamp: Time,
 ) -> ModelComparison:
     """Return the traces of a model comparison as a message."""
     message = ModelComparison(
+        setup_stamp=setup_stamp,
         sample=estimate.name,
         model=compared.variant.value,
         impacts_accepted=estimate.impacts_accepted,
@@ -79,10 +90,10 @@ def comparison_to_msg(
 
 
 def estimate_to_msgs(
-    estimates: Sequence[estimation.SampleEstimate], stamp: Time
+    estimates: Sequence[estimation.SampleEstimate], stamp: Time, setup_stamp: Time
 ) -> list[SampleEstimate]:
     """Return several samples' estimates as messages."""
-    return [estimate_to_msg(estimate, stamp) for estimate in estimates]
+    return [estimate_to_msg(estimate, stamp, setup_stamp) for estimate in estimates]
 
 
 def _floats(values: FloatArray) -> "array[float]":

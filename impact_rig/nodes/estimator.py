@@ -161,10 +161,10 @@ class EstimatorNode(RigNode):
     def _begin(self, message: RigSetup) -> None:
         setup = setup_from_msg(message)
         self._session = Session(setup)
+        self._setup_stamp = message.header.stamp
         self._unchecked.clear()
         self._outdated.clear()
         self._cutting.use_settings(setup.analysis)
-        self._setup_stamp = message.header.stamp
         while self._early:
             self._evaluate(self._session, self._early.popleft())
 
@@ -179,7 +179,7 @@ class EstimatorNode(RigNode):
             # Made before the verdict is out, which wakes everybody else.
             numbers = session.estimate_numbers(struck) if hit.accepted else None
         finally:
-            self._impact.publish(estimate_messages.hit_to_msg(hit))
+            self._impact.publish(estimate_messages.hit_to_msg(hit, self._setup_stamp))
             self._counts["impacts accepted" if hit.accepted else "impacts rejected"] += 1
         if numbers is None:
             return
@@ -187,7 +187,9 @@ class EstimatorNode(RigNode):
         self._publish_estimate(numbers, stamp)
         if struck == control:
             hammer = session.estimate_hammer()
-            self._hammer_estimate.publish(estimate_messages.hammer_to_msg(hammer, control, stamp))
+            self._hammer_estimate.publish(
+                estimate_messages.hammer_to_msg(hammer, control, stamp, self._setup_stamp)
+            )
         # What stands beside the numbers takes most of the time: it follows when nothing hurries.
         self._unchecked[struck] = None
         self._checking.reset()
@@ -237,14 +239,15 @@ class EstimatorNode(RigNode):
     def _publish_estimate(self, estimate: SampleEstimate, stamp: Time) -> None:
         if estimate.contact is None:
             return
-        self._estimate.publish(estimate_messages.estimate_to_msg(estimate, stamp))
+        setup_stamp = self._setup_stamp
+        self._estimate.publish(estimate_messages.estimate_to_msg(estimate, stamp, setup_stamp))
         for comparison in estimate.comparisons:
             self._comparison.publish(
-                estimate_messages.comparison_to_msg(estimate, comparison, stamp)
+                estimate_messages.comparison_to_msg(estimate, comparison, stamp, setup_stamp)
             )
 
     def _answer(self, _: GetResults.Request, response: GetResults.Response) -> GetResults.Response:
-        response.setup_stamp = self._setup_stamp
+        response.setup_stamp = setup_stamp = self._setup_stamp
         if self._session is None:
             return response
         results = self._session.estimate_all()
@@ -252,14 +255,18 @@ class EstimatorNode(RigNode):
         self._outdated.clear()
         stamp = self.get_clock().now().to_msg()
         response.hammer = estimate_messages.hammer_to_msg(
-            results.hammer, results.setup.samples.control_sample, stamp
+            results.hammer, results.setup.samples.control_sample, stamp, setup_stamp
         )
-        response.samples = estimate_messages.estimate_to_msgs(results.samples, stamp)
+        response.samples = estimate_messages.estimate_to_msgs(results.samples, stamp, setup_stamp)
         for estimate in response.samples:
             # Now with the model fitted: recorder and view want to know.
             self._estimate.publish(estimate)
-        response.accepted = [estimate_messages.hit_to_msg(hit) for hit in results.accepted]
-        response.rejected = [estimate_messages.hit_to_msg(hit) for hit in results.rejected]
+        response.accepted = [
+            estimate_messages.hit_to_msg(hit, setup_stamp) for hit in results.accepted
+        ]
+        response.rejected = [
+            estimate_messages.hit_to_msg(hit, setup_stamp) for hit in results.rejected
+        ]
         return response
 
 

@@ -70,6 +70,32 @@ def test_estimates_equal_the_core_bit_for_bit(harness):
         assert item.mse_sample_percent == expected[item.sample].mse_sample_percent
 
 
+def test_all_that_is_found_names_the_set_up_it_was_found_under(harness):
+    harness.add(EstimatorNode)
+    topics = (
+        interfaces.IMPACT, interfaces.ESTIMATE, interfaces.HAMMER_ESTIMATE, interfaces.COMPARISON
+    )  # fmt: skip
+    told = [harness.listen(topic) for topic in topics]
+    setups = harness.advertise(interfaces.SETUP)
+    publisher = harness.advertise(interfaces.ACCELERATION)
+    for number in (1, 2):
+        setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(number))
+        setups.publish(setup)
+        harness.wait_until(
+            lambda setup=setup: (
+                harness.call(GetResults, interfaces.GET_RESULTS).setup_stamp == setup.header.stamp
+            )
+        )
+        feed(harness, publisher, make_blocks(CONTROL_SAMPLE, 1, first_record=number))
+        for collector in told:
+            collector.wait(
+                lambda got, stamp=setup.header.stamp: got[-1:] and got[-1].setup_stamp == stamp
+            )
+        results = harness.call(GetResults, interfaces.GET_RESULTS)
+        for found in (results.hammer, *results.samples, *results.accepted):
+            assert found.setup_stamp == setup.header.stamp
+
+
 def test_a_sample_gets_its_stiffness_as_soon_as_the_control_sample_is_measured(harness):
     harness.add(EstimatorNode)
     estimates = harness.listen(interfaces.ESTIMATE)

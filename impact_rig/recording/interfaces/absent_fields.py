@@ -10,6 +10,8 @@ from typing import Any
 
 from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY
 
+_NO_TIME: Mapping[str, int] = {"sec": 0, "nanosec": 0}
+
 ABSENT_FIELDS: Mapping[str, Mapping[str, Any]] = {
     "impact_rig_msgs/msg/Channel": {
         "values": (),  # they hold counts only
@@ -35,13 +37,21 @@ ABSENT_FIELDS: Mapping[str, Mapping[str, Any]] = {
         "clock_uncertainty": DEFAULT_CLOCK_UNCERTAINTY,
         "sensors": (),
     },
+    "impact_rig_msgs/msg/Impact": {
+        "setup_stamp": _NO_TIME,  # not told
+    },
+    "impact_rig_msgs/msg/HammerEstimate": {
+        "setup_stamp": _NO_TIME,
+    },
     "impact_rig_msgs/msg/SampleEstimate": {
+        "setup_stamp": _NO_TIME,
         "first_peak": math.nan,  # not told
         "first_peak_time": math.nan,
         "second_peak": math.nan,
         "second_peak_time": math.nan,
     },
     "impact_rig_msgs/msg/ModelComparison": {
+        "setup_stamp": _NO_TIME,
         "hammer_peak": math.nan,
         "specimen_peak": math.nan,
     },
@@ -50,7 +60,7 @@ ABSENT_FIELDS: Mapping[str, Mapping[str, Any]] = {
         "keep_hits": 0,
     },
 }
-"""Values by type and field, in the types of the messages."""
+"""Values by type and field, in the types of the messages; a message is a mapping of its fields."""
 
 
 def read_field(message: Any, type_name: str, field: str) -> Any:

@@ -147,9 +147,15 @@ class InterfaceConverter:
             if hasattr(message, field):
                 values[field] = self._fill_value(kind, getattr(message, field))
             else:
-                value = ABSENT_FIELDS[type_name][field]
-                values[field] = np.asarray(value) if isinstance(value, tuple) else value
+                values[field] = self._make_value(kind, ABSENT_FIELDS[type_name][field])
         return self._store.types[type_name](**values)
+
+    def _make_value(self, kind: Any, value: Any) -> Any:
+        """Return what stands for an absent field as the store serialises it."""
+        node, detail = kind
+        if node == Nodetype.NAME:
+            return self._store.types[detail](**value)
+        return np.asarray(value) if isinstance(value, tuple) else value
 
     def _fill_value(self, kind: Any, value: Any) -> Any:
         node, detail = kind

@@ -18,6 +18,7 @@ from impact_rig.results.sample_traces import sample_traces_from_estimate
 
 NAMES = ("steel small", CONTROL_SAMPLE)
 STAMP = messages.stamp_to_msg(10**18)
+SETUP_STAMP = messages.stamp_to_msg(10**18 - 7)
 
 
 class Told:
@@ -32,7 +33,8 @@ class Told:
             self.truths.append(messages.virtual_hit_to_msg(hit, STAMP))
             self.faults[record] = tuple(fault.value for fault in hit.faults)
             for block in hit.split(5000, 0):
-                self.verdicts += map(estimate_messages.hit_to_msg, self.session.feed(block))
+                for judged in self.session.feed(block):
+                    self.verdicts.append(estimate_messages.hit_to_msg(judged, SETUP_STAMP))
         self.found = self.session.estimate_all_without_models()
 
     def tell(self, campaign, *, with_peaks=True):
@@ -41,16 +43,16 @@ class Told:
         for message in self.verdicts:
             campaign.add_hit(message)
         campaign.add_hammer(
-            estimate_messages.hammer_to_msg(self.found.hammer, CONTROL_SAMPLE, STAMP)
+            estimate_messages.hammer_to_msg(self.found.hammer, CONTROL_SAMPLE, STAMP, SETUP_STAMP)
         )
         for estimate in self.found.samples:
             self.tell_comparisons(campaign, estimate, with_peaks=with_peaks)
-            campaign.add_estimate(estimate_messages.estimate_to_msg(estimate, STAMP))
+            campaign.add_estimate(estimate_messages.estimate_to_msg(estimate, STAMP, SETUP_STAMP))
 
     @staticmethod
     def tell_comparisons(campaign, estimate, *, with_peaks):
         for comparison in estimate.comparisons:
-            message = estimate_messages.comparison_to_msg(estimate, comparison, STAMP)
+            message = estimate_messages.comparison_to_msg(estimate, comparison, STAMP, SETUP_STAMP)
             if not with_peaks:
                 message.hammer_peak = message.specimen_peak = math.nan
             campaign.add_comparison(message)

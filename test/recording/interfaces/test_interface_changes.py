@@ -71,6 +71,19 @@ def test_an_old_block_keeps_every_count(install):
     np.testing.assert_array_equal(block.specimen.output, -np.arange(100) - 7)
 
 
+@pytest.mark.parametrize("name", ["Impact", "SampleEstimate", "HammerEstimate", "ModelComparison"])
+def test_what_an_old_recording_found_names_no_set_up(install, name):
+    kind = f"impact_rig_msgs/msg/{name}"
+    today = find_message_definition(kind).text
+    install("impact_rig_msgs", name, drop_fields(today.split("=" * 80)[0], "setup_stamp"))
+    old = find_message_definition(kind).text
+    data = CdrEncoder().encode(kind, {"sample": "steel small"})
+    converter = InterfaceConverter(make_channel(kind, old), today)
+    assert [change.field for change in converter.filled] == ["setup_stamp"]
+    found = SchemaDecoder().decode(make_channel(kind, today), converter.convert(data))
+    assert (found.setup_stamp.sec, found.setup_stamp.nanosec) == (0, 0)
+
+
 def test_fields_in_another_order_are_put_in_order():
     old = "string name\nfloat64[] values\n"
     channel = make_channel("a_msgs/msg/A", old)
