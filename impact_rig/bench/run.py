@@ -2,15 +2,20 @@
 
 import importlib
 import tempfile
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from impact_rig.bench.figures import Figure
+from impact_rig.bench.figures import Figure, at_most
 from impact_rig.bench.machine import Machine, describe_machine
 from impact_rig.bench.part import Bench, Extent, Part
+from impact_rig.bench.part_names import PARTS
 from impact_rig.bench.recordings import Campaigns
 from impact_rig.core.errors import RigError
+
+LONGEST_BENCH = 300.0
+"""Of all parts together, at the extent of `Extent()` [s], as asked for."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +28,10 @@ class PartResults:
         Of the part.
     figures : tuple of Figure
         What it measured.
+    seconds : float
+        That it took, a campaign that it had to run first included [s].
+    announced : float
+        That it was expected to take [s].
     error : str
         Why it could not; empty: it could.
     """
@@ -30,6 +39,8 @@ class PartResults:
     name: str
     title: str
     figures: tuple[Figure, ...]
+    seconds: float
+    announced: float
     error: str = ""
 
 
@@ -47,10 +58,24 @@ class BenchResults:
         return tuple(f"{part.name}: {part.error}" for part in self.parts if part.error)
 
     @property
+    def whole(self) -> Figure | None:
+        """How long all parts took together; None: not all of them were measured."""
+        if {part.name for part in self.parts} != set(PARTS) or self.errors:
+            return None
+        is_limited = replace(self.extent, seed=Extent.seed) == Extent()
+        return Figure(
+            "the whole bench",
+            (sum(part.seconds for part in self.parts),),
+            "s",
+            at_most(LONGEST_BENCH) if is_limited else None,
+        )
+
+    @property
     def missed(self) -> tuple[Figure, ...]:
         """Figures that do not meet their goal."""
+        figures = [figure for part in self.parts for figure in part.figures]
         return tuple(
-            figure for part in self.parts for figure in part.figures if figure.is_reached is False
+            figure for figure in (*figures, self.whole) if figure and figure.is_reached is False
         )
 
 
@@ -89,12 +114,15 @@ def _run_part(
     def tell(done: int, total: int) -> None:
         report(part, done, total)
 
+    figures: tuple[Figure, ...] = ()
+    reason = ""
+    started = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix=f"impact_rig_{name}_") as folder:
         try:
             figures = part.measure(Bench(Path(folder), extent, campaigns, tell))
-            return PartResults(name, part.title, figures)
         except RigError as error:
-            return PartResults(name, part.title, (), str(error))
+            reason = str(error)
         except ModuleNotFoundError as error:
             reason = f"Python finds no module {error.name!r}: see `impact-rig doctor`"
-            return PartResults(name, part.title, (), reason)
+    taken = time.perf_counter() - started
+    return PartResults(name, part.title, figures, taken, part.seconds, reason)

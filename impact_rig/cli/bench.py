@@ -5,6 +5,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -44,6 +45,7 @@ EXIT_SIGNALLED = 128
       impact-rig bench model hit
       impact-rig bench memory --hits 100000
       impact-rig bench --json > bench.json
+      impact-rig bench --against bench.json
 
     \b
     Exit code: 0 if all goals are reached, 1 if one is missed, 2 if something could not be
@@ -80,11 +82,18 @@ EXIT_SIGNALLED = 128
 @click.option(
     "--seed", type=click.IntRange(0), metavar="N", help="Of what is drawn at random. [1]"
 )
+@click.option(
+    "--against",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Compare with what --json has printed before.",
+)
 @options.json_option
 def command(
     parts: tuple[str, ...],
     only_list: bool,
     full: bool,
+    against: Path | None,
     as_json: bool,
     **numbers: Any,
 ) -> None:
@@ -93,11 +102,13 @@ def command(
     Each figure stands beside its peer or its limit, measured in the same run: median and spread
     of several measurements, what is asked, and whether it is reached.
     """
+    from impact_rig.bench.machine import describe_machine
     from impact_rig.bench.part import FULL, Extent
+    from impact_rig.bench.results_file import read_bench, results_to_json
     from impact_rig.bench.run import load_part, run_parts
-    from impact_rig.cli.bench_view import BenchProgress, print_bench, results_to_json
+    from impact_rig.cli.bench_view import BenchProgress, print_bench
     from impact_rig.core.errors import RigError
-    from impact_rig.reporting.terminal.console import make_console
+    from impact_rig.reporting.terminal.console import make_console, print_warning
     from impact_rig.results.results_file import format_json
 
     names = list(dict.fromkeys(parts or PARTS))
@@ -108,12 +119,15 @@ def command(
         return
     given = {name: value for name, value in numbers.items() if value is not None}
     extent = replace(FULL if full else Extent(), **given)
+    earlier = read_bench(against) if against else None
+    if earlier and (difference := earlier.find_difference(describe_machine())):
+        print_warning(difference)
     with _end_when_told(), BenchProgress(make_console(stderr=True)) as progress:
         results = run_parts(names, extent, progress.report)
     if as_json:
-        click.echo(format_json(results_to_json(results)), nl=False)
+        click.echo(format_json(results_to_json(results, earlier)), nl=False)
     else:
-        print_bench(make_console(), results)
+        print_bench(make_console(), results, earlier)
     for error in results.errors[:-1]:
         click.echo(f"error: {error}", err=True)
     if results.errors:

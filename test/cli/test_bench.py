@@ -6,6 +6,7 @@ import pkgutil
 import signal
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -118,6 +119,90 @@ def test_the_json_has_every_measurement(run: Run, measure: Callable[..., None]) 
     (figure,) = part["figures"]
     assert figure["values"] == [1.5, 1.6, 1.7]
     assert (figure["median"], figure["goal"], figure["reached"]) == (1.6, "at most 2", True)
+
+
+def test_the_time_of_each_part_stands_beside_the_announced_one(
+    run: Run, measure: Callable[..., None]
+) -> None:
+    measure(read=GOOD)
+    outcome = run("bench", "read", "--json")
+    ((part,),) = (json.loads(outcome.stdout)["parts"],)
+    assert 0.0 <= part["seconds"] < 1.0
+    assert part["announced_seconds"] == 1.0
+    text = run("bench", "read").stdout
+    assert "read  0.0 s  about 1.0 s" in text
+    assert "the whole bench" not in text
+
+
+def test_all_parts_have_a_limit_together(
+    run: Run, measure: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measure(**dict.fromkeys(PARTS, GOOD))
+    outcome = run("bench")
+    assert outcome.exit_code == 0
+    row = next(line for line in outcome.stdout.splitlines() if line.startswith("the whole bench"))
+    assert row.split()[-6:] == ["s", "at", "most", "300", "s", "reached"]
+    monkeypatch.setattr(bench_run, "LONGEST_BENCH", 0.0)
+    outcome = run("bench", "--json")
+    assert outcome.exit_code == 1
+    assert json.loads(outcome.stdout)["whole"]["reached"] is False
+
+
+def test_an_earlier_bench_is_compared_with(
+    run: Run, measure: Callable[..., None], tmp_path: Path
+) -> None:
+    earlier = tmp_path / "bench.json"
+    measure(read=GOOD, write=FREE)
+    earlier.write_text(run("bench", "read", "write", "--json").stdout)
+    measure(read=replace(GOOD, values=(1.9, 1.92, 1.94)), kill=BAD)
+    outcome = run("bench", "read", "kill", "--against", str(earlier))
+    assert outcome.exit_code == 1
+    row = next(line for line in outcome.stdout.splitlines() if line.startswith("ratio "))
+    assert row.split()[-4:] == ["reached", "+20.0", "%", "*"]
+    row = next(line for line in outcome.stdout.splitlines() if line.startswith("lost "))
+    assert row.split()[-1] == "MISSED"
+    outcome = run("bench", "read", "--against", str(earlier), "--json")
+    ((part,),) = (json.loads(outcome.stdout)["parts"],)
+    assert part["figures"][0]["change"] == {
+        "percent": pytest.approx(20.0),
+        "is_beyond_spread": True,
+    }
+    assert "warning" not in outcome.stderr
+
+
+def test_a_bench_of_another_machine_is_compared_with_a_warning(
+    run: Run, measure: Callable[..., None], tmp_path: Path
+) -> None:
+    measure(read=GOOD)
+    content = json.loads(run("bench", "read", "--json").stdout)
+    content["machine"]["processor"] = "Z80"
+    earlier = tmp_path / "bench.json"
+    earlier.write_text(json.dumps(content))
+    outcome = run("bench", "read", "--against", str(earlier))
+    assert outcome.exit_code == 0
+    assert f"warning: {earlier} was measured on another machine, Z80 with" in outcome.stderr
+    assert "+0.0 %" in outcome.stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "cannot be read (No such file or directory)"),
+        ("median", "is not JSON"),
+        ("[]", "is no result of a bench; `impact-rig bench --json > bench.json` writes one"),
+        ('{"parts": [{"name": "read"}], "machine": {}}', "is no result of a bench"),
+    ],
+)
+def test_what_is_no_bench_is_refused_before_anything_is_measured(
+    run: Run, measure: Callable[..., None], tmp_path: Path, text: str | None, words: str
+) -> None:
+    measure()  # A part that were run would fail.
+    earlier = tmp_path / "bench.json"
+    if text is not None:
+        earlier.write_text(text)
+    outcome = run("bench", "read", "--against", str(earlier))
+    assert outcome.exit_code == 2
+    assert f"error: bench {earlier}: {words}" in outcome.stderr
 
 
 def test_sigterm_ends_it_as_ctrl_c_does(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
