@@ -45,6 +45,7 @@ class Armings:
 
     def __init__(self) -> None:
         self._armings: deque[Arming] = deque()
+        self._answered = NOT_ARMED
 
     @property
     def current(self) -> Arming | None:
@@ -58,11 +59,17 @@ class Armings:
         if current is None or current.label != block.label:
             if current is not None:
                 current.stop = start
-            current = Arming(block.label, start)
+            # An end alone is that of an arming before: its hit may have been found.
+            is_end = not block.hammer.output.size
+            current = Arming(block.label, start, has_hit=is_end and block.label == self._answered)
             self._armings.append(current)
         if block.last:
             current.stop = start + block.hammer.output.size
             current.is_complete = True
+
+    def answer(self, arming: Arming) -> None:
+        """Note that the hit of an arming was found."""
+        arming.has_hit, self._answered = True, arming.label
 
     def rewind(self, point: int) -> None:
         """Let what is known reach back to where points are repeated, or counted anew."""

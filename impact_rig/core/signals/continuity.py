@@ -67,9 +67,11 @@ class Continuity:
 
 def _is_alike(block: Block, other: Block) -> bool:
     """Whether two blocks may be joined: equal rate, channels and calibration."""
+    # A block without points does not show whether the sample is measured.
+    shows_channels = block.hammer.output.size > 0 and other.hammer.output.size > 0
     return (
         block.sampling_rate == other.sampling_rate
-        and block.has_specimen == other.has_specimen
+        and (block.has_specimen == other.has_specimen or not shows_channels)
         and block.hammer.has_calibration_of(other.hammer)
         and block.specimen.has_calibration_of(other.specimen)
     )

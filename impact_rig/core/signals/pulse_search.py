@@ -102,6 +102,25 @@ def find_median(values: NDArray[Any]) -> float:
     return largest if math.isnan(largest) else (float(ordered[low]) + float(ordered[high])) / 2
 
 
+def find_quietest(output: RawArray, count: int) -> RawArray:
+    """Return that part of `count` points in which least happens; all, if there are no more.
+
+    Parameters
+    ----------
+    output : ndarray, shape (n,)
+        Cut into parts from its beginning on; what is left over at its end is left out.
+    count : int
+        Points of a part.
+    """
+    parts = output.size // count
+    if not parts:
+        return output
+    split = output[: parts * count].reshape(parts, count)
+    # Where numbers are none, much happens.
+    quietest: RawArray = split[int(np.nan_to_num(np.ptp(split, axis=1), nan=np.inf).argmin())]
+    return quietest
+
+
 def find_relative_level(deviation: FloatArray) -> float:
     """Return what a pulse must reach where full scale is unknown [unit of the deviation].
 

@@ -128,7 +128,7 @@ class Block:
     triggered : bool
         False: the arming ended without a trigger and the block is empty.
     last : bool
-        This block ends the record; in a running stream, the arming.
+        This block ends the record; in a running stream, the arming, or of no arming the stream.
     stamp : int
         Time of the first point, nanoseconds since the epoch; carried along, never computed with.
     """
@@ -156,6 +156,11 @@ class Block:
     def has_specimen(self) -> bool:
         """Whether the sample's acceleration was measured."""
         return self.specimen.output.size == self.hammer.output.size
+
+    @property
+    def ends_stream(self) -> bool:
+        """Whether nothing more comes of a running stream: its last block, of no arming."""
+        return self.last and self.label.record == NOT_ARMED.record
 
 
 @dataclass(frozen=True)

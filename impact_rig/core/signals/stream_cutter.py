@@ -1,17 +1,18 @@
-"""Impacts found in a running stream, and cut out of it as a trigger would have done.
+"""Impacts found in a running stream, and cut out of it as a trigger would have done."""
 
-Gaps are kept: a cut has them where the stream has, and nothing is put in their place.
-"""
-
-from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from impact_rig.core.errors import SignalError
 from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.armings import Arming, Armings
+from impact_rig.core.signals.armings import Armings
 from impact_rig.core.signals.continuity import Continuity, Gap
-from impact_rig.core.signals.pulse_search import PulseSearch, count_window_points
-from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.core.signals.kept_stream import KeptStream, Window
+from impact_rig.core.signals.pulse_search import (
+    PulseSearch,
+    count_window_points,
+    find_quietest,
+)
+from impact_rig.core.signals.record import Block
 from impact_rig.core.signals.stretch import Stretch
 
 QUIET_LEAD = 2
@@ -45,16 +46,6 @@ class StreamFlow:
     other_impacts: int = 0
 
 
-@dataclass(frozen=True)
-class _Window:
-    """What is to be cut out: points `first` up to `last`, for the sake of the one at `pulse`."""
-
-    label: HitLabel
-    first: int
-    pulse: int
-    last: int
-
-
 class StreamCutter:
     """Cuts the hit of each arming out of the running stream of one accelerometer pair.
 
@@ -62,8 +53,11 @@ class StreamCutter:
     come: one block, or one for each piece that a gap leaves. They count from the beginning of the
     window, carry the label of the arming, and the final one is the last of its record. An arming
     that ends without an impact gives one block without a trigger; if points of it were lost, it
-    gives what came before the gap, and the gap. How the stream is split into blocks changes
-    nothing.
+    gives what came before the gap, and the gap. A hit that the end of the stream cuts off is
+    handed out with what there is of it. How the stream is split into blocks changes nothing.
+
+    A stream may begin within a hit: its first baseline is that of the quietest part of its first
+    record duration, and all of it is searched.
 
     Parameters
     ----------
@@ -83,9 +77,9 @@ class StreamCutter:
         self._search = PulseSearch(settings)
         self._baseline: float | None = None
         self._next_baseline = 0
-        self._stretches: deque[Stretch] = deque()
+        self._kept = KeptStream()
         self._armings = Armings()
-        self._window: _Window | None = None
+        self._window: Window | None = None
 
     def feed(self, block: Block) -> tuple[Block, ...]:
         """Take the next block of the stream, and return the blocks of the hit that it completes.
@@ -105,44 +99,62 @@ class StreamCutter:
         self.flow.blocks += 1
         self.flow.points += count
         gap = self._continuity.follow(block)
+        cuts: list[Block] = []
+        stretch = self._kept.newest
         if gap is not None:
             self._count(gap)
-        if gap is not None or not self._stretches:
-            self._begin_stretch(block, gap)
-        stretch = self._stretches[-1]
+            cuts += self._finish(stretch)
+        if gap is not None or stretch is None:
+            stretch = self._begin_stretch(block, gap)
         if count:
             stretch.append(block)
         if gap is not None:
             self._note_loss(block, gap)
         self._armings.follow(block)
-        cuts: list[Block] = []
         if gap is not None and gap.is_backward:
             # Nothing more will come of what was before.
             cuts += self._cut()
-            self._stretches = deque([stretch])
-        while window := self._find_window(stretch):
-            cuts += self._end_armings(window.pulse)
-            if stretch.stop < window.last:
-                break
-            cuts += self._cut()
-        else:
-            cuts += self._end_armings(stretch.searched)
+            self._kept.keep_newest()
+        cuts += self._search_on(stretch, is_over=block.ends_stream)
+        if block.ends_stream and self._window is not None:
+            window, self._window = self._window, None
+            cuts += self._kept.read_cut_off(window)
         self._forget(stretch)
         return tuple(cuts)
+
+    def _search_on(self, stretch: Stretch, *, is_over: bool) -> list[Block]:
+        """Hand out the hits whose windows have come, and what has ended without one."""
+        cuts: list[Block] = []
+        while window := self._find_window(stretch, is_over=is_over):
+            cuts += self._end_armings(window.pulse)
+            if stretch.stop < window.last:
+                return cuts
+            cuts += self._cut()
+        return [*cuts, *self._end_armings(stretch.searched)]
+
+    def _finish(self, stretch: Stretch | None) -> list[Block]:
+        """Search what a gap has cut off; of less than an opening no baseline is kept."""
+        if stretch is None:
+            return []
+        is_opening = self._baseline is None
+        cuts = self._search_on(stretch, is_over=True)
+        if is_opening:
+            self._baseline = None
+        return cuts
 
     def _count(self, gap: Gap) -> None:
         self.flow.gaps += 1
         if not gap.is_backward:
             self.flow.missing_points += gap.high - gap.low
 
-    def _begin_stretch(self, block: Block, gap: Gap | None) -> None:
+    def _begin_stretch(self, block: Block, gap: Gap | None) -> Stretch:
         """Go on behind a gap; its baseline still holds, unless another stream has begun."""
-        start = block.first_sample
+        before, start = self._kept.newest, block.first_sample
         is_same = gap is not None and not gap.is_backward and gap.high > gap.low
         if not is_same:
             self._baseline = None
-        searched = self._stretches[-1].searched if self._stretches and is_same else start
-        self._stretches.append(Stretch(block, search_from=searched))
+        searched = before.searched if before is not None and is_same else start
+        return self._kept.begin(block, search_from=searched)
 
     def _note_loss(self, block: Block, gap: Gap) -> None:
         """Keep what leads to a gap, in case that the hit of the arming lies in it."""
@@ -152,16 +164,16 @@ class StreamCutter:
         if arming is None or arming.lost or not arming.wants_hit:
             return
         before, _ = count_window_points(self._settings, block.sampling_rate)
-        interrupted = self._stretches[-2]
+        interrupted = self._kept.interrupted
         first = max(interrupted.stop - before, interrupted.start)
         # One point more than there is: the window ends behind the gap.
-        window = _Window(arming.label, first, interrupted.stop, interrupted.stop + 1)
-        arming.lost = self._read_window(window)
+        window = Window(arming.label, first, interrupted.stop, interrupted.stop + 1)
+        arming.lost = self._kept.read(window)
 
-    def _find_window(self, stretch: Stretch) -> _Window | None:
+    def _find_window(self, stretch: Stretch, *, is_over: bool) -> Window | None:
         """Search on until an impact is found that is to be cut out; return its window."""
         while self._window is None:
-            pulse = self._find_pulse(stretch)
+            pulse = self._find_pulse(stretch, is_over=is_over)
             if pulse is None:
                 return None
             before, length = count_window_points(self._settings, stretch.block.sampling_rate)
@@ -171,22 +183,25 @@ class StreamCutter:
             if not arming.wants_hit:
                 self.flow.other_impacts += 1
                 continue
-            arming.has_hit = True
-            self._window = _Window(arming.label, pulse - QUIET_LEAD * before, pulse, last)
+            self._armings.answer(arming)
+            self._window = Window(arming.label, pulse - QUIET_LEAD * before, pulse, last)
         return self._window
 
-    def _find_pulse(self, stretch: Stretch) -> int | None:
+    def _find_pulse(self, stretch: Stretch, *, is_over: bool) -> int | None:
         """Return the next pulse; the baseline is read at points that no block border moves."""
         before, length = count_window_points(self._settings, stretch.block.sampling_rate)
         if self._baseline is None:
-            if stretch.stop - stretch.start < before:
+            count = stretch.stop - stretch.start
+            if count < length and not (is_over and count):
                 return None
-            self._baseline = self._learn(stretch, stretch.start, before)
+            opening = stretch.read(stretch.start, stretch.start + length)[0]
+            self._baseline = self._search.learn(find_quietest(opening, before))
             self._next_baseline = stretch.start + BASELINE_RECORDS * length
         while stretch.searched < stretch.stop:
             if stretch.searched >= self._next_baseline:
                 if stretch.searched - before >= stretch.start:
-                    self._baseline = self._learn(stretch, stretch.searched - before, before)
+                    quiet = stretch.read(stretch.searched - before, stretch.searched)[0]
+                    self._baseline = self._search.learn(quiet)
                 self._next_baseline = stretch.searched + BASELINE_RECORDS * length
             end = min(stretch.stop, self._next_baseline)
             pulse = self._search.find(stretch, self._baseline, end)
@@ -195,43 +210,10 @@ class StreamCutter:
             stretch.searched = end
         return None
 
-    def _learn(self, stretch: Stretch, first: int, count: int) -> float:
-        return self._search.learn(stretch.read(first, first + count)[0])
-
     def _cut(self) -> tuple[Block, ...]:
         """Hand out the window."""
         window, self._window = self._window, None
-        return () if window is None else self._read_window(window)
-
-    def _read_window(self, window: _Window) -> tuple[Block, ...]:
-        """Return a block for each stretch that has a part in the window, or ends it by a gap."""
-        blocks: list[Block] = []
-        for stretch in self._stretches:
-            block = stretch.block
-            first = max(stretch.start, window.first)
-            last = min(stretch.stop, window.last)
-            if first < last:
-                hammer, specimen = stretch.read(first, last)
-                overloads = stretch.find_overloads(first, last)
-            elif blocks:
-                # Nothing of the window, but it says where the stream goes on: the gap shows.
-                hammer, specimen = block.hammer.output[:0], block.specimen.output[:0]
-                overloads = (False, False)
-            else:
-                continue
-            blocks.append(
-                Block(
-                    label=window.label,
-                    first_sample=first - window.first,
-                    sampling_rate=block.sampling_rate,
-                    hammer=replace(block.hammer, output=hammer, overloaded=overloads[0]),
-                    specimen=replace(block.specimen, output=specimen, overloaded=overloads[1]),
-                    stamp=stretch.find_time(first),
-                )
-            )
-            if stretch.stop >= window.last:
-                break
-        return (*blocks[:-1], replace(blocks[-1], last=True)) if blocks else ()
+        return () if window is None else self._kept.read(window)
 
     def _end_armings(self, searched: int) -> tuple[Block, ...]:
         """Hand out what there is of armings that have ended without a hit."""
@@ -242,22 +224,8 @@ class StreamCutter:
             if arming.lost:
                 cuts += arming.lost
             elif arming.is_complete:
-                cuts += (self._make_empty(arming),)
+                cuts += (self._kept.make_empty(arming.label, arming.stop or arming.start),)
         return cuts
-
-    def _make_empty(self, arming: Arming) -> Block:
-        """Return the block of an arming without a trigger."""
-        block = self._stretches[-1].block
-        return replace(
-            block,
-            label=arming.label,
-            first_sample=0,
-            hammer=replace(block.hammer, output=block.hammer.output[:0]),
-            specimen=replace(block.specimen, output=block.specimen.output[:0]),
-            triggered=False,
-            last=True,
-            stamp=self._stretches[-1].find_time(arming.stop or arming.start),
-        )
 
     def _forget(self, stretch: Stretch) -> None:
         """Keep what the next hit may still need."""
@@ -265,6 +233,4 @@ class StreamCutter:
         needed = min(stretch.searched, stretch.stop) - QUIET_LEAD * before
         if self._window is not None:
             needed = self._window.first
-        while len(self._stretches) > 1 and self._stretches[0].stop <= needed:
-            self._stretches.popleft()
-        stretch.forget(needed)
+        self._kept.forget(needed)

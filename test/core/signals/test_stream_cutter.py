@@ -344,7 +344,7 @@ def test_only_what_a_hit_may_still_need_is_kept(make_counts: Make, make_stream: 
     counts = make_counts([(500_000, 900.0)], 1_000_000)
     for block in make_stream(counts, [1000], [(1000, 1_000_000, FIRST)]):
         cutter.feed(block)
-        kept = sum(len(stretch._chunks) for stretch in cutter._stretches)
+        kept = sum(len(stretch._chunks) for stretch in cutter._kept._stretches)
         # A window is 2200 points, and begins and ends anywhere in a block.
         assert kept <= 4
 
