@@ -26,7 +26,12 @@ from impact_rig.configuration.processes import (
     RecordingPlan,
     list_rig_processes,
 )
-from impact_rig.configuration.run import load_rig_file, make_run_folder, merge_virtual
+from impact_rig.configuration.run import (
+    choose_run_folder,
+    load_rig_file,
+    make_run_folder,
+    merge_virtual,
+)
 from impact_rig.core.errors import ParameterError
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.recording.writing.mcap_writer import COMPRESSIONS
@@ -109,6 +114,12 @@ ARGUMENTS = (
         description="show it live, too, by commas: spawn (a window), web (a web page, the log says"
         " where), the address of a Rerun viewer that runs, rerun+http://HOST:9876/proxy",
     ),
+    DeclareLaunchArgument(
+        "only",
+        default_value="",
+        description="start these nodes alone, by commas, the others run elsewhere: every other"
+        " argument goes for the whole rig; empty: all",
+    ),
     DeclareLaunchArgument("namespace", default_value="", description="ROS namespace of the rig"),
     DeclareLaunchArgument(
         "params_file",
@@ -143,7 +154,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
         seed=read_number("seed", read("seed"), int),
         faults=read_number("faults", read("faults"), float),
     )
-    folder = make_run_folder(Path(read("output")) if read("output") else None)
+    folder = choose_run_folder(Path(read("output")) if read("output") else None)
     processes = list_rig_processes(
         folder.resolve(),
         rig_file=str(rig_file or ""),
@@ -159,7 +170,10 @@ def make_rig(context: LaunchContext) -> list[Action]:
         ),
         visualize=read("visualizer") == "true",
         viewers=split_names(read("viewer")),
+        only=split_names(read("only")),
     )
+    if any("output" in process.parameters for process in processes):
+        make_run_folder(folder)
     actions = [make_node(process, read("params_file")) for process in processes]
     if read("namespace"):
         actions = [GroupAction([PushRosNamespace(read("namespace")), *actions])]

@@ -25,6 +25,9 @@ from impact_rig.core.errors import RigError
       impact-rig up --viewer web               watch it in a browser
       impact-rig up --continuous --record-stream    all that the accelerometers see
       impact-rig up --bag --set recorder.split_duration=3600    a file an hour
+    On two computers, the devices at one, the same rig file and ROS_DOMAIN_ID at both:
+      impact-rig up --network --only hammer --only accelerometer
+      impact-rig up --network --only estimator --only recorder --only campaign
     Then, in another terminal:
       impact-rig campaign
     """
@@ -39,6 +42,13 @@ from impact_rig.core.errors import RigError
 @click.option("--record/--no-record", default=True, help="Record everything to MCAP. [yes]")
 @click.option("--visualizer/--no-visualizer", default=True, help="Write a Rerun view. [yes]")
 @options.viewer_option
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="NODE",
+    help="Start this node of the rig, and only those named so; repeatable. The others run"
+    " elsewhere: every other option goes for the whole rig, and is the same there. [all]",
+)
 @click.option(
     "--set",
     "settings",
@@ -62,6 +72,7 @@ def command(
     record: bool,
     visualizer: bool,
     viewers: tuple[str, ...],
+    only: tuple[str, ...],
     settings: tuple[str, ...],
     template: bool,
     stop_with_input: bool,
@@ -69,7 +80,9 @@ def command(
 ) -> None:
     """Start the nodes of a rig, each its own process, until Ctrl-C.
 
-    Everything is recorded into one folder, runs/<time>/ unless --output says otherwise.
+    Everything is recorded into one folder, runs/<time>/ unless --output says otherwise: that of
+    the computer which starts the recorder. Several computers make one rig when each starts some
+    of the nodes (--only) and lets them find each other (--network).
     """
     if template:
         click.echo(read_template(), nl=False)
@@ -81,7 +94,7 @@ def command(
     for warning in find_rig_warnings(rig.setup):
         print_warning(warning)
     overrides = run.parse_settings(settings)
-    folder = run.make_run_folder(output)
+    folder = run.choose_run_folder(output)
     options.set_discovery(network=network)
     processes = list_rig_processes(
         folder.resolve(),
@@ -94,10 +107,13 @@ def command(
         visualize=visualizer,
         viewers=viewers,
         overrides=overrides,
+        only=only,
     )
+    if any("output" in process.parameters for process in processes):
+        run.make_run_folder(folder)
     log = log_file.open("w", encoding="utf-8") if log_file else sys.stdout
     code = run_nodes(processes, log, namespace=namespace, stop_with_input=stop_with_input)
-    if record:
+    if any(process.name == "recorder" for process in processes):
         click.echo(f"recording: {folder / recording.name}")
     if code:
         where = log_file or "above"

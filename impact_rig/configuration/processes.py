@@ -78,8 +78,11 @@ def list_rig_processes(
     visualize: bool = True,
     viewers: Sequence[str] = (),
     overrides: Mapping[str, Mapping[str, Any]] | None = None,
+    only: Sequence[str] = (),
 ) -> tuple[NodeProcess, ...]:
     """Return the nodes of a rig with their parameters.
+
+    All but `only` describes the whole rig, also what of it runs on other computers.
 
     Parameters
     ----------
@@ -103,6 +106,8 @@ def list_rig_processes(
         Where, beside the file in the folder; see `make_viewer_parameters`.
     overrides : mapping, optional
         Further parameters by node; they go before all others.
+    only : sequence of str
+        Nodes that this computer starts; empty: all.
 
     Returns
     -------
@@ -112,7 +117,8 @@ def list_rig_processes(
     Raises
     ------
     ParameterError
-        If a viewer is none, or there is nobody to feed it; if there is no stream to record.
+        If a viewer is none, or there is nobody to feed it; if there is no stream to record; if
+        the rig has no such node.
     """
     further = overrides or {}
     folder = Path(output)
@@ -155,8 +161,17 @@ def list_rig_processes(
         )
     return tuple(
         NodeProcess(process.name, {**process.parameters, **further.get(process.name, {})})
-        for process in processes
+        for process in _choose(processes, only)
     )
+
+
+def _choose(processes: Sequence[NodeProcess], only: Sequence[str]) -> list[NodeProcess]:
+    """Return the processes that are named, in their order; all if none is."""
+    names = [process.name for process in processes]
+    for name in only:
+        if name not in names:
+            raise ParameterError(f"there is no node {name!r} to start: the rig has {names}")
+    return [process for process in processes if not only or process.name in only]
 
 
 def make_viewer_parameters(viewers: Sequence[str]) -> dict[str, Any]:

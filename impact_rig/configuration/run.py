@@ -69,6 +69,11 @@ def check_samples(rig_file: RigFile, names: tuple[str, ...]) -> None:
             raise ParameterError(f"sample {name!r} is asked for twice: once is enough")
 
 
+def choose_run_folder(output: Path | None) -> Path:
+    """Return the given folder of a run, or one named after the time; it need not be there."""
+    return output or Path(make_run_folder_name(datetime.now().astimezone()))
+
+
 def make_run_folder(output: Path | None) -> Path:
     """Make the folder of a run, and refuse one that already holds a run.
 
@@ -77,7 +82,7 @@ def make_run_folder(output: Path | None) -> Path:
     FileError
         If the folder holds a run, or cannot be made or written.
     """
-    folder = output or Path(make_run_folder_name(datetime.now().astimezone()))
+    folder = choose_run_folder(output)
     for name in (RECORDING_NAME, BAG_NAME, VIEW_NAME, RESULTS_NAME):
         if (folder / name).exists():
             raise FileError(

@@ -53,6 +53,26 @@ def test_a_running_stream_is_recorded_where_there_is_one():
         by_name(recording=plan)
 
 
+def test_two_computers_share_the_nodes_of_one_rig():
+    whole = by_name(continuous=True, rig_file="my.toml", record=False, viewers=("web",))
+    at_the_devices = by_name(
+        continuous=True, rig_file="my.toml", record=False, viewers=("web",),
+        only=("hammer", "accelerometer"),
+    )  # fmt: skip
+    elsewhere = by_name(
+        continuous=True, rig_file="my.toml", record=False, viewers=("web",),
+        only=("visualizer", "campaign", "estimator"),
+    )  # fmt: skip
+    assert at_the_devices.keys() == {"hammer", "accelerometer"}
+    assert at_the_devices | elsewhere == whole
+
+
+@pytest.mark.parametrize(("options", "name"), [({}, "hamer"), ({"record": False}, "recorder")])
+def test_a_node_that_the_rig_has_not_cannot_be_started_alone(options, name):
+    with pytest.raises(ParameterError, match=rf"no node '{name}' to start: the rig has \['hammer"):
+        by_name(only=("hammer", name), **options)
+
+
 def test_viewers_stand_beside_the_file():
     assert by_name(viewers=("spawn", "web", ADDRESS))["visualizer"] == {
         "output": "out/session.rrd",

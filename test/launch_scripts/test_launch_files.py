@@ -54,7 +54,7 @@ def test_only_the_recording_to_replay_must_be_given():
 
 def test_the_rig_takes_what_a_person_at_it_may_want_to_choose():
     assert set(list_arguments(FOLDER / "rig.launch.py")) >= {
-        "rig_file", "impacts", "plant", "seed", "faults", "output", "visualizer", "viewer",
+        "rig_file", "impacts", "plant", "seed", "faults", "output", "visualizer", "viewer", "only",
         "namespace", "params_file",
     }  # fmt: skip
 
