@@ -158,7 +158,8 @@ class AccelerationSource(Protocol):
     """Delivers what the accelerometers see: one object for one device.
 
     The life of a source: `configure`, then any number of times `arm`, `read` ..., `disarm`, then
-    `close`, after which it may be configured again. All of it happens in one thread at a time.
+    `close`, after which it may be configured again; `check` now and then while it is not armed.
+    All of it happens in one thread at a time.
     Whatever goes wrong with the device (gone, silent, in other hands, another one than expected,
     nonsense or half an answer) is a `DeviceError` whose sentence names device, what it did, and
     what would be right; nothing blocks for longer than its time-out. A library that is not
@@ -218,6 +219,18 @@ class AccelerationSource(Protocol):
 
     def disarm(self) -> None:
         """Stop, and forget what has not been read; nothing happens if it is not armed."""
+        ...
+
+    def check(self) -> None:
+        """See that the device is still there; asked now and then while it is not armed.
+
+        It changes nothing, and takes as short as can be: an arming waits for it.
+
+        Raises
+        ------
+        DeviceError
+            If the device is gone, or another one.
+        """
         ...
 
     def close(self) -> None:

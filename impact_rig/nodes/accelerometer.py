@@ -275,7 +275,10 @@ class AccelerometerNode(DeviceNode):
         arming = self._arming
         # Here, where releases are heard of, it is known whether somebody waits for a verdict.
         is_awaited = arming is not None and arming.is_released
-        is_closed = self._output is not None and self._output.end(is_awaited=is_awaited)
+        is_closed = False
+        if self._output is not None:
+            is_closed = self._output.end(is_awaited=is_awaited)
+            self._output.finish()
         self._cut_off = None if is_closed else arming
         self._is_lost = True
         self.lose_device(error)

@@ -156,6 +156,39 @@ class AccelerationSourceContract(DriverContract):
         finally:
             source.close()
 
+    def test_it_may_be_asked_whether_it_is_there_between_the_armings(
+        self, bench: SourceBench
+    ) -> None:
+        source, plan = configure(bench)
+        try:
+            for _ in range(2):
+                source.check()
+                source.check()
+                source.arm()
+                bench.strike(source)
+                check_record(read_record(source), plan)
+            source.arm()
+            source.disarm()
+            source.check()
+        finally:
+            source.close()
+
+    def test_a_device_that_goes_while_nothing_is_armed_is_missed_at_once(
+        self, bench: SourceBench
+    ) -> None:
+        source, plan = configure(bench)
+        try:
+            bench.unplug()
+            with pytest.raises(DeviceError) as found:
+                wait_for_absence(source)
+            check_sentence(found.value)
+            source.close()
+            bench.plug()
+            source.configure(plan)
+            source.check()
+        finally:
+            source.close()
+
     def test_a_device_that_is_not_there_is_named_in_a_sentence(self, bench: SourceBench) -> None:
         bench.unplug()
         source = bench.make_source()
@@ -218,6 +251,14 @@ def wait_for_loss(source: AccelerationSource) -> None:
     deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline:
         assert source.read(QUIET) is None, "a device that is gone delivers"
+
+
+def wait_for_absence(source: AccelerationSource) -> None:
+    """Ask until the loss of the device is noticed, which raises."""
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
+        source.check()
+        time.sleep(QUIET)
 
 
 def check_record(blocks: list[AcquiredBlock], plan: AcquisitionPlan) -> None:

@@ -80,6 +80,7 @@ range = "5 V"
         self._trigger = Trigger(options)
         self._session: Session | None = None
         self._reading: Reading | None = None
+        self._channels: tuple[SourceChannel, ...] = ()
 
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
@@ -118,6 +119,15 @@ range = "5 V"
             with report_errors(self._session.subject):
                 self._reading.stop()
 
+    def check(self) -> None:
+        """See that NI-DAQmx still knows the device; raises `DeviceError`."""
+        if self._session is None:
+            raise DeviceError("NI device: it is not configured")
+        with report_errors(self._session.subject):
+            system = self._session.find_system()
+            for channel in self._channels:
+                find_device(system, channel.name, "channel", channel.options)
+
     def close(self) -> None:
         """End task and connection."""
         session, self._session = self._session, None
@@ -142,6 +152,7 @@ range = "5 V"
             task.control(TaskMode.TASK_COMMIT)
         kind = StreamReading if plan.continuous else RecordReading
         self._reading = kind(task, plan, rate, inputs)
+        self._channels = channels
         return Acquisition(identity, rate)
 
     def _check_devices(self, session: Session, channels: tuple[SourceChannel, ...]) -> str:

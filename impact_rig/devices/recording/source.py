@@ -155,8 +155,7 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
         deadline = time.monotonic() + timeout
         with self._changed:
             tape = self._get_tape()
-            if not tape.recording.path.exists():
-                raise DeviceError(f"recording {tape.recording.path} is gone")
+            _check_file(tape)
             while not self._blocks or self._due > time.monotonic():
                 until = min(deadline, self._due) if self._blocks else deadline
                 if deadline <= time.monotonic():
@@ -173,6 +172,11 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
         with self._changed:
             self._stop()
 
+    def check(self) -> None:
+        """See that the recording's files are there; raises `DeviceError`."""
+        with self._changed:
+            _check_file(self._get_tape())
+
     def close(self) -> None:
         """Let the recording go."""
         with self._changed:
@@ -187,6 +191,11 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
         if self._tape is None:
             raise DeviceError(f"recording {self._path} is not open: configure the source first")
         return self._tape
+
+
+def _check_file(tape: _Tape) -> None:
+    if not tape.recording.path.exists():
+        raise DeviceError(f"recording {tape.recording.path} is gone")
 
 
 def _check_rate(tape: _Tape, recorded: Sequence[Block]) -> None:

@@ -175,6 +175,10 @@ class ScpiSource:
             for command in self._program.stop:
                 self._connection.send(command)
 
+    def check(self) -> None:
+        """Ask the instrument who it is; raises `DeviceError`."""
+        self._check_identity(self._require()[0])
+
     def close(self) -> None:
         """Stop the instrument as far as it listens, and hang up."""
         with suppress(DeviceError):

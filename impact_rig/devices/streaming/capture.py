@@ -77,23 +77,26 @@ class StreamCapture:
                 self.wait(time.monotonic() + LONGEST_SILENCE)
 
     def wait(self, deadline: float) -> None:
-        """Wait for points until a time of `time.monotonic`; `changed` is held.
+        """Wait for points until a time of `time.monotonic`; `changed` held; raises as `check`."""
+        self.check()
+        # The silence is noticed by waking up in vain.
+        self.changed.wait(max(min(deadline - time.monotonic(), LONGEST_SILENCE), 0.0))
+
+    def check(self) -> None:
+        """See that the device delivers; `changed` is held.
 
         Raises
         ------
         DeviceError
             If the device has gone, or is silent.
         """
-        now = time.monotonic()
         if self._end:
             raise DeviceError(f"{self.name} is gone: {self._end}")
-        silent = now - self._last_time
+        silent = time.monotonic() - self._last_time
         if silent > LONGEST_SILENCE:
             raise DeviceError(
                 f"{self.name} is silent: it has delivered nothing for {silent:.1f} s"
             )
-        # The silence is noticed by waking up in vain.
-        self.changed.wait(max(min(deadline - now, LONGEST_SILENCE), 0.0))
 
     def find_stamp(self, place: int) -> int:
         """Return when a point was taken [ns since the epoch]; `changed` is held."""

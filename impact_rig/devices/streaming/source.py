@@ -112,6 +112,12 @@ class StreamedSource(ABC):
             with self._streaming.capture.changed:
                 self._stop()
 
+    def check(self) -> None:
+        """See that the device still delivers; raises `DeviceError`."""
+        capture = self._get_running()[1].capture
+        with capture.changed:
+            capture.check()
+
     def close(self) -> None:
         """Let the device go."""
         streaming, self._streaming = self._streaming, None

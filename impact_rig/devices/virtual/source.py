@@ -103,6 +103,10 @@ class VirtualSource:
         if self._digitizer is not None:
             self._digitizer.disarm()
 
+    def check(self) -> None:
+        """See that it is configured; raises `DeviceError`."""
+        self._get_digitizer()
+
     def close(self) -> None:
         """Let the digitizer go."""
         self._digitizer = None

@@ -87,6 +87,10 @@ class BlockOutput(ABC):
     def make_message(self, block: AcquiredBlock) -> Any:
         """Return the message of a block of the arming under way."""
 
+    @abstractmethod
+    def finish(self) -> None:
+        """Say that the source will deliver no more; no arming is under way."""
+
     def restart(self) -> None:
         """Expect points to count from 0 again."""
         self._next_sample = 0

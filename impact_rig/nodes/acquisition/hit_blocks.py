@@ -56,6 +56,9 @@ class HitBlocks(BlockOutput):
         self._label, self._has_begun = NOT_ARMED, False
         return has_begun or is_awaited
 
+    def finish(self) -> None:
+        """Say nothing: each record has said where it ends."""
+
     def publish(self, block: AcquiredBlock) -> None:
         """Publish a block of the record; its last one ends the arming."""
         self._has_begun = True

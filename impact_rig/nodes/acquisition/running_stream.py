@@ -15,8 +15,8 @@ class RunningStream(BlockOutput):
 
     The estimator finds the hit. An arming that ends without one, though the hammer has been let
     go, is ended by an empty block that says so, upon which the estimator rejects what has not
-    come: exactly one verdict. If the stream breaks off within a hit, that verdict comes when the
-    stream begins anew.
+    come: exactly one verdict. The stream is ended by one of no arming, upon which the estimator
+    rejects the hit that is cut off.
 
     Parameters
     ----------
@@ -45,6 +45,15 @@ class RunningStream(BlockOutput):
             self.publish_end(self._next_sample)
         self._label = NOT_ARMED
         return is_told
+
+    def finish(self) -> None:
+        """Say that the stream ends, if it has begun.
+
+        Of a hit that is cut off there is no more to wait for.
+        """
+        if self._newest is not None:
+            self._label = NOT_ARMED
+            self.publish_end(self._next_sample)
 
     def make_message(self, block: AcquiredBlock) -> StreamBlock:
         """Return the message of a block."""

@@ -16,6 +16,9 @@ LONGEST_READ = 0.05
 STOP_TIMEOUT = 10.0
 """How long a driver may take to come back from whatever it does [s], our choice: longer than any
 time-out of a driver."""
+CHECK_PERIOD = 1.0
+"""How often a source of which nothing is read is asked whether it is there [s], our choice: as
+often as the diagnostics tell it."""
 COMPLETE = "record complete"
 UNASKED = "record complete: something struck the hammer before it was let go"
 NOTHING_CAME = "no impact came in time"
@@ -94,6 +97,7 @@ class SourceThread:
                 if not self._is_idle:
                     self._read()
             self._output.end(is_awaited=False)
+            self._output.finish()
             self._source.disarm()
         except RigError as error:
             self._on_failed(error)
@@ -110,9 +114,12 @@ class SourceThread:
         """Do what was ordered, and wait for it while there is nothing to read; False: end."""
         while True:
             try:
-                order = self._orders.get(block=self._is_idle)
+                order = self._orders.get(block=self._is_idle, timeout=CHECK_PERIOD)
             except Empty:
-                return True
+                if not self._is_idle:
+                    return True
+                self._source.check()
+                continue
             if order is None:
                 return False
             order()

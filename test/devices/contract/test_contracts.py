@@ -15,6 +15,7 @@ from impact_rig.devices.acceleration_source import (
     AcquisitionPlan,
     SourceChannel,
 )
+from impact_rig.devices.contract import source_contract
 from impact_rig.devices.contract.benches import HolderBench, SourceBench
 from impact_rig.devices.contract.holder_contract import HammerHolderContract
 from impact_rig.devices.contract.source_contract import AccelerationSourceContract
@@ -196,6 +197,15 @@ class Stoic(GoodSource):
         pass
 
 
+class Restless(GoodSource):
+    """It is not what it was once it has been asked whether it is there."""
+
+    def check(self):
+        super().check()
+        if self.plan:
+            self.plan = replace(self.plan, block_size=self.plan.block_size + 1)
+
+
 class Chatty(GoodSource):
     def check(self):
         if not self.digitizer.is_there:
@@ -217,10 +227,14 @@ CONTRACT = AccelerationSourceContract
         (Timeless, CONTRACT.test_each_arming_gives_a_record_of_its_own),
         (Remembering, CONTRACT.test_what_was_not_read_is_forgotten_when_it_is_disarmed),
         (Stoic, CONTRACT.test_a_device_that_is_not_there_is_named_in_a_sentence),
+        (Stoic, CONTRACT.test_a_device_that_goes_while_nothing_is_armed_is_missed_at_once),
         (Chatty, CONTRACT.test_a_device_that_is_not_there_is_named_in_a_sentence),
+        (Chatty, CONTRACT.test_a_device_that_goes_while_nothing_is_armed_is_missed_at_once),
+        (Restless, CONTRACT.test_it_may_be_asked_whether_it_is_there_between_the_armings),
     ],
 )
-def test_a_source_that_breaks_its_contract_is_found(driver, test):
+def test_a_source_that_breaks_its_contract_is_found(driver, test, monkeypatch):
+    monkeypatch.setattr(source_contract, "PATIENCE", 0.5)
     # pytest.raises fails by an exception of its own.
     with pytest.raises((AssertionError, pytest.fail.Exception)):
         test(CONTRACT(), Bench(driver))
