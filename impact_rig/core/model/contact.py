@@ -6,12 +6,12 @@ phi = w t, w = 2 pi / tau_p, and z(phi) = e^(N phi) z(0). Positions count as x w
 as x' w, which makes accelerations [m/s^2] of them all, and N a matrix without units.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from impact_rig.core.model.propagation import exponentiate, propagate_output
+from impact_rig.core.model.propagation import Moments, simulate_linear_systems
 from impact_rig.core.signals.record import FloatArray
 
 FULL_TURN = 2.0 * np.pi
@@ -21,6 +21,8 @@ K1, K12, K2, C1, C12, C2, MASSES, ONE = range(8)
 """Numbers of a model [-]: k1 / m1, k1 / m2 and k2 / m2 over w^2, c1 / m1, c1 / m2 and c2 / m2 over
 w, m2 / m1, and 1."""
 NUMBERS = 8
+SPEED, FORCE = range(2)
+"""What drives a model [m/s^2]: the hammer's v1 w, and the force's F0 / (2 m2)."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +37,9 @@ class ContactSystem:
         The bodies in the state, of hammer and sample.
     size : int
         Of the state, d.
-    entries : ndarray, shape (8, (d + 2) d)
-        The sum of these times a model's numbers is N, and below it the readout of the
-        accelerations of hammer and sample.
+    entries : ndarray, shape (8 + 8 + 2, (d + 3) d)
+        A model's numbers per point, as they are, and its drives, times these, are N per point,
+        below it the readout of the accelerations of hammer and sample, and the state at the start.
     """
 
     moving: slice
@@ -49,13 +51,15 @@ class ContactSystem:
         """Complete N, of which accelerations are rows, shape (8, 2, d)."""
         size = readout.shape[2]
         bodies = (size - 3) // 2
-        entries = np.zeros((NUMBERS, size + 2, size))
+        entries = np.zeros((2 * NUMBERS + 2, size + 3, size))
+        matrix, initial = entries[:NUMBERS], entries[2 * NUMBERS :, -1]
         for body in range(bodies):
-            entries[ONE, body, bodies + body] = 1.0
-        entries[:, bodies : 2 * bodies] = readout[:, moving]
-        entries[ONE, size - 2, size - 1], entries[ONE, size - 1, size - 2] = -1.0, 1.0
-        entries[:, size:] = readout
-        return ContactSystem(moving, size, entries.reshape(NUMBERS, -1))
+            matrix[ONE, body, bodies + body] = 1.0
+        matrix[:, bodies : 2 * bodies] = readout[:, moving]
+        matrix[ONE, size - 2, size - 1], matrix[ONE, size - 1, size - 2] = -1.0, 1.0
+        entries[NUMBERS : 2 * NUMBERS, size:-1] = readout
+        initial[SPEED, bodies] = initial[FORCE, -3] = initial[FORCE, -2] = 1.0
+        return ContactSystem(moving, size, entries.reshape(len(entries), -1))
 
 
 def _make_printed() -> ContactSystem:
@@ -83,10 +87,8 @@ PRINTED, DRIVEN = _make_printed(), _make_driven()
 
 def simulate_contacts(
     system: ContactSystem,
-    numbers: FloatArray,
-    drives: FloatArray,
-    angles: FloatArray,
-    last_blocks: NDArray[np.intp],
+    numbers: Sequence[tuple[float, ...]],
+    moments: Sequence[Moments],
     count: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Compute accelerations during the contact, and what moves at its end.
@@ -95,15 +97,11 @@ def simulate_contacts(
     ----------
     system : ContactSystem
         How the bodies are driven.
-    numbers : ndarray, shape (8, models)
-        `K1` to `ONE` [-].
-    drives : ndarray, shape (2, models)
-        The hammer's v1 w and the force's F0 / (2 m2) [m/s^2].
-    angles : ndarray, shape (3, models)
-        phi at the first point, what is left from the last blocks' first points to the end of the
-        contact, and phi from point to point [rad].
-    last_blocks : ndarray of int, shape (models,)
-        From which of the blocks of `propagate_output` the end is reached.
+    numbers : sequence of tuple of float
+        Of each model: `K1` to `ONE` times phi from point to point [rad], the same as they are [-],
+        and `SPEED` and `FORCE` [m/s^2].
+    moments : sequence of Moments
+        Of each model: its first point and the end of the contact, from the start of the contact.
     count : int
         Number of points, one or more; those beyond the contact mean nothing.
 
@@ -111,16 +109,12 @@ def simulate_contacts(
     -------
     accelerations : ndarray, shape (models, 2, count)
         x1'' and x2'' [m/s^2].
-    state : ndarray, shape (models, 2, bodies)
-        x w^2 and x' w of the bodies that move, at the end of the contact [m/s^2].
+    state : ndarray, shape (models, 2 * bodies)
+        x w^2, then x' w of the bodies that move, at the end of the contact [m/s^2].
     """
-    models, size = numbers.shape[1], system.size
-    entries = (numbers.T @ system.entries).reshape(models, size + 2, size)
-    powers = exponentiate(angles[:, :, np.newaxis, np.newaxis] * entries[:, :size])
-    bodies = (size - 3) // 2
-    initial = np.zeros((models, size, 1))
-    initial[:, bodies, 0], initial[:, -3:-1, 0] = drives[0], drives[1][:, np.newaxis]
-    first = powers[0] @ initial
-    values, states = propagate_output(powers[2], first[..., 0], entries[:, size:], count)
-    last = powers[1] @ states[np.arange(models), :, last_blocks][..., np.newaxis]
-    return values, last[:, : 2 * bodies].reshape(models, 2, bodies)
+    size = system.size
+    entries = (np.array(numbers) @ system.entries).reshape(-1, size + 3, size)
+    values, ends = simulate_linear_systems(
+        entries[:, :size], entries[:, -1], entries[:, size:-1], moments, count
+    )
+    return values, ends[:, : size - 3]

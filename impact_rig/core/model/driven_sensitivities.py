@@ -14,12 +14,7 @@ import numpy as np
 from impact_rig.core.model.contact import FULL_TURN
 from impact_rig.core.model.free_sensitivities import propagate_free, read_drive, read_motion
 from impact_rig.core.model.impact import ImpactModel
-from impact_rig.core.model.propagation import (
-    exponentiate,
-    find_room,
-    find_way_to_end,
-    propagate_output,
-)
+from impact_rig.core.model.propagation import Moments, find_room, simulate_linear_systems
 from impact_rig.core.model.time_grid import find_contact
 from impact_rig.core.signals.record import FloatArray
 
@@ -49,19 +44,21 @@ def compute_driven_sensitivities(
     hammer[T0] = force * np.pi / (model.hammer.mass * tau) * np.sin(FULL_TURN * phase)
     hammer[FORCE] = np.sin(np.pi * phase) ** 2 / -model.hammer.mass
 
-    specimen, duration = derivatives[1], tau / FULL_TURN
+    duration = tau / FULL_TURN
     stiffness = model.specimen.stiffness * duration**2 / model.specimen.mass
     damping = model.specimen.damping_coefficient * duration / model.specimen.mass
     mixing = _find_mixing(model, stiffness, damping)
     matrix = _make_contact_matrix(stiffness, damping)
     step = 1.0 / (sampling_rate * duration)
-    last, left = find_way_to_end((tau - begin) / duration, step, contact)
-    times = np.array([step, begin / duration, left])
-    power, to_first, to_end = exponentiate(times[:, np.newaxis, np.newaxis] * matrix)
-    _, states = propagate_output(
-        power, to_first @ AT_START, mixing @ _read_contact(matrix), contact, specimen[:, first:]
+    _, ends = simulate_linear_systems(
+        step * matrix[np.newaxis],
+        AT_START[np.newaxis],
+        (mixing @ _read_contact(matrix))[np.newaxis],
+        [Moments(begin * sampling_rate, tau * sampling_rate)],
+        contact,
+        derivatives[1:, :, first:],
     )
-    end = to_end @ states[:, last]
+    end = ends[0]
     propagate_free(
         np.array([stiffness]),
         np.array([damping]),

@@ -8,7 +8,7 @@ followed, and no state besides.
 
 import numpy as np
 
-from impact_rig.core.model.propagation import exponentiate, propagate_output
+from impact_rig.core.model.propagation import Moments, simulate_linear_systems
 from impact_rig.core.signals.record import FloatArray
 
 STATES = 4
@@ -82,6 +82,7 @@ def propagate_free(
     matrix[:, 0, 1] = matrix[:, 2, 3] = matrix[:, 3, 0] = 1.0
     matrix[:, 1, 0] = matrix[:, 3, 2] = -stiffness
     matrix[:, 1, 1] = matrix[:, 3, 3] = -damping
-    times = np.array([late, step])
-    shift, power = exponentiate(times[:, np.newaxis, np.newaxis, np.newaxis] * matrix)
-    propagate_output(power, shift[..., AT_START], readout, count, out)
+    initial = np.zeros((stiffness.size, STATES))
+    initial[:, AT_START] = 1.0
+    moments = [Moments(late / step, late / step)] * stiffness.size
+    simulate_linear_systems(step * matrix, initial, readout, moments, count, out)

@@ -22,18 +22,21 @@ from impact_rig.core.model.contact import (
     FULL_TURN,
     K1,
     K2,
-    NUMBERS,
     PRINTED,
     simulate_contacts,
 )
-from impact_rig.core.model.oscillator import find_padding, simulate_free_oscillators
-from impact_rig.core.model.propagation import find_way_to_end
+from impact_rig.core.model.oscillator import (
+    FreeOscillator,
+    find_padding,
+    simulate_free_oscillators,
+)
+from impact_rig.core.model.propagation import Moments
 from impact_rig.core.model.stiffness import estimate_equivalent_mass
-from impact_rig.core.model.time_grid import ContactSpan, find_contact
+from impact_rig.core.model.time_grid import find_contact
 from impact_rig.core.signals.record import FloatArray
 
-ANGLES = NUMBERS + 2
-"""Where the angles begin in the table of all models."""
+OSCILLATORS: tuple[tuple[int, int], ...] = ((K1, C1), (K2, C2))
+"""Which numbers of a model are those of hammer and sample left alone."""
 BATCH = 64
 """Impacts that are calculated at once [-], measured: what they need stays near the processor."""
 
@@ -181,7 +184,7 @@ def simulate_impacts(
     check_positive("sampling rate", sampling_rate, "Hz")
     if count < 0:
         raise ParameterError(f"count is {count} points: it must be 0 or more")
-    starts = np.full(len(models), start, dtype=np.float64).tolist()
+    starts = start.tolist() if isinstance(start, np.ndarray) else [start] * len(models)
     if not all(map(math.isfinite, starts)):
         raise ParameterError("the start of a time grid must be a finite number")
     # The last row of a record is written whole.
@@ -207,50 +210,49 @@ def _simulate(
         find_contact(start, model.contact_time, sampling_rate, count)
         for model, start in zip(models, starts, strict=True)
     ]
-    longest = max(1, *(span.free - span.first for span in spans))
-    table = np.array(
+    scaled = [_scale(model, is_printed=is_printed) for model in models]
+    steps = [FULL_TURN / (model.contact_time * sampling_rate) for model in models]
+    contact, ends = simulate_contacts(
+        system,
         [
-            _scale(model, span, sampling_rate, longest, is_printed=is_printed)
+            (*[step * number for number in numbers], *numbers, *drives)
+            for step, (numbers, drives) in zip(steps, scaled, strict=True)
+        ],
+        [
+            Moments(span.begin * sampling_rate, model.contact_time * sampling_rate)
             for model, span in zip(models, spans, strict=True)
-        ]
-    ).T
-    numbers, drives, rest = table[:NUMBERS], table[NUMBERS:ANGLES], table[ANGLES:]
-    contact, state = simulate_contacts(
-        system, numbers, drives, rest[:3], rest[4].astype(np.intp), longest
+        ],
+        max([span.free - span.first for span in spans]) or 1,
     )
-    for record, values, span in zip(out, contact, spans, strict=True):
-        record[:, span.first : span.free] = values[:, : span.free - span.first]
-    longest = count - min(span.free for span in spans)
-    if longest > 0:
-        moving = system.moving
-        simulate_free_oscillators(
-            numbers[K1 : K2 + 1 : 2].T[:, moving],
-            numbers[C1 : C2 + 1 : 2].T[:, moving],
-            state,
-            rest[2:4],
-            longest,
-            [record[moving, span.free :] for record, span in zip(out, spans, strict=True)],
-        )
+    oscillators, records = [], []
+    for number, (span, end) in enumerate(zip(spans, ends.tolist(), strict=True)):
+        first, free = span.first, span.free
+        out[number, :, first:free] = contact[number, :, : free - first]
+        if free < count:
+            numbers, step = scaled[number][0], steps[number]
+            late = step * sampling_rate * span.late
+            bodies = OSCILLATORS[system.moving]
+            for body, (stiffness, damping) in enumerate(bodies, -len(bodies)):
+                state = end[body - len(bodies)], end[body]
+                oscillators.append(
+                    FreeOscillator(numbers[stiffness], numbers[damping], *state, step, late)
+                )
+                records.append(out[number, body, free:])
+    if records:
+        longest = count - min([span.free for span in spans])
+        simulate_free_oscillators(oscillators, longest, records)
 
 
 def _scale(
-    model: ImpactModel, span: ContactSpan, sampling_rate: float, longest: int, *, is_printed: bool
-) -> tuple[float, ...]:
-    """Return what both phases need of a model.
-
-    Numbers and drives of the contact; phi at its first point, what is left to its end from the
-    last block before it, from point to point, and from its end to the first point beyond [rad];
-    and which block that is.
-    """
+    model: ImpactModel, *, is_printed: bool
+) -> tuple[tuple[float, ...], tuple[float, float]]:
+    """Return a model's numbers [-], and what drives it [m/s^2]."""
     m1, m2 = model.hammer.mass, model.specimen.mass
     rate = FULL_TURN / model.contact_time
     k1, k2 = model.hammer.stiffness / rate**2, model.specimen.stiffness / rate**2
     c1 = model.hammer.damping_coefficient / rate
     c2 = model.specimen.damping_coefficient / rate
-    last, left = find_way_to_end(model.contact_time - span.begin, 1.0 / sampling_rate, longest)
     return (
-        *(k1 / m1, k1 / m2, k2 / m2, c1 / m1, c1 / m2, c2 / m2, m2 / m1, 1.0),
-        *(model.impact_speed * rate if is_printed else 0.0, model.peak_force / (2.0 * m2)),
-        *(rate * span.begin, rate * left, rate / sampling_rate, rate * span.late),
-        last,
+        (k1 / m1, k1 / m2, k2 / m2, c1 / m1, c1 / m2, c2 / m2, m2 / m1, 1.0),
+        (model.impact_speed * rate if is_printed else 0.0, model.peak_force / (2.0 * m2)),
     )

@@ -12,6 +12,7 @@ the values at all sums of some sqrt(n) late times and sqrt(n) short ones are one
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,59 +22,73 @@ SMALLEST_ROOT = 1e-100
 """|w| is taken as this at least: sin wt / w is then t to the last bit, as it must be."""
 
 
+class FreeOscillator(NamedTuple):
+    """An oscillator left alone, in any unit of time.
+
+    Attributes
+    ----------
+    stiffness, damping : float
+        K, above zero, and D.
+    position, speed : float
+        x and x' at the start.
+    step : float
+        Time from point to point.
+    first : float
+        Time of the first point.
+    """
+
+    stiffness: float
+    damping: float
+    position: float
+    speed: float
+    step: float
+    first: float
+
+
 def find_padding(count: int) -> int:
     """Return how much longer a record of `count` points must be that is written in whole rows."""
     return math.isqrt(count) + 1
 
 
 def simulate_free_oscillators(
-    stiffness: FloatArray,
-    damping: FloatArray,
-    state: FloatArray,
-    moments: FloatArray,
-    count: int,
-    out: Sequence[FloatArray],
+    oscillators: Sequence[FreeOscillator], count: int, out: Sequence[FloatArray]
 ) -> None:
-    """Compute the accelerations of oscillators left alone, in any unit of time.
+    """Compute the accelerations of oscillators left alone.
 
     Parameters
     ----------
-    stiffness, damping : ndarray, shape (models, bodies)
-        K, above zero, and D.
-    state : ndarray, shape (models, 2, bodies)
-        x and x' at the start.
-    moments : ndarray, shape (2, models)
-        Time from point to point, and of the first point.
+    oscillators : sequence of FreeOscillator
+        What moves, and when it is looked at.
     count : int
         Number of points, one or more: of the longest record.
-    out : sequence of ndarray, shape (bodies, m)
-        Records, one for each model, that are filled: m is its number of points, at most `count`,
-        and `find_padding` of `count` or more, of which the last mean nothing.
+    out : sequence of ndarray, shape (m,)
+        Records, one for each oscillator, that are filled: m is its number of points, at most
+        `count`, and `find_padding` of `count` or more, of which the last mean nothing.
     """
-    blocks, grid = _split(count)
-    numbers = np.array(
-        [
-            _describe(*pair)
-            for pair in zip(stiffness.ravel().tolist(), damping.ravel().tolist(), strict=True)
-        ]
-    ).reshape(*stiffness.shape, -1)
-    fundamental = _find_fundamental(numbers, (moments.T @ grid)[:, np.newaxis])
-    own = state.swapaxes(1, 2)[..., np.newaxis]
-    weights = (numbers[..., 3:].reshape(*stiffness.shape, 4, 2) @ own).reshape(
-        *stiffness.shape, 2, 2
-    )
-    lists = weights @ fundamental[..., :blocks]
-    rows, columns = lists.swapaxes(-1, -2), fundamental[..., blocks:]
-    block = columns.shape[-1]
-    for record, late, short in zip(out, rows, columns, strict=True):
-        needed = min(blocks, record.shape[1] // block)
-        whole = record[:, : needed * block].reshape(-1, needed, block)
-        np.matmul(late[:, :needed], short, out=whole)
+    late, grid = _split(count)
+    numbers = np.array([_describe(*oscillator) for oscillator in oscillators])
+    exponents = numbers[:, :4].reshape(-1, 2, 2) @ grid
+    fundamental = np.empty_like(exponents)
+    np.cos(exponents[:, 1], out=fundamental[:, 0])
+    np.sin(exponents[:, 1], out=fundamental[:, 1])
+    for exponent, both, (*_, sign) in zip(exponents, fundamental, numbers.tolist(), strict=True):
+        if sign > 0.0:
+            # (1 + e^(-2wt)) / 2 and (1 - e^(-2wt)) / 2, times the slower of the two decays.
+            both[1] = -0.5 * np.expm1(-2.0 * exponent[1])
+            both[0] = 1.0 - both[1]
+    fundamental *= np.exp(exponents[:, :1])
+    lists = numbers[:, 4:8].reshape(-1, 2, 2) @ fundamental[:, :, :late]
+    block = grid.shape[1] - late
+    for record, later, short in zip(
+        out, lists.swapaxes(1, 2), fundamental[:, :, late:], strict=True
+    ):
+        needed = min(late, record.size // block)
+        np.matmul(later[:needed], short, out=record[: needed * block].reshape(needed, block))
 
 
 @lru_cache(maxsize=64)
 def _split(count: int) -> tuple[int, FloatArray]:
-    """Return how many late times there are, and all times in moments, shape (2, times).
+    """Return how many late times there are, and all times in steps and firsts, shape (2, times).
 
     First come the late times, then the short ones that are added to each.
     """
@@ -85,37 +100,24 @@ def _split(count: int) -> tuple[int, FloatArray]:
     return later.size, make_read_only(grid)
 
 
-def _describe(stiffness: float, damping: float) -> tuple[float, ...]:
+def _describe(
+    stiffness: float, damping: float, position: float, speed: float, step: float, first: float
+) -> tuple[float, ...]:
     """Return what is needed of one oscillator.
 
-    |w|; minus the slower decay's rate, which is a below critical damping; 1 beyond it, -1 below;
-    and of the matrix ((A, B), (B, sign A)) with B = (J + a A) / |w| each entry's part of x and of
-    x'.
+    Minus the slower decay's rate, which is a below critical damping, and |w|, both over a step and
+    up to the first point; the matrix ((A, B), (B, sign A)) with B = (J + a A) / |w|; and sign,
+    which is 1 beyond critical damping, -1 below.
     """
     half = 0.5 * damping
     square = stiffness - half * half
     root = max(math.sqrt(abs(square)), SMALLEST_ROOT)
     sign = -1.0 if square > 0.0 else 1.0
-    # Written so that it does not vanish in rounding.
+    # Written so that neither vanishes in rounding.
     slower = half if square > 0.0 else stiffness / (half + root)
-    by_position, by_speed = stiffness * half / root, (2.0 * half * half - stiffness) / root
+    value = -stiffness * position - damping * speed
+    other = (stiffness * half * position + (2.0 * half * half - stiffness) * speed) / root
     return (
-        *(root, -slower, sign),
-        *(-stiffness, -damping, by_position, by_speed, by_position, by_speed),
-        *(-sign * stiffness, -sign * damping),
+        *(-slower * step, -slower * first, root * step, root * first),
+        *(value, other, other, sign * value, sign),
     )
-
-
-def _find_fundamental(numbers: FloatArray, times: FloatArray) -> FloatArray:
-    """Return C and S, shape (models, bodies, 2, times)."""
-    angle = numbers[..., :1] * times
-    result = np.empty((*angle.shape[:2], 2, angle.shape[2]))
-    np.cos(angle, out=result[..., 0, :])
-    np.sin(angle, out=result[..., 1, :])
-    is_aperiodic = numbers[..., 2] > 0.0
-    if is_aperiodic.any():
-        # (1 + e^(-2wt)) / 2 and (1 - e^(-2wt)) / 2, times the slower of the two decays.
-        apart = -0.5 * np.expm1(-2.0 * angle[is_aperiodic])
-        result[is_aperiodic, 0], result[is_aperiodic, 1] = 1.0 - apart, apart
-    result *= np.exp(numbers[..., 1:2] * times)[..., np.newaxis, :]
-    return result

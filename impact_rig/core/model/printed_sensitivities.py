@@ -21,12 +21,7 @@ from impact_rig.core.model.free_sensitivities import (
     read_motion,
 )
 from impact_rig.core.model.impact import ImpactModel
-from impact_rig.core.model.propagation import (
-    exponentiate,
-    find_room,
-    find_way_to_end,
-    propagate_output,
-)
+from impact_rig.core.model.propagation import Moments, find_room, simulate_linear_systems
 from impact_rig.core.model.time_grid import find_contact
 from impact_rig.core.signals.record import FloatArray
 
@@ -112,23 +107,20 @@ def compute_printed_sensitivities(
     step = 1.0 / (sampling_rate * scaled.duration)
     matrix, initial = _make_contact_system(scaled)
     contact = max(free - first, 1)
-    last, left = find_way_to_end((tau - begin) / scaled.duration, step, contact)
-    times = np.array([step, begin / scaled.duration, left])
-    power, to_first, to_end = exponentiate(times[:, np.newaxis, np.newaxis] * matrix)
-
     room = max(first + find_room(contact), free + find_room(count - free))
     result = np.empty((2, OUTPUTS, room))
     result[:, :, :first] = 0.0
     mixing = scaled.find_mixing()
     in_contact = mixing @ _read_contact(scaled, matrix)
-    _, states = propagate_output(
-        power,
-        to_first @ initial,
-        in_contact.reshape(2 * OUTPUTS, -1),
+    _, ends = simulate_linear_systems(
+        step * matrix[np.newaxis],
+        initial[np.newaxis],
+        in_contact.reshape(1, 2 * OUTPUTS, -1),
+        [Moments(begin * sampling_rate, tau * sampling_rate)],
         contact,
-        result.reshape(2 * OUTPUTS, -1)[:, first:],
+        result.reshape(1, 2 * OUTPUTS, -1)[:, :, first:],
     )
-    end = to_end @ states[:, last]
+    end = ends[0]
     afterwards = mixing @ _read_free(scaled, end, matrix @ end)
     propagate_free(
         scaled.kappa,

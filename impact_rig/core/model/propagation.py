@@ -1,64 +1,141 @@
-"""Linear systems without input on a uniform grid, y[n] = P^n y[0], for many systems at once.
+"""Linear systems without input on a uniform grid, y(t) = e^(Nt) y(0), for many systems at once.
 
-What is read off a state, C P^n y, needs no state at most points: with n = i b + j it is
-(C P^j) (P^(i b) y), some sqrt(count) rows times as many states, each list made by doubling. That
+With P the step from point to point, what is read off a state, C P^n y, needs no state at most
+points: with n = i b + j it is (C P^j) (P^(i b) y), few rows times few states. The powers of a
+scaled matrix, multiplied once, are the terms of the exponential series of all the matrices that
+takes; only the states, one for each block of points, are made one from another, by doubling. That
 is exact for every damping, critical damping included, and costs little more than to write the
 result down.
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impact_rig.core.signals.record import FloatArray, make_read_only
 
-SERIES_BLOCKS = 4
-SERIES_ORDER = SERIES_BLOCKS**2 - 1
-"""Terms of the exponential series beyond the first [-]."""
-LARGEST_NORM = 0.5
-"""Up to which the series is used [-]: what it leaves out, 0.5^16 / 16!, is below 1e-18."""
-_COEFFICIENTS = np.array(
-    [0.0] + [1.0 / math.factorial(n) for n in range(1, SERIES_ORDER + 1)]
-).reshape(SERIES_BLOCKS, SERIES_BLOCKS)
-"""Of e^A - 1, by powers of A in rows of `SERIES_BLOCKS`."""
+ORDER = 32
+"""Highest power in the exponential series [-]."""
+LARGEST_NORM = 4.0
+"""Up to which the series is used [-]: what it leaves out, 4^33 / 33!, is below 1e-17."""
+LONGEST_BLOCK = 128
+"""Points that one state serves at most [-], measured: rows and states are then few."""
+_POWERS = np.arange(ORDER + 1.0)
+_COEFFICIENTS = np.array([1.0 / math.factorial(n) for n in range(ORDER + 1)])
 
 
-def exponentiate(matrices: FloatArray) -> FloatArray:
-    """Compute e^A of many matrices at once.
+class Moments(NamedTuple):
+    """Times of one system, counted from its start [points].
 
-    By the series, scaled down and squared up again. `scipy.linalg.expm` takes a batch one by one,
-    which costs more than all the rest of a model.
+    Attributes
+    ----------
+    first : float
+        Of the first point.
+    end : float
+        Of the state that is wanted besides, not before `first`; beyond the last point it means
+        nothing.
+    """
+
+    first: float
+    end: float
+
+
+def find_room(count: int) -> int:
+    """Return on how many points `simulate_linear_systems` works at most: whole blocks."""
+    return -(-count // LONGEST_BLOCK) * LONGEST_BLOCK
+
+
+def simulate_linear_systems(
+    matrices: FloatArray,
+    initial: FloatArray,
+    readout: FloatArray,
+    moments: Sequence[Moments],
+    count: int,
+    out: FloatArray | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Compute C e^(At) y on a uniform grid, and e^(At) y at one time more.
 
     Parameters
     ----------
-    matrices : ndarray, shape (..., d, d)
-        Finite.
+    matrices : ndarray, shape (systems, d, d)
+        A, finite, for a time that is counted in points.
+    initial : ndarray, shape (systems, d)
+        y.
+    readout : ndarray, shape (systems, r, d)
+        C, what is read off a state.
+    moments : sequence of Moments
+        One for each system.
+    count : int
+        Number of points, one or more.
+    out : ndarray, shape (systems, r, m), optional
+        Where to put the values: m is `find_room` of `count` or more, and of so many points those
+        beyond `count` mean nothing.
 
     Returns
     -------
-    ndarray, shape (..., d, d)
+    values : ndarray, shape (systems, r, count)
+    states : ndarray, shape (systems, d)
+        At the end that each system's moments name.
     """
-    norm = float(np.maximum.reduce(np.add.reduce(np.abs(matrices), axis=-2), axis=None, initial=0))
-    squarings = max(0, math.ceil(math.log2(norm / LARGEST_NORM))) if norm > 0.0 else 0
-    size = matrices.shape[-1]
-    powers = np.empty((SERIES_BLOCKS, *matrices.shape))
-    powers[0] = identity = _make_identity(size)
-    scaled = np.multiply(matrices, 0.5**squarings, out=powers[1])
-    for n in range(2, SERIES_BLOCKS):
-        np.matmul(powers[n - 1], scaled, out=powers[n])
-    blocks = (_COEFFICIENTS @ powers.reshape(SERIES_BLOCKS, -1)).reshape(powers.shape)
-    top = powers[-1] @ scaled
-    result: FloatArray = blocks[-1]
-    for block in blocks[-2::-1]:
-        result = result @ top
-        result += block
-    # e^A - 1 is squared, not e^A, which keeps the digits of small matrices beside large ones.
-    twice = 2.0 * identity
-    for _ in range(squarings):
-        result = result @ (result + twice)
-    result += identity
-    return result
+    systems, outputs, size = readout.shape
+    exponent = _find_reach(matrices)
+    # A point that is too far for the series is halved, and its exponential squared.
+    squarings, block = max(-exponent, 0), 1 << max(exponent, 0)
+    powers = _raise(matrices * 0.5**squarings if squarings else matrices, readout)
+    rows = (_make_series(block) @ powers[..., size * size :]).reshape(-1, block, outputs, size)
+
+    blocks = -(-count // block)
+    places = [_divide(moment, block, blocks) for moment in moments]
+    jumps = _exponentiate(
+        [(block, place.first, place.left) for place in places], powers, size, squarings
+    )
+    to_block, to_first, to_end = jumps[:, 0], jumps[:, 1], jumps[:, 2]
+    begin = to_first @ initial[..., np.newaxis]
+    if any(place.skipped for place in places):
+        begin = _skip(to_block, begin, np.array([[[place.skipped]] for place in places]))
+    states = _propagate(to_block, begin, blocks)
+    if out is None:
+        out = np.empty((systems, outputs, blocks * block))
+    np.matmul(
+        states[:, np.newaxis],
+        rows.transpose(0, 2, 3, 1),
+        out=out[..., : blocks * block].reshape(systems, outputs, blocks, block),
+    )
+    last = [number * blocks + place.last for number, place in enumerate(places)]
+    before_end = states.reshape(-1, size).take(last, axis=0)
+    return out[..., :count], (to_end @ before_end[..., np.newaxis])[..., 0]
+
+
+def _find_reach(matrices: FloatArray) -> int:
+    """Return which power of two says how many points the series reaches, or what part of one."""
+    norm = np.maximum.reduce(np.add.reduce(np.abs(matrices), axis=-2), axis=None, initial=0.0)
+    longest = LONGEST_BLOCK.bit_length() - 1
+    return min(math.frexp(LARGEST_NORM / norm)[1] - 1, longest) if norm > 0.0 else longest
+
+
+def _raise(matrices: FloatArray, readout: FloatArray) -> FloatArray:
+    """Return A^n and below it C A^n for n = 0 ... ORDER, shape (systems, ORDER + 1, (d + r) d)."""
+    systems, outputs, size = readout.shape
+    height = size + outputs
+    rows = np.empty((systems, (ORDER + 1) * height, size))
+    rows[:, :size], rows[:, size:height] = _make_identity(size), readout
+    np.matmul(rows[:, :height], matrices, out=rows[:, height : 2 * height])
+    done = height
+    while done < ORDER * height:
+        end = done + height
+        np.matmul(rows[:, height:end], rows[:, done : done + size], out=rows[:, end : end + done])
+        done *= 2
+    return rows.reshape(systems, ORDER + 1, -1)
+
+
+@lru_cache(maxsize=16)
+def _make_series(block: int) -> FloatArray:
+    """Return what each power has in e^(jA), shape (block, ORDER + 1)."""
+    return make_read_only(np.arange(block)[:, np.newaxis] ** _POWERS * _COEFFICIENTS)
 
 
 @lru_cache(maxsize=16)
@@ -66,109 +143,69 @@ def _make_identity(size: int) -> FloatArray:
     return make_read_only(np.eye(size))
 
 
-def propagate(power: FloatArray, initial: FloatArray, count: int) -> FloatArray:
-    """Compute P^n y for n = 0 ... count - 1 by doubling.
+class _Places(NamedTuple):
+    """How a system's moments are reached, in points.
 
-    Parameters
+    Attributes
     ----------
-    power : ndarray, shape (..., d, d)
-        P, which takes the state over one step.
-    initial : ndarray, shape (..., d)
-        y.
-    count : int
-        Number of columns.
-
-    Returns
-    -------
-    ndarray, shape (..., d, count)
+    skipped : int
+        Blocks before the one in which the first point lies.
+    first : float
+        From there to it.
+    last : int
+        The last block of points that begins before the end.
+    left : float
+        From there to it.
     """
-    result = np.empty((*initial.shape, count))
-    result[..., 0] = initial
-    done = 1
-    while done < count:
-        more = min(done, count - done)
-        np.matmul(power, result[..., :more], out=result[..., done : done + more])
-        done += more
-        if done < count:
-            power = power @ power
+
+    skipped: int
+    first: float
+    last: int
+    left: float
+
+
+def _divide(moment: Moments, block: int, blocks: int) -> _Places:
+    skipped, first = divmod(moment.first, block)
+    duration = moment.end - moment.first
+    last = min(duration // block, blocks - 1)
+    return _Places(int(skipped), first, int(last), min(duration - last * block, block))
+
+
+def _exponentiate(
+    times: Sequence[tuple[float, ...]], powers: FloatArray, size: int, squarings: int
+) -> FloatArray:
+    """Return e^(At) of each system at times of its own, shape (systems, times, d, d)."""
+    series = np.array(times)[..., np.newaxis] ** _POWERS
+    series *= _COEFFICIENTS
+    # e^A - 1 is squared, not e^A, which keeps the digits of small matrices beside large ones.
+    series[..., 0] = 0.0
+    result: FloatArray = series @ powers[..., : size * size]
+    result = result.reshape(*series.shape[:2], size, size)
+    identity = _make_identity(size)
+    for _ in range(squarings):
+        result = result @ (result + 2.0 * identity)
+    result += identity
     return result
 
 
-@lru_cache(maxsize=64)
-def find_blocks(count: int) -> tuple[int, int]:
-    """Return in how many blocks `propagate_output` takes `count` points, and of how many each."""
-    block = 1 << max(count - 1, 0).bit_length() // 2
-    return -(-count // block), block
+def _skip(power: FloatArray, states: FloatArray, numbers: NDArray[np.int_]) -> FloatArray:
+    """Return P^n y with n of each system's own, shape (systems, d, 1)."""
+    while numbers.any():
+        states = np.where(numbers & 1, power @ states, states)
+        numbers, power = numbers >> 1, power @ power
+    return states
 
 
-def find_room(count: int) -> int:
-    """Return on how many points it works: whole blocks."""
-    return math.prod(find_blocks(count))
-
-
-def find_way_to_end(duration: float, step: float, count: int) -> tuple[int, float]:
-    """Return from which block a time after the first point is reached, and how far from there.
-
-    Parameters
-    ----------
-    duration : float
-        That time.
-    step : float
-        From point to point.
-    count : int
-        Number of points.
-    """
-    blocks, block = find_blocks(count)
-    last = int(min(duration / (block * step), blocks - 1))
-    return last, duration - last * block * step
-
-
-def propagate_output(
-    power: FloatArray,
-    initial: FloatArray,
-    readout: FloatArray,
-    count: int,
-    out: FloatArray | None = None,
-) -> tuple[FloatArray, FloatArray]:
-    """Compute C P^n y for n = 0 ... count - 1.
-
-    Parameters
-    ----------
-    power : ndarray, shape (..., d, d)
-        P, which takes the state over one step.
-    initial : ndarray, shape (..., d)
-        y.
-    readout : ndarray, shape (..., r, d)
-        C, what is read off a state.
-    count : int
-        Number of points, one or more.
-    out : ndarray, shape (..., r, m), optional
-        Where to put them: m is `find_room` of `count` or more, and of so many points those
-        beyond `count` mean nothing.
-
-    Returns
-    -------
-    values : ndarray, shape (..., r, count)
-    states : ndarray, shape (..., d, blocks)
-        P^n y at the first point of each block.
-    """
-    blocks, block = find_blocks(count)
-    outputs, size = readout.shape[-2:]
-    if out is None:
-        out = np.empty((*readout.shape[:-1], blocks * block))
-    # The readouts of all points of a block are multiplied as one list of rows.
-    rows = np.empty((*readout.shape[:-2], block * outputs, size))
-    rows[..., :outputs, :] = readout
-    done = outputs
-    while done < block * outputs:
-        np.matmul(rows[..., :done, :], power, out=rows[..., done : 2 * done, :])
-        power = power @ power
-        done *= 2
-    states = propagate(power, initial, blocks)
-    by_output = rows.reshape(*readout.shape[:-2], block, outputs, size).swapaxes(-2, -3)
-    np.matmul(
-        states.swapaxes(-1, -2)[..., np.newaxis, :, :],
-        by_output.swapaxes(-1, -2),
-        out=out[..., : blocks * block].reshape(*readout.shape[:-1], -1, block),
-    )
-    return out[..., :count], states
+def _propagate(power: FloatArray, initial: FloatArray, count: int) -> FloatArray:
+    """Return P^n y for n = 0 ... count - 1 by doubling, shape (systems, count, d)."""
+    result = np.empty((len(initial), count, initial.shape[1]))
+    result[:, :1] = initial.swapaxes(-1, -2)
+    transposed = power.swapaxes(-1, -2)
+    done = 1
+    while done < count:
+        more = min(done, count - done)
+        np.matmul(result[:, :more], transposed, out=result[:, done : done + more])
+        done += more
+        if done < count:
+            transposed = transposed @ transposed
+    return result

@@ -10,7 +10,11 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
 from impact_rig.core.model.impact import ImpactModel
-from impact_rig.core.model.oscillator import find_padding, simulate_free_oscillators
+from impact_rig.core.model.oscillator import (
+    FreeOscillator,
+    find_padding,
+    simulate_free_oscillators,
+)
 from impact_rig.core.model.pulses import PulseShape, compute_pulse
 from impact_rig.core.signals.record import FloatArray
 
@@ -53,7 +57,6 @@ def simulate_driven(
     position, speed = _drive(
         matrix, model.peak_force * compute_pulse(grid, model.contact_time, shape) / body.mass, grid
     )
-    state = np.array([position(model.contact_time), speed(model.contact_time)])
     record = np.zeros(count + find_padding(count))
     specimen = record[:count]
     inside = (time >= 0.0) & (time <= model.contact_time)
@@ -62,14 +65,15 @@ def simulate_driven(
     )
     free = int(np.searchsorted(time, model.contact_time, side="right"))
     if free < count:
-        simulate_free_oscillators(
-            np.array([[-matrix[1, 0]]]),
-            np.array([[-matrix[1, 1]]]),
-            state[np.newaxis, :, np.newaxis],
-            np.array([[1.0 / sampling_rate], [time[free] - model.contact_time]]),
-            count - free,
-            [record[np.newaxis, free:]],
+        oscillator = FreeOscillator(
+            stiffness=-matrix[1, 0],
+            damping=-matrix[1, 1],
+            position=float(position(model.contact_time)),
+            speed=float(speed(model.contact_time)),
+            step=1.0 / sampling_rate,
+            first=time[free] - model.contact_time,
         )
+        simulate_free_oscillators([oscillator], count - free, [record[free:]])
     return -force / model.hammer.mass, specimen
 
 

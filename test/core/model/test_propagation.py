@@ -1,88 +1,119 @@
-"""Exponentials and powers of matrices against scipy, eigenvalues and extended precision."""
+"""Linear systems on a grid against scipy, eigenvalues and a series summed by hand."""
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from impact_rig.core.model.propagation import (
-    exponentiate,
-    find_blocks,
+    LARGEST_NORM,
+    LONGEST_BLOCK,
+    Moments,
     find_room,
-    find_way_to_end,
-    propagate,
-    propagate_output,
+    simulate_linear_systems,
 )
+
+COUNTS = (1, 2, 3, 64, LONGEST_BLOCK, LONGEST_BLOCK + 1, 508)
 
 
 def make_oscillator(frequency: float, damping: float) -> np.ndarray:
     return np.array([[0.0, 1.0], [-(frequency**2), -damping]])
 
 
-def test_exponentials_of_many_matrices_are_those_of_each() -> None:
-    matrices = np.random.default_rng(1).normal(size=(3, 4, 7, 7))
-    found = exponentiate(matrices)
-    for index in np.ndindex(3, 4):
-        expected = expm(matrices[index])
-        np.testing.assert_allclose(
-            found[index], expected, rtol=0, atol=1e-13 * np.abs(expected).max()
-        )
-
-
-def test_a_small_matrix_beside_a_large_one_keeps_its_digits() -> None:
-    # Scaled down and squared up with the large one, some 40 times.
-    small, large = 1e-6 * make_oscillator(2.0, 0.5), make_oscillator(1e6, 2e6)
-    found = exponentiate(np.stack([small, large]))[0] - np.eye(2)
-    # Three terms of the series are all that a float has room for.
-    expected = small + small @ small / 2.0 + small @ small @ small / 6.0
-    np.testing.assert_allclose(found, expected, rtol=0, atol=3e-16)
-
-
-def test_nothing_exponentiated_is_the_identity() -> None:
-    np.testing.assert_array_equal(exponentiate(np.zeros((2, 3, 3))), np.stack([np.eye(3)] * 2))
-
-
-def test_propagation_by_doubling_is_repeated_multiplication() -> None:
-    matrix = np.array([[0.0, 0.1], [-0.2, -0.05]])
+def expect(matrix: np.ndarray, initial: np.ndarray, time: float) -> np.ndarray:
+    """Return e^(At) y by eigenvalues."""
     values, vectors = np.linalg.eig(matrix)
-    initial = np.array([1.0, -2.0])
-    found = propagate(expm(matrix), initial, 77)
-    for n in (0, 1, 2, 63, 64, 76):
-        power = (vectors * np.exp(values * n)) @ np.linalg.inv(vectors)
-        np.testing.assert_allclose(found[:, n], (power @ initial).real, rtol=0, atol=1e-12)
+    return ((vectors * np.exp(values * time)) @ np.linalg.solve(vectors, initial)).real
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 64, 77, 508])
-def test_what_is_read_off_states_needs_no_states(count: int) -> None:
-    powers = np.stack([expm(0.05 * make_oscillator(w, 0.3)) for w in (0.5, 1.0, 2.0)])
+@pytest.mark.parametrize("count", COUNTS)
+def test_what_is_read_off_several_systems_is_that_of_each(count: int) -> None:
+    matrices = 0.05 * np.stack([make_oscillator(w, 0.3) for w in (0.5, 1.0, 2.0)])
     initial = np.array([[1.0, -2.0], [0.5, 0.0], [0.0, 1.0]])
     readout = np.random.default_rng(2).normal(size=(3, 4, 2))
-    found, states = propagate_output(powers, initial, readout, count)
+    moments = [Moments(0.0, 0.7 * count), Moments(0.25, count), Moments(3.5, 3.5)]
+    found, states = simulate_linear_systems(matrices, initial, readout, moments, count)
     assert found.shape == (3, 4, count)
-    expected = propagate(powers, initial, count)
-    np.testing.assert_allclose(found, readout @ expected, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(states, expected[..., :: find_blocks(count)[1]], rtol=0, atol=1e-12)
+    for system in range(3):
+        expected = np.stack(
+            [
+                readout[system]
+                @ expect(matrices[system], initial[system], moments[system].first + n)
+                for n in range(count)
+            ],
+            axis=1,
+        )
+        np.testing.assert_allclose(found[system], expected, rtol=0, atol=1e-12)
+        at_end = expect(matrices[system], initial[system], moments[system].end)
+        np.testing.assert_allclose(states[system], at_end, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("count", [1, 2, 77, 508])
+@pytest.mark.parametrize("size", [1, 2, 5, 7, 19])
+@pytest.mark.parametrize("norm", [1e-3, 0.9 * LARGEST_NORM, 1.1 * LARGEST_NORM, 40.0])
+def test_systems_of_every_size_and_speed_are_followed(size: int, norm: float) -> None:
+    # Antisymmetric, less a decay: nothing grows.
+    drawn = np.random.default_rng(size).normal(size=(size, size))
+    matrix = drawn - drawn.T - 0.1 * np.eye(size)
+    matrix *= norm / np.abs(matrix).sum(axis=0).max()
+    initial = np.ones(size)
+    found, states = simulate_linear_systems(
+        matrix[np.newaxis], initial[np.newaxis], np.eye(size)[np.newaxis], [Moments(0.3, 8.4)], 20
+    )
+    for n in (0, 1, 7, 19):
+        expected = expm((n + 0.3) * matrix) @ initial
+        np.testing.assert_allclose(found[0, :, n], expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(states[0], expm(8.4 * matrix) @ initial, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("first", [0.0, 0.999, 64.5, 1000.25])
+def test_a_grid_may_begin_long_after_the_start(first: float) -> None:
+    matrices = np.stack([0.03 * make_oscillator(1.0, 0.01), 0.05 * make_oscillator(2.0, 0.0)])
+    initial = np.array([[1.0, 2.0], [-1.0, 0.5]])
+    # The other one begins at once.
+    moments = [Moments(first, first + 12.0), Moments(0.5, 200.0)]
+    found, states = simulate_linear_systems(
+        matrices, initial, np.stack([np.eye(2)] * 2), moments, 200
+    )
+    for system, moment in enumerate(moments):
+        for n in (0, 150, 199):
+            expected = expect(matrices[system], initial[system], moment.first + n)
+            np.testing.assert_allclose(found[system, :, n], expected, rtol=0, atol=1e-11)
+        at_end = expect(matrices[system], initial[system], moment.end)
+        np.testing.assert_allclose(states[system], at_end, rtol=0, atol=1e-11)
+
+
+def test_a_slow_system_beside_a_fast_one_keeps_its_digits() -> None:
+    # Scaled down and squared up with the fast one, some 40 times.
+    slow, fast = 1e-6 * make_oscillator(2.0, 0.5), make_oscillator(1e6, 2e6)
+    found, _ = simulate_linear_systems(
+        np.stack([slow, fast]),
+        np.array([[1.0, 0.0], [1.0, 0.0]]),
+        np.stack([np.eye(2)] * 2),
+        [Moments(1.0, 1.0)] * 2,
+        1,
+    )
+    # Three terms of the series are all that a float has room for.
+    expected = slow + slow @ slow / 2.0 + slow @ slow @ slow / 6.0
+    change = found[0, :, 0] - (1.0, 0.0)
+    np.testing.assert_allclose(change, expected[:, 0], rtol=0, atol=3e-16)
+
+
+def test_a_system_at_rest_stays() -> None:
+    initial = np.array([[1.0, 2.0, 3.0]])
+    found, states = simulate_linear_systems(
+        np.zeros((1, 3, 3)), initial, np.eye(3)[np.newaxis], [Moments(0.5, 100.0)], 300
+    )
+    np.testing.assert_array_equal(found[0], np.repeat(initial.T, 300, axis=1))
+    np.testing.assert_array_equal(states, initial)
+
+
+@pytest.mark.parametrize("count", COUNTS)
 def test_output_is_put_where_it_is_wanted(count: int) -> None:
-    power = expm(0.05 * make_oscillator(1.0, 0.3))
-    initial, readout = np.array([1.0, -2.0]), np.eye(2)
-    wanted = np.zeros((2, 3 + find_room(count) + 1))
-    found, _ = propagate_output(power, initial, readout, count, wanted[:, 3:])
-    np.testing.assert_array_equal(wanted[:, 3 : 3 + count], found)
-    assert not wanted[:, :3].any()
-    assert not wanted[:, -1].any()
-    expected, _ = propagate_output(power, initial, readout, count)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("duration", "expected"),
-    [(0.0, (0, 0.0)), (0.31, (0, 0.31)), (1.65, (1, 0.05)), (20.0, (7, 8.8))],
-)
-def test_a_time_is_reached_from_the_last_block_before_it(
-    duration: float, expected: tuple[int, float]
-) -> None:
-    # Eight blocks of eight points, one every 1.6.
-    assert find_blocks(64) == (8, 8)
-    assert find_way_to_end(duration, 0.2, 64) == pytest.approx(expected)
+    system = (0.05 * make_oscillator(1.0, 0.3)[np.newaxis], np.array([[1.0, -2.0]]))
+    readout, moments = np.eye(2)[np.newaxis], [Moments(0.0, 0.0)]
+    wanted = np.zeros((1, 2, 3 + find_room(count) + 1))
+    found, _ = simulate_linear_systems(*system, readout, moments, count, wanted[:, :, 3:])
+    np.testing.assert_array_equal(wanted[:, :, 3 : 3 + count], found)
+    assert not wanted[:, :, :3].any()
+    assert not wanted[:, :, -1].any()
+    expected, _ = simulate_linear_systems(*system, readout, moments, count)
+    np.testing.assert_array_equal(found, expected)
