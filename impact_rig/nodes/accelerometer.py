@@ -63,7 +63,6 @@ class AccelerometerNode(DeviceNode):
         self._cut_off: Arming | None = None
         self._is_lost = False
         self._record = 0
-        self._missing_before = 0
         self._identity: dict[str, Any] = {}
         self._topic = OfferedTopic(self, self._take_hit)
         self._publish = self.advertise_state(interfaces.ACQUISITION_STATE)
@@ -88,7 +87,7 @@ class AccelerometerNode(DeviceNode):
             "source": opened.acquisition.identity,
             "simulated": opened.simulated is not None,
         }
-        self._is_lost, self._missing_before = False, 0
+        self._is_lost = False
         self._topic.offer(opened.plan)
         self._output = opened.make_output(self._topic.publisher)
         if opened.simulated is not None and self._setup is not None:
@@ -136,11 +135,7 @@ class AccelerometerNode(DeviceNode):
 
     def find_warning(self) -> str:
         """Return what has been lost since this was asked last."""
-        missing = self._output.flow.missing_points if self._output else 0
-        lost, self._missing_before = missing - self._missing_before, missing
-        if not lost:
-            return ""
-        return f"{lost} points of the source were lost: this computer does not hold its rate"
+        return self._output.find_warning() if self._output else ""
 
     def diagnose(self) -> dict[str, Any]:
         """Return what is read, and how much has been streamed."""

@@ -63,6 +63,7 @@ class BlockOutput(ABC):
         self._next_sample = 0
         self._newest: AcquiredBlock | None = None
         self._told = (time.monotonic(), 0)
+        self._told_loss = 0
 
     @abstractmethod
     def begin(self, label: HitLabel) -> None:
@@ -113,6 +114,14 @@ class BlockOutput(ABC):
     def publish_end(self, first_sample: int) -> None:
         """Publish an empty last block of the arming under way."""
         self._publisher.publish(self.make_message(make_empty_block(self._newest, first_sample)))
+
+    def find_warning(self) -> str:
+        """Return what has been lost since this was asked last; empty: nothing."""
+        lost = self.flow.missing_points - self._told_loss
+        self._told_loss += lost
+        if not lost:
+            return ""
+        return f"{lost} points of the source were lost: this computer does not hold its rate"
 
     def describe(self) -> dict[str, Any]:
         """Return the flow, the rate since this was asked last, by names for the diagnostics."""

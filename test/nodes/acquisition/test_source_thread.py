@@ -7,6 +7,7 @@ import pytest
 
 from impact_rig.core.signals.record import ChannelBlock, HitLabel
 from impact_rig.devices.acceleration_source import AcquiredBlock
+from impact_rig.nodes.acquisition import source_thread
 from impact_rig.nodes.acquisition.arming import Arming
 from impact_rig.nodes.acquisition.source_thread import COMPLETE, SourceThread
 
@@ -32,6 +33,9 @@ class TwoBlockSource:
     def disarm(self):
         self.blocks = []
 
+    def check(self):
+        pass
+
 
 class NotingOutput:
     """Notes, for each block, whether the arming was known to be read when it was published."""
@@ -48,6 +52,9 @@ class NotingOutput:
 
     def end(self, *, is_awaited):
         return False
+
+    def finish(self):
+        pass
 
 
 @pytest.fixture
@@ -95,3 +102,38 @@ def test_an_arming_without_an_impact_is_read_when_its_time_is_over(arming):
         assert ended.get(timeout=PATIENCE) is True
     finally:
         assert thread.stop()
+
+
+def test_a_source_is_asked_whether_it_is_there_only_while_nothing_is_armed(arming, monkeypatch):
+    monkeypatch.setattr(source_thread, "CHECK_PERIOD", 0.001)
+    source, events = TwoBlockSource(), queue.SimpleQueue()
+    source.check = lambda: events.put("asked")
+    source.arm = lambda: events.put("armed")
+    source.read = lambda timeout: events.put("read")
+    source.disarm = lambda: events.put("disarmed")
+    thread = SourceThread(
+        source,
+        NotingOutput(arming),
+        is_continuous=False,
+        patience=PATIENCE,
+        on_armed=lambda _: None,
+        on_ended=lambda *_: None,
+        on_failed=events.put,
+    )
+    thread.start()
+    try:
+        assert events.get(timeout=PATIENCE) == "asked"
+        thread.arm(arming)
+        wait_for(events, "armed")
+        while_armed = {events.get(timeout=PATIENCE) for _ in range(50)}
+        arming.release(0.0)
+        wait_for(events, "disarmed")
+        wait_for(events, "asked")
+    finally:
+        assert thread.stop()
+    assert while_armed == {"read"}
+
+
+def wait_for(events, wanted):
+    while events.get(timeout=PATIENCE) != wanted:
+        pass
