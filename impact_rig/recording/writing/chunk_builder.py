@@ -21,8 +21,9 @@ COMPRESSIONS = ("zstd", "lz4", "none")
 """How chunks may be compressed."""
 LZ4_LEVEL = -1
 """Of lz4, our choice: on counts of a digitizer a fifth faster than its default, and no larger."""
-ZSTD_LEVEL = 3
-"""Of zstd: its default."""
+ZSTD_LEVEL = 2
+"""Of zstd, our choice: on noise of a digitizer a third faster than its default, 3, on hits a
+twentieth; a hundredth larger."""
 
 _RECORD_HEAD = struct.Struct("<BQHIQQ")
 """Frame and head of a message in one."""
@@ -102,16 +103,19 @@ class ChunkBuilder:
 
     def finish(self, place: int) -> FinishedChunk:
         """Return the chunk for a place in the file [byte], and begin the next one."""
-        records = b"".join(self._pieces)
-        checksum = zlib.crc32(records)
-        data = self._compress(records)
-        name = self._name
+        # What is not compressed is written from where it lies: joining it would cost a third more.
+        records = self._pieces if self._compress is None else [b"".join(self._pieces)]
+        checksum = 0
+        for piece in records:
+            checksum = zlib.crc32(piece, checksum)
+        data = records if self._compress is None else [self._compress(records[0])]
+        size, name = sum(map(len, data)), self._name
         head = (
             CHUNK_HEAD.pack(self._start_time, self._end_time, self.size, checksum, len(name))
             + name
-            + LENGTH.pack(len(data))
+            + LENGTH.pack(size)
         )
-        length = FRAME_HEAD.size + len(head) + len(data)
+        length = FRAME_HEAD.size + len(head) + size
         head = FRAME_HEAD.pack(Opcode.CHUNK, length - FRAME_HEAD.size) + head
         indexes, table = self._format_indexes(place + length)
         index = b"".join((
@@ -120,12 +124,12 @@ class ChunkBuilder:
             LENGTH.pack(len(indexes)),
             _TABLE_LENGTH.pack(len(name)),
             name,
-            LENGTH.pack(len(data)),
+            LENGTH.pack(size),
             LENGTH.pack(self.size),
         ))  # fmt: skip
         self._clear()
         return FinishedChunk(
-            (head, data, indexes), FRAME_HEAD.pack(Opcode.CHUNK_INDEX, len(index)) + index
+            (head, *data, indexes), FRAME_HEAD.pack(Opcode.CHUNK_INDEX, len(index)) + index
         )
 
     def _clear(self) -> None:
@@ -147,9 +151,9 @@ class ChunkBuilder:
         return bytes(indexes), bytes(table)
 
 
-def _find_compressor(name: str) -> Callable[[bytes], bytes]:
+def _find_compressor(name: str) -> Callable[[bytes], bytes] | None:
     if name == "none":
-        return bytes
+        return None
     if name == "lz4":
         from lz4 import frame
 
