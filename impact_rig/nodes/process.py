@@ -11,10 +11,11 @@ from collections.abc import Callable, Sequence
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from impact_rig.core.errors import RigError
+from impact_rig.nodes.node_executor import NodeExecutor
 from impact_rig.nodes.rig_node import RigNode
 
 DRAIN_QUIET = 0.1
@@ -42,7 +43,7 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
     # rclpy's own handler would tear the context down under the node: nothing that is still in
     # the queues could be recorded, and no last word published.
     rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
-    executor = SingleThreadedExecutor()
+    executor = NodeExecutor()
     node = None
     try:
         node = make_node()
@@ -54,6 +55,7 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
         gc.freeze()
         while not node.stop_requested.is_set():
             executor.spin_once()
+        executor.shutdown()
         _drain(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -61,6 +63,7 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
         print(f"error: {error}", file=sys.stderr)
         return 2
     finally:
+        executor.shutdown()
         if node is not None:
             node.close()
             node.destroy_node()
@@ -68,7 +71,7 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
     return 0
 
 
-def _stop_on_signals(executor: SingleThreadedExecutor, stop: threading.Event) -> None:
+def _stop_on_signals(executor: NodeExecutor, stop: threading.Event) -> None:
     """Let SIGINT and SIGTERM set `stop`, even while the executor waits in the middleware.
 
     An executor must not be shut down from here: rclpy takes it to pieces while it still spins.
@@ -92,7 +95,7 @@ def _stop_on_signals(executor: SingleThreadedExecutor, stop: threading.Event) ->
 
 def _drain(node: RigNode) -> None:
     """Work off what is still in the queues, as long as there is anything, for a bounded time."""
-    executor = SingleThreadedExecutor()
+    executor = NodeExecutor()
     executor.add_node(node)
     deadline = time.monotonic() + DRAIN_TIMEOUT
     quiet_since = time.monotonic()
@@ -101,4 +104,4 @@ def _drain(node: RigNode) -> None:
         executor.spin_once(timeout_sec=DRAIN_QUIET)
         if node.messages_handled != handled:
             handled, quiet_since = node.messages_handled, time.monotonic()
-    executor.remove_node(node)
+    executor.shutdown()

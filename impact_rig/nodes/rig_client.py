@@ -5,12 +5,12 @@ from collections.abc import Callable
 from typing import Any, Self
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.node_executor import NodeExecutor
 
 LOOK_PERIOD = 0.1
 """How often something that sends no event is looked at [s]."""
@@ -33,7 +33,7 @@ class RigClient:
         self._context = rclpy.Context()
         rclpy.init(context=self._context, args=[])
         self._node = Node(name, namespace=namespace or None, context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = NodeExecutor(context=self._context)
         self._executor.add_node(self._node)
 
     def __enter__(self) -> Self:

@@ -12,13 +12,13 @@ from typing import Any, Self
 
 import pytest
 import rclpy
-from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.task import Future
 
 from impact_rig.nodes.domain import reserve_domain
 from impact_rig.nodes.interfaces import Topic
+from impact_rig.nodes.node_executor import NodeExecutor
 from impact_rig.nodes.rig_node import RigNode
 
 PATIENCE = 60.0
@@ -66,17 +66,18 @@ class Harness:
     def __init__(self, domain: int) -> None:
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain, args=[])
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = NodeExecutor(context=self._context)
         self.nodes: list[RigNode] = []
         self.peer = Node("peer", context=self._context)
         self._executor.add_node(self.peer)
-        self._stop = Future()
+        self._stop = threading.Event()
         self._thread = threading.Thread(target=self._spin)
         self._thread.start()
 
     def _spin(self) -> None:
-        with contextlib.suppress(ShutdownException, ExternalShutdownException):
-            self._executor.spin_until_future_complete(self._stop)
+        with contextlib.suppress(ExternalShutdownException):
+            while not self._stop.is_set():
+                self._executor.spin_once()
 
     def __enter__(self) -> Self:
         return self
@@ -88,7 +89,8 @@ class Harness:
         trace: TracebackType | None,
     ) -> None:
         # Not shut down while it spins: rclpy would take it to pieces under its thread.
-        self._stop.set_result(None)
+        self._stop.set()
+        self._executor.create_task(lambda: None)
         self._thread.join(PATIENCE)
         self._executor.shutdown(timeout_sec=1.0)
         for node in self.nodes:
