@@ -14,8 +14,10 @@ chance, so a hit is an outlier where its deviation exceeds both
 The first is why five hits find only gross outliers (T = 166), ten find what others would (T = 16).
 """
 
-from dataclasses import dataclass, replace
-from typing import Self
+import math
+from array import array
+from bisect import bisect_left, insort
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +42,9 @@ probability of a third of `FALSE_ALARM`, since there are three quantities. Found
 values for each n, rounded up by 1 to 3 %. Between them it is linear in 1 / n."""
 ENDLESS_THRESHOLD = 4.2
 """T of many values [-]: the two-sided quantile of the normal distribution is 4.15."""
+_INVERSE_COUNTS = (0.0, *(1.0 / count for count in reversed(THRESHOLDS)))
+_INVERSE_THRESHOLDS = (ENDLESS_THRESHOLD, *reversed(THRESHOLDS.values()))
+"""T over 1 / n, ascending."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +81,7 @@ QUANTITIES = (
 
 def find_threshold(count: int) -> float:
     """Return T(n) for `count` hits [-], see `THRESHOLDS`."""
-    counts = np.array(list(THRESHOLDS), dtype=np.float64)[::-1]
-    values = np.array(list(THRESHOLDS.values()))[::-1]
-    inverse = np.concatenate(([0.0], 1.0 / counts))
-    return float(np.interp(1.0 / count, inverse, np.concatenate(([ENDLESS_THRESHOLD], values))))
+    return float(np.interp(1.0 / count, _INVERSE_COUNTS, _INVERSE_THRESHOLDS))
 
 
 @dataclass(frozen=True)
@@ -113,48 +115,70 @@ def read_figures(hit: JudgedHit) -> FloatArray:
     return np.array([getattr(hit, quantity.attribute) for quantity in QUANTITIES])
 
 
-@dataclass(frozen=True)
 class Fellows:
-    """Hits that others are held against, ten thousand of them in a tenth of a millisecond.
+    """Hits that others are held against, ten thousand of them in a tenth of a millisecond."""
 
-    Attributes
-    ----------
-    columns : tuple of ndarray
-        Their figures in the order of `QUANTITIES`, each in ascending order; what is not known is
-        left out.
-    """
+    def __init__(self) -> None:
+        # In ascending order. Whatever else holds on to one of these arrays keeps it from growing.
+        self._columns: tuple[array[float], ...] = tuple(array("d") for _ in QUANTITIES)
 
-    columns: tuple[FloatArray, ...] = (np.zeros(0),) * len(QUANTITIES)
+    def add(self, figures: FloatArray) -> None:
+        """Take in one more hit, see `read_figures`; what is not known is left out."""
+        for column, value in zip(self._columns, figures.tolist(), strict=True):
+            if math.isfinite(value):
+                insort(column, value)
 
-    def join(self, figures: FloatArray) -> Self:
-        """Return these hits and one more, see `read_figures`."""
-        columns = tuple(
-            np.insert(column, np.searchsorted(column, value), value)
-            if np.isfinite(value)
-            else column
-            for column, value in zip(self.columns, figures, strict=True)
-        )
-        return replace(self, columns=columns)
+    def _remove(self, figures: FloatArray) -> None:
+        for column, value in zip(self._columns, figures.tolist(), strict=True):
+            if math.isfinite(value):
+                del column[bisect_left(column, value)]
 
     def find_norms(self) -> tuple[Norm, ...]:
         """Return the norms of the quantities that enough of the hits have."""
         norms = []
-        for index, (quantity, values) in enumerate(zip(QUANTITIES, self.columns, strict=True)):
-            if values.size >= FEWEST_FELLOWS:
-                threshold = find_threshold(values.size)
+        for index, (quantity, column) in enumerate(zip(QUANTITIES, self._columns, strict=True)):
+            count = len(column)
+            if count >= FEWEST_FELLOWS:
+                threshold = find_threshold(count)
                 floor = quantity.floor * ENDLESS_THRESHOLD / threshold
-                spread = _find_spread(values, floor)
-                norms.append(Norm(quantity, index, values.size, *spread, threshold))
+                spread = _find_spread(np.frombuffer(column), floor)
+                norms.append(Norm(quantity, index, count, *spread, threshold))
         return tuple(norms)
+
+    def find_norms_with(self, figures: FloatArray) -> tuple[Norm, ...]:
+        """Return the same with one more hit, this once."""
+        self.add(figures)
+        norms = self.find_norms()
+        self._remove(figures)
+        return norms
 
 
 def find_outliers(figures: FloatArray, norms: tuple[Norm, ...]) -> NDArray[np.bool_]:
     """Return which of the hits are outliers in any quantity, shape (hits,)."""
     found = np.zeros(len(figures), dtype=bool)
     for norm in norms:
-        # A figure that is not known is not held against a hit: comparisons with NaN are false.
-        found |= np.abs(figures[:, norm.column] - norm.median) / norm.spread > norm.threshold
+        found |= _find_deviations(figures, norm) > norm.threshold
     return found
+
+
+def find_doubtful(figures: FloatArray, norms: tuple[Norm, ...]) -> NDArray[np.bool_]:
+    """Return which of the hits would be outliers if many had this scatter, shape (hits,).
+
+    Of few hits the scatter is not known well enough to tell; more may show it.
+    """
+    found = np.zeros(len(figures), dtype=bool)
+    for norm in norms:
+        found |= _find_deviations(figures, norm) > ENDLESS_THRESHOLD
+    return found
+
+
+def _find_deviations(figures: FloatArray, norm: Norm) -> FloatArray:
+    """Return how far hits are from the median, over the spread, shape (hits,).
+
+    A figure that is not known is not held against a hit: NaN exceeds nothing.
+    """
+    deviations: FloatArray = np.abs(figures[:, norm.column] - norm.median) / norm.spread
+    return deviations
 
 
 def explain_outlier(figures: FloatArray, norms: tuple[Norm, ...]) -> tuple[Rejection, ...]:
@@ -208,12 +232,13 @@ def _find_spread(values: FloatArray, floor: float) -> tuple[float, float]:
     """
     low, high = (values.size - 1) // 2, values.size // 2
     median = float(values[low] + values[high]) / 2.0
-    deviations = [_find_deviation(values, median, count + 1) for count in (low, high)]
-    spread = SPREAD_OF_MEDIAN * sum(deviations) / 2.0
-    return median, max(spread, floor * abs(median))
+    deviation = _find_deviation(values, median, low + 1)
+    if high > low:
+        deviation = (deviation + _find_deviation(values, median, high + 1)) / 2.0
+    return median, max(SPREAD_OF_MEDIAN * deviation, floor * abs(median))
 
 
 def _find_deviation(values: FloatArray, median: float, count: int) -> float:
     """Return how far the `count` nearest of ascending values lie from the median at most."""
     below, above = median - values[: values.size - count + 1], values[count - 1 :] - median
-    return float(np.maximum(below, above).min())
+    return float(np.maximum(below, above, out=below).min())

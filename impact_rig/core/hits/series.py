@@ -65,7 +65,7 @@ class _Choice:
     surplus: Rows = field(default_factory=lambda: np.zeros(0, np.intp))
     """The most consistent first."""
     consistent: int = 0
-    """Hits that are no outliers."""
+    """Hits that are no outliers, where not all of them are wanted."""
 
     @property
     def left_out(self) -> frozenset[int]:
@@ -116,8 +116,8 @@ class HitSeries:
     @property
     def overruled(self) -> tuple[JudgedHit, ...]:
         """Hits in the mean by hand, with all that is against them."""
-        rows = np.flatnonzero(self._table.fates == Fate.BY_HAND).tolist()
-        return tuple(self._complete(self._table[row]) for row in rows)
+        rows = self._table.find_rows(Fate.BY_HAND)
+        return tuple(self._complete(self._table[row]) for row in rows.tolist())
 
     def check(self, hit: JudgedHit) -> tuple[Rejection, ...]:
         """Hold an accepted hit against all accepted hits so far, and itself.
@@ -128,7 +128,7 @@ class HitSeries:
             One for each quantity in which the hit is an outlier.
         """
         figures = read_figures(hit)
-        return explain_outlier(figures, self._fellows.join(figures).find_norms())
+        return explain_outlier(figures, self._fellows.find_norms_with(figures))
 
     def add(self, hit: JudgedHit) -> None:
         """Take in a hit with its verdict; one that a person has accepted stays in the mean."""
@@ -140,7 +140,7 @@ class HitSeries:
             return
         self._mean = None
         if fate is Fate.OPEN:
-            self._fellows = self._fellows.join(read_figures(hit))
+            self._fellows.add(read_figures(hit))
         if hit.filtered is not None:
             self._traces[row] = shift_hit(hit.filtered)
         before, self._choice = self._choice.left_out, self._choose()
@@ -152,14 +152,14 @@ class HitSeries:
 
     def settle_one(self) -> None:
         """Settle one of the hits that are kept with their traces, of three or more."""
-        fates = self._table.fates
         if self._choice.outliers.size:
             row, fate = int(self._choice.outliers[0]), Fate.OUTLIER
         elif self._choice.surplus.size:
             row, fate = int(self._choice.surplus[-1]), Fate.SURPLUS
         else:
             row = self._find_densest()
-            fate = Fate.BY_HAND if fates[row] == Fate.BY_HAND else Fate.SETTLED
+            by_hand = self._table.read_fate(row) is Fate.BY_HAND
+            fate = Fate.BY_HAND if by_hand else Fate.SETTLED
         self._table.settle(row, fate, self._explain(row) if fate is Fate.OUTLIER else ())
         hit = self._traces.pop(row)
         if fate in (Fate.OUTLIER, Fate.SURPLUS):
@@ -185,18 +185,18 @@ class HitSeries:
 
     def select(self) -> Selection:
         """Return the last word on every hit so far."""
-        is_kept = self._find_kept()
         hits = [self._describe(row) for row in range(len(self._table))]
+        is_kept = self._find_kept()[: len(hits)].tolist()
         return Selection(
             kept=tuple(hit for hit, kept in zip(hits, is_kept, strict=True) if kept),
             left_out=tuple(hit for hit, kept in zip(hits, is_kept, strict=True) if not kept),
         )
 
     def _describe(self, row: int) -> JudgedHit:
-        hit, fate = self._table[row], self._table.fates[row]
-        if fate == Fate.BY_HAND:
+        hit, fate = self._table[row], self._table.read_fate(row)
+        if fate is Fate.BY_HAND:
             return self._complete(hit)
-        if fate == Fate.SURPLUS or row in self._choice.surplus:
+        if fate is Fate.SURPLUS or row in self._choice.surplus:
             why = f"not among the {self._keep} most consistent of {self._choice.consistent}"
             return replace(hit, rejections=(Rejection(Reason.SURPLUS, why),))
         if row in self._choice.outliers:
@@ -213,24 +213,23 @@ class HitSeries:
         return explain_outlier(self._table.read_figures(np.array([row]))[0], self._choice.norms)
 
     def _find_kept(self) -> NDArray[np.bool_]:
-        """Return which hits are in the mean, shape (hits,)."""
-        fates = self._table.fates
-        is_kept = (fates >= Fate.BY_HAND) & (fates <= Fate.SETTLED)
+        """Return which rows are hits in the mean, shape (room,)."""
+        is_kept = self._table.have_fates(Fate.BY_HAND, Fate.OPEN, Fate.SETTLED)
         is_kept[list(self._choice.left_out)] = False
         return is_kept
 
     def _choose(self) -> _Choice:
         """Leave out the outliers among the open hits, then all but the most consistent."""
         norms = self._fellows.find_norms()
-        fates = self._table.fates
-        rows = np.flatnonzero(fates == Fate.OPEN)
+        rows = self._table.find_rows(Fate.OPEN)
         is_outlier = find_outliers(self._table.read_figures(rows), norms)
         outliers, rows = rows[is_outlier], rows[~is_outlier]
-        counts = np.bincount(fates, minlength=len(Fate))
-        in_mean = int(counts[Fate.SETTLED] + counts[Fate.BY_HAND])
-        count = rows.size + in_mean + int(counts[Fate.SURPLUS])
+        if not self._keep:
+            return _Choice(norms, outliers)
+        in_mean = self._table.find_rows(Fate.SETTLED, Fate.BY_HAND).size
+        count = rows.size + in_mean + self._table.find_rows(Fate.SURPLUS).size
         surplus = np.zeros(0, np.intp)
-        if self._keep and count > self._keep:
+        if count > self._keep:
             # Of equal ones the earlier stay.
             order = np.argsort(self._find_distances(rows), kind="stable")
             surplus = rows[order[max(self._keep - in_mean, 0) :]]
@@ -238,8 +237,7 @@ class HitSeries:
 
     def _find_distances(self, rows: Rows) -> FloatArray:
         """Return how far consistent open hits are from the medians of all, shape (rows,)."""
-        is_settled = np.isin(self._table.fates, (Fate.SETTLED, Fate.SURPLUS))
-        others = self._table.read_figures(np.flatnonzero(is_settled))
+        others = self._table.read_figures(self._table.find_rows(Fate.SETTLED, Fate.SURPLUS))
         figures = np.vstack([self._table.read_figures(rows), others])
         return find_distances(figures)[: rows.size]
 
