@@ -38,8 +38,8 @@ rig: it stands above the devices. The bench measures what the command line does:
 everything, and of the command line only its own command knows it."""
 
 PURE = {
-    "GTC", "abc", "array", "bisect", "collections", "dataclasses", "enum", "functools", "itertools",
-    "math", "numbers", "numpy", "operator", "re", "scipy", "sys", "types", "typing",
+    "GTC", "abc", "array", "bisect", "collections", "dataclasses", "enum", "functools",
+    "itertools", "math", "numbers", "numpy", "operator", "re", "scipy", "sys", "types", "typing",
 }  # fmt: skip
 """What the core may import: nothing here reads a file, a clock or the network."""
 
