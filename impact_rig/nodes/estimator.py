@@ -19,6 +19,7 @@ from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.session import Session
 from impact_rig.nodes import estimate_messages, interfaces
 from impact_rig.nodes.estimating.stream_cutting import StreamCutting
+from impact_rig.nodes.estimating.stream_thread import StreamThread
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.recording.storage_gate import StorageGate
 from impact_rig.nodes.rig_node import RigNode
@@ -44,7 +45,8 @@ class EstimatorNode(RigNode):
 
     While a recorder records, a block is evaluated when the recorder has stored it: whatever dies
     at whatever moment, the hit of a published verdict is on the disk. What is cut out of a running
-    stream goes the same way: it is published, and comes back.
+    stream goes the same way: it is published, and comes back. The stream is taken and cut in a
+    thread of its own, however long an evaluation takes.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -77,14 +79,22 @@ class EstimatorNode(RigNode):
         self.listen(interfaces.RECORD_STORED, self._take_stored)
         self.listen(interfaces.RECORDER_STATE, self._follow_recorder)
         self._blocks = self.listen(interfaces.ACCELERATION, self._take_blocks)
-        self.listen(
-            interfaces.make_stream_topic(self.get_value("stream_depth")), self._take_stream_block
-        )
         self.create_service(GetResults, interfaces.GET_RESULTS, self._answer)
+        self._stream = StreamThread(
+            self,
+            interfaces.make_stream_topic(self.get_value("stream_depth")),
+            self._take_stream_block,
+        )
+        self._stream.start()
 
     def deactivate(self) -> None:
         """Forget what waits."""
         self._warn(self._gate.drop())
+
+    def destroy_node(self) -> None:
+        """Take no more of the stream, and end."""
+        self._stream.stop()
+        super().destroy_node()
 
     def diagnose(self) -> dict[str, Any]:
         """Return how much has been judged, and what a record waits for."""

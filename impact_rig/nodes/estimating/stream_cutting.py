@@ -20,6 +20,8 @@ WARNING_TIME = 10 * DIAGNOSTIC_PERIOD
 class StreamCutting:
     """Cuts impacts out of `StreamBlock` messages, and publishes them as `AccelerationBlock`.
 
+    The stream is fed in one thread; settings and questions come from any.
+
     The publisher is made when the first block comes: where there is no stream, the accelerometers
     publish the impacts.
 
@@ -32,6 +34,7 @@ class StreamCutting:
     def __init__(self, node: RigNode) -> None:
         self._node = node
         self._settings: AnalysisSettings | None = None
+        self._used: AnalysisSettings | None = None
         self._cutter: StreamCutter | None = None
         self._publisher: Any = None
         self._told = (time.monotonic(), 0)
@@ -42,9 +45,7 @@ class StreamCutting:
 
     def use_settings(self, settings: AnalysisSettings) -> None:
         """Cut by other settings from the next block on, if they are others."""
-        if settings != self._settings:
-            self._settings = settings
-            self._cutter = None
+        self._settings = settings
 
     def feed(self, message: StreamBlock) -> None:
         """Take the next block of the stream, and publish the impact that it completes.
@@ -65,14 +66,15 @@ class StreamCutting:
     def _feed(self, message: StreamBlock) -> None:
         if self._publisher is None:
             self._publisher = self._node.advertise(interfaces.ACCELERATION)
-        if self._settings is None:
+        settings, cutter = self._settings, self._cutter
+        if settings is None:
             return
-        if self._cutter is None:
-            self._cutter = StreamCutter(self._settings)
-            self._missing = 0
-        for block in self._cutter.feed(stream_block_from_msg(message)):
+        if cutter is None or settings != self._used:
+            cutter = self._cutter = StreamCutter(settings)
+            self._used, self._missing = settings, 0
+        for block in cutter.feed(stream_block_from_msg(message)):
             self._publisher.publish(block_to_msg(block))
-        missing = self._cutter.flow.missing_points
+        missing = cutter.flow.missing_points
         if missing > self._missing:
             if time.monotonic() - self._lost_at > WARNING_TIME:
                 self._lost = 0
