@@ -10,10 +10,9 @@ def compare_times(
     peer: Callable[[], object],
     repeats: int,
     calls: tuple[int, int] = (1, 1),
+    clock: Callable[[], float] = time.process_time,
 ) -> tuple[list[float], list[float]]:
     """Time two functions alternately, after one call of each that does not count.
-
-    Processor time is measured, so that other work on the machine counts as little as possible.
 
     Parameters
     ----------
@@ -23,6 +22,9 @@ def compare_times(
         Of each.
     calls : tuple of int
         Of `work` and of `peer` in each of their turns: many where one takes microseconds.
+    clock : callable
+        Returns a time [s]: by default processor time, in which other work on the machine counts
+        as little as possible.
 
     Returns
     -------
@@ -36,10 +38,10 @@ def compare_times(
     for _ in range(repeats):
         for function, count, found in zip((work, peer), calls, times, strict=True):
             gc.collect()
-            started = time.process_time()
+            started = clock()
             for _ in range(count):
                 function()
-            found.append((time.process_time() - started) / count)
+            found.append((clock() - started) / count)
     return times
 
 

@@ -32,6 +32,7 @@ EXIT_SIGNALLED = 128
       demo     the paper's campaign, from the command to the tables
       latency  from the release command to verdict and estimate
       read     reading a recording, beside mcap.reader doing nothing
+      view     logging into Rerun, beside bare calls; view and report
       stream   the running stream at 2.5 MS/s per channel, and faster
       memory   memory of each node after 10 000 hits
       batch    many recordings on two Dask workers, beside one

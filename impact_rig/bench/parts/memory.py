@@ -97,4 +97,4 @@ def read_memory(processes: Mapping[str, Popen[str]]) -> dict[str, float]:
     return found
 
 
-PART = Part("memory", "Memory of each node after thousands of hits", measure, 170.0)
+PART = Part("memory", "Memory of each node after thousands of hits", measure, 150.0)

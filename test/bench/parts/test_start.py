@@ -25,6 +25,7 @@ def test_help_and_every_node_are_measured(bench: Bench, monkeypatch: pytest.Monk
     names = {"hammer", "accelerometer", "estimator", "campaign", "recorder", "visualizer"}
     assert {figure.name.split(",")[0] for figure in nodes} == names
     assert {"import impact_rig.nodes." + name for name in names} < set(started)
+    assert {len(figure.values) for figure in nodes} == {start.IMPORTS}
 
 
 def test_without_ros_it_is_said_what_is_missing(
