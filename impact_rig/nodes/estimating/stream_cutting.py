@@ -1,5 +1,6 @@
 """Impacts of a running stream, published as if a trigger had cut them out; flow and loss told."""
 
+import math
 import time
 from typing import Any
 
@@ -15,6 +16,9 @@ from impact_rig.recording.interfaces.messages import stream_block_from_msg
 
 WARNING_TIME = 10 * DIAGNOSTIC_PERIOD
 """How long a loss is warned of [s], our choice: long enough to be seen."""
+STANDSTILL = 2.0
+"""How much later than due the next block may come before it is warned of [s], our choice: longer
+than a computer does something else that holds the rate."""
 
 
 class StreamCutting:
@@ -42,6 +46,7 @@ class StreamCutting:
         self._problem = ""
         self._lost = 0
         self._lost_at = 0.0
+        self._due = math.inf
 
     def use_settings(self, settings: AnalysisSettings) -> None:
         """Cut by other settings from the next block on, if they are others."""
@@ -72,8 +77,11 @@ class StreamCutting:
         if cutter is None or settings != self._used:
             cutter = self._cutter = StreamCutter(settings)
             self._used, self._missing = settings, 0
-        for block in cutter.feed(stream_block_from_msg(message)):
-            self._publisher.publish(block_to_msg(block))
+        block = stream_block_from_msg(message)
+        duration = block.hammer.output.size / block.sampling_rate
+        self._due = math.inf if block.ends_stream else time.monotonic() + duration
+        for cut in cutter.feed(block):
+            self._publisher.publish(block_to_msg(cut))
         missing = cutter.flow.missing_points
         if missing > self._missing:
             if time.monotonic() - self._lost_at > WARNING_TIME:
@@ -98,7 +106,13 @@ class StreamCutting:
         }
 
     def find_warning(self) -> str:
-        """Return what has been lost of late; empty: nothing."""
+        """Return that the stream stands still, or what has been lost of late; empty: neither."""
+        late = time.monotonic() - self._due
+        if late > STANDSTILL and self._node.count_publishers(interfaces.STREAM.name):
+            return (
+                f"the stream stands still: its next block is due since {late:.0f} s; this computer"
+                " does not hold its rate, or its network does not"
+            )
         if not self._lost or time.monotonic() - self._lost_at > WARNING_TIME:
             return ""
         return (

@@ -7,7 +7,7 @@ import pytest
 
 from impact_rig.core.errors import SignalError
 from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.record import ChannelBlock, HitLabel
+from impact_rig.core.signals.record import NOT_ARMED, ChannelBlock, HitLabel
 from impact_rig.nodes.estimating.stream_cutting import StreamCutting
 from impact_rig.nodes.stream_messages import place_stream_block, stream_block_to_msg
 
@@ -27,8 +27,23 @@ def publisher():
 
 
 @pytest.fixture
-def cutting(publisher):
-    return StreamCutting(SimpleNamespace(advertise=lambda topic: publisher))
+def sources():
+    """Return the topics of all publishers."""
+    return ["acceleration/stream"]
+
+
+@pytest.fixture
+def cutting(publisher, sources):
+    node = SimpleNamespace(advertise=lambda topic: publisher, count_publishers=sources.count)
+    return StreamCutting(node)
+
+
+def make_end(number):
+    """Return the block that ends a stream."""
+    nothing = ChannelBlock(np.zeros(0, np.int32), 1.0, 0.0, 2000.0)
+    message = stream_block_to_msg(nothing, nothing, RATE)
+    place_stream_block(message, number * SIZE, number * 1_000_000, NOT_ARMED, last=True)
+    return message
 
 
 def make_block(number, *, full_scale=2000.0, impact=False):
@@ -61,6 +76,37 @@ def test_lost_points_are_counted_and_warned_of(cutting):
         cutting.feed(make_block(number))
     assert cutting.describe()["stream points missing"] == 2000
     assert cutting.find_warning().startswith("2000 points of the stream were lost")
+
+
+def test_a_stream_that_stands_still_though_it_has_not_ended_is_warned_of(
+    cutting, sources, monkeypatch
+):
+    now = 1000.0
+    monkeypatch.setattr("impact_rig.nodes.estimating.stream_cutting.time.monotonic", lambda: now)
+    cutting.use_settings(AnalysisSettings())
+    cutting.feed(make_block(0))
+    now += 1.0
+    assert cutting.find_warning() == ""
+    now += 4.0
+    assert cutting.find_warning().startswith(
+        "the stream stands still: its next block is due since"
+    )
+    cutting.feed(make_block(1))
+    assert cutting.find_warning() == ""
+    now += 5.0
+    sources.clear()
+    # Whoever sent it is gone, and says that for himself.
+    assert cutting.find_warning() == ""
+
+
+def test_a_stream_that_has_ended_is_not_waited_for(cutting, monkeypatch):
+    now = 1000.0
+    monkeypatch.setattr("impact_rig.nodes.estimating.stream_cutting.time.monotonic", lambda: now)
+    cutting.use_settings(AnalysisSettings())
+    cutting.feed(make_block(0))
+    cutting.feed(make_end(1))
+    now += 60.0
+    assert cutting.find_warning() == ""
 
 
 def test_other_settings_go_on_with_the_stream_from_where_it_is(cutting, publisher):
