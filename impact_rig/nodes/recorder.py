@@ -14,6 +14,7 @@ from impact_rig import __version__
 from impact_rig.configuration.processes import RECORDING_NAME, make_run_folder_name
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.kept_memory import keep_memory
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.recording.record_storage import SYNC_CHUNK, SYNCS
 from impact_rig.nodes.recording.recorder_parameters import declare_parameters
@@ -24,9 +25,7 @@ from impact_rig.recording.interfaces.message_definitions import find_message_def
 from impact_rig.recording.writing.chunk_builder import COMPRESSIONS
 from impact_rig.recording.writing.disk_file import DiskFullError
 from impact_rig.recording.writing.origin import read_attached_file
-from impact_rig.recording.writing.recording_writer import (
-    RecordingWriter,
-)
+from impact_rig.recording.writing.recording_writer import RecordingWriter
 
 CONNECTION_PERIOD = 0.05
 """How often it is looked whether the required topics are connected [s], our choice."""
@@ -256,6 +255,7 @@ def _split_paths(text: str) -> list[str]:
 
 def main() -> int:
     """Run the node."""
+    keep_memory()
     return run_node(RecorderNode)
 
 
