@@ -16,6 +16,7 @@ import numpy as np
 from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.contact import (
+    ANGLE,
     C1,
     C2,
     DRIVEN,
@@ -206,53 +207,50 @@ def _simulate(
     """Fill `out`, shape (models, 2, count and more), which is zero."""
     is_printed = variant is ModelVariant.PRINTED
     system = PRINTED if is_printed else DRIVEN
-    spans = [
-        find_contact(start, model.contact_time, sampling_rate, count)
-        for model, start in zip(models, starts, strict=True)
-    ]
-    scaled = [_scale(model, is_printed=is_printed) for model in models]
-    steps = [FULL_TURN / (model.contact_time * sampling_rate) for model in models]
-    contact, ends = simulate_contacts(
-        system,
-        [
-            (*[step * number for number in numbers], *numbers, *drives)
-            for step, (numbers, drives) in zip(steps, scaled, strict=True)
-        ],
-        [
-            Moments(span.begin * sampling_rate, model.contact_time * sampling_rate)
-            for model, span in zip(models, spans, strict=True)
-        ],
-        max([span.free - span.first for span in spans]) or 1,
-    )
-    oscillators, records = [], []
-    for number, (span, end) in enumerate(zip(spans, ends.tolist(), strict=True)):
-        first, free = span.first, span.free
+    spans, numbers, moments, longest = [], [], [], 1
+    for model, start in zip(models, starts, strict=True):
+        span = find_contact(start, model.contact_time, sampling_rate, count)
+        spans.append(span)
+        numbers.append(_describe(model, sampling_rate, is_printed=is_printed))
+        moments.append(Moments(span.begin * sampling_rate, model.contact_time * sampling_rate))
+        longest = max(longest, span.free - span.first)
+    contact, ends = simulate_contacts(system, numbers, moments, longest)
+
+    oscillators, records, longest = [], [], 0
+    own = tuple(enumerate(OSCILLATORS))[system.moving]
+    for number, ((first, free, _, late), end) in enumerate(zip(spans, ends.tolist(), strict=True)):
         out[number, :, first:free] = contact[number, :, : free - first]
         if free < count:
-            numbers, step = scaled[number][0], steps[number]
-            late = step * sampling_rate * span.late
-            bodies = OSCILLATORS[system.moving]
-            for body, (stiffness, damping) in enumerate(bodies, -len(bodies)):
-                state = end[body - len(bodies)], end[body]
+            longest = max(longest, count - free)
+            of_model = numbers[number]
+            angle = of_model[ANGLE]
+            for (body, (stiffness, damping)), position, speed in zip(
+                own, end[: len(own)], end[len(own) :], strict=True
+            ):
                 oscillators.append(
-                    FreeOscillator(numbers[stiffness], numbers[damping], *state, step, late)
+                    FreeOscillator(
+                        angle * of_model[stiffness],
+                        of_model[damping],
+                        position / angle,
+                        speed,
+                        late * sampling_rate,
+                    )
                 )
                 records.append(out[number, body, free:])
     if records:
-        longest = count - min([span.free for span in spans])
         simulate_free_oscillators(oscillators, longest, records)
 
 
-def _scale(
-    model: ImpactModel, *, is_printed: bool
-) -> tuple[tuple[float, ...], tuple[float, float]]:
-    """Return a model's numbers [-], and what drives it [m/s^2]."""
-    m1, m2 = model.hammer.mass, model.specimen.mass
-    rate = FULL_TURN / model.contact_time
-    k1, k2 = model.hammer.stiffness / rate**2, model.specimen.stiffness / rate**2
-    c1 = model.hammer.damping_coefficient / rate
-    c2 = model.specimen.damping_coefficient / rate
+def _describe(model: ImpactModel, sampling_rate: float, *, is_printed: bool) -> tuple[float, ...]:
+    """Return a model's numbers, `K1` to `FORCE`."""
+    first, second = model.hammer, model.specimen
+    m1, m2, rate = first.mass, second.mass, FULL_TURN / model.contact_time
+    angle = rate / sampling_rate
+    k1, k2 = first.stiffness * angle / rate**2, second.stiffness * angle / rate**2
+    c1 = first.damping_coefficient / sampling_rate
+    c2 = second.damping_coefficient / sampling_rate
     return (
-        (k1 / m1, k1 / m2, k2 / m2, c1 / m1, c1 / m2, c2 / m2, m2 / m1, 1.0),
-        (model.impact_speed * rate if is_printed else 0.0, model.peak_force / (2.0 * m2)),
+        *(k1 / m1, k1 / m2, k2 / m2, c1 / m1, c1 / m2, c2 / m2, angle * m2 / m1, angle),
+        model.impact_speed * sampling_rate if is_printed else 0.0,
+        model.peak_force / (2.0 * m2 * angle),
     )

@@ -23,7 +23,7 @@ SMALLEST_ROOT = 1e-100
 
 
 class FreeOscillator(NamedTuple):
-    """An oscillator left alone, in any unit of time.
+    """An oscillator left alone, its times counted in points.
 
     Attributes
     ----------
@@ -31,8 +31,6 @@ class FreeOscillator(NamedTuple):
         K, above zero, and D.
     position, speed : float
         x and x' at the start.
-    step : float
-        Time from point to point.
     first : float
         Time of the first point.
     """
@@ -41,7 +39,6 @@ class FreeOscillator(NamedTuple):
     damping: float
     position: float
     speed: float
-    step: float
     first: float
 
 
@@ -66,16 +63,17 @@ def simulate_free_oscillators(
         `count`, and `find_padding` of `count` or more, of which the last mean nothing.
     """
     late, grid = _split(count)
-    numbers = np.array([_describe(*oscillator) for oscillator in oscillators])
+    described = [_describe(*oscillator) for oscillator in oscillators]
+    numbers = np.array(described)
     exponents = numbers[:, :4].reshape(-1, 2, 2) @ grid
     fundamental = np.empty_like(exponents)
     np.cos(exponents[:, 1], out=fundamental[:, 0])
     np.sin(exponents[:, 1], out=fundamental[:, 1])
-    for exponent, both, (*_, sign) in zip(exponents, fundamental, numbers.tolist(), strict=True):
+    for place, (*_, sign) in enumerate(described):
         if sign > 0.0:
             # (1 + e^(-2wt)) / 2 and (1 - e^(-2wt)) / 2, times the slower of the two decays.
-            both[1] = -0.5 * np.expm1(-2.0 * exponent[1])
-            both[0] = 1.0 - both[1]
+            apart = -0.5 * np.expm1(-2.0 * exponents[place, 1])
+            fundamental[place] = 1.0 - apart, apart
     fundamental *= np.exp(exponents[:, :1])
     lists = numbers[:, 4:8].reshape(-1, 2, 2) @ fundamental[:, :, :late]
     block = grid.shape[1] - late
@@ -88,7 +86,7 @@ def simulate_free_oscillators(
 
 @lru_cache(maxsize=64)
 def _split(count: int) -> tuple[int, FloatArray]:
-    """Return how many late times there are, and all times in steps and firsts, shape (2, times).
+    """Return how many late times there are, and all times in points and firsts, shape (2, times).
 
     First come the late times, then the short ones that are added to each.
     """
@@ -101,12 +99,12 @@ def _split(count: int) -> tuple[int, FloatArray]:
 
 
 def _describe(
-    stiffness: float, damping: float, position: float, speed: float, step: float, first: float
+    stiffness: float, damping: float, position: float, speed: float, first: float
 ) -> tuple[float, ...]:
     """Return what is needed of one oscillator.
 
-    Minus the slower decay's rate, which is a below critical damping, and |w|, both over a step and
-    up to the first point; the matrix ((A, B), (B, sign A)) with B = (J + a A) / |w|; and sign,
+    Minus the slower decay's rate, which is a below critical damping, and that up to the first
+    point; |w| likewise; the matrix ((A, B), (B, sign A)) with B = (J + a A) / |w|; and sign,
     which is 1 beyond critical damping, -1 below.
     """
     half = 0.5 * damping
@@ -118,6 +116,6 @@ def _describe(
     value = -stiffness * position - damping * speed
     other = (stiffness * half * position + (2.0 * half * half - stiffness) * speed) / root
     return (
-        *(-slower * step, -slower * first, root * step, root * first),
+        *(-slower, -slower * first, root, root * first),
         *(value, other, other, sign * value, sign),
     )

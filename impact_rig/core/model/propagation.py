@@ -9,7 +9,7 @@ result down.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -18,14 +18,17 @@ from numpy.typing import NDArray
 
 from impact_rig.core.signals.record import FloatArray, make_read_only
 
-ORDER = 32
+ORDER = 16
 """Highest power in the exponential series [-]."""
-LARGEST_NORM = 4.0
-"""Up to which the series is used [-]: what it leaves out, 4^33 / 33!, is below 1e-17."""
-LONGEST_BLOCK = 128
+LARGEST_NORM = 0.75
+"""Up to which the series is used [-]: what it leaves out, 0.75^17 / 17!, is below 3e-17."""
+LONGEST_BLOCK = 32
 """Points that one state serves at most [-], measured: rows and states are then few."""
 _POWERS = np.arange(ORDER + 1.0)
 _COEFFICIENTS = np.array([1.0 / math.factorial(n) for n in range(ORDER + 1)])
+
+Rows = tuple[slice, slice]
+"""An index of rows of all systems."""
 
 
 class Moments(NamedTuple):
@@ -89,14 +92,13 @@ def simulate_linear_systems(
     rows = (_make_series(block) @ powers[..., size * size :]).reshape(-1, block, outputs, size)
 
     blocks = -(-count // block)
-    places = [_divide(moment, block, blocks) for moment in moments]
-    jumps = _exponentiate(
-        [(block, place.first, place.left) for place in places], powers, size, squarings
-    )
+    places = [_divide(*moment, block, blocks) for moment in moments]
+    skipped, last, times = zip(*places, strict=True)
+    jumps = _exponentiate(times, powers, size, squarings)
     to_block, to_first, to_end = jumps[:, 0], jumps[:, 1], jumps[:, 2]
     begin = to_first @ initial[..., np.newaxis]
-    if any(place.skipped for place in places):
-        begin = _skip(to_block, begin, np.array([[[place.skipped]] for place in places]))
+    if any(skipped):
+        begin = _skip(to_block, begin, np.array(skipped))
     states = _propagate(to_block, begin, blocks)
     if out is None:
         out = np.empty((systems, outputs, blocks * block))
@@ -105,9 +107,8 @@ def simulate_linear_systems(
         rows.transpose(0, 2, 3, 1),
         out=out[..., : blocks * block].reshape(systems, outputs, blocks, block),
     )
-    last = [number * blocks + place.last for number, place in enumerate(places)]
-    before_end = states.reshape(-1, size).take(last, axis=0)
-    return out[..., :count], (to_end @ before_end[..., np.newaxis])[..., 0]
+    before_end = states[np.arange(systems), last, :, np.newaxis]
+    return out[..., :count], (to_end @ before_end)[..., 0]
 
 
 def _find_reach(matrices: FloatArray) -> int:
@@ -124,12 +125,34 @@ def _raise(matrices: FloatArray, readout: FloatArray) -> FloatArray:
     rows = np.empty((systems, (ORDER + 1) * height, size))
     rows[:, :size], rows[:, size:height] = _make_identity(size), readout
     np.matmul(rows[:, :height], matrices, out=rows[:, height : 2 * height])
-    done = height
-    while done < ORDER * height:
-        end = done + height
-        np.matmul(rows[:, height:end], rows[:, done : done + size], out=rows[:, end : end + done])
-        done *= 2
+    for factors, power, products in _plan_powers(size, height):
+        np.matmul(rows[factors], rows[power], out=rows[products])
     return rows.reshape(systems, ORDER + 1, -1)
+
+
+@lru_cache(maxsize=16)
+def _plan_powers(size: int, height: int) -> Sequence[tuple[Rows, Rows, Rows]]:
+    """Return which rows times which matrix are which rows, of all powers beyond the first."""
+    return tuple(
+        (
+            _take_rows(height, height + more * height),
+            _take_rows(done * height, done * height + size),
+            _take_rows((done + 1) * height, (done + 1 + more) * height),
+        )
+        for done, more in _double(1, ORDER)
+    )
+
+
+def _double(done: int, count: int) -> Iterator[tuple[int, int]]:
+    """Yield how many there are already, and how many more are made of them."""
+    while done < count:
+        more = min(done, count - done)
+        yield done, more
+        done += more
+
+
+def _take_rows(first: int, end: int) -> Rows:
+    return slice(None), slice(first, end)
 
 
 @lru_cache(maxsize=16)
@@ -143,32 +166,19 @@ def _make_identity(size: int) -> FloatArray:
     return make_read_only(np.eye(size))
 
 
-class _Places(NamedTuple):
-    """How a system's moments are reached, in points.
+def _divide(
+    first: float, end: float, block: int, blocks: int
+) -> tuple[int, int, tuple[float, float, float]]:
+    """Return how a system's moments are reached, in points.
 
-    Attributes
-    ----------
-    skipped : int
-        Blocks before the one in which the first point lies.
-    first : float
-        From there to it.
-    last : int
-        The last block of points that begins before the end.
-    left : float
-        From there to it.
+    How many blocks come before the one in which the first point lies; the last block of points
+    that begins before the end; and how long a block is, how far it is from the former to the
+    first point, and from the latter to the end.
     """
-
-    skipped: int
-    first: float
-    last: int
-    left: float
-
-
-def _divide(moment: Moments, block: int, blocks: int) -> _Places:
-    skipped, first = divmod(moment.first, block)
-    duration = moment.end - moment.first
-    last = min(duration // block, blocks - 1)
-    return _Places(int(skipped), first, int(last), min(duration - last * block, block))
+    skipped, rest = divmod(first, block)
+    duration = end - first
+    last = min(int(duration) // block, blocks - 1)
+    return int(skipped), last, (block, rest, min(duration - last * block, block))
 
 
 def _exponentiate(
@@ -177,19 +187,22 @@ def _exponentiate(
     """Return e^(At) of each system at times of its own, shape (systems, times, d, d)."""
     series = np.array(times)[..., np.newaxis] ** _POWERS
     series *= _COEFFICIENTS
-    # e^A - 1 is squared, not e^A, which keeps the digits of small matrices beside large ones.
-    series[..., 0] = 0.0
+    if squarings:
+        # e^A - 1 is squared, not e^A, which keeps the digits of small matrices beside large ones.
+        series[..., 0] = 0.0
     result: FloatArray = series @ powers[..., : size * size]
-    result = result.reshape(*series.shape[:2], size, size)
-    identity = _make_identity(size)
-    for _ in range(squarings):
-        result = result @ (result + 2.0 * identity)
-    result += identity
+    result = result.reshape(-1, len(times[0]), size, size)
+    if squarings:
+        identity = _make_identity(size)
+        for _ in range(squarings):
+            result = result @ (result + 2.0 * identity)
+        result += identity
     return result
 
 
 def _skip(power: FloatArray, states: FloatArray, numbers: NDArray[np.int_]) -> FloatArray:
     """Return P^n y with n of each system's own, shape (systems, d, 1)."""
+    numbers = numbers[:, np.newaxis, np.newaxis]
     while numbers.any():
         states = np.where(numbers & 1, power @ states, states)
         numbers, power = numbers >> 1, power @ power
@@ -199,13 +212,19 @@ def _skip(power: FloatArray, states: FloatArray, numbers: NDArray[np.int_]) -> F
 def _propagate(power: FloatArray, initial: FloatArray, count: int) -> FloatArray:
     """Return P^n y for n = 0 ... count - 1 by doubling, shape (systems, count, d)."""
     result = np.empty((len(initial), count, initial.shape[1]))
-    result[:, :1] = initial.swapaxes(-1, -2)
+    result[:, 0] = initial[..., 0]
     transposed = power.swapaxes(-1, -2)
-    done = 1
-    while done < count:
-        more = min(done, count - done)
-        np.matmul(result[:, :more], transposed, out=result[:, done : done + more])
-        done += more
-        if done < count:
+    for done, known, wanted in _plan_states(count):
+        if done > 1:
             transposed = transposed @ transposed
+        np.matmul(result[known], transposed, out=result[wanted])
     return result
+
+
+@lru_cache(maxsize=64)
+def _plan_states(count: int) -> Sequence[tuple[int, Rows, Rows]]:
+    """Return how many states there are, and which are multiplied to give which."""
+    return tuple(
+        (done, _take_rows(0, more), _take_rows(done, done + more))
+        for done, more in _double(1, count)
+    )

@@ -66,12 +66,11 @@ def simulate_driven(
     free = int(np.searchsorted(time, model.contact_time, side="right"))
     if free < count:
         oscillator = FreeOscillator(
-            stiffness=-matrix[1, 0],
-            damping=-matrix[1, 1],
-            position=float(position(model.contact_time)),
-            speed=float(speed(model.contact_time)),
-            step=1.0 / sampling_rate,
-            first=time[free] - model.contact_time,
+            stiffness=-matrix[1, 0] / sampling_rate**2,
+            damping=-matrix[1, 1] / sampling_rate,
+            position=float(position(model.contact_time)) * sampling_rate**2,
+            speed=float(speed(model.contact_time)) * sampling_rate,
+            first=(time[free] - model.contact_time) * sampling_rate,
         )
         simulate_free_oscillators([oscillator], count - free, [record[free:]])
     return -force / model.hammer.mass, specimen

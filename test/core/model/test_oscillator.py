@@ -19,24 +19,28 @@ def expect(ratio: float, state: np.ndarray, times: np.ndarray) -> np.ndarray:
     return np.array([matrix[1] @ expm(matrix * time) @ state for time in times])
 
 
+def make_oscillator(ratio: float, state: np.ndarray, step: float, first: float) -> FreeOscillator:
+    """Count time in points, and accelerations as they are."""
+    frequency, (position, speed) = step * FREQUENCY, state.tolist()
+    return FreeOscillator(
+        frequency**2, 2.0 * ratio * frequency, position / step**2, speed / step, first
+    )
+
+
 @pytest.mark.parametrize("count", [1, 2, 3, 10, 26, 100])
 def test_oscillators_of_every_damping_agree_side_by_side(count: int) -> None:
     states = np.random.default_rng(1).normal(size=(len(RATIOS), 2))
+    steps = np.geomspace(0.01, 0.3, len(RATIOS)).tolist()
+    late = np.linspace(0.0, 20.0, len(RATIOS)).tolist()
     oscillators = [
-        FreeOscillator(FREQUENCY**2, 2.0 * ratio * FREQUENCY, *state, step, late)
-        for ratio, state, step, late in zip(
-            RATIOS,
-            states.tolist(),
-            np.geomspace(0.01, 0.3, len(RATIOS)).tolist(),
-            np.linspace(0.0, 2.0, len(RATIOS)).tolist(),
-            strict=True,
-        )
+        make_oscillator(ratio, state, step, first)
+        for ratio, state, step, first in zip(RATIOS, states, steps, late, strict=True)
     ]
     found = np.full((len(RATIOS), 1 + count + find_padding(count)), np.nan)
     simulate_free_oscillators(oscillators, count, list(found[:, 1:]))
     assert np.isnan(found[:, 0]).all()
-    for ratio, state, oscillator, record in zip(RATIOS, states, oscillators, found, strict=True):
-        times = oscillator.first + oscillator.step * np.arange(count)
+    for ratio, state, step, first, record in zip(RATIOS, states, steps, late, found, strict=True):
+        times = step * (first + np.arange(count))
         expected = expect(ratio, state, times)
         # As large as its velocity makes it at once.
         peak = np.abs(expect(ratio, state, np.zeros(1))).max()
@@ -46,7 +50,7 @@ def test_oscillators_of_every_damping_agree_side_by_side(count: int) -> None:
 def test_what_has_decayed_for_long_is_zero_and_no_overflow() -> None:
     found = np.ones((3, 50 + find_padding(50)))
     simulate_free_oscillators(
-        [FreeOscillator(1e8, damping, 1.0, 1.0, 1e4, 1e6) for damping in (1e2, 2e4, 1e7)],
+        [FreeOscillator(1e16, damping, 1.0, 1.0, 100.0) for damping in (1e6, 2e8, 1e11)],
         50,
         list(found),
     )
@@ -57,7 +61,7 @@ def test_records_of_different_lengths_are_filled_to_their_ends_and_no_further() 
     lengths, padding = (100, 37, 0), find_padding(100)
     whole = np.full((3, 400), np.nan)
     simulate_free_oscillators(
-        [FreeOscillator(FREQUENCY**2, 0.5, 1.0, 1.0, 0.1, 0.0)] * 3,
+        [make_oscillator(0.1, np.ones(2), 0.1, 0.0)] * 3,
         100,
         [record[: length + padding] for record, length in zip(whole, lengths, strict=True)],
     )
