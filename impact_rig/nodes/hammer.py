@@ -54,8 +54,7 @@ class HammerNode(DeviceNode):
         self._publish_state = self.advertise_state(interfaces.HAMMER_STATE)
         self._release = self.advertise(interfaces.RELEASE)
         self._hammer = GuardedHammer(self._tell)
-        self._rig = RigReadiness(self)
-        self.listen(interfaces.ACQUISITION_STATE, self._take_acquisition)
+        self._rig = RigReadiness(self, self._take_acquisition, self._note_loss)
         for name, callback in (
             (interfaces.ARM_HAMMER, self._arm),
             (interfaces.DISARM_HAMMER, self._disarm),
@@ -135,7 +134,7 @@ class HammerNode(DeviceNode):
 
     def _take_acquisition(self, message: AcquisitionState) -> None:
         self._rig.take_acquisition(message)
-        self._hammer.note_loss(self._rig.find_loss())
+        self._note_loss()
         if message.state == AcquisitionState.ARMED:
             # A new arming: what looks like an earlier request is another one.
             self._released = None
@@ -148,11 +147,15 @@ class HammerNode(DeviceNode):
 
     def _watch(self) -> None:
         """See whether what a release needs is still there; never releases."""
-        self._hammer.note_loss(self._rig.find_loss())
+        self._note_loss()
         try:
             self._hammer.check()
         except DeviceError as error:
             self.lose_device(error)
+
+    def _note_loss(self) -> None:
+        """Take the enable back if accelerometers or recorder are lost."""
+        self._hammer.note_loss(self._rig.find_loss())
 
     # What is asked of the hammer.
 

@@ -13,6 +13,8 @@ from impact_rig.core.errors import RigError
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.waiting_node import WaitingNode
 
+DIAGNOSTICS_TOPIC = "/diagnostics"
+"""One for all namespaces, as everywhere in ROS 2."""
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two diagnostic messages [s]: the convention of diagnostic aggregators."""
 _NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
@@ -45,7 +47,7 @@ class RigNode(WaitingNode):
         self._is_configured = False
         self._is_active = False
         self._diagnostics = self.create_publisher(
-            DiagnosticArray, "/diagnostics", 10, event_callbacks=_NO_PUBLISHER_EVENTS
+            DiagnosticArray, DIAGNOSTICS_TOPIC, 10, event_callbacks=_NO_PUBLISHER_EVENTS
         )
         self.create_timer(DIAGNOSTIC_PERIOD, self._publish_diagnostics)
 
@@ -117,11 +119,35 @@ class RigNode(WaitingNode):
     def advertise(self, topic: Topic, **options: Any) -> Any:
         """Create a publisher of one of the rig's topics."""
         return self.create_publisher(
-            topic.type, topic.name, topic.qos, event_callbacks=_NO_PUBLISHER_EVENTS, **options
+            topic.type,
+            topic.name,
+            topic.leased_qos,
+            event_callbacks=_NO_PUBLISHER_EVENTS,
+            **options,
         )
 
-    def listen(self, topic: Topic, callback: Callable[[Any], None], **options: Any) -> Any:
-        """Subscribe to one of the rig's topics; a `RigError` in the callback is reported."""
+    def listen(
+        self,
+        topic: Topic,
+        callback: Callable[[Any], None],
+        *,
+        note_liveliness: Callable[[Any], None] | None = None,
+        **options: Any,
+    ) -> Any:
+        """Subscribe to one of the rig's topics; a `RigError` in the callback is reported.
+
+        Parameters
+        ----------
+        topic : Topic
+            Its name, type and QoS.
+        callback : callable
+            Called with each message.
+        note_liveliness : callable, optional
+            Called with how many publishers are alive and how many silent, when that changes. One
+            that does not offer the topic's lease is not heard then.
+        **options
+            Of the subscription.
+        """
 
         def guarded(message: Any) -> None:
             self.messages_handled += 1
@@ -131,12 +157,22 @@ class RigNode(WaitingNode):
                 self.report_fault(f"{topic.name}: {error}")
             self.wake_waiters()
 
+        def note(status: Any) -> None:
+            if note_liveliness is not None:
+                note_liveliness(status)
+            self.wake_waiters()
+
+        is_asked = note_liveliness is not None
         return self.create_subscription(
             topic.type,
             topic.name,
             guarded,
-            topic.qos,
-            event_callbacks=_NO_SUBSCRIPTION_EVENTS,
+            topic.leased_qos if is_asked else topic.qos,
+            event_callbacks=SubscriptionEventCallbacks(
+                liveliness=note, use_default_callbacks=False
+            )
+            if is_asked
+            else _NO_SUBSCRIPTION_EVENTS,
             **options,
         )
 

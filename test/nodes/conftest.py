@@ -128,7 +128,7 @@ class Harness:
         return collector
 
     def advertise(self, topic: Topic) -> Any:
-        return self.peer.create_publisher(topic.type, topic.name, topic.qos)
+        return self.peer.create_publisher(topic.type, topic.name, topic.leased_qos)
 
     def call(self, kind: Any, name: str, request: Any = None) -> Any:
         """Call a service and return its answer."""

@@ -1,12 +1,13 @@
 """What a campaign hears of hammer, accelerometers and recorder, and whether it may go on."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState
+from impact_rig_msgs.msg import AcquisitionState, HammerState, Impact, RecorderState
 
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.peer import GONE, Peer
 from impact_rig.nodes.rig_node import RigNode
 
 WORD_TIMEOUT = 4.0
@@ -47,44 +48,45 @@ class RigWatch:
     ----------
     hammer, acquisition : HammerState or AcquisitionState, or None
         As heard last; None: not heard of yet.
-    losses : int
-        How often hammer or accelerometers were lost, or the enable, since the start [-].
     """
 
     def __init__(self, node: RigNode) -> None:
         self.hammer: HammerState | None = None
         self.acquisition: AcquisitionState | None = None
-        self.losses = 0
+        self._node = node
+        self._losses = 0
         self._recorder: RecorderState | None = None
         self._recordings: set[str] = set()
-        self._peers = {
-            topic.name: _Peer(node, topic)
-            for topic in (
-                interfaces.HAMMER_STATE,
-                interfaces.ACQUISITION_STATE,
-                interfaces.RECORDER_STATE,
-            )
-        }
-        node.listen(interfaces.HAMMER_STATE, self._take_hammer)
-        node.listen(interfaces.ACQUISITION_STATE, self._take_acquisition)
-        node.listen(interfaces.RECORDER_STATE, self._take_recorder)
+        self._hammer_node = Peer(node, interfaces.HAMMER_STATE, self._take_hammer)
+        self._accelerometer_node = Peer(node, interfaces.ACQUISITION_STATE, self._take_acquisition)
+        self._recorder_node = Peer(node, interfaces.RECORDER_STATE, self._take_recorder)
+        self._estimator_node: Peer | None = None
+
+    @property
+    def losses(self) -> int:
+        """How often a node or device was lost, or the enable, since the start [-]."""
+        peers = [self._hammer_node, self._accelerometer_node, self._recorder_node]
+        if self._estimator_node is not None:
+            peers.append(self._estimator_node)
+        return self._losses + sum(peer.losses for peer in peers)
+
+    def follow_estimator(self, take_verdict: Callable[[Impact], None]) -> None:
+        """Listen to the estimator's verdicts, and miss it too when it is lost."""
+        self._estimator_node = Peer(self._node, interfaces.IMPACT, take_verdict)
 
     def find_obstacle(self) -> Obstacle | None:
         """Return why the next hit cannot begin now, what is worst first; None: it can."""
-        if loss := self._find_lost_device():
+        if loss := self._find_loss():
             return Obstacle(RunCampaign.Feedback.PAUSED, loss)
         return None if self.hammer is None else _find_hammer_obstacle(self.hammer)
 
     def is_lost_since(self, losses: int) -> bool:
         """Whether something is lost, or was since `losses` were counted."""
-        return self.losses != losses or bool(self._find_lost_device())
+        return self.losses != losses or bool(self._find_loss())
 
     def has_gone(self) -> bool:
         """Whether the node of hammer or accelerometers, once heard, is not there any more."""
-        return any(
-            self._peers[topic.name].is_gone()
-            for topic in (interfaces.HAMMER_STATE, interfaces.ACQUISITION_STATE)
-        )
+        return self._hammer_node.is_lost or self._accelerometer_node.is_lost
 
     def is_acquisition_lost(self) -> bool:
         """Whether the accelerometers say nothing more of what they were armed for."""
@@ -92,8 +94,14 @@ class RigWatch:
         return (
             state is None
             or state.state == AcquisitionState.FAULT
-            or self._peers[interfaces.ACQUISITION_STATE.name].is_gone()
+            or self._accelerometer_node.is_lost
         )
+
+    def find_broken_way(self) -> str:
+        """Return which node is lost of those that a verdict comes through; empty: none."""
+        if self.is_acquisition_lost():
+            return self._find_lost_device() or "the accelerometers say nothing"
+        return self._find_lost_listener()
 
     def find_end_of_recording(self, recording: str) -> str:
         """Return why nothing more comes into a recording; empty: it goes on.
@@ -109,7 +117,7 @@ class RigWatch:
         recorder = self._recorder
         if not recording or recorder is None:
             return ""
-        if self._peers[interfaces.RECORDER_STATE.name].is_gone():
+        if self._recorder_node.has_left:
             return "the recorder has gone"
         if recording not in self._recordings:
             # The hammer has heard of it first: what was heard last here is of the one before.
@@ -120,16 +128,28 @@ class RigWatch:
             return f"the recorder has stopped: {recorder.message}"
         return ""
 
+    def _find_loss(self) -> str:
+        """Return which node or device was there and is lost; empty: none."""
+        return self._find_lost_device() or self._find_lost_listener()
+
     def _find_lost_device(self) -> str:
-        for name, topic, message in (
-            ("hammer", interfaces.HAMMER_STATE, self.hammer),
-            ("accelerometer", interfaces.ACQUISITION_STATE, self.acquisition),
+        for name, peer, message in (
+            ("hammer", self._hammer_node, self.hammer),
+            ("accelerometer", self._accelerometer_node, self.acquisition),
         ):
-            if self._peers[topic.name].is_gone():
-                return f"the {name} node has gone: start it again"
+            if peer.is_lost:
+                return f"the {name} node {GONE}"
             # The constant is the same of both.
             if message is not None and message.state == HammerState.FAULT:
                 return f"the {name}'s device is lost: {message.message}"
+        return ""
+
+    def _find_lost_listener(self) -> str:
+        if self._estimator_node is not None and self._estimator_node.is_lost:
+            return f"the estimator {GONE}"
+        # One that has left for good is missed by those alone whom it recorded.
+        if self._recorder_node.is_lost and not self._recorder_node.has_left:
+            return f"the recorder {GONE}"
         return ""
 
     def _take_hammer(self, message: HammerState) -> None:
@@ -137,11 +157,11 @@ class RigWatch:
         is_new_fault = message.state == HammerState.FAULT and not (
             before is not None and before.state == HammerState.FAULT
         )
-        self.losses += is_new_fault or bool(before and before.armed and not message.armed)
+        self._losses += is_new_fault or bool(before and before.armed and not message.armed)
 
     def _take_acquisition(self, message: AcquisitionState) -> None:
         before, self.acquisition = self.acquisition, message
-        self.losses += message.state == AcquisitionState.FAULT and not (
+        self._losses += message.state == AcquisitionState.FAULT and not (
             before is not None and before.state == AcquisitionState.FAULT
         )
 
@@ -175,17 +195,3 @@ def _find_hammer_obstacle(hammer: HammerState) -> Obstacle | None:
         RunCampaign.Feedback.PAUSED,
         f"the hammer is not armed ({hammer.message}): to go on, call hammer/arm",
     )
-
-
-class _Peer:
-    """The node that publishes a state topic: it was there once, and may go."""
-
-    def __init__(self, node: RigNode, topic: interfaces.Topic) -> None:
-        self._node: Any = node
-        self._topic = topic.name
-        self._was_there = False
-
-    def is_gone(self) -> bool:
-        is_there = self._node.count_publishers(self._topic) > 0
-        self._was_there = self._was_there or is_there
-        return self._was_there and not is_there

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import Impact, RecordStored
 from impact_rig_msgs.srv import Arm, Release
 from std_srvs.srv import Trigger
@@ -43,7 +44,8 @@ class Striker:
         self._stored: set[int] = set()
         self._newest = 0
         self._unjudged: set[int] = set()
-        node.listen(interfaces.IMPACT, self._keep_verdict)
+        self._is_armed_in_vain = False
+        watch.follow_estimator(self._keep_verdict)
         node.listen(interfaces.RECORD_STORED, self._note_stored)
         self._arm = node.create_client(Arm, interfaces.ARM_ACCELEROMETER)
         self._disarm = node.create_client(Trigger, interfaces.DISARM_ACCELEROMETER)
@@ -79,6 +81,8 @@ class Striker:
         if verdict := self._take_late_verdict():
             return verdict
         losses = self._watch.losses
+        if self._is_armed_in_vain:
+            await self.disarm()
         try:
             return await self._strike(progress, label, losses)
         except InterruptedHitError:
@@ -89,11 +93,15 @@ class Striker:
             raise
 
     async def disarm(self) -> None:
-        """Disarm the accelerometers, if they are there."""
+        """Disarm the accelerometers, if they are there; else before they are armed again."""
+        self._is_armed_in_vain = True
         if not self._disarm.service_is_ready() or self._watch.is_acquisition_lost():
             return
         try:
-            await self._node.call(self._disarm, Trigger.Request())
+            await self._node.call(
+                self._disarm, Trigger.Request(), is_given_up=self._watch.is_acquisition_lost
+            )
+            self._is_armed_in_vain = False
         except DeviceError as error:
             self._node.get_logger().error(str(error))
 
@@ -170,13 +178,14 @@ class Striker:
             lambda: (
                 record in self._verdicts
                 or progress.is_cancelled
-                or self._watch.is_acquisition_lost()
+                or bool(self._watch.find_broken_way())
                 or self._has_lost(record)
             ),
             timeout + longest_swing,
         )
-        if self._watch.is_acquisition_lost():
-            # What they said before may still be on its way through recorder and estimator.
+        if loss := self._watch.find_broken_way():
+            # Told at once; but the verdict may still be on its way, or come when they are back.
+            progress.publish(phase=RunCampaign.Feedback.PAUSED, message=loss)
             await self._node.wait_until(
                 lambda: (
                     record in self._verdicts or progress.is_cancelled or self._has_lost(record)

@@ -1,11 +1,13 @@
 """Whether the rest of the rig could record a hit now, by what the hammer node has heard of it."""
 
+from collections.abc import Callable
 from typing import Any
 
 from impact_rig_msgs.msg import AcquisitionState, RecorderState, RecordStored
 from impact_rig_msgs.srv import Release
 
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.peer import GONE, Peer
 from impact_rig.nodes.rig_node import RigNode
 
 
@@ -16,16 +18,30 @@ class RigReadiness:
     ----------
     node : RigNode
         The hammer's; its parameter `require_recorder` is read.
+    take_acquisition : callable
+        Called with what the accelerometers say.
+    note_change : callable
+        Called when one of them has fallen silent, come back or left.
     """
 
-    def __init__(self, node: RigNode) -> None:
+    def __init__(
+        self,
+        node: RigNode,
+        take_acquisition: Callable[[AcquisitionState], None],
+        note_change: Callable[[], None],
+    ) -> None:
         self._acquisition: AcquisitionState | None = None
         self._node: Any = node
         self._recorder: RecorderState | None = None
         self._was_recording = False
         self._unstored = 0
-        node.listen(interfaces.RECORDER_STATE, self._take_recorder)
+        self._recorder_node = Peer(
+            node, interfaces.RECORDER_STATE, self._take_recorder, note_change
+        )
         node.listen(interfaces.RECORD_STORED, self._take_stored)
+        self._accelerometer_node = Peer(
+            node, interfaces.ACQUISITION_STATE, take_acquisition, note_change
+        )
 
     @property
     def recording(self) -> str:
@@ -51,13 +67,13 @@ class RigReadiness:
         if acquisition is not None:
             if acquisition.state == AcquisitionState.FAULT:
                 return f"the accelerometers are lost: {acquisition.message}"
-            if self._has_gone(interfaces.ACQUISITION_STATE):
-                return "the accelerometer node has gone: start it again"
+            if self._accelerometer_node.is_lost:
+                return f"the accelerometer node {GONE}"
         recorder = self._recorder
         if recorder is None or not self._node.get_value("require_recorder"):
             return ""
-        if self._has_gone(interfaces.RECORDER_STATE):
-            return "the recorder has gone: start it again"
+        if self._recorder_node.is_lost:
+            return f"the recorder {GONE}"
         if self._was_recording and not (recorder.recording or recorder.waiting):
             return f"nothing is being recorded any more ({recorder.message})"
         return ""
@@ -107,9 +123,6 @@ class RigReadiness:
     def _is_unstored(self, request: Release.Request) -> bool:
         """Whether the record before this one is still on its way to the disk."""
         return self._unstored not in (0, request.record)
-
-    def _has_gone(self, topic: interfaces.Topic) -> bool:
-        return not self._node.count_publishers(topic.name)
 
     def _take_recorder(self, message: RecorderState) -> None:
         previous, self._recorder = self._recorder, message
