@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -28,12 +29,27 @@ def test_every_node_is_looked_at_early_and_late(
         return read(processes)
 
     monkeypatch.setattr(memory, "read_memory", read_again)
-    figures = memory.measure(bench)
+    *figures, cost = memory.measure(bench)
     assert looks == [NODES, NODES]
     assert {figure.name.split(",")[0] for figure in figures} == NODES
     for figure in figures:
         assert str(figure.goal) == "at most 1.05"
         assert 0.5 < figure.median < 2.0
+    assert 1.0 < cost.median < 500.0
+    assert {share.split()[0] for share in cost.note.split(", ")} == NODES
+
+
+def test_the_cost_of_a_hit_is_that_of_all_nodes_from_look_to_look() -> None:
+    cost = memory.find_hit_cost(
+        [
+            (100, {"hammer": 5.0, "recorder": 7.0}),
+            (150, {"hammer": 5.1, "recorder": 7.4}),
+            (200, {"hammer": 5.3, "recorder": 8.0}),
+        ]
+    )
+    assert cost.values == pytest.approx((10.0, 16.0))
+    assert cost.note == "hammer 3.0, recorder 10.0"
+    assert cost.unit == "ms"
 
 
 @pytest.fixture
@@ -43,6 +59,18 @@ def sleeper() -> Iterator[subprocess.Popen[str]]:
         words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:
         yield process
+        process.kill()
+
+
+def test_processor_time_grows_as_a_process_works() -> None:
+    words = [sys.executable, "-c", "print(flush=True)\nwhile True: pass"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        first = memory.read_processor_times({"hammer": process})["hammer"]
+        deadline = time.monotonic() + 30.0
+        while memory.read_processor_times({"hammer": process})["hammer"] < first + 0.05:
+            assert time.monotonic() < deadline
         process.kill()
 
 
