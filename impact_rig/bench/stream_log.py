@@ -5,7 +5,8 @@ from pathlib import Path
 
 from impact_rig.recording.interfaces.block_heads import read_stream_head
 from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
-from impact_rig.recording.reading.mcap_file import McapFile, RawMessage
+from impact_rig.recording.reading.mcap_file import McapFile
+from impact_rig.recording.reading.raw_records import RawMessage
 
 STREAM = "/acceleration/stream"
 DIAGNOSTICS = "/diagnostics"

@@ -14,13 +14,13 @@ from impact_rig.nodes.replaying.replayed_stream import ReplayedStream
 from impact_rig.recording.interfaces.channel import Channel
 from impact_rig.recording.interfaces.messages import label_from_msg
 from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
-from impact_rig.recording.reading.mcap_file import RawMessage
 from impact_rig.recording.reading.mcap_reader import (
     BLOCK_TYPE,
     SETUP_TYPE,
     VIRTUAL_IMPACT_TYPE,
     is_stream,
 )
+from impact_rig.recording.reading.raw_records import RawMessage
 from impact_rig.recording.reading.source import RecordingSource
 
 HIT_TYPES = frozenset(

@@ -5,16 +5,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from impact_rig.core.errors import FileError
+from impact_rig.recording.interfaces.channel import Channel
 from impact_rig.recording.interfaces.qos_profiles import parse_offered_qos
 from impact_rig.recording.reading.bag_files import find_bag_files
-from impact_rig.recording.reading.mcap_file import (
-    Attachment,
-    Channel,
-    McapFile,
-    MetadataRecord,
-    RawMessage,
-)
+from impact_rig.recording.reading.mcap_file import McapFile
 from impact_rig.recording.reading.mcap_topics import Wanted
+from impact_rig.recording.reading.raw_records import Attachment, MetadataRecord, RawMessage
 
 _T = TypeVar("_T")
 

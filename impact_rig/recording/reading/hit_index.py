@@ -6,8 +6,8 @@ from impact_rig.core.errors import FileError
 from impact_rig.core.signals.record import Block, HitLabel
 from impact_rig.recording.interfaces.block_heads import BlockHead, read_block_head
 from impact_rig.recording.interfaces.messages import block_from_msg
-from impact_rig.recording.reading.mcap_file import RawMessage
 from impact_rig.recording.reading.mcap_reader import BLOCK_TYPE, SETUP_TYPE, Recording
+from impact_rig.recording.reading.raw_records import RawMessage
 
 
 @dataclass(frozen=True)

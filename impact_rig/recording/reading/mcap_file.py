@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 from mcap.opcode import Opcode
 from mcap.records import Attachment as AttachmentRecord
@@ -29,68 +29,11 @@ from impact_rig.recording.reading.mcap_records import (
 from impact_rig.recording.reading.mcap_summary import Summary, read_summary
 from impact_rig.recording.reading.mcap_topics import TopicTable, Wanted
 from impact_rig.recording.reading.mcap_walk import McapWalk
-
-__all__ = ["MAGIC", "Attachment", "Channel", "McapFile", "MetadataRecord", "RawMessage"]
+from impact_rig.recording.reading.raw_records import Attachment, MetadataRecord, RawMessage
 
 _MESSAGE = int(Opcode.MESSAGE)
 _MAX_HEADER = 1 << 20
 """Longest header [byte], our choice: it holds two short texts."""
-
-
-class RawMessage(NamedTuple):
-    """One message as it stands in the file.
-
-    Attributes
-    ----------
-    channel : Channel
-        Its topic.
-    sequence : int
-        Counted per channel.
-    log_time, publish_time : int
-        When it was received and sent, nanoseconds since the epoch.
-    data : bytes
-        Serialised.
-    """
-
-    channel: Channel
-    sequence: int
-    log_time: int
-    publish_time: int
-    data: bytes
-
-
-class MetadataRecord(NamedTuple):
-    """What was noted beside the messages.
-
-    Attributes
-    ----------
-    name : str
-        What it is about; the same name may come again.
-    fields : dict
-        Texts by their names.
-    """
-
-    name: str
-    fields: dict[str, str]
-
-
-class Attachment(NamedTuple):
-    """A file kept inside the recording.
-
-    Attributes
-    ----------
-    name, media_type : str
-        Its name, for example `rig.toml`, and its kind, for example `application/toml`.
-    log_time : int
-        When it was attached, nanoseconds since the epoch.
-    data : bytes
-        Its content.
-    """
-
-    name: str
-    media_type: str
-    log_time: int
-    data: bytes
 
 
 class McapFile:
@@ -186,7 +129,7 @@ class McapFile:
         with self._walk() as walk:
             leaps = self._find_leaps(table, start_time, end_time)
             for message in _find_messages(walk, table, leaps, report):
-                if lies_between(message.log_time, start_time, end_time):
+                if _lies_between(message.log_time, start_time, end_time):
                     yield message
 
     def read_metadata(self) -> tuple[MetadataRecord, ...]:
@@ -309,6 +252,6 @@ def _find_messages(
             report(frame.end)
 
 
-def lies_between(time: int, start_time: int | None, end_time: int | None) -> bool:
+def _lies_between(time: int, start_time: int | None, end_time: int | None) -> bool:
     """Return whether a time lies from the one to before the other; None: no limit."""
     return (start_time is None or time >= start_time) and (end_time is None or time < end_time)

@@ -17,7 +17,7 @@ from impact_rig.recording.interfaces.messages import (
     stream_block_from_msg,
 )
 from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
-from impact_rig.recording.reading.mcap_file import RawMessage
+from impact_rig.recording.reading.raw_records import RawMessage
 from impact_rig.recording.reading.source import RecordingSource, open_source
 
 SETUP_TYPE = "impact_rig_msgs/msg/RigSetup"

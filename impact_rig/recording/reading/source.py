@@ -5,16 +5,12 @@ from pathlib import Path
 from typing import Protocol
 
 from impact_rig.core.errors import FileError
+from impact_rig.recording.interfaces.channel import Channel
 from impact_rig.recording.reading.bag_files import SUFFIX, is_bag_folder
 from impact_rig.recording.reading.bag_folder import BagFolder
-from impact_rig.recording.reading.mcap_file import (
-    MAGIC,
-    Attachment,
-    Channel,
-    McapFile,
-    MetadataRecord,
-    RawMessage,
-)
+from impact_rig.recording.reading.mcap_file import McapFile
+from impact_rig.recording.reading.mcap_records import MAGIC
+from impact_rig.recording.reading.raw_records import Attachment, MetadataRecord, RawMessage
 
 __all__ = [
     "SUFFIX",

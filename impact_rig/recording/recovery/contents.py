@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from impact_rig.recording.reading.mcap_file import MetadataRecord
+from impact_rig.recording.reading.raw_records import MetadataRecord
 from impact_rig.recording.recovery.found import Damage
 from impact_rig.recording.recovery.recorded_hits import HitState, RecordedHit
 

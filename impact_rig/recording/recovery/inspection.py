@@ -10,8 +10,8 @@ from mcap.records import Attachment, Metadata
 from impact_rig.core.errors import FileError
 from impact_rig.recording.interfaces.schema_decoder import SchemaDecoder
 from impact_rig.recording.reading.bag_files import find_bag_files
-from impact_rig.recording.reading.mcap_file import MetadataRecord
 from impact_rig.recording.reading.mcap_reader import SETUP_TYPE, STREAM_TYPE
+from impact_rig.recording.reading.raw_records import MetadataRecord
 from impact_rig.recording.recovery.contents import (
     AttachmentEntry,
     Contents,

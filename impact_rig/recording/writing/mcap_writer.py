@@ -6,24 +6,16 @@ from types import TracebackType
 from typing import Self
 
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    DataEnd,
-    Header,
-    Metadata,
-    MetadataIndex,
-    Schema,
-)
+from mcap.records import Attachment, AttachmentIndex, DataEnd, Header, Metadata, MetadataIndex
 
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.recording.interfaces.message_definitions import MessageDefinition
-from impact_rig.recording.interfaces.qos_profiles import OfferedQos, format_offered_qos
+from impact_rig.recording.interfaces.qos_profiles import OfferedQos
 from impact_rig.recording.reading.mcap_records import MAGIC
 from impact_rig.recording.writing.chunk_builder import ChunkBuilder
 from impact_rig.recording.writing.disk_file import DiskFile
 from impact_rig.recording.writing.mcap_summary import McapSummary, format_record
+from impact_rig.recording.writing.mcap_topics import McapTopics
 
 DEFAULT_CHUNK_SIZE = 1 << 20
 """Uncompressed size at which a chunk is finished [byte]; what other MCAP writers use."""
@@ -80,8 +72,7 @@ class McapWriter:
         self.path = path
         self._chunk_size = chunk_size
         self._summary = McapSummary()
-        self._schemas: dict[tuple[str, str], int] = {}
-        self._channels: dict[str, int] = {}
+        self._topics = McapTopics()
         self._file = DiskFile(path, keep_free)
         try:
             self._file.write(MAGIC, format_record(Header("ros2", library)))
@@ -127,7 +118,7 @@ class McapWriter:
 
     def count_messages(self, topic: str) -> int:
         """Return how many messages of a topic were added."""
-        return self._summary.counts[self._channels.get(topic, 0)]
+        return self._summary.counts[self._topics.find(topic)]
 
     def add_channel(
         self, topic: str, definition: MessageDefinition, qos: tuple[OfferedQos, ...]
@@ -153,19 +144,12 @@ class McapWriter:
         FileError
             If a chunk could not be written, now or before.
         """
-        key = (definition.type_name, definition.text)
-        metadata = {
-            "offered_qos_profiles": format_offered_qos(qos),
-            "topic_type_hash": definition.type_hash,
-        }
         self._file.plan(len(definition.text))
-        if key not in self._schemas:
-            self._schemas[key] = schema = len(self._schemas) + 1
-            text = definition.text.encode()
-            self._announce(Opcode.SCHEMA, Schema(schema, text, "ros2msg", definition.type_name))
-        self._channels[topic] = channel = len(self._channels) + 1
-        item = Channel(channel, topic, "cdr", metadata, self._schemas[key])
-        self._announce(Opcode.CHANNEL, item)
+        channel, records = self._topics.announce(topic, definition, qos)
+        for kind, record in records:
+            # In the chunk in progress, and again at the end of the file.
+            self._chunk.add_record(record)
+            self._summary.add(kind, record)
         return channel
 
     def add_message(
@@ -303,12 +287,6 @@ class McapWriter:
     ) -> None:
         """Finish the file, whatever happened."""
         self.close()
-
-    def _announce(self, kind: Opcode, item: Schema | Channel) -> None:
-        """Say what follows, in the chunk in progress and again at the end of the file."""
-        record = format_record(item)
-        self._chunk.add_record(record)
-        self._summary.add(kind, record)
 
     def _finish_chunk(self) -> None:
         if not self._chunk.messages:

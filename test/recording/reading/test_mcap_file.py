@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
 
 from impact_rig.core.errors import FileError
-from impact_rig.recording.reading.mcap_file import Attachment, McapFile, MetadataRecord
+from impact_rig.recording.reading.mcap_file import McapFile
 from impact_rig.recording.reading.mcap_records import MAX_SIZE
+from impact_rig.recording.reading.raw_records import Attachment, MetadataRecord
 
 SCHEMA = b"uint8[] data\n"
 TOPICS = ("/a", "/b", "/c")
