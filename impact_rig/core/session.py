@@ -17,6 +17,7 @@ from impact_rig.core.estimation.sample import (
     estimate_contact_alone,
     estimate_numbers,
 )
+from impact_rig.core.estimation.settled import add_settled
 from impact_rig.core.estimation.traces import TraceEstimates, estimate_traces
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
@@ -178,17 +179,14 @@ class Session:
         if mean is None:
             note = f"{name}: not determined, none of {len(series)} hits was accepted"
             return SampleEstimate(name, 0, len(series), notes=(note,))
-        contact_times = series.contact_times
-        rejected = len(series) - len(contact_times)
+        spread, rejected = series.contact_time_spread, len(series) - mean.count
         if unknown := self.setup.find_unknown_masses(name):
-            estimate = estimate_contact_alone(
-                name, mean, contact_times, rejected, self.setup.analysis
-            )
+            estimate = estimate_contact_alone(name, mean, spread, rejected, self.setup.analysis)
             note = f"k and c: the mass of {' and '.join(unknown)} is not known"
             estimate = replace(estimate, notes=(*estimate.notes, note))
         else:
             estimate = estimate_numbers(
-                name, mean, contact_times, rejected, self.estimate_hammer(), self.setup
+                name, mean, spread, rejected, self.estimate_hammer(), self.setup
             )
         warnings = tuple(
             describe_overruled(hit, f"hit {describe_label(hit.label)}") for hit in series.overruled
@@ -239,7 +237,7 @@ class Session:
         control = self.setup.samples.control_sample
         found: dict[str, SampleEstimate] = {}
         for name in sorted(self.names, key=lambda name: name != control):
-            found[name] = estimate(name)
+            found[name] = add_settled(estimate(name), self._series[name].look_at_settled())
             if report is not None:
                 report(len(found))
         return tuple(found[name] for name in self.names)

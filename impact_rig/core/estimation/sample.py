@@ -32,7 +32,6 @@ from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant
 from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY, RigSetup
 from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.record import FloatArray
 from impact_rig.core.uncertainty.contact import estimate_contact_time_uncertainty
 
 
@@ -95,7 +94,7 @@ class SampleEstimate:
 def estimate_numbers(
     name: str,
     mean: MeanHit,
-    contact_times: FloatArray,
+    contact_time_spread: float,
     impacts_rejected: int,
     hammer: BodyEstimate,
     setup: RigSetup,
@@ -108,8 +107,8 @@ def estimate_numbers(
         Of the sample.
     mean : MeanHit
         Its mean hit.
-    contact_times : ndarray, shape (hits,)
-        tau_p of every accepted hit [s].
+    contact_time_spread : float
+        Standard deviation of tau_p over the accepted hits [s]; NaN: of one hit.
     impacts_rejected : int
         Hits left out.
     hammer : BodyEstimate
@@ -124,7 +123,7 @@ def estimate_numbers(
         impacts_accepted=mean.count,
         impacts_rejected=impacts_rejected,
         contact=contact,
-        contact_time_spread=_find_spread(contact_times),
+        contact_time_spread=contact_time_spread,
         body=body,
         hammer_peak=float(np.abs(mean.traces[0]).max()),
         specimen_peak=_find_specimen_peak(mean),
@@ -175,7 +174,7 @@ def add_checks(
 def estimate_contact_alone(
     name: str,
     mean: MeanHit,
-    contact_times: FloatArray,
+    contact_time_spread: float,
     impacts_rejected: int,
     settings: AnalysisSettings,
 ) -> SampleEstimate:
@@ -197,17 +196,13 @@ def estimate_contact_alone(
             equivalent_stiffness=NAN,
             contact_time_uncertainty=uncertainty,
         ),
-        contact_time_spread=_find_spread(contact_times),
+        contact_time_spread=contact_time_spread,
         hammer_peak=float(np.abs(mean.traces[0]).max()),
         specimen_peak=_find_specimen_peak(mean),
         shape=shape,
         warnings=check_shape(shape),
         notes=uncertainty.notes + shape_notes,
     )
-
-
-def _find_spread(contact_times: FloatArray) -> float:
-    return float(np.std(contact_times, ddof=1)) if len(contact_times) > 1 else NAN
 
 
 def _find_specimen_peak(mean: MeanHit) -> float:

@@ -21,24 +21,22 @@ FIGURES = (
     "hammer_peak",
     "specimen_peak",
 )
-COLUMNS: dict[str, type] = {
-    "fate": np.int8,
-    **dict.fromkeys((*LABELS, "stamp"), np.int64),
-    **dict.fromkeys(FIGURES, np.float64),
-}
+COLUMNS = np.dtype(
+    [("fate", np.int8)]
+    + [(name, np.int64) for name in (*LABELS, "stamp")]
+    + [(name, np.float64) for name in FIGURES]
+)
 """What is kept of every hit, by the names of `HitLabel` and `JudgedHit`: 81 bytes."""
-FIRST_SIZE = 16
-"""Rows that there is room for at first [-]."""
-ROOM_GROWTH = 1 / 8
-"""Room that is added when it is used up, part of what there is [-], our choice: memory that is not
-used yet is memory too."""
+BLOCK_ROWS = 128
+"""Rows of a block [-], our choice: 10 kB. Blocks stay where they are, however many there are: a
+table that moves as it grows leaves holes in the memory, nearly as large as itself."""
 
 
 class Fate(IntEnum):
     """What has become of a hit."""
 
     REJECTED = 0
-    """By its verdict, or left out by hand; rows that are not used yet have it, too."""
+    """By its verdict, or left out by hand."""
     BY_HAND = 1
     """In the mean by hand."""
     OPEN = 2
@@ -54,10 +52,6 @@ class Fate(IntEnum):
 class HitTable:
     """Verdicts by row, in the order of arrival.
 
-    Columns are given as long as there is room for rows, so that their size, and that of whatever
-    is made of them, seldom changes: numpy keeps some memory of every small size that it was ever
-    asked for.
-
     Parameters
     ----------
     sample : str
@@ -66,10 +60,7 @@ class HitTable:
 
     def __init__(self, sample: str) -> None:
         self._sample = sample
-        self._room = FIRST_SIZE
-        self._columns: dict[str, NDArray[Any]] = {
-            name: np.zeros(FIRST_SIZE, kind) for name, kind in COLUMNS.items()
-        }
+        self._blocks: list[NDArray[np.void]] = []
         self._count = 0
         # Most hits have nothing against them.
         self._rejections: dict[int, tuple[Rejection, ...]] = {}
@@ -81,11 +72,12 @@ class HitTable:
 
     def __getitem__(self, row: int) -> JudgedHit:
         """Return a hit with its verdict, without its traces."""
-        figures: dict[str, Any] = {name: float(self._columns[name][row]) for name in FIGURES}
+        values = self._find_row(row)
+        figures: dict[str, Any] = {name: float(values[name]) for name in FIGURES}
         return JudgedHit(
-            label=self._make_label(row),
+            label=self._make_label(values),
             rejections=self._rejections.get(row, ()),
-            stamp=int(self._columns["stamp"][row]),
+            stamp=int(values["stamp"]),
             overruled=self._overruled.get(row, ()),
             **figures,
         )
@@ -93,58 +85,60 @@ class HitTable:
     @property
     def labels(self) -> Iterator[HitLabel]:
         """Of all hits."""
-        return map(self._make_label, range(self._count))
+        return (self._make_label(self._find_row(row)) for row in range(self._count))
+
+    @property
+    def overruled(self) -> Iterator[int]:
+        """Rows of the hits of which a person has set reasons aside."""
+        return iter(self._overruled)
 
     def read_fate(self, row: int) -> Fate:
         """Return what has become of one hit."""
-        return Fate(int(self._columns["fate"][row]))
+        return Fate(int(self._find_row(row)["fate"]))
 
     def have_fates(self, *fates: Fate) -> NDArray[np.bool_]:
-        """Return which rows are hits that have one of these, shape (room,)."""
-        column = self._columns["fate"]
-        found: NDArray[np.bool_] = column == fates[0]
-        for fate in fates[1:]:
-            found |= column == fate
-        return found
-
-    def find_rows(self, *fates: Fate) -> NDArray[np.intp]:
-        """Return the rows of the hits that have one of these."""
-        return np.flatnonzero(self.have_fates(*fates))
+        """Return which hits have one of these, shape (hits,)."""
+        return np.isin(self._read_column("fate"), fates)
 
     def append(self, hit: JudgedHit, fate: Fate) -> int:
         """Add a hit; return its row."""
         row = self._count
-        if row == self._room:
-            self._make_room()
+        if row == BLOCK_ROWS * len(self._blocks):
+            self._blocks.append(np.zeros(BLOCK_ROWS, COLUMNS))
         self._count += 1
+        values = self._find_row(row)
         for name in LABELS:
-            self._columns[name][row] = getattr(hit.label, name)
+            values[name] = getattr(hit.label, name)
         for name in ("stamp", *FIGURES):
-            self._columns[name][row] = getattr(hit, name)
+            values[name] = getattr(hit, name)
         if hit.overruled:
             self._overruled[row] = hit.overruled
         self.settle(row, fate, hit.rejections)
         return row
 
-    def _make_room(self) -> None:
-        self._room += max(int(ROOM_GROWTH * self._room), FIRST_SIZE)
-        for name, kind in COLUMNS.items():
-            values, self._columns[name] = self._columns[name], np.zeros(self._room, kind)
-            self._columns[name][: values.size] = values
-
     def settle(self, row: int, fate: Fate, rejections: tuple[Rejection, ...] = ()) -> None:
         """Say what has become of a hit, and what is against it."""
-        self._columns["fate"][row] = fate
+        self._find_row(row)["fate"] = fate
         if rejections:
             self._rejections[row] = rejections
 
     def read(self, name: str) -> FloatArray:
-        """Return one of `FIGURES` of all rows, shape (room,)."""
-        return self._columns[name]
+        """Return one of `FIGURES` of all hits, shape (hits,)."""
+        return self._read_column(name)
 
-    def read_figures(self, rows: NDArray[np.intp]) -> FloatArray:
-        """Return what hits are compared by, shape (rows, quantities)."""
-        return np.stack([self.read(item.attribute)[rows] for item in QUANTITIES], axis=1)
+    def read_figures(self) -> FloatArray:
+        """Return what hits are compared by, shape (hits, quantities)."""
+        return np.stack([self.read(item.attribute) for item in QUANTITIES], axis=1)
 
-    def _make_label(self, row: int) -> HitLabel:
-        return HitLabel(self._sample, *(int(self._columns[name][row]) for name in LABELS))
+    def _read_column(self, name: str) -> NDArray[Any]:
+        if not self._blocks:
+            return np.zeros(0, COLUMNS[name])
+        return np.concatenate([block[name] for block in self._blocks])[: self._count]
+
+    def _find_row(self, row: int) -> np.void:
+        block, place = divmod(row, BLOCK_ROWS)
+        values: np.void = self._blocks[block][place]
+        return values
+
+    def _make_label(self, values: np.void) -> HitLabel:
+        return HitLabel(self._sample, *(int(values[name]) for name in LABELS))

@@ -42,6 +42,8 @@ probability of a third of `FALSE_ALARM`, since there are three quantities. Found
 values for each n, rounded up by 1 to 3 %. Between them it is linear in 1 / n."""
 ENDLESS_THRESHOLD = 4.2
 """T of many values [-]: the two-sided quantile of the normal distribution is 4.15."""
+LARGEST_ARRAY = 256
+"""Of those that are made to find a scatter [values], our choice."""
 _INVERSE_COUNTS = (0.0, *(1.0 / count for count in reversed(THRESHOLDS)))
 _INVERSE_THRESHOLDS = (ENDLESS_THRESHOLD, *reversed(THRESHOLDS.values()))
 """T over 1 / n, ascending."""
@@ -239,6 +241,19 @@ def _find_spread(values: FloatArray, floor: float) -> tuple[float, float]:
 
 
 def _find_deviation(values: FloatArray, median: float, count: int) -> float:
-    """Return how far the `count` nearest of ascending values lie from the median at most."""
-    below, above = median - values[: values.size - count + 1], values[count - 1 :] - median
-    return float(np.maximum(below, above, out=below).min())
+    """Return how far the `count` nearest of ascending values lie from the median at most.
+
+    They are neighbours. The farther up they begin, the nearer is the first and the farther the
+    last: the best begin where both are equally far, or just before. That is looked for in steps,
+    then between two of them: arrays as long as the series would leave their holes in the memory.
+    """
+    places = values.size - count + 1
+    step = places // LARGEST_ARRAY + 1
+    before = 0
+    if step > 1:
+        first, last = values[:places:step], values[count - 1 :: step]
+        before = step * max(int(np.count_nonzero(last - median < median - first)) - 1, 0)
+    after = before + step + 1 if step > 1 else places
+    below = median - values[before : min(after, places)]
+    above = values[before + count - 1 : after + count - 1] - median
+    return float(np.maximum(below, above).min())

@@ -5,7 +5,8 @@ when there are too many, hits are settled, one at a time. The mean is a sum, and
 in it for good, or left out of it for good. Those that are kept with their traces show the
 scatter, and may still turn out outliers, or less consistent than others. Outliers are settled
 first, then what is surplus, then, of those in the mean, the one whose neighbours are the nearest,
-so that the hits kept lie evenly over the series.
+so that the hits kept lie evenly over the series. Those that more fellows may show to be outliers
+wait until all others are settled: a trace cannot be taken out of a sum when it is gone.
 
 What is settled depends on nothing but the hits and the order in which they came: live and from a
 file it is the same.
@@ -26,15 +27,19 @@ from impact_rig.core.hits.averaging import (
 )
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.hit_table import Fate, HitTable
+from impact_rig.core.hits.moments import Moments
 from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.hits.selection import (
+    QUANTITIES,
     Fellows,
     Norm,
     explain_outlier,
     find_distances,
+    find_doubtful,
     find_outliers,
     read_figures,
 )
+from impact_rig.core.hits.settled_hits import SettledHits, look_at_settled
 from impact_rig.core.signals.record import FloatArray, HitLabel
 
 Rows = NDArray[np.intp]
@@ -87,10 +92,14 @@ class HitSeries:
     def __init__(self, sample: str, keep: int = 0) -> None:
         self._keep = keep
         self._table = HitTable(sample)
+        # Figures of the hits that are not settled.
+        self._open: dict[int, FloatArray] = {}
+        self._by_hand: dict[int, FloatArray] = {}
         self._traces: dict[int, AveragedHit] = {}
         self._fellows = Fellows()
         self._choice = _Choice()
         self._settled, self._settled_summary = HitSum(), NO_HITS
+        self._settled_times = Moments()
         self._sum = HitSum()
         self._mean: MeanHit | None = None
 
@@ -109,15 +118,21 @@ class HitSeries:
         return tuple(self._table.labels)
 
     @property
-    def contact_times(self) -> FloatArray:
-        """tau_p of every hit in the mean, in the order of arrival [s], shape (hits,)."""
-        return self._table.read("contact_time")[self._find_kept()]
+    def contact_time_spread(self) -> float:
+        """Standard deviation of tau_p over the hits in the mean [s]; NaN: fewer than two."""
+        left_out = self._choice.left_out
+        times = [figures[0] for row, figures in self._open.items() if row not in left_out]
+        times += [figures[0] for figures in self._by_hand.values()]
+        return self._settled_times.find_deviation(np.array(times))
 
     @property
     def overruled(self) -> tuple[JudgedHit, ...]:
         """Hits in the mean by hand, with all that is against them."""
-        rows = self._table.find_rows(Fate.BY_HAND)
-        return tuple(self._complete(self._table[row]) for row in rows.tolist())
+        return tuple(
+            self._complete(self._table[row])
+            for row in self._table.overruled
+            if self._table.read_fate(row) is Fate.BY_HAND
+        )
 
     def check(self, hit: JudgedHit) -> tuple[Rejection, ...]:
         """Hold an accepted hit against all accepted hits so far, and itself.
@@ -132,15 +147,16 @@ class HitSeries:
 
     def add(self, hit: JudgedHit) -> None:
         """Take in a hit with its verdict; one that a person has accepted stays in the mean."""
-        fate = Fate.OPEN if hit.accepted else Fate.REJECTED
-        if hit.accepted and hit.overruled:
-            fate = Fate.BY_HAND
-        row = self._table.append(hit, fate)
-        if fate is Fate.REJECTED:
+        if not hit.accepted:
+            self._table.append(hit, Fate.REJECTED)
             return
-        self._mean = None
-        if fate is Fate.OPEN:
-            self._fellows.add(read_figures(hit))
+        self._mean, figures = None, read_figures(hit)
+        row = self._table.append(hit, Fate.BY_HAND if hit.overruled else Fate.OPEN)
+        if hit.overruled:
+            self._by_hand[row] = figures
+        else:
+            self._open[row] = figures
+            self._fellows.add(figures)
         if hit.filtered is not None:
             self._traces[row] = shift_hit(hit.filtered)
         before, self._choice = self._choice.left_out, self._choose()
@@ -158,15 +174,16 @@ class HitSeries:
             row, fate = int(self._choice.surplus[-1]), Fate.SURPLUS
         else:
             row = self._find_densest()
-            by_hand = self._table.read_fate(row) is Fate.BY_HAND
-            fate = Fate.BY_HAND if by_hand else Fate.SETTLED
+            fate = Fate.BY_HAND if row in self._by_hand else Fate.SETTLED
         self._table.settle(row, fate, self._explain(row) if fate is Fate.OUTLIER else ())
         hit = self._traces.pop(row)
+        figures = (self._by_hand if fate is Fate.BY_HAND else self._open).pop(row)
         if fate in (Fate.OUTLIER, Fate.SURPLUS):
             self._choice = self._choose()
             return
         self._settled = self._settled.add(hit)
         self._settled_summary = summarize_hits([hit], self._settled_summary)
+        self._settled_times = self._settled_times.add(float(figures[0]))
         self._mean = None
 
     def find_mean(self) -> MeanHit | None:
@@ -183,10 +200,18 @@ class HitSeries:
             self._mean = self._sum.make_mean(kept, self._settled_summary)
         return self._mean
 
+    def look_at_settled(self) -> SettledHits:
+        """Hold the hits that are settled in the mean against all that there are by now."""
+        is_settled = self._table.have_fates(Fate.SETTLED)
+        is_other = self._find_kept() & ~is_settled
+        times = self._table.read("contact_time")
+        figures = self._table.read_figures()[is_settled]
+        return look_at_settled(figures, self._choice.norms, times[is_settled], times[is_other])
+
     def select(self) -> Selection:
         """Return the last word on every hit so far."""
         hits = [self._describe(row) for row in range(len(self._table))]
-        is_kept = self._find_kept()[: len(hits)].tolist()
+        is_kept = self._find_kept().tolist()
         return Selection(
             kept=tuple(hit for hit, kept in zip(hits, is_kept, strict=True) if kept),
             left_out=tuple(hit for hit, kept in zip(hits, is_kept, strict=True) if not kept),
@@ -210,10 +235,10 @@ class HitSeries:
         return replace(hit, overruled=(*self.check(hit), *hit.overruled))
 
     def _explain(self, row: int) -> tuple[Rejection, ...]:
-        return explain_outlier(self._table.read_figures(np.array([row]))[0], self._choice.norms)
+        return explain_outlier(self._open[row], self._choice.norms)
 
     def _find_kept(self) -> NDArray[np.bool_]:
-        """Return which rows are hits in the mean, shape (room,)."""
+        """Return which rows are hits in the mean, shape (hits,)."""
         is_kept = self._table.have_fates(Fate.BY_HAND, Fate.OPEN, Fate.SETTLED)
         is_kept[list(self._choice.left_out)] = False
         return is_kept
@@ -221,25 +246,27 @@ class HitSeries:
     def _choose(self) -> _Choice:
         """Leave out the outliers among the open hits, then all but the most consistent."""
         norms = self._fellows.find_norms()
-        rows = self._table.find_rows(Fate.OPEN)
-        is_outlier = find_outliers(self._table.read_figures(rows), norms)
+        rows, figures = self._list_open()
+        is_outlier = find_outliers(figures, norms)
         outliers, rows = rows[is_outlier], rows[~is_outlier]
         if not self._keep:
             return _Choice(norms, outliers)
-        in_mean = self._table.find_rows(Fate.SETTLED, Fate.BY_HAND).size
-        count = rows.size + in_mean + self._table.find_rows(Fate.SURPLUS).size
+        is_surplus = self._table.have_fates(Fate.SURPLUS)
+        in_mean = self._settled.count + len(self._by_hand)
+        count = rows.size + in_mean + int(is_surplus.sum())
         surplus = np.zeros(0, np.intp)
         if count > self._keep:
             # Of equal ones the earlier stay.
-            order = np.argsort(self._find_distances(rows), kind="stable")
+            others = is_surplus | self._table.have_fates(Fate.SETTLED)
+            figures = np.vstack([figures[~is_outlier], self._table.read_figures()[others]])
+            order = np.argsort(find_distances(figures)[: rows.size], kind="stable")
             surplus = rows[order[max(self._keep - in_mean, 0) :]]
         return _Choice(norms, outliers, surplus, count)
 
-    def _find_distances(self, rows: Rows) -> FloatArray:
-        """Return how far consistent open hits are from the medians of all, shape (rows,)."""
-        others = self._table.read_figures(self._table.find_rows(Fate.SETTLED, Fate.SURPLUS))
-        figures = np.vstack([self._table.read_figures(rows), others])
-        return find_distances(figures)[: rows.size]
+    def _list_open(self) -> tuple[Rows, FloatArray]:
+        """Return rows and figures of the open hits, shapes (hits,) and (hits, quantities)."""
+        figures = np.array(list(self._open.values())).reshape(len(self._open), len(QUANTITIES))
+        return np.fromiter(self._open, np.intp), figures
 
     def _sum_up(self) -> None:
         """Sum up the hits in the mean anew."""
@@ -252,4 +279,9 @@ class HitSeries:
     def _find_densest(self) -> int:
         """Return the row of the hit whose neighbours are the nearest: the others lie evenly."""
         rows = np.fromiter(self._traces, np.intp)
-        return int(rows[np.argmin(rows[2:] - rows[:-2]) + 1])
+        gaps, inner = rows[2:] - rows[:-2], rows[1:-1]
+        candidates, figures = self._list_open()
+        is_sure = ~np.isin(inner, candidates[find_doubtful(figures, self._choice.norms)])
+        if is_sure.any():
+            gaps, inner = gaps[is_sure], inner[is_sure]
+        return int(inner[np.argmin(gaps)])

@@ -1,5 +1,6 @@
 """From mean traces to tau_p, k and c: known bodies are found again, gaps in knowledge named."""
 
+import statistics
 from dataclasses import replace
 
 import numpy as np
@@ -52,13 +53,14 @@ def make_mean(tau: float, natural: float, ratio: float, *, channels: int = 2) ->
 def estimate_sample(
     name: str,
     mean: MeanHit,
-    contact_times: object,
+    contact_times: tuple[float, ...],
     rejected: int,
     hammer: BodyEstimate,
     setup: RigSetup,
 ) -> SampleEstimate:
     """Return the numbers of a sample with what stands beside them."""
-    numbers = estimate_numbers(name, mean, np.array(contact_times), rejected, hammer, setup)
+    spread = statistics.stdev(contact_times) if len(contact_times) > 1 else np.nan
+    numbers = estimate_numbers(name, mean, spread, rejected, hammer, setup)
     return add_checks(numbers, mean, hammer, setup)
 
 
