@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.session import Session
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, Record, Trace
@@ -19,6 +21,7 @@ Counts = NDArray[np.int32]
 MakeCounts = Callable[..., Counts]
 MakeBlocks = Callable[..., list[Block]]
 MakeRecord = Callable[..., Record]
+Strike = Callable[..., tuple[JudgedHit, ...]]
 
 
 @pytest.fixture(scope="session")
@@ -133,5 +136,27 @@ def describe() -> Callable[[Record], tuple[object, ...]]:
             record.hammer.acceleration.tobytes(),
             record.specimen.acceleration.tobytes(),
         )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def strike(make_counts: MakeCounts, make_blocks: MakeBlocks) -> Strike:
+    """Feed a session one hit of 200 us at 1 MHz; the sample answers with a decaying wave."""
+
+    def make(
+        session: Session,
+        sample: str,
+        record: int,
+        *,
+        height: float = 900.0,
+        size: int = 400,
+        place: int = 500,
+    ) -> tuple[JudgedHit, ...]:
+        hammer = make_counts([(place, height)], 2500, seed=record)
+        answer = [(place, 800.0), (place + 300, 150.0), (place + 600, 28.0)]
+        specimen = make_counts(answer, 2500, seed=1000 + record)
+        blocks = make_blocks(hammer, specimen, [size], label=HitLabel(sample, record))
+        return tuple(hit for block in blocks for hit in session.feed(block))
 
     return make

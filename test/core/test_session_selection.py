@@ -1,0 +1,99 @@
+"""Which hits of a session are in the means: outliers, the most consistent, and a person's word."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.hits.overrule import Overrules
+from impact_rig.core.hits.reasons import Reason
+from impact_rig.core.session import Session
+from impact_rig.core.signals.record import HitLabel
+
+from .sessions import SETUP, Strike, strike_series
+
+Make = Callable[..., Any]
+
+
+def describe_rejected(session: Session) -> list[tuple[int, list[Reason]]]:
+    return [
+        (hit.label.record, [item.reason for item in hit.rejections])
+        for hit in session.estimate_all().rejected
+    ]
+
+
+def test_a_hit_unlike_its_fellows_is_rejected_when_it_comes(strike: Strike) -> None:
+    session = Session(SETUP)
+    hits = strike_series(strike, session, [900.0] * 9 + [450.0])
+    assert [hit.accepted for hit in hits] == [True] * 9 + [False]
+    assert [item.reason for item in hits[-1].rejections] == [Reason.INCONSISTENT]
+    estimate = session.estimate_sample("alike")
+    assert (estimate.impacts_accepted, estimate.impacts_rejected) == (9, 1)
+
+
+def test_an_early_one_is_found_once_there_are_fellows(strike: Strike) -> None:
+    session = Session(SETUP)
+    hits = strike_series(strike, session, [450.0] + [900.0] * 9)
+    assert all(hit.accepted for hit in hits)
+    assert describe_rejected(session) == [(1, [Reason.INCONSISTENT])]
+    alone = Session(SETUP)
+    strike_series(strike, alone, [900.0] * 9, first=2)
+    assert session.estimate_sample("alike").contact == alone.estimate_sample("alike").contact
+
+
+def test_of_more_hits_than_wanted_the_most_consistent_are_kept(strike: Strike) -> None:
+    session = Session(replace(SETUP, analysis=replace(SETUP.analysis, keep_hits=4)))
+    hits = strike_series(strike, session, [900.0, 800.0, 890.0, 905.0, 895.0, 1000.0])
+    # Nothing is wrong with those that are left out: a campaign has no reason to repeat them.
+    assert all(hit.accepted for hit in hits)
+    assert describe_rejected(session) == [(2, [Reason.SURPLUS]), (6, [Reason.SURPLUS])]
+    estimate = session.estimate_sample("alike")
+    assert (estimate.impacts_accepted, estimate.impacts_rejected) == (4, 2)
+
+
+def test_the_same_hits_give_the_same_selection_at_every_size_of_block(strike: Strike) -> None:
+    def run(size: int) -> str:
+        session = Session(replace(SETUP, analysis=replace(SETUP.analysis, keep_hits=5)))
+        for record, height in enumerate([900.0, 450.0, 880.0, 910.0, 905.0, 893.0, 901.0], 1):
+            strike(session, "alike", record, height=height, size=size)
+        results = session.estimate_all()
+        return repr((results.samples, [(hit.label, hit.rejections) for hit in results.rejected]))
+
+    assert run(400) == run(2500) == run(77)
+
+
+def test_a_person_leaves_out_one_hit_and_takes_another_in(strike: Strike) -> None:
+    accepted, rejected = (frozenset({HitLabel("alike", record)}) for record in (2, 3))
+    session = Session(SETUP, Overrules(accepted, rejected))
+    strike_series(strike, session, [900.0, 150.0, 890.0])
+    assert describe_rejected(session) == [(3, [Reason.OPERATOR])]
+    estimate = session.estimate_sample("alike")
+    assert estimate.impacts_accepted == 2
+    assert estimate.warnings[-1].startswith(
+        "hit 2 (alike/1.1) accepted by hand, although weak: hammer peak"
+    )
+
+
+def test_a_persons_word_on_hits_that_do_not_come_changes_nothing(strike: Strike) -> None:
+    other = frozenset({HitLabel("alike", 99)})
+    sessions = (
+        Session(SETUP),
+        Session(SETUP, Overrules(other)),
+        Session(SETUP, Overrules(rejected=other)),
+    )
+    for session in sessions:
+        strike_series(strike, session, [900.0, 150.0, 890.0])
+    first, *others = (repr(session.estimate_all()) for session in sessions)
+    assert others == [first, first]
+
+
+def test_a_hit_without_a_pulse_cannot_be_taken_in(make_counts: Make, make_blocks: Make) -> None:
+    label = HitLabel("alike", 7)
+    session = Session(SETUP, Overrules(accepted=frozenset({label})))
+    quiet = make_counts([], 2500)
+    (block,) = make_blocks(quiet, quiet, [2500], label=label)
+    with pytest.raises(ParameterError, match=r"hit 7 .* no pulse that could be measured"):
+        session.feed(block)
+    assert session.labels == ()
