@@ -28,8 +28,8 @@ BATCH = 1000
 """Records in one call [-], as asked for."""
 SCATTER = 0.1
 """Largest change of each parameter in the batch, relative [-], our choice."""
-CALLS = 50
-"""Of what takes microseconds, in one turn [-], our choice: tens of milliseconds."""
+CALLS = 150
+"""Of what takes microseconds, in one turn [-], our choice: as long as one integration."""
 SMALLEST_GAIN = 150.0
 LARGEST_DIFFERENCE = 1e-9
 LARGEST_COST = 3.0

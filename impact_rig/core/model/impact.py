@@ -217,26 +217,23 @@ def _simulate(
     contact, ends = simulate_contacts(system, numbers, moments, longest)
 
     oscillators, records, longest = [], [], 0
-    own = tuple(enumerate(OSCILLATORS))[system.moving]
+    bodies = OSCILLATORS[system.moving]
     for number, ((first, free, _, late), end) in enumerate(zip(spans, ends.tolist(), strict=True)):
         out[number, :, first:free] = contact[number, :, : free - first]
         if free < count:
             longest = max(longest, count - free)
-            of_model = numbers[number]
-            angle = of_model[ANGLE]
-            for (body, (stiffness, damping)), position, speed in zip(
-                own, end[: len(own)], end[len(own) :], strict=True
-            ):
+            own, angle, late_points = numbers[number], numbers[number][ANGLE], late * sampling_rate
+            for body, (stiffness, damping) in enumerate(bodies):
                 oscillators.append(
                     FreeOscillator(
-                        angle * of_model[stiffness],
-                        of_model[damping],
-                        position / angle,
-                        speed,
-                        late * sampling_rate,
+                        angle * own[stiffness],
+                        own[damping],
+                        end[body] / angle,
+                        end[body + len(bodies)],
+                        late_points,
                     )
                 )
-                records.append(out[number, body, free:])
+            records.append(out[number, system.moving, free:])
     if records:
         simulate_free_oscillators(oscillators, longest, records)
 

@@ -55,12 +55,12 @@ def simulate_free_oscillators(
     Parameters
     ----------
     oscillators : sequence of FreeOscillator
-        What moves, and when it is looked at.
+        What moves, and when it is looked at: as many in turn as a record has bodies.
     count : int
         Number of points, one or more: of the longest record.
-    out : sequence of ndarray, shape (m,)
-        Records, one for each oscillator, that are filled: m is its number of points, at most
-        `count`, and `find_padding` of `count` or more, of which the last mean nothing.
+    out : sequence of ndarray, shape (bodies, m)
+        Records that are filled: m is the number of points of each, at most `count`, and
+        `find_padding` of `count` or more, of which the last mean nothing.
     """
     late, grid = _split(count)
     described = [_describe(*oscillator) for oscillator in oscillators]
@@ -75,13 +75,14 @@ def simulate_free_oscillators(
             apart = -0.5 * np.expm1(-2.0 * exponents[place, 1])
             fundamental[place] = 1.0 - apart, apart
     fundamental *= np.exp(exponents[:, :1])
-    lists = numbers[:, 4:8].reshape(-1, 2, 2) @ fundamental[:, :, :late]
-    block = grid.shape[1] - late
-    for record, later, short in zip(
-        out, lists.swapaxes(1, 2), fundamental[:, :, late:], strict=True
-    ):
-        needed = min(late, record.size // block)
-        np.matmul(later[:needed], short, out=record[: needed * block].reshape(needed, block))
+    lists = (numbers[:, 4:8].reshape(-1, 2, 2) @ fundamental[:, :, :late]).swapaxes(1, 2)
+    short = fundamental[:, :, late:]
+    block, bodies = grid.shape[1] - late, len(oscillators) // len(out)
+    for first, record in zip(range(0, len(oscillators), bodies), out, strict=True):
+        needed = min(late, record.shape[1] // block)
+        whole = record[:, : needed * block].reshape(-1, needed, block)
+        own = slice(first, first + bodies)
+        np.matmul(lists[own, :needed], short[own], out=whole)
 
 
 @lru_cache(maxsize=64)

@@ -96,7 +96,7 @@ def simulate_linear_systems(
     skipped, last, times = zip(*places, strict=True)
     jumps = _exponentiate(times, powers, size, squarings)
     to_block, to_first, to_end = jumps[:, 0], jumps[:, 1], jumps[:, 2]
-    begin = to_first @ initial[..., np.newaxis]
+    begin = to_first @ initial[:, :, np.newaxis]
     if any(skipped):
         begin = _skip(to_block, begin, np.array(skipped))
     states = _propagate(to_block, begin, blocks)
@@ -107,13 +107,15 @@ def simulate_linear_systems(
         rows.transpose(0, 2, 3, 1),
         out=out[..., : blocks * block].reshape(systems, outputs, blocks, block),
     )
-    before_end = states[np.arange(systems), last, :, np.newaxis]
+    before_end = states.reshape(-1, size, 1).take(
+        [number * blocks + place for number, place in enumerate(last)], axis=0
+    )
     return out[..., :count], (to_end @ before_end)[..., 0]
 
 
 def _find_reach(matrices: FloatArray) -> int:
     """Return which power of two says how many points the series reaches, or what part of one."""
-    norm = np.maximum.reduce(np.add.reduce(np.abs(matrices), axis=-2), axis=None, initial=0.0)
+    norm = np.maximum.reduce(np.add.reduce(np.abs(matrices), 1), None)
     longest = LONGEST_BLOCK.bit_length() - 1
     return min(math.frexp(LARGEST_NORM / norm)[1] - 1, longest) if norm > 0.0 else longest
 

@@ -50,10 +50,13 @@ def find_contact(
 
 def _find_point(start: float, time: float, sampling_rate: float, count: int) -> int:
     """Return the first point at a time or after it; `count`: there is none."""
-    point = math.ceil(min(max((time - start) * sampling_rate, 0.0), count))
+    place = (time - start) * sampling_rate
+    if not -1.0 < place < count + 1.0:
+        return 0 if place < 0.0 else count
+    point = math.ceil(place)
     # The grid is start + n / rate as rounded, which may be one point aside.
-    while point > 0 and start + (point - 1) / sampling_rate >= time:
+    if start + (point - 1) / sampling_rate >= time:
         point -= 1
-    while point < count and start + point / sampling_rate < time:
+    elif start + point / sampling_rate < time:
         point += 1
-    return point
+    return min(max(point, 0), count)

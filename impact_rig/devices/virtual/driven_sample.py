@@ -72,7 +72,7 @@ def simulate_driven(
             speed=float(speed(model.contact_time)) * sampling_rate,
             first=(time[free] - model.contact_time) * sampling_rate,
         )
-        simulate_free_oscillators([oscillator], count - free, [record[free:]])
+        simulate_free_oscillators([oscillator], count - free, [record[np.newaxis, free:]])
     return -force / model.hammer.mass, specimen
 
 

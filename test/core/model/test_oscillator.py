@@ -37,7 +37,7 @@ def test_oscillators_of_every_damping_agree_side_by_side(count: int) -> None:
         for ratio, state, step, first in zip(RATIOS, states, steps, late, strict=True)
     ]
     found = np.full((len(RATIOS), 1 + count + find_padding(count)), np.nan)
-    simulate_free_oscillators(oscillators, count, list(found[:, 1:]))
+    simulate_free_oscillators(oscillators, count, list(found[:, np.newaxis, 1:]))
     assert np.isnan(found[:, 0]).all()
     for ratio, state, step, first, record in zip(RATIOS, states, steps, late, found, strict=True):
         times = step * (first + np.arange(count))
@@ -52,7 +52,7 @@ def test_what_has_decayed_for_long_is_zero_and_no_overflow() -> None:
     simulate_free_oscillators(
         [FreeOscillator(1e16, damping, 1.0, 1.0, 100.0) for damping in (1e6, 2e8, 1e11)],
         50,
-        list(found),
+        [found],
     )
     np.testing.assert_array_equal(found[:, :50], np.zeros((3, 50)))
 
@@ -63,7 +63,7 @@ def test_records_of_different_lengths_are_filled_to_their_ends_and_no_further() 
     simulate_free_oscillators(
         [make_oscillator(0.1, np.ones(2), 0.1, 0.0)] * 3,
         100,
-        [record[: length + padding] for record, length in zip(whole, lengths, strict=True)],
+        [whole[place : place + 1, : length + padding] for place, length in enumerate(lengths)],
     )
     for record, length in zip(whole, lengths, strict=True):
         np.testing.assert_allclose(record[:length], whole[0, :length], rtol=0, atol=1e-13)
