@@ -1,167 +1,32 @@
 """What a damaged recording still holds comes back as it was, and nothing else does."""
 
-import io
 import json
 import random
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import mcap.reader
-import mcap.stream_reader
 import mcap.writer
 import pytest
-from mcap.records import Chunk, Message
-from mcap.stream_reader import breakup_chunk
-from rosbags.highlevel import AnyReader
 
 from impact_rig.bench.mutations import mutate
 from impact_rig.core.errors import FileError
 from impact_rig.recording.recovery.inspection import inspect_recording
 from impact_rig.recording.recovery.recorded_hits import HitState
-from impact_rig.recording.recovery.recovery import Recovery, name_output, recover_recording
+from impact_rig.recording.recovery.recovery import recover_recording
 
-OURS = "impact_rig_msgs/msg/"
-HITS = 4
-"""Hits of the recordings below, each in a chunk of its own."""
-
-
-class Raw(NamedTuple):
-    """A message as another library reads it."""
-
-    topic: str
-    sequence: int
-    log_time: int
-    publish_time: int
-    data: bytes
-
-
-class Place(NamedTuple):
-    """A chunk of an undamaged file."""
-
-    start: int
-    data_start: int
-    end: int
-    messages: list[Raw]
-
-
-def label(record: int) -> dict[str, Any]:
-    """Return the fields that name a hit."""
-    stamp = {"stamp": {"sec": 1_700_000_000, "nanosec": record}, "frame_id": ""}
-    return {"header": stamp, "record": record, "sample": "brass", "impact": record, "attempt": 1}
-
-
-def block(record: int) -> dict[str, Any]:
-    """Return the fields of a block of a hundred points."""
-    counts = [record * 1000 + number % 7 for number in range(100)]
-    channel = {"counts": counts, "values": [], "scale": 0.25, "offset": 0.0, "full_scale": 512.0}
-    rest = {"sampling_rate": 2.5e6, "triggered": True, "hammer": channel, "specimen": channel}
-    return label(record) | rest
-
-
-def add_hit(maker: Any, record: int) -> None:
-    """Add what a recorder writes of a hit, in a chunk of its own."""
-    maker.add("release", OURS + "HammerRelease", {**label(record), "swing_time": 0.2})
-    for first in (0, 100):
-        place = {"first_sample": first, "last": first > 0}
-        maker.add("acceleration", OURS + "AccelerationBlock", block(record) | place)
-    counts = {"blocks": 2, "gaps": 0, "missing_points": 0}
-    maker.add("recorder/stored", OURS + "RecordStored", {**label(record), **counts})
-    verdict = {"accepted": record % 2 == 1, "reasons": [] if record % 2 else ["weak: too weak"]}
-    values = dict.fromkeys(("impact_time", "contact_time", "hammer_peak", "specimen_peak"), 1.0)
-    maker.add("impact", OURS + "Impact", {**label(record), **verdict, **values})
-    maker.writer.flush()
-
-
-@pytest.fixture(params=["zstd", "lz4", "none"])
-def compression(request: pytest.FixtureRequest) -> str:
-    return str(request.param)
-
-
-@pytest.fixture
-def original(make_recording: Any) -> Path:
-    """Return a sound recording of four hits, a chunk for each and one for the set-up."""
-    return write_original(make_recording)
-
-
-def write_original(make_recording: Any, **options: Any) -> Path:
-    maker = make_recording("original.mcap", namespace="/lab", **options)
-    maker.add_setup()
-    maker.add("note", "std_msgs/msg/String", {"data": "a new sample, öiled"})
-    maker.writer.flush()
-    maker.writer.add_metadata("impact_rig", {"software_version": "0.1.0", "notes": "Grüße"})
-    maker.writer.add_attachment("rig.toml", "application/toml", b"[rig]\nname = 'bench'\n")
-    for record in range(1, HITS + 1):
-        add_hit(maker, record)
-    return Path(maker.close())
-
-
-def read_raw(path: Path) -> list[Raw]:
-    """Return all messages as the library's indexed reader gives them, in file order."""
-    with path.open("rb") as file:
-        reader = mcap.reader.make_reader(file, validate_crcs=True)
-        return [
-            Raw(channel.topic, item.sequence, item.log_time, item.publish_time, item.data)
-            for _, channel, item in reader.iter_messages(log_time_order=False)
-        ]
-
-
-def find_chunks(path: Path) -> list[Place]:
-    """Return the chunks of an undamaged file, as the library finds them."""
-    chunks = []
-    with path.open("rb") as file:
-        reader = mcap.reader.make_reader(file)
-        summary = reader.get_summary()
-        topics = {number: channel.topic for number, channel in summary.channels.items()}
-        for index in summary.chunk_indexes:
-            file.seek(index.chunk_start_offset + 9)
-            content = file.read(index.chunk_length - 9)
-            size = struct.unpack_from("<I", content, 28)[0]
-            chunk = Chunk.read(mcap.stream_reader.ReadDataStream(io.BytesIO(content)))
-            messages = [
-                Raw(topics[m.channel_id], m.sequence, m.log_time, m.publish_time, m.data)
-                for m in breakup_chunk(chunk)
-                if isinstance(m, Message)
-            ]
-            start = index.chunk_start_offset
-            end = start + index.chunk_length
-            chunks.append(Place(start, start + 9 + 40 + size, end, messages))
-    return chunks
-
-
-def find_borders(path: Path) -> list[int]:
-    """Return where the records of a file begin."""
-    content, place, borders = path.read_bytes(), 8, []
-    while place < len(content) - 8:
-        borders.append(place)
-        place += 9 + struct.unpack_from("<Q", content, place + 1)[0]
-    return borders
-
-
-def spoil(path: Path, content: bytes) -> Path:
-    """Write bytes to a new file beside a recording."""
-    damaged = path.with_name("damaged.mcap")
-    damaged.write_bytes(content)
-    return damaged
-
-
-def recover(damaged: Path, *, keep_unverified: bool = False) -> Recovery:
-    """Recover to a new file, whatever was there before."""
-    output = damaged.with_name("good.mcap")
-    output.unlink(missing_ok=True)
-    return recover_recording(damaged, output, keep_unverified=keep_unverified)
-
-
-def read_recovered(recovery: Recovery) -> list[Raw]:
-    """Return the messages of a recovered recording, which must be sound."""
-    assert recovery.output is not None
-    assert inspect_recording(recovery.output).problems == ()
-    return read_raw(recovery.output)
-
-
-def list_states(recovery: Recovery) -> dict[int, HitState]:
-    return {hit.record: hit.state for hit in recovery.contents.hits}
+from .damaged import (
+    HITS,
+    find_borders,
+    find_chunks,
+    list_states,
+    read_raw,
+    read_recovered,
+    recover,
+    spoil,
+    write_original,
+)
 
 
 def test_of_a_sound_recording_nothing_is_written(original: Path) -> None:
@@ -288,25 +153,6 @@ def test_a_wrong_length_of_a_chunk_costs_nothing(original: Path) -> None:
         assert read_recovered(recovery) == read_raw(original)
 
 
-def test_topics_of_a_lost_first_chunk_are_known_from_the_index(original: Path) -> None:
-    content, place = bytearray(original.read_bytes()), find_chunks(original)[1]
-    content[place.data_start + 40 : place.end] = bytes(place.end - place.data_start - 40)
-    recovery = recover(spoil(original, content))
-    topics = {topic.name: topic.lost + topic.unverified for topic in recovery.contents.topics}
-    assert topics["/lab/acceleration"] == 2
-    assert list_states(recovery)[2] is HitState.SAVED
-
-
-def test_without_any_description_messages_are_counted_as_lost(make_recording: Any) -> None:
-    original = write_original(make_recording)
-    place, content = find_chunks(original)[1], bytearray(original.read_bytes())
-    content[place.data_start + 8 : place.data_start + 60] = bytes(52)
-    cut = find_chunks(original)[-1].end
-    contents = inspect_recording(spoil(original, content[:cut]))
-    assert contents.unknown_messages == 5 * (HITS - 1)
-    assert "not described" in " ".join(contents.problems)
-
-
 def test_unverified_messages_are_kept_on_demand_and_listed(make_recording: Any) -> None:
     original = write_original(make_recording, compression="none")
     place, content = find_chunks(original)[2], bytearray(original.read_bytes())
@@ -338,108 +184,6 @@ def test_of_a_chunk_that_is_cut_off_whole_messages_are_kept_on_demand(
     assert read_recovered(loose) == whole[: loose.written]
     if compression == "none":
         assert loose.written == len(whole) - 1
-
-
-def test_hits_are_saved_damaged_or_lost(make_recording: Any) -> None:
-    maker = make_recording("original.mcap", chunk_size=1)
-    maker.add_setup()
-    for record in range(1, 6):
-        add_hit(maker, record)
-    original = Path(maker.close())
-    chunks = find_chunks(original)
-    by_topic: dict[str, list[Place]] = {}
-    for chunk in chunks:
-        by_topic.setdefault(chunk.messages[0].topic, []).append(chunk)
-    content = bytearray(original.read_bytes())
-    lost = [by_topic["/acceleration"][place] for place in (3, 4, 5)]
-    lost += [places[3] for places in by_topic.values() if len(places) == 5]
-    lost += by_topic["/acceleration"][6:8]
-    for chunk in lost:
-        content[chunk.data_start + 3] ^= 0xFF
-    recovery = recover(spoil(original, content))
-    reasons = {hit.record: (hit.state.value, hit.reason) for hit in recovery.contents.hits}
-    assert reasons == {
-        1: ("saved", ""),
-        2: ("damaged", "1 of 2 blocks are left"),
-        3: ("lost", "no block of it is left"),
-        4: ("lost", "nothing of it is left"),
-        5: ("saved", ""),
-    }
-
-
-def test_a_set_up_that_was_heard_late_holds_for_the_hits_before_it(make_recording: Any) -> None:
-    maker = make_recording("original.mcap")
-    add_hit(maker, 1)
-    maker.add("release", OURS + "HammerRelease", {**label(2), "swing_time": 0.2})
-    maker.add_setup()
-    add_hit(maker, 2)
-    maker.add_setup(name="another")
-    add_hit(maker, 3)
-    hits = inspect_recording(Path(maker.close())).hits
-    assert [(hit.record, hit.campaign, hit.state.value) for hit in hits] == [
-        (1, 1, "saved"),
-        (2, 1, "saved"),
-        (3, 2, "saved"),
-    ]
-
-
-def test_topics_metadata_and_attachments_are_taken_over(original: Path) -> None:
-    recovery = recover(spoil(original, original.read_bytes()[:-3000]))
-    assert recovery.output is not None
-    with original.open("rb") as one, recovery.output.open("rb") as other:
-        then, now = mcap.reader.make_reader(one), mcap.reader.make_reader(other)
-        assert [
-            (c.topic, c.message_encoding, c.metadata) for c in then.get_summary().channels.values()
-        ] == [
-            (c.topic, c.message_encoding, c.metadata) for c in now.get_summary().channels.values()
-        ]
-        assert [(s.name, s.data) for s in then.get_summary().schemas.values()] == [
-            (s.name, s.data) for s in now.get_summary().schemas.values()
-        ]
-        assert list(then.iter_attachments()) == list(now.iter_attachments())
-        records = {item.name: item.metadata for item in now.iter_metadata()}
-        assert records["impact_rig"] == {"software_version": "0.1.0", "notes": "Grüße"}
-        assert records["impact_rig/recovery"]["recovered_from"] == "damaged.mcap"
-
-
-def test_other_libraries_read_what_was_recovered(original: Path) -> None:
-    from mcap_ros2.reader import read_ros2_messages
-
-    recovery = recover(spoil(original, original.read_bytes()[:-3000]))
-    assert recovery.output is not None
-    raw = read_recovered(recovery)
-    decoded = [(m.channel.topic, m.ros_msg) for m in read_ros2_messages(str(recovery.output))]
-    assert [topic for topic, _ in decoded] == [item.topic for item in raw]
-    assert [m.record for topic, m in decoded if topic == "/lab/impact"] == [1, 2, 3, 4][: len(raw)]
-    with AnyReader([recovery.output]) as reader:
-        assert [
-            (connection.topic, time, data) for connection, time, data in reader.messages()
-        ] == [(item.topic, item.log_time, item.data) for item in raw]
-
-
-def test_a_folder_becomes_a_folder_with_its_list(make_recording: Any, tmp_path: Path) -> None:
-    folder = tmp_path / "session"
-    folder.mkdir()
-    one = write_original(make_recording)
-    content = one.read_bytes()
-    (folder / "session_0.mcap").write_bytes(content)
-    (folder / "session_1.mcap").write_bytes(content[: find_chunks(one)[2].end])
-    (folder / "session_2.mcap").write_bytes(b"")
-    assert name_output(folder) == tmp_path / "session.recovered"
-    recovery = recover_recording(folder, name_output(folder))
-    assert recovery.output is not None
-    names = sorted(path.name for path in recovery.output.iterdir())
-    assert names == [
-        "metadata.yaml",
-        "session.recovered_0.mcap",
-        "session.recovered_1.mcap",
-    ]
-    assert inspect_recording(recovery.output).is_sound
-    with AnyReader([recovery.output]) as reader:
-        assert len(list(reader.messages())) == recovery.written
-    with pytest.raises(FileError, match="exists already"):
-        recover_recording(folder, recovery.output)
-    assert not list(tmp_path.glob(".*.part"))
 
 
 def test_nothing_is_overwritten(original: Path) -> None:
