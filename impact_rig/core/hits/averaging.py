@@ -34,8 +34,9 @@ class AveragedHit:
         [Hz]
     pulse : PulseWidth
         Of the hammer.
-    noise, raw_noise, resolution : ndarray, shape (channels,)
-        As in `FilteredHit` [m/s^2].
+    noise, raw_noise, resolution : tuple of float
+        As in `FilteredHit`, one for each channel [m/s^2]: of numpy's arrays, small ones that stay
+        among large ones that come and go leave holes in the memory.
     baseline_points : int
         Points of the baseline that was removed.
     """
@@ -44,9 +45,9 @@ class AveragedHit:
     origin: int
     sampling_rate: float
     pulse: PulseWidth
-    noise: FloatArray
-    raw_noise: FloatArray
-    resolution: FloatArray
+    noise: tuple[float, ...]
+    raw_noise: tuple[float, ...]
+    resolution: tuple[float, ...]
     baseline_points: int
 
 
@@ -60,9 +61,9 @@ def shift_hit(hit: FilteredHit) -> AveragedHit:
         origin=origin,
         sampling_rate=hit.sampling_rate,
         pulse=hit.pulse,
-        noise=hit.noise,
-        raw_noise=hit.raw_noise,
-        resolution=hit.resolution,
+        noise=tuple(hit.noise.tolist()),
+        raw_noise=tuple(hit.raw_noise.tolist()),
+        resolution=tuple(hit.resolution.tolist()),
         baseline_points=hit.baseline_points,
     )
 
