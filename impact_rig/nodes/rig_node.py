@@ -17,6 +17,9 @@ DIAGNOSTICS_TOPIC = "/diagnostics"
 """One for all namespaces, as everywhere in ROS 2."""
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two diagnostic messages [s]: the convention of diagnostic aggregators."""
+_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
+"""What stands for the name of a node that the middleware has not heard, or not again: after a long
+break of the network it knows the endpoints anew, but not whose they are."""
 _NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 _NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 """rclpy's own warn when somebody's QoS does not fit, as theirs do on the other side; and each has
@@ -43,6 +46,7 @@ class RigNode(WaitingNode):
         )
         self.messages_handled = 0
         self.stop_requested = threading.Event()
+        self._listeners: dict[bytes, str] = {}
         self._fault = ""
         self._is_configured = False
         self._is_active = False
@@ -206,9 +210,13 @@ class RigNode(WaitingNode):
         required : str
             As in `find_missing_subscribers`.
         """
-        known = self.get_subscriptions_info_by_topic(topic)
         prefix = self.get_namespace().rstrip("/")
-        names = {f"{item.node_namespace.rstrip('/')}/{item.node_name}" for item in known}
+        names = set()
+        for item in self.get_subscriptions_info_by_topic(topic):
+            identity = bytes(item.endpoint_gid)
+            if item.node_name != _UNKNOWN_NODE:
+                self._listeners[identity] = f"{item.node_namespace.rstrip('/')}/{item.node_name}"
+            names.add(self._listeners.get(identity, ""))
         for name in split_names(required):
             if (name if name.startswith("/") else f"{prefix}/{name}") not in names:
                 return f"the node {name!r} does not listen to {topic}"

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -22,13 +23,19 @@ RIG_PEER = "impact_rig.devices.peers.rig_peer"
 class TalkingProcess:
     """A Python module as a process that is told lines, and talks; use it in a ``with``."""
 
-    def __init__(self, module: str, *arguments: Any, environment: dict[str, str]) -> None:
+    def __init__(
+        self,
+        module: str,
+        *arguments: Any,
+        environment: dict[str, str],
+        prefix: Sequence[str] = (),
+    ) -> None:
         self._name = f"{module} {' '.join(map(str, arguments))}"
         self._output = ""
         self._changed = threading.Condition()
         self._has_ended = False
         self._process = subprocess.Popen(
-            [sys.executable, "-m", module, *map(str, arguments)],
+            [*prefix, sys.executable, "-m", module, *map(str, arguments)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

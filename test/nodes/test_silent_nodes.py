@@ -97,3 +97,19 @@ def test_a_peer_of_this_process_lives_though_it_gives_no_signs_until_it_ends(har
         assert not peer.is_lost
     harness.peer.destroy_publisher(publisher)
     harness.wait_until(lambda: peer.has_left)
+
+
+def test_a_listener_whose_name_the_middleware_has_lost_is_still_known(harness, monkeypatch):
+    node = harness.add(lambda **options: RigNode("speaker", **options))
+    harness.listen(interfaces.NOTE)
+    harness.wait_until(lambda: not node.find_missing_listeners("note", "peer"))
+    known = node.get_subscriptions_info_by_topic("note")
+    for item in known:
+        # So it is for good, once the network was away for more than the 20 s of a participant.
+        item.node_name = "_NODE_NAME_UNKNOWN_"
+    monkeypatch.setattr(node, "get_subscriptions_info_by_topic", lambda _: known)
+    assert not node.find_missing_listeners("note", "peer")
+    assert "'other' does not listen" in node.find_missing_listeners("note", "other")
+    for item in known:
+        item.endpoint_gid = [7] * len(item.endpoint_gid)
+    assert "'peer' does not listen" in node.find_missing_listeners("note", "peer")
