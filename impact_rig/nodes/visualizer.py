@@ -48,7 +48,7 @@ NICENESS = 10
 """How far the process steps back [steps of nice], our choice."""
 LARGEST_PORT = 65535
 WAITING_MESSAGES = 1000
-"""Messages kept while no set-up has arrived [-], our choice: more than the topics keep."""
+"""Messages kept while their set-up has not arrived [-], our choice: more than the topics keep."""
 
 
 class VisualizerNode(RigNode):
@@ -177,27 +177,35 @@ class VisualizerNode(RigNode):
         setup = setup_from_msg(message)
         # As for the estimator: each set-up begins a campaign.
         self._counts["campaigns"] += 1
-        campaign = self._campaign = ShownCampaign(setup)
+        stamp = stamp_from_msg(message.header.stamp)
+        campaign = self._campaign = ShownCampaign(setup, stamp)
         contact_times = [sample.reference_contact_time for sample in setup.samples.samples]
         for destination in self._destinations:
             destination.begin(
                 lambda log: log.log_setup(setup.name, setup.samples.names, contact_times)
             )
         self._put_results(campaign)
-        while self._early:
-            take, early = self._early.popleft()
-            take(campaign, early)
+        early = tuple(self._early)
+        self._early.clear()
+        for take, waiting in early:
+            self._take_in_campaign(take, waiting)
 
     def _in_campaign(self, take: Callable[[ShownCampaign, Any], None]) -> Callable[[Any], None]:
-        """Return a callback that keeps what comes before the first set-up, as it may."""
+        """Return a callback that takes what belongs to the campaign."""
+        return lambda message: self._take_in_campaign(take, message)
 
-        def callback(message: Any) -> None:
-            if self._campaign is None:
-                self._early.append((take, message))
-            else:
-                take(self._campaign, message)
+    def _take_in_campaign(self, take: Callable[[ShownCampaign, Any], None], message: Any) -> None:
+        """Take what belongs to the campaign, and keep what comes before its set-up, as it may.
 
-        return callback
+        What was found in an earlier campaign, and is kept by its topic for who comes late, is not
+        shown. What names no set-up, as in recordings of older versions, belongs to any.
+        """
+        campaign = self._campaign
+        found = stamp_from_msg(message.setup_stamp) if hasattr(message, "setup_stamp") else 0
+        if campaign is None or found > campaign.stamp:
+            self._early.append((take, message))
+        elif found in (0, campaign.stamp):
+            take(campaign, message)
 
     def _take_block(self, message: AccelerationBlock) -> None:
         self._counts["blocks"] += 1

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from impact_rig_msgs.msg import Impact
+from impact_rig_msgs.srv import GetResults
 from lifecycle_msgs.msg import State
 
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
@@ -144,6 +146,63 @@ def test_a_setup_that_is_said_again_leaves_the_layout_alone(harness, tmp_path, r
 
     reader, _ = read()
     assert len(reader.blueprints()) == 1
+
+
+def strike_under(harness, setups, blocks, number):
+    """Begin a campaign and strike its only hit; return when all of it has been told."""
+    told = [
+        harness.listen(topic)
+        for topic in (interfaces.IMPACT, interfaces.HAMMER_ESTIMATE, interfaces.COMPARISON)
+    ]
+    setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(number))
+    setups.publish(setup)
+    harness.wait_until(
+        lambda: harness.call(GetResults, interfaces.GET_RESULTS).setup_stamp == setup.header.stamp
+    )
+    for block in strike(number, 1).split(5000, 10**18):
+        blocks.publish(block_to_msg(block))
+    for collector in told:
+        collector.wait(lambda got: got[-1].setup_stamp == setup.header.stamp)
+
+
+def test_who_comes_late_sees_nothing_of_the_campaign_before(harness, tmp_path):
+    harness.add(EstimatorNode)
+    setups, blocks = map(harness.advertise, (interfaces.SETUP, interfaces.ACCELERATION))
+    harness.wait_until(lambda: blocks.get_subscription_count() == 1)
+    for number in (1, 2):
+        strike_under(harness, setups, blocks, number)
+    node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
+    # Set-up, two verdicts, two estimates or more, a hammer, and comparisons: the topics keep all.
+    harness.wait_until(lambda: node.messages_handled >= 8 and node.diagnose()["comparisons"] > 0)
+    harness.wait_until(lambda: node._campaign.make_results().hits)
+    results = node._campaign.make_results()
+    assert [hit.record for hit in results.hits] == [2]
+    assert [sample.impacts_accepted for sample in results.samples] == [1]
+
+
+def test_what_comes_before_its_set_up_waits_for_it(harness, tmp_path):
+    node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
+    setups, impacts = map(harness.advertise, (interfaces.SETUP, interfaces.IMPACT))
+    harness.wait_until(lambda: impacts.get_subscription_count() == 1)
+
+    def hear(publisher, message):
+        handled = node.messages_handled
+        publisher.publish(message)
+        harness.wait_until(lambda: node.messages_handled > handled)
+
+    def list_records():
+        return harness.run(lambda: [hit.record for hit in node._campaign.make_results().hits])
+
+    for stamp in (1, 2):
+        hear(setups, setup_to_msg(PAPER_SETUP, stamp_to_msg(stamp)))
+        for found in (1, 2, 3):
+            verdict = Impact(record=10 * stamp + found, sample=CONTROL_SAMPLE)
+            verdict.setup_stamp = stamp_to_msg(found)
+            hear(impacts, verdict)
+        assert list_records() == [[11], [12, 22]][stamp - 1]
+    # So it is told by a replay of what an older version recorded.
+    hear(impacts, Impact(record=30, sample=CONTROL_SAMPLE))
+    assert list_records() == [12, 22, 30]
 
 
 def test_it_works_in_a_namespace(harness, tmp_path, read):

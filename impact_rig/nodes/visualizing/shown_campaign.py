@@ -38,10 +38,13 @@ class ShownCampaign:
     ----------
     setup : RigSetup
         With what is measured.
+    stamp : int
+        When that was said, by which all that is found under it names it [ns].
     """
 
-    def __init__(self, setup: RigSetup) -> None:
+    def __init__(self, setup: RigSetup, stamp: int) -> None:
         self.setup = setup
+        self.stamp = stamp
         self.overlay = HitOverlay(setup.analysis)
         self._lock = threading.Lock()
         self._hits: OrderedDict[HitLabel, HitResults] = OrderedDict()

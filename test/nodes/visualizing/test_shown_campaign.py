@@ -18,7 +18,8 @@ from impact_rig.results.sample_traces import sample_traces_from_estimate
 
 NAMES = ("steel small", CONTROL_SAMPLE)
 STAMP = messages.stamp_to_msg(10**18)
-SETUP_STAMP = messages.stamp_to_msg(10**18 - 7)
+STARTED = 10**18 - 7
+SETUP_STAMP = messages.stamp_to_msg(STARTED)
 
 
 class Told:
@@ -65,7 +66,7 @@ def told():
 
 @pytest.fixture
 def campaign(told):
-    shown = ShownCampaign(PAPER_SETUP)
+    shown = ShownCampaign(PAPER_SETUP, STARTED)
     told.tell(shown)
     return shown
 
@@ -93,7 +94,7 @@ def test_traces_are_those_of_the_session(told, campaign):
 
 
 def test_an_old_recording_gets_its_scale_from_the_estimate(told):
-    shown = ShownCampaign(PAPER_SETUP)
+    shown = ShownCampaign(PAPER_SETUP, STARTED)
     told.tell(shown, with_peaks=False)
     estimate = told.found.samples[0]
     peaks = np.abs(shown.make_traces(estimate.name).mean).max(axis=1)
@@ -101,21 +102,21 @@ def test_an_old_recording_gets_its_scale_from_the_estimate(told):
 
 
 def test_without_any_peak_it_is_said_that_there_is_no_scale(told):
-    shown = ShownCampaign(PAPER_SETUP)
+    shown = ShownCampaign(PAPER_SETUP, STARTED)
     told.tell_comparisons(shown, told.found.samples[0], with_peaks=False)
     with pytest.raises(SignalError, match="have no scale"):
         shown.make_traces(told.found.samples[0].name)
 
 
 def test_nothing_told_yet_is_a_campaign_without_hits():
-    results = ShownCampaign(PAPER_SETUP).make_results()
+    results = ShownCampaign(PAPER_SETUP, STARTED).make_results()
     assert results.setup.name == PAPER_SETUP.name
     assert (results.samples, results.hits) == ((), ())
 
 
 def test_an_endless_campaign_keeps_its_newest_hits(told, monkeypatch):
     monkeypatch.setattr(shown_campaign, "LARGEST_CAMPAIGN", 3)
-    shown = ShownCampaign(PAPER_SETUP)
+    shown = ShownCampaign(PAPER_SETUP, STARTED)
     message = told.verdicts[0]
     for record in range(1, 6):
         message.record = record
