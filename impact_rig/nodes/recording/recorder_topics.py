@@ -188,17 +188,14 @@ class RecordedTopics:
 
     def _take_helping(self, topic: str) -> bool:
         """Write some messages of a topic; return whether there may be more."""
-        return all(not self._writer.closed and self._take(topic) for _ in range(LARGEST_HELPING))
-
-    def _take(self, topic: str) -> bool:
-        """Write the next message that waits in a topic's queue; return whether there was one."""
         subscription = self._subscriptions.get(topic)
-        if subscription is None:
-            return False
-        taken = take_message(subscription, raw=True)
-        if taken is None:
-            return False
-        self._writes[topic](*taken)
+        for _ in range(LARGEST_HELPING):
+            if subscription is None or self._writer.closed:
+                return False
+            taken = take_message(subscription, raw=True)
+            if taken is None:
+                return False
+            self._writes[topic](*taken)
         return True
 
     def _count_lost(self, topic: str, count: int) -> None:
