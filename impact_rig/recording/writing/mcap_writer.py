@@ -26,7 +26,7 @@ MESSAGE_OVERHEAD = 64
 class McapWriter:
     """A recording of one file in the making.
 
-    Finished chunks are on their way to the disk at once; before the disk is full the file is
+    Finished chunks are safe from the end of the process; before the disk is full the file is
     refused more, so that it can still be finished.
 
     Parameters

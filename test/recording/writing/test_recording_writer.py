@@ -12,6 +12,7 @@ import yaml
 from rosbags.highlevel import AnyReader
 
 from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.recording.writing import disk_file
 from impact_rig.recording.writing.recording_writer import RecordingWriter
 
 from .text_recordings import HIT, SECOND, START, encode, list_hits, read_by_mcap, read_by_stream
@@ -110,17 +111,18 @@ def test_a_sync_returns_when_the_disk_has_the_hit(make, monkeypatch):
     assert len(HIT) * 2 < sizes[0] == recording.writer.files[0].stat().st_size
 
 
-def test_each_chunk_is_sent_to_the_disk_when_it_is_finished(make, monkeypatch):
+def test_a_stream_is_sent_to_the_disk_while_it_is_written(make, monkeypatch):
     """Else a sync, or the end of a file in a stream, waits for seconds of data."""
     sent = []
     monkeypatch.setattr(
         os, "posix_fadvise", lambda file, start, length, advice: sent.append((start, length))
     )
+    monkeypatch.setattr(disk_file, "SENT_AT_ONCE", 10_000)
     recording = make("session.mcap", chunk_size=4000)
-    recording.add_hits(1, 2, 3, 4, 5)
-    assert len(sent) == 2
-    assert sum(length for _, length in sent) == recording.writer.size
+    recording.add_hits(*range(10))
     assert [start for start, _ in sent] == [0, sent[0][1]]
+    assert all(10_000 <= length < 20_000 for _, length in sent)
+    assert recording.writer.size - sum(length for _, length in sent) < 10_000
 
 
 @pytest.mark.parametrize(
