@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import norm
+from scipy.stats import median_abs_deviation, norm
 
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.reasons import Reason, Rejection
@@ -15,6 +15,7 @@ from impact_rig.core.hits.selection import (
     FALSE_ALARM,
     QUANTITIES,
     THRESHOLDS,
+    Fellows,
     find_threshold,
 )
 from impact_rig.core.hits.series import HitSeries, Selection
@@ -125,6 +126,36 @@ class TestOutliers:
         straight = select_hits(hits)
         assert repr(turned.kept[::-1]) == repr(straight.kept)
         assert repr(turned.left_out[::-1]) == repr(straight.left_out)
+
+
+class TestFellows:
+    """What hits have in common."""
+
+    @given(seed=st.integers(0, 1000), count=st.integers(5, 1500), digits=st.integers(2, 9))
+    @settings(max_examples=40)
+    def test_norms_are_median_and_median_deviation_of_all(
+        self, seed: int, count: int, digits: int
+    ) -> None:
+        # Few digits make many hits alike.
+        random = np.random.default_rng(seed)
+        figures = np.round(1.0 + 0.1 * random.standard_normal((count, 3)), digits)
+        fellows = Fellows()
+        for row in figures[:-1]:
+            fellows.add(row)
+        before = fellows.find_norms()
+        norms = fellows.find_norms_with(figures[-1])
+        assert [item.count for item in norms] == [count] * 3
+        assert fellows.find_norms() == before
+        fellows.add(figures[-1])
+        assert fellows.find_norms() == norms
+        assert [item.median for item in norms] == np.median(figures, axis=0).tolist()
+        spreads = 1.4826 * median_abs_deviation(figures, axis=0)
+        floors = [
+            item.quantity.floor * ENDLESS_THRESHOLD / find_threshold(count) * abs(item.median)
+            for item in norms
+        ]
+        expected = np.maximum(spreads, floors)
+        assert [item.spread for item in norms] == pytest.approx(expected, rel=1e-12)
 
 
 class TestThresholds:

@@ -1,5 +1,6 @@
 """All hits of one sample: what is kept of them, and what becomes of those that are settled."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -61,6 +62,12 @@ def test_a_hit_comes_back_as_it_was_without_its_traces() -> None:
         tuple(replace(hit, filtered=None) for hit in (make_hit(1), overruled))
     )
     assert repr(selection.left_out) == repr((replace(rejected, filtered=None),))
+
+
+def test_every_hit_of_a_long_series_comes_back_as_it_was() -> None:
+    hits = [replace(make_hit(0), label=HitLabel("steel", n), stamp=n) for n in range(400)]
+    selection = make_series(hits, most=5).select()
+    assert repr(selection.kept) == repr(tuple(replace(hit, filtered=None) for hit in hits))
 
 
 @given(count=st.integers(1, 12))
@@ -137,6 +144,66 @@ def test_outliers_are_settled_first_and_keep_their_reason() -> None:
     assert list_reasons(series) == {4: Reason.INCONSISTENT}
 
 
+@pytest.mark.parametrize("place", range(1, 9))
+def test_what_more_hits_may_show_to_be_an_outlier_waits_until_the_others_are_settled(
+    place: int,
+) -> None:
+    # Of ten hits the scatter is hardly known: 15.7 robust standard deviations are needed. Eight,
+    # here 2.4 %, are too many for a good hit all the same, as more hits show.
+    deviations = np.tile([-1.2, 0.7, -0.5, 1.3, 0.1, -0.8, 0.4, 0.0, 1.0, -0.2], 6)
+    deviations[place] = 8.0
+    everything = [
+        replace(make_hit(number), contact_time=(1.0 + 0.003 * deviation) * TAU)
+        for number, deviation in enumerate(deviations.tolist())
+    ]
+    hits, more = everything[:10], everything[10:]
+    series = make_series(hits)
+    while series.traces > 3:
+        series.settle_one()
+    assert list_reasons(series) == {}
+    for hit in more:
+        series.add(hit)
+        series.settle_one()
+    assert list_reasons(series) == {place: Reason.INCONSISTENT}
+    good = [hit for hit in hits if hit is not hits[place]]
+    mean, expected = series.find_mean(), make_series([*good, *more]).find_mean()
+    assert mean is not None
+    assert expected is not None
+    assert mean.count == expected.count == 59
+    np.testing.assert_allclose(mean.traces, expected.traces, rtol=1e-9, atol=1e-9)
+
+
+def test_where_all_are_doubtful_one_of_them_is_settled() -> None:
+    # Where most are alike, 1 % is more than 4.2 of what their number makes the least scatter.
+    factors = [1.0] * 5 + [1.01] * 3 + [1.0] * 4
+    hits = [replace(make_hit(n), contact_time=f * TAU) for n, f in enumerate(factors)]
+    series = make_series(hits)
+    kept = []
+    while series.traces > 2:
+        kept.append(set(series._traces) & {5, 6, 7})
+        series.settle_one()
+    assert [len(rows) for rows in kept] == [3] * 8 + [2, 1]
+    assert len(series.select().kept) == 12
+
+
+def test_settled_hits_that_are_outliers_by_now_are_told_with_what_they_do() -> None:
+    odd, others = make_hit(1, factor=1.3), [make_hit(number) for number in range(2, 30)]
+    series = make_series([others[0], odd, others[1]])
+    # Of three hits none is doubtful.
+    series.settle_one()
+    for hit in others[2:]:
+        series.add(hit)
+    settled = series.look_at_settled()
+    assert (settled.count, settled.outliers) == (1, 1)
+    times = [hit.contact_time for hit in (odd, *others)]
+    assert settled.shift == pytest.approx(1.0 - np.mean(times[1:]) / np.mean(times), rel=1e-9)
+
+
+def test_settled_hits_that_are_like_the_others_shift_nothing() -> None:
+    settled = make_series([make_hit(number) for number in range(40)], most=5).look_at_settled()
+    assert (settled.count, settled.outliers, settled.shift) == (35, 0, 0.0)
+
+
 def test_of_the_most_consistent_hits_none_is_settled_while_others_are_surplus() -> None:
     hits = [make_hit(number) for number in range(40)]
     all_kept, few_kept = make_series(hits, keep=5), make_series(hits, most=20, keep=5)
@@ -184,3 +251,23 @@ def test_memory_does_not_grow_with_the_hits(monkeypatch: pytest.MonkeyPatch) -> 
     assert len(series) == 320
     # No hit of a good series makes the mean be summed up anew.
     assert added == []
+
+
+def test_what_a_hit_is_held_against_takes_no_memory_as_long_as_the_series() -> None:
+    count = 2500
+    times = TAU * (1.0 + 0.003 * np.random.default_rng(1).standard_normal(count))
+    hit, series = make_hit(0), HitSeries("steel")
+    peaks = []
+    for number, time in enumerate(times.tolist()):
+        struck = replace(hit, label=HitLabel("steel", number, number), contact_time=time)
+        if number >= count - 8:
+            tracemalloc.start()
+            series.check(struck)
+            assert series.contact_time_spread > 0.0
+            peaks.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+        series.add(struck)
+        if series.traces > 5:
+            series.settle_one()
+    # One number of each hit would be 20 kB. Now and then what is kept of all of them must grow.
+    assert min(peaks) < 10_000
