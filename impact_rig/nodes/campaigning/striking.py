@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import Impact, RecordStored
+from impact_rig_msgs.msg import Impact
 from impact_rig_msgs.srv import Arm, Release
 from std_srvs.srv import Trigger
 
@@ -14,6 +14,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaigning.progress import CampaignProgress
 from impact_rig.nodes.campaigning.rig_watch import WORD_TIMEOUT, RigWatch
 from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.unhurried import UnhurriedTopic
 
 
 class InterruptedHitError(DeviceError):
@@ -42,11 +43,11 @@ class Striker:
         self._watch = watch
         self._verdicts: dict[int, Impact] = {}
         self._stored: set[int] = set()
+        self._stored_words = UnhurriedTopic(node, interfaces.RECORD_STORED)
         self._newest = 0
         self._unjudged: set[int] = set()
         self._is_armed_in_vain = False
         watch.follow_estimator(self._keep_verdict)
-        node.listen(interfaces.RECORD_STORED, self._note_stored)
         self._arm = node.create_client(Arm, interfaces.ARM_ACCELEROMETER)
         self._disarm = node.create_client(Trigger, interfaces.DISARM_ACCELEROMETER)
         self._release = node.create_client(Release, interfaces.RELEASE_HAMMER)
@@ -133,6 +134,8 @@ class Striker:
                 " started anew; start the campaign anew, too, so that no two hits have one number"
             )
         self._newest = record
+        # What was said before of another record of this number is not said of this one.
+        self._note_stored()
         self._unjudged.add(record)
         released = await self._ask(
             progress,
@@ -202,16 +205,15 @@ class Striker:
 
     def _has_lost(self, record: int) -> bool:
         """Whether the recorder has stopped before it stored a record."""
-        return record not in self._stored and bool(
-            self._watch.find_end_of_recording(self.recording)
-        )
+        end = self._watch.find_end_of_recording(self.recording)
+        return bool(end) and not self._is_stored(record)
 
     def _explain_silence(self, record: int, timeout: float) -> str:
         """Return why there is no verdict on a record, as far as it can be known here."""
         if self._has_lost(record):
             return self._watch.find_end_of_recording(self.recording)
         cause = f"no verdict on record {record} came within {timeout:g} s"
-        if self.recording and record not in self._stored:
+        if self.recording and not self._is_stored(record):
             cause += f": the recorder has not said that record {record} is stored"
         return cause
 
@@ -219,6 +221,11 @@ class Striker:
         if message.record in self._unjudged:
             self._verdicts[message.record] = message
 
-    def _note_stored(self, message: RecordStored) -> None:
-        if message.complete and message.record in self._unjudged:
-            self._stored.add(message.record)
+    def _is_stored(self, record: int) -> bool:
+        self._note_stored()
+        return record in self._stored
+
+    def _note_stored(self) -> None:
+        for message in self._stored_words.take():
+            if message.complete and message.record in self._unjudged:
+                self._stored.add(message.record)

@@ -3,12 +3,13 @@
 from collections.abc import Callable
 from typing import Any
 
-from impact_rig_msgs.msg import AcquisitionState, RecorderState, RecordStored
+from impact_rig_msgs.msg import AcquisitionState, RecorderState
 from impact_rig_msgs.srv import Release
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.peer import GONE, Peer
 from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.unhurried import UnhurriedTopic
 
 
 class RigReadiness:
@@ -38,7 +39,7 @@ class RigReadiness:
         self._recorder_node = Peer(
             node, interfaces.RECORDER_STATE, self._take_recorder, note_change
         )
-        node.listen(interfaces.RECORD_STORED, self._take_stored)
+        self._stored = UnhurriedTopic(node, interfaces.RECORD_STORED)
         self._accelerometer_node = Peer(
             node, interfaces.ACQUISITION_STATE, take_acquisition, note_change
         )
@@ -55,6 +56,8 @@ class RigReadiness:
 
     def note_release(self, record: int) -> None:
         """Note that a hit is on its way into the recording, if there is one."""
+        # What was said before of another record of this number is not said of this one.
+        self._take_stored()
         if self.recording:
             self._unstored = record
 
@@ -122,6 +125,7 @@ class RigReadiness:
 
     def _is_unstored(self, request: Release.Request) -> bool:
         """Whether the record before this one is still on its way to the disk."""
+        self._take_stored()
         return self._unstored not in (0, request.record)
 
     def _take_recorder(self, message: RecorderState) -> None:
@@ -131,6 +135,7 @@ class RigReadiness:
             # What one recording did not store, the next one will not.
             self._unstored = 0
 
-    def _take_stored(self, message: RecordStored) -> None:
-        if message.complete and message.record == self._unstored:
-            self._unstored = 0
+    def _take_stored(self) -> None:
+        for message in self._stored.take():
+            if message.complete and message.record == self._unstored:
+                self._unstored = 0
