@@ -4,6 +4,7 @@
 of ``impact-rig up``; names are relative, so that the rig can be remapped and put in a namespace.
 """
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,10 @@ from launch.actions import (
     SetEnvironmentVariable,
     Shutdown,
 )
-from launch.substitutions import EnvironmentVariable, LaunchConfiguration
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
+from impact_rig.configuration.network import find_network_variables
 from impact_rig.configuration.processes import (
     NodeProcess,
     RecordingPlan,
@@ -180,8 +182,8 @@ def make_rig(context: LaunchContext) -> list[Action]:
     impacts = read_number("impacts", read("impacts"), int)
     if impacts is not None:
         actions.append(make_campaign(impacts, read("namespace")))
-    discovery = "SUBNET" if read("network") == "true" else "LOCALHOST"
-    return [make_discovery(discovery), *actions]
+    variables = find_network_variables(os.environ, network=read("network") == "true")
+    return [*(SetEnvironmentVariable(*item) for item in variables.items()), *actions]
 
 
 def make_node(process: NodeProcess, params_file: str) -> Action:
@@ -208,12 +210,6 @@ def make_campaign(impacts: int, namespace: str) -> Action:
     return ExecuteProcess(
         cmd=command, output="screen", on_exit=Shutdown(reason="the campaign ended")
     )
-
-
-def make_discovery(default: str) -> Action:
-    """Return the action that says how far the nodes look, unless the environment does."""
-    variable = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-    return SetEnvironmentVariable(variable, EnvironmentVariable(variable, default_value=default))
 
 
 def split_names(text: str) -> list[str]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from impact_rig.configuration.network import find_network_variables
 from impact_rig.core.errors import ParameterError
 from impact_rig.devices.virtual.choices import Fault, Plant
 
@@ -139,4 +140,4 @@ def network_option(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def set_discovery(*, network: bool) -> None:
     """Choose how far ROS looks; what the environment says goes first."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET" if network else "LOCALHOST")
+    os.environ.update(find_network_variables(os.environ, network=network))
