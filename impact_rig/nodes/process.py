@@ -15,6 +15,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from impact_rig.core.errors import RigError
+from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.node_executor import NodeExecutor
 from impact_rig.nodes.rig_node import RigNode
 
@@ -46,7 +47,8 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
     executor = NodeExecutor()
     node = None
     try:
-        node = make_node()
+        with offer_profile():
+            node = make_node()
         executor.add_node(node)
         _stop_on_signals(executor, node.stop_requested)
         node.autostart()

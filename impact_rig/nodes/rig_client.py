@@ -10,6 +10,7 @@ from rclpy.qos import QoSProfile
 
 from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.node_executor import NodeExecutor
 
 LOOK_PERIOD = 0.1
@@ -31,8 +32,16 @@ class RigClient:
 
     def __init__(self, name: str, namespace: str = "") -> None:
         self._context = rclpy.Context()
-        rclpy.init(context=self._context, args=[])
-        self._node = Node(name, namespace=namespace or None, context=self._context)
+        with offer_profile():
+            rclpy.init(context=self._context, args=[])
+            # A guest, of whom no parameter is asked: the less there is to tell of, the sooner.
+            self._node = Node(
+                name,
+                namespace=namespace or None,
+                context=self._context,
+                enable_rosout=False,
+                start_parameter_services=False,
+            )
         self._executor = NodeExecutor(context=self._context)
         self._executor.add_node(self._node)
 

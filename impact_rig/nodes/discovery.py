@@ -1,0 +1,85 @@
+"""How soon nodes find each other: a profile for Fast DDS, where nobody has given another.
+
+A node that comes is told of every topic and service of all others at once. By default Linux has
+no room for all of that, what does not fit is lost, and some of it is sent again only seconds
+later; and two nodes that have missed each other's first word wait 3 s for the next.
+"""
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+RANGE_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+LOCALHOST = "LOCALHOST"
+PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+"""Names a file with somebody's own profiles."""
+PROFILE_FILE = Path("DEFAULT_FASTRTPS_PROFILES.xml")
+"""The same, in the folder in which a process runs."""
+RECEIVE_BUFFER = 4 << 20
+"""Of each socket [byte], our choice: ten times what a node is told of a whole rig. Linux gives
+what net.core.rmem_max allows, at least twice its default."""
+ANNOUNCEMENT_PERIOD = 300_000_000
+"""Between two words of a node that it is there [ns], our choice: some hundred bytes each."""
+LOCAL_PEERS = 32
+"""Processes of this host that are looked for [-]: as many as ROS 2 looks for."""
+
+_PROFILES = """\
+<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  {transports}
+  <participant profile_name="impact_rig" is_default_profile="true">
+    <rtps>
+      {sockets}
+      <builtin><discovery_config><leaseAnnouncement>
+        <sec>0</sec><nanosec>{period}</nanosec>
+      </leaseAnnouncement></discovery_config></builtin>
+    </rtps>
+  </participant>
+</profiles>
+"""
+_LOCAL_TRANSPORT = f"""\
+<transport_descriptors><transport_descriptor>
+    <transport_id>udp</transport_id>
+    <type>UDPv4</type>
+    <receiveBufferSize>{RECEIVE_BUFFER}</receiveBufferSize>
+    <maxInitialPeersRange>{LOCAL_PEERS}</maxInitialPeersRange>
+  </transport_descriptor></transport_descriptors>"""
+
+
+@contextlib.contextmanager
+def offer_profile() -> Iterator[None]:
+    """Let the first node that is made in the block be found soon, and with it its process.
+
+    Fast DDS reads its profiles once. Whoever has given profiles of their own keeps them.
+    """
+    if os.environ.get(PROFILE_VARIABLE) or PROFILE_FILE.exists():
+        yield
+        return
+    with tempfile.NamedTemporaryFile("w", encoding="utf-8", suffix=".xml") as file:
+        file.write(make_profiles(is_local=os.environ.get(RANGE_VARIABLE) == LOCALHOST))
+        file.flush()
+        os.environ[PROFILE_VARIABLE] = file.name
+        try:
+            yield
+        finally:
+            del os.environ[PROFILE_VARIABLE]
+
+
+def make_profiles(*, is_local: bool) -> str:
+    """Return the text of the file.
+
+    Parameters
+    ----------
+    is_local : bool
+        ROS stays on this host. Then it makes sockets of its own, beside which there is no room
+        for what is said of sockets in general; one that is named goes before them.
+    """
+    if is_local:
+        transports = _LOCAL_TRANSPORT
+        sockets = "<userTransports><transport_id>udp</transport_id></userTransports>"
+    else:
+        transports = ""
+        sockets = f"<listenSocketBufferSize>{RECEIVE_BUFFER}</listenSocketBufferSize>"
+    return _PROFILES.format(transports=transports, sockets=sockets, period=ANNOUNCEMENT_PERIOD)

@@ -1,0 +1,71 @@
+"""The profile for Fast DDS: it is taken, it has room, and nobody's own is replaced."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from impact_rig.nodes import discovery
+from impact_rig.nodes.discovery import PROFILE_VARIABLE, offer_profile
+
+LARGEST_BUFFER = Path("/proc/sys/net/core/rmem_max")
+ROOMS = """\
+import os, socket, stat, sys
+from impact_rig.nodes.rig_client import RigClient
+with RigClient("guest"):
+    rooms = []
+    for number in map(int, os.listdir("/proc/self/fd")):
+        try:
+            is_socket = stat.S_ISSOCK(os.fstat(number).st_mode)
+        except OSError:
+            continue
+        if is_socket:
+            with socket.socket(fileno=os.dup(number)) as found:
+                if found.type is socket.SOCK_DGRAM:
+                    rooms.append(found.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF))
+print(max(rooms))
+"""
+
+
+def test_there_is_a_profile_within_the_block_and_none_after_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv(PROFILE_VARIABLE, raising=False)
+    with offer_profile():
+        path = Path(os.environ[PROFILE_VARIABLE])
+        assert ET.parse(path).getroot().tag.endswith("profiles")
+    assert PROFILE_VARIABLE not in os.environ
+    assert not path.exists()
+
+
+def test_who_has_a_profile_keeps_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv(PROFILE_VARIABLE, "mine.xml")
+    with offer_profile():
+        assert os.environ[PROFILE_VARIABLE] == "mine.xml"
+    assert os.environ[PROFILE_VARIABLE] == "mine.xml"
+    monkeypatch.delenv(PROFILE_VARIABLE)
+    monkeypatch.chdir(tmp_path)
+    discovery.PROFILE_FILE.touch()
+    with offer_profile():
+        assert PROFILE_VARIABLE not in os.environ
+
+
+@pytest.mark.skipif(not LARGEST_BUFFER.exists(), reason="only Linux says what it allows")
+@pytest.mark.parametrize("reach", ["LOCALHOST", "SUBNET"])
+def test_fast_dds_takes_the_profile_and_says_nothing(reach: str, ros_domain: int) -> None:
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(ros_domain), discovery.RANGE_VARIABLE: reach}
+    done = subprocess.run(
+        [sys.executable, "-c", ROOMS],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60.0,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    # Linux doubles what is asked for, for its own bookkeeping.
+    wanted = 2 * min(discovery.RECEIVE_BUFFER, int(LARGEST_BUFFER.read_text()))
+    assert int(done.stdout) == wanted
