@@ -18,6 +18,7 @@ from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes import interfaces, messages
+from impact_rig.nodes.campaigning.clock_watch import ClockWatch
 from impact_rig.nodes.campaigning.progress import CampaignProgress, CancelledError
 from impact_rig.nodes.campaigning.readiness import Readiness
 from impact_rig.nodes.campaigning.rig_watch import RigWatch
@@ -53,6 +54,7 @@ class CampaignNode(RigNode):
         self._confirmed = ""
         self._setup = self.advertise(interfaces.SETUP)
         self._watch = RigWatch(self)
+        self._clocks = ClockWatch(self)
         self._readiness = Readiness(self, self._watch)
         self._striker = Striker(self, self._watch)
         self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._confirm)
@@ -84,6 +86,10 @@ class CampaignNode(RigNode):
             "campaign": f"{progress.feedback.sample}, {progress.feedback.impact} hits",
             "rejected": progress.feedback.rejected,
         }
+
+    def find_warning(self) -> str:
+        """Return whose clocks differ."""
+        return self._clocks.find_warning()
 
     def _publish_setup(self, keep_hits: int = 0) -> Any:
         """Publish the set-up, with another number of hits to keep unless that is 0."""

@@ -6,6 +6,7 @@ All names are relative, so that a rig can be put into a namespace and remapped.
 from dataclasses import dataclass, replace
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs.msg import (
     AccelerationBlock,
     AcquisitionState,
@@ -125,6 +126,8 @@ RECORD_STORED = Topic("recorder/stored", RecordStored, _make_qos(RESULT_DEPTH, l
 that goes on for long, this comes several times, each time with the blocks so far."""
 NOTE = Topic("note", String, _make_qos(10, latched=False))
 """What an operator has to say while the rig runs."""
+DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, QoSProfile(depth=64))
+"""What every node says of itself once a second: one for all namespaces, as everywhere in ROS 2."""
 REPLAYER_STATE = Topic("replayer/state", ReplayerState, _make_qos(1, latched=True))
 CLOCK = Topic("/clock", Clock, _make_qos(1, latched=False))
 """Of a replay, for nodes that use simulated time: one for all namespaces."""

@@ -7,8 +7,8 @@ lease the middleware would miss it after its own time, 20 s or so; with one it t
 from collections.abc import Callable
 from typing import Any
 
-from impact_rig.nodes.interfaces import Topic
-from impact_rig.nodes.rig_node import DIAGNOSTICS_TOPIC, RigNode
+from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic
+from impact_rig.nodes.rig_node import RigNode
 
 GONE = "has gone: start it again, or see to the network between you"
 """What is said of a node that is lost, after its name."""
@@ -86,7 +86,7 @@ class Peer:
         theirs = self._node.get_publishers_info_by_topic(self._topic)
         ours = (
             item
-            for item in self._node.get_publishers_info_by_topic(DIAGNOSTICS_TOPIC)
+            for item in self._node.get_publishers_info_by_topic(DIAGNOSTICS.name)
             if (item.node_namespace, item.node_name)
             == (self._node.get_namespace(), self._node.get_name())
         )

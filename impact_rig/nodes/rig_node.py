@@ -10,11 +10,9 @@ from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallba
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from impact_rig.core.errors import RigError
-from impact_rig.nodes.interfaces import Topic
+from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic
 from impact_rig.nodes.waiting_node import WaitingNode
 
-DIAGNOSTICS_TOPIC = "/diagnostics"
-"""One for all namespaces, as everywhere in ROS 2."""
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two diagnostic messages [s]: the convention of diagnostic aggregators."""
 _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
@@ -51,7 +49,7 @@ class RigNode(WaitingNode):
         self._is_configured = False
         self._is_active = False
         self._diagnostics = self.create_publisher(
-            DiagnosticArray, DIAGNOSTICS_TOPIC, 10, event_callbacks=_NO_PUBLISHER_EVENTS
+            DiagnosticArray, DIAGNOSTICS.name, 10, event_callbacks=_NO_PUBLISHER_EVENTS
         )
         self.create_timer(DIAGNOSTIC_PERIOD, self._publish_diagnostics)
 

@@ -30,7 +30,7 @@ from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RigNode
 from impact_rig.nodes.unhurried import TAKING_PERIOD, UnhurriedGroup, take_message
 from impact_rig.nodes.visualizing.rate_meter import RateMeter
-from impact_rig.nodes.visualizing.rig_health import DIAGNOSTICS, RigHealth
+from impact_rig.nodes.visualizing.rig_health import RigHealth
 from impact_rig.nodes.visualizing.shown_campaign import ShownCampaign
 from impact_rig.recording.interfaces.messages import (
     block_from_msg,
@@ -121,7 +121,7 @@ class VisualizerNode(RigNode):
                 (interfaces.ESTIMATE, self._in_campaign(self._take_estimate)),
                 (interfaces.HAMMER_ESTIMATE, self._in_campaign(self._take_hammer)),
                 (interfaces.COMPARISON, self._in_campaign(self._take_comparison)),
-                (DIAGNOSTICS, self._take_diagnostics),
+                (interfaces.DIAGNOSTICS, self._take_diagnostics),
             )
         ]
 

@@ -3,15 +3,11 @@
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.qos import QoSProfile
 
-from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD
 from impact_rig.recording.interfaces.messages import stamp_from_msg
 from impact_rig.visualization.health import Health, Level, NodeHealth
 
-DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, QoSProfile(depth=64))
-"""One for all namespaces, as everywhere in ROS 2; six nodes speak once a second."""
 SILENCE = 5.0 * DIAGNOSTIC_PERIOD
 """After what time without a word a node counts as silent [s], our choice."""
 
