@@ -18,6 +18,8 @@ FOR_EVER = -1
 class StreamThread:
     """Takes the messages of a topic as they come.
 
+    They are not among those that the node has handled: its end waits for no stream.
+
     Parameters
     ----------
     node : RigNode
@@ -65,7 +67,6 @@ class StreamThread:
             taken = take_message(self._subscription)
             if taken is None:
                 return
-            self._node.messages_handled += 1
             try:
                 self._take(taken[0])
             except RigError as error:

@@ -84,13 +84,3 @@ def test_the_thread_ends_with_its_node_and_may_be_told_so_twice(stream):
     node._stream.stop()
     node._stream.stop()
     assert not node._stream._thread.is_alive()
-
-
-def test_an_inactive_estimator_takes_the_stream_and_cuts_nothing(harness, stream):
-    publisher, node, last = stream
-    harness.close(node)
-    before, handled = count_blocks(node), node.messages_handled
-    for number in range(last + 1, last + 4):
-        publisher.publish(make_block(number))
-    harness.wait_until(lambda: node.messages_handled >= handled + 3)
-    assert count_blocks(node) <= before + 1
