@@ -235,9 +235,10 @@ class HammerNode(DeviceNode):
             self.lose_device(error)
             return str(error)
         if not reason:
+            # Before anyone hears of it: without a swing the word that it is stored comes at once.
+            self._rig.note_release(request.record)
             self._release.publish(release)
             self._released = request
-            self._rig.note_release(request.record)
             self._swings += 1
             swing, text = self._swings, self._describe_end()
             self.run_once_after(
