@@ -11,7 +11,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-RANGE_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+from impact_rig.configuration.network import DISCOVERY
+
 LOCALHOST = "LOCALHOST"
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 """Names a file with somebody's own profiles."""
@@ -46,6 +47,7 @@ _LOCAL_TRANSPORT = f"""\
     <receiveBufferSize>{RECEIVE_BUFFER}</receiveBufferSize>
     <maxInitialPeersRange>{LOCAL_PEERS}</maxInitialPeersRange>
   </transport_descriptor></transport_descriptors>"""
+_LOCAL_SOCKETS = "<userTransports><transport_id>udp</transport_id></userTransports>"
 
 
 @contextlib.contextmanager
@@ -58,7 +60,7 @@ def offer_profile() -> Iterator[None]:
         yield
         return
     with tempfile.NamedTemporaryFile("w", encoding="utf-8", suffix=".xml") as file:
-        file.write(make_profiles(is_local=os.environ.get(RANGE_VARIABLE) == LOCALHOST))
+        file.write(make_profiles(is_local=os.environ.get(DISCOVERY) == LOCALHOST))
         file.flush()
         os.environ[PROFILE_VARIABLE] = file.name
         try:
@@ -73,13 +75,12 @@ def make_profiles(*, is_local: bool) -> str:
     Parameters
     ----------
     is_local : bool
-        ROS stays on this host. Then it makes sockets of its own, beside which there is no room
-        for what is said of sockets in general; one that is named goes before them.
+        ROS stays on this host. Then it makes sockets of its own, which ask nobody how large they
+        are to be; one that is named here goes before them. Those between hosts are chosen by
+        `impact_rig.configuration.network`.
     """
-    if is_local:
-        transports = _LOCAL_TRANSPORT
-        sockets = "<userTransports><transport_id>udp</transport_id></userTransports>"
-    else:
-        transports = ""
-        sockets = f"<listenSocketBufferSize>{RECEIVE_BUFFER}</listenSocketBufferSize>"
-    return _PROFILES.format(transports=transports, sockets=sockets, period=ANNOUNCEMENT_PERIOD)
+    return _PROFILES.format(
+        transports=_LOCAL_TRANSPORT if is_local else "",
+        sockets=_LOCAL_SOCKETS if is_local else "",
+        period=ANNOUNCEMENT_PERIOD,
+    )

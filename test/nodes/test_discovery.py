@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from impact_rig.configuration.network import DISCOVERY, SOCKET_BUFFER, find_network_variables
 from impact_rig.nodes import discovery
 from impact_rig.nodes.discovery import PROFILE_VARIABLE, offer_profile
 
@@ -54,9 +55,17 @@ def test_who_has_a_profile_keeps_it(monkeypatch: pytest.MonkeyPatch, tmp_path: P
 
 
 @pytest.mark.skipif(not LARGEST_BUFFER.exists(), reason="only Linux says what it allows")
-@pytest.mark.parametrize("reach", ["LOCALHOST", "SUBNET"])
-def test_fast_dds_takes_the_profile_and_says_nothing(reach: str, ros_domain: int) -> None:
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(ros_domain), discovery.RANGE_VARIABLE: reach}
+@pytest.mark.parametrize(
+    ("network", "size"), [(False, discovery.RECEIVE_BUFFER), (True, SOCKET_BUFFER)]
+)
+def test_fast_dds_takes_the_profile_and_leaves_sockets_between_hosts_as_they_were_chosen(
+    network: bool, size: int, ros_domain: int
+) -> None:
+    environment = {
+        **{name: value for name, value in os.environ.items() if name != DISCOVERY},
+        "ROS_DOMAIN_ID": str(ros_domain),
+    }
+    environment |= find_network_variables(environment, network=network)
     done = subprocess.run(
         [sys.executable, "-c", ROOMS],
         env=environment,
@@ -67,5 +76,4 @@ def test_fast_dds_takes_the_profile_and_says_nothing(reach: str, ros_domain: int
     )
     assert (done.returncode, done.stderr) == (0, "")
     # Linux doubles what is asked for, for its own bookkeeping.
-    wanted = 2 * min(discovery.RECEIVE_BUFFER, int(LARGEST_BUFFER.read_text()))
-    assert int(done.stdout) == wanted
+    assert int(done.stdout) == 2 * min(size, int(LARGEST_BUFFER.read_text()))
