@@ -55,9 +55,11 @@ class RigReadiness:
         self._acquisition = message
 
     def note_release(self, record: int) -> None:
-        """Note that a hit is on its way into the recording, if there is one."""
-        # What was said before of another record of this number is not said of this one.
-        self._take_stored()
+        """Note that a hit is on its way into the recording, if there is one.
+
+        What was said before `find_obstacle` was asked for the last time is said of earlier hits;
+        what has come since may be said of this one, if the swing takes no time.
+        """
         if self.recording:
             self._unstored = record
 
