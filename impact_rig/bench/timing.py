@@ -12,7 +12,7 @@ def compare_times(
     calls: tuple[int, int] = (1, 1),
     clock: Callable[[], float] = time.process_time,
 ) -> tuple[list[float], list[float]]:
-    """Time two functions alternately, after one call of each that does not count.
+    """Time two functions by turns, each of them first in every second one, after a call of each.
 
     Parameters
     ----------
@@ -33,10 +33,11 @@ def compare_times(
         stand at the same place.
     """
     times: tuple[list[float], list[float]] = ([], [])
+    sides = list(zip((work, peer), calls, times, strict=True))
     work()
     peer()
-    for _ in range(repeats):
-        for function, count, found in zip((work, peer), calls, times, strict=True):
+    for turn in range(repeats):
+        for function, count, found in sides if turn % 2 == 0 else sides[::-1]:
             gc.collect()
             started = clock()
             for _ in range(count):
