@@ -130,7 +130,8 @@ class Fellows:
             if math.isfinite(value):
                 insort(column, value)
 
-    def _remove(self, figures: FloatArray) -> None:
+    def remove(self, figures: FloatArray) -> None:
+        """Take out a hit with these figures."""
         for column, value in zip(self._columns, figures.tolist(), strict=True):
             if math.isfinite(value):
                 del column[bisect_left(column, value)]
@@ -151,8 +152,27 @@ class Fellows:
         """Return the same with one more hit, this once."""
         self.add(figures)
         norms = self.find_norms()
-        self._remove(figures)
+        self.remove(figures)
         return norms
+
+    def find_distances(self, figures: FloatArray) -> FloatArray:
+        """Return hits' sums of squared deviations from the medians, in standard deviations.
+
+        Parameters
+        ----------
+        figures : ndarray, shape (hits, quantities)
+            What is not known counts nothing.
+
+        Returns
+        -------
+        ndarray, shape (hits,)
+        """
+        total = np.zeros(len(figures))
+        for values, quantity, column in zip(figures.T, QUANTITIES, self._columns, strict=True):
+            if column:
+                median, spread = _find_spread(np.frombuffer(column), quantity.floor)
+                total += np.nan_to_num((values - median) / spread) ** 2
+        return total
 
 
 def find_outliers(figures: FloatArray, norms: tuple[Norm, ...]) -> NDArray[np.bool_]:
@@ -202,29 +222,6 @@ def explain_outlier(figures: FloatArray, norms: tuple[Norm, ...]) -> tuple[Rejec
                 )
             )
     return tuple(found)
-
-
-def find_distances(figures: FloatArray) -> FloatArray:
-    """Return each hit's sum of squared deviations from the medians, in standard deviations.
-
-    Parameters
-    ----------
-    figures : ndarray, shape (hits, quantities)
-        What is not known counts nothing.
-
-    Returns
-    -------
-    ndarray, shape (hits,)
-    """
-    total = np.zeros(len(figures))
-    for column, quantity in enumerate(QUANTITIES):
-        values = figures[:, column]
-        values = np.sort(values[np.isfinite(values)])
-        if values.size == 0:
-            continue
-        median, spread = _find_spread(values, quantity.floor)
-        total += np.nan_to_num((figures[:, column] - median) / spread) ** 2
-    return total
 
 
 def _find_spread(values: FloatArray, floor: float) -> tuple[float, float]:

@@ -34,7 +34,6 @@ from impact_rig.core.hits.selection import (
     Fellows,
     Norm,
     explain_outlier,
-    find_distances,
     find_doubtful,
     find_outliers,
     read_figures,
@@ -96,10 +95,10 @@ class HitSeries:
         self._open: dict[int, FloatArray] = {}
         self._by_hand: dict[int, FloatArray] = {}
         self._traces: dict[int, AveragedHit] = {}
-        self._fellows = Fellows()
+        self._fellows, self._consistent = Fellows(), Fellows()
         self._choice = _Choice()
         self._settled, self._settled_summary = HitSum(), NO_HITS
-        self._settled_times = Moments()
+        self._settled_times, self._settled_surplus = Moments(), 0
         self._sum = HitSum()
         self._mean: MeanHit | None = None
 
@@ -157,6 +156,7 @@ class HitSeries:
         else:
             self._open[row] = figures
             self._fellows.add(figures)
+            self._consistent.add(figures)
         if hit.filtered is not None:
             self._traces[row] = shift_hit(hit.filtered)
         before, self._choice = self._choice.left_out, self._choose()
@@ -178,6 +178,7 @@ class HitSeries:
         self._table.settle(row, fate, self._explain(row) if fate is Fate.OUTLIER else ())
         hit = self._traces.pop(row)
         figures = (self._by_hand if fate is Fate.BY_HAND else self._open).pop(row)
+        self._settled_surplus += fate is Fate.SURPLUS
         if fate in (Fate.OUTLIER, Fate.SURPLUS):
             self._choice = self._choose()
             return
@@ -248,20 +249,27 @@ class HitSeries:
         norms = self._fellows.find_norms()
         rows, figures = self._list_open()
         is_outlier = find_outliers(figures, norms)
-        outliers, rows = rows[is_outlier], rows[~is_outlier]
+        outliers = rows[is_outlier]
         if not self._keep:
             return _Choice(norms, outliers)
-        is_surplus = self._table.have_fates(Fate.SURPLUS)
+        self._note_outliers(frozenset(outliers.tolist()))
+        rows, figures = rows[~is_outlier], figures[~is_outlier]
         in_mean = self._settled.count + len(self._by_hand)
-        count = rows.size + in_mean + int(is_surplus.sum())
+        count = rows.size + in_mean + self._settled_surplus
         surplus = np.zeros(0, np.intp)
         if count > self._keep:
             # Of equal ones the earlier stay.
-            others = is_surplus | self._table.have_fates(Fate.SETTLED)
-            figures = np.vstack([figures[~is_outlier], self._table.read_figures()[others]])
-            order = np.argsort(find_distances(figures)[: rows.size], kind="stable")
+            order = np.argsort(self._consistent.find_distances(figures), kind="stable")
             surplus = rows[order[max(self._keep - in_mean, 0) :]]
         return _Choice(norms, outliers, surplus, count)
+
+    def _note_outliers(self, now: frozenset[int]) -> None:
+        """See to it that the open hits that are outliers now are not among the consistent."""
+        before = frozenset(self._choice.outliers.tolist())
+        for row in now - before:
+            self._consistent.remove(self._open[row])
+        for row in (before - now) & self._open.keys():
+            self._consistent.add(self._open[row])
 
     def _list_open(self) -> tuple[Rows, FloatArray]:
         """Return rows and figures of the open hits, shapes (hits,) and (hits, quantities)."""
