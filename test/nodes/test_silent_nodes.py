@@ -50,7 +50,7 @@ def test_a_killed_node_disarms_the_hammer_and_pauses_the_campaign(harness, start
 
     accelerometer, estimator = start_accelerometer(), start_process("estimator")
     harness.add(HammerNode, swing_time=0.001, require_recorder=False)
-    harness.add(CampaignNode)
+    harness.add(CampaignNode, verdict_timeout=2.0)
     states = harness.listen(interfaces.HAMMER_STATE)
     _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=100_000)
     wait_for_hits(feedback, 1)

@@ -47,9 +47,9 @@ class ClockWatch:
                 if status.name.startswith(self._prefix):
                     self._delays.setdefault(status.name, deque(maxlen=SEVERAL)).append(delay)
         apart = {
-            name.removeprefix(self._prefix): min(delays, key=abs)
+            name.removeprefix(self._prefix): min(delays)
             for name, delays in sorted(self._delays.items())
-            if len(delays) == SEVERAL and min(map(abs, delays)) > LARGEST_DIFFERENCE
+            if len(delays) == SEVERAL and abs(min(delays)) > LARGEST_DIFFERENCE
         }
         if not apart or self._node.get_value("use_sim_time"):
             return ""
