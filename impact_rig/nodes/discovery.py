@@ -56,17 +56,30 @@ def offer_profile() -> Iterator[None]:
 
     Fast DDS reads its profiles once. Whoever has given profiles of their own keeps them.
     """
-    if os.environ.get(PROFILE_VARIABLE) or PROFILE_FILE.exists():
+    is_given = os.environ.get(PROFILE_VARIABLE) or PROFILE_FILE.exists()
+    path = None if is_given else _write_profiles()
+    if path is None:
         yield
         return
-    with tempfile.NamedTemporaryFile("w", encoding="utf-8", suffix=".xml") as file:
-        file.write(make_profiles(is_local=os.environ.get(DISCOVERY) == LOCALHOST))
-        file.flush()
-        os.environ[PROFILE_VARIABLE] = file.name
-        try:
-            yield
-        finally:
-            del os.environ[PROFILE_VARIABLE]
+    os.environ[PROFILE_VARIABLE] = str(path)
+    try:
+        yield
+    finally:
+        del os.environ[PROFILE_VARIABLE]
+        path.unlink(missing_ok=True)
+
+
+def _write_profiles() -> Path | None:
+    """Write the profiles into a new file; None: there is no room for one, and nodes find later."""
+    text = make_profiles(is_local=os.environ.get(DISCOVERY) == LOCALHOST)
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", prefix="impact_rig_", suffix=".xml", delete=False
+        ) as file:
+            file.write(text)
+    except OSError:
+        return None
+    return Path(file.name)
 
 
 def make_profiles(*, is_local: bool) -> str:

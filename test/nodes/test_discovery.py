@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -50,6 +51,15 @@ def test_who_has_a_profile_keeps_it(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     monkeypatch.delenv(PROFILE_VARIABLE)
     monkeypatch.chdir(tmp_path)
     discovery.PROFILE_FILE.touch()
+    with offer_profile():
+        assert PROFILE_VARIABLE not in os.environ
+
+
+def test_without_room_for_a_file_nodes_start_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv(PROFILE_VARIABLE, raising=False)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
     with offer_profile():
         assert PROFILE_VARIABLE not in os.environ
 
