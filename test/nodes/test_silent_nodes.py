@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import HammerState, RecorderState
+from impact_rig_msgs.srv import GetResults
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign import CampaignNode
@@ -50,8 +51,9 @@ def test_a_killed_node_disarms_the_hammer_and_pauses_the_campaign(harness, start
 
     accelerometer, estimator = start_accelerometer(), start_process("estimator")
     harness.add(HammerNode, swing_time=0.001, require_recorder=False)
-    harness.add(CampaignNode, verdict_timeout=2.0)
+    harness.add(CampaignNode, verdict_timeout=5.0)
     states = harness.listen(interfaces.HAMMER_STATE)
+    harness.call(GetResults, interfaces.GET_RESULTS)
     _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=100_000)
     wait_for_hits(feedback, 1)
 
