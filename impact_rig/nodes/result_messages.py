@@ -17,15 +17,13 @@ from impact_rig_msgs.msg import (
     UncertaintyContribution,
 )
 
-from impact_rig.results.estimates import (
-    BudgetLineResults,
+from impact_rig.results.cross_checks import (
     FreeDecayResults,
-    HammerResults,
     IdentificationResults,
     PulseShapeResults,
-    SampleResults,
     ShapeFitResults,
 )
+from impact_rig.results.estimates import BudgetLineResults, HammerResults, SampleResults
 
 MESSAGES: dict[type, type] = {
     BudgetLineResults: UncertaintyContribution,

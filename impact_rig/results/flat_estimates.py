@@ -13,16 +13,13 @@ from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import SessionResults
 from impact_rig.core.uncertainty.results import Uncertainty
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.estimates import (
-    NAN,
-    BudgetLineResults,
+from impact_rig.results.cross_checks import (
     FreeDecayResults,
-    HammerResults,
     IdentificationResults,
     PulseShapeResults,
-    SampleResults,
     ShapeFitResults,
 )
+from impact_rig.results.estimates import NAN, BudgetLineResults, HammerResults, SampleResults
 from impact_rig.results.setup_results import setup_results_from_setup
 
 

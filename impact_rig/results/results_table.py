@@ -8,7 +8,8 @@ from dataclasses import fields
 from typing import Any
 
 from impact_rig.results.campaign import Results
-from impact_rig.results.estimates import IdentificationResults, SampleResults
+from impact_rig.results.cross_checks import IdentificationResults
+from impact_rig.results.estimates import SampleResults
 
 JOINT = "; "
 """Between several texts in one cell."""

@@ -11,7 +11,8 @@ from impact_rig.reporting.report.document import (
     make_table,
     make_text_column,
 )
-from impact_rig.results.estimates import IdentificationResults, SampleResults
+from impact_rig.results.cross_checks import IdentificationResults
+from impact_rig.results.estimates import SampleResults
 from impact_rig.results.numbers import MEGA, MICRO, MISSING, format_number, format_uncertain
 
 SMALLEST_ERROR = 1e-4

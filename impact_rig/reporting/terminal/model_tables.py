@@ -8,7 +8,8 @@ from rich.console import Console
 from impact_rig.core.setup.paper import PULSE_NAME
 from impact_rig.reporting.terminal.columns import Column, make_optional
 from impact_rig.reporting.terminal.console import print_item, print_table
-from impact_rig.results.estimates import IdentificationResults, SampleResults
+from impact_rig.results.cross_checks import IdentificationResults
+from impact_rig.results.estimates import SampleResults
 from impact_rig.results.numbers import MEGA, MICRO, format_number, format_uncertain
 
 MSE_NOTE = "MSE: over the record, with the force of equation (4) alone driving the sample."

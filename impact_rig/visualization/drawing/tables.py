@@ -7,7 +7,8 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
 from impact_rig.results.campaign import Results
-from impact_rig.results.estimates import IdentificationResults, SampleResults
+from impact_rig.results.cross_checks import IdentificationResults
+from impact_rig.results.estimates import SampleResults
 from impact_rig.results.numbers import (
     MEGA,
     MICRO,

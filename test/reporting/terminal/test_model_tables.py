@@ -13,15 +13,13 @@ from impact_rig.reporting.terminal.model_tables import (
     print_pulse_shapes,
 )
 from impact_rig.reporting.terminal.remarks import print_warnings
-from impact_rig.results.estimates import (
-    BudgetLineResults,
+from impact_rig.results.cross_checks import (
     FreeDecayResults,
-    HammerResults,
     IdentificationResults,
     PulseShapeResults,
-    SampleResults,
     ShapeFitResults,
 )
+from impact_rig.results.estimates import BudgetLineResults, HammerResults, SampleResults
 
 SHAPE = PulseShapeResults(
     "half-sine",
