@@ -133,8 +133,8 @@ class CampaignNode(RigNode):
         else:
             result.success, result.message = True, "complete"
         finally:
-            self._progress = None
-        await self._settle(result)
+            progress, self._progress = self._progress, None
+        await self._settle(result, 0 if progress is None else progress.accepted)
         if result.success:
             handle.succeed()
         elif handle.is_cancel_requested:
@@ -235,8 +235,8 @@ class CampaignNode(RigNode):
             f" for {'; '.join(verdict.reasons)}"
         )
 
-    async def _settle(self, result: RunCampaign.Result) -> None:
-        """Disarm everything and collect what there is, whatever ended the campaign."""
+    async def _settle(self, result: RunCampaign.Result, accepted: int) -> None:
+        """Disarm everything and collect what there is of the hits, whatever ended the campaign."""
         await self._readiness.disable()
         await self._striker.disarm()
         results = await self._try_call(self._results, GetResults.Request())
@@ -245,6 +245,13 @@ class CampaignNode(RigNode):
             result.samples = results.samples
             result.accepted = results.accepted
             result.rejected = results.rejected
+            known = sum(each.impacts_accepted + each.impacts_rejected for each in results.samples)
+            if result.success and known < accepted:
+                result.success = False
+                result.message = (
+                    f"the estimator began anew and knows {known} hits of {accepted}: analyze the"
+                    " recording, which has them all"
+                )
         result.recording = self._striker.recording
 
     async def _try_call(self, client: Any, request: Any) -> Any:

@@ -8,10 +8,11 @@ from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import RecorderState
 from impact_rig_msgs.srv import ConfirmSample
 
-from impact_rig.core.setup.paper import CONTROL_SAMPLE
+from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 
-from .campaigns import run, start_rig
+from .campaigns import begin, run, start_rig
 
 
 @pytest.fixture
@@ -120,6 +121,18 @@ def test_waits_for_the_sample_that_a_person_mounts(harness, start):
     )
     assert right.success
     assert harness.wait(handle.get_result_async()).result.success
+
+
+def test_an_estimator_that_begins_anew_does_not_pass_for_one_that_knows_all_hits(harness, start):
+    client = start()
+    handle, feedback = begin(harness, client, samples=["steel small"], impacts=50)
+    feedback.wait(lambda got: got[-1:] and got[-1].impact >= 2)
+    # As one does that was killed and started again.
+    harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(7)))
+    answer = harness.wait(handle.get_result_async())
+    known = len(answer.result.accepted) + len(answer.result.rejected)
+    assert not answer.result.success
+    assert f"the estimator began anew and knows {known} hits of 50" in answer.result.message
 
 
 def test_cancelling_ends_it_with_the_hammer_disarmed(harness, start):
