@@ -20,8 +20,8 @@ def add_settled(estimate: SampleEstimate, settled: SettledHits) -> SampleEstimat
         return estimate
     kept = estimate.impacts_accepted - settled.count
     note = (
-        f"scatter: that of {kept} hits, evenly over the series; the other {settled.count} are in"
-        " the mean for good, and their traces are not kept"
+        f"scatter of {settled.count} hits: they are in the mean for good, and their traces are not"
+        f" kept; that of the other {kept}, evenly over the series, stands for all"
     )
     estimate = replace(estimate, notes=(*estimate.notes, note))
     if not settled.outliers:

@@ -17,8 +17,8 @@ def test_a_note_says_how_many_hits_show_the_scatter() -> None:
     found = add_settled(ESTIMATE, SettledHits(872, 0, 0.0))
     assert found.notes[:-1] == ("n",)
     assert found.notes[-1] == (
-        "scatter: that of 128 hits, evenly over the series; the other 872 are in the mean for"
-        " good, and their traces are not kept"
+        "scatter of 872 hits: they are in the mean for good, and their traces are not kept; that"
+        " of the other 128, evenly over the series, stands for all"
     )
     assert found.warnings == ("w",)
 
