@@ -10,7 +10,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from rclpy.context import Context
-from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Task
 from rclpy.utilities import timeout_sec_to_nsec
@@ -21,6 +21,28 @@ from impact_rig.nodes.wait_list import WaitList
 _CONTINUES_ITSELF = hasattr(Executor, "_call_task_in_next_spin")
 """Whether a task goes on by itself when what it waits for is done, as since rclpy 7.1.9; before,
 the executor has to look."""
+_NEEDED = (
+    *("_take_timer", "_take_subscription", "_take_guard_condition", "_take_client"),
+    *("_take_service", "_take_waitable"),
+)
+"""Methods of rclpy's executors that are no public ones, and that `NodeExecutor` calls."""
+
+
+def make_executor(*, context: Context | None = None) -> Executor:
+    """Return what runs the callbacks of a node.
+
+    Parameters
+    ----------
+    context : Context, optional
+        Of the nodes; the default one by default.
+
+    Returns
+    -------
+    Executor
+        A `NodeExecutor`; of an rclpy whose insides have changed, its own, which costs more.
+    """
+    is_known = all(hasattr(Executor, name) for name in _NEEDED)
+    return (NodeExecutor if is_known else SingleThreadedExecutor)(context=context)
 
 
 class NodeExecutor(Executor):

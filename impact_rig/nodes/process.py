@@ -11,12 +11,12 @@ from collections.abc import Callable, Sequence
 
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.discovery import offer_profile
-from impact_rig.nodes.node_executor import NodeExecutor
+from impact_rig.nodes.node_executor import make_executor
 from impact_rig.nodes.rig_node import RigNode
 
 DRAIN_QUIET = 0.1
@@ -44,7 +44,7 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
     # rclpy's own handler would tear the context down under the node: nothing that is still in
     # the queues could be recorded, and no last word published.
     rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
-    executor = NodeExecutor()
+    executor = make_executor()
     node = None
     try:
         with offer_profile():
@@ -73,7 +73,7 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
     return 0
 
 
-def _stop_on_signals(executor: NodeExecutor, stop: threading.Event) -> None:
+def _stop_on_signals(executor: Executor, stop: threading.Event) -> None:
     """Let SIGINT and SIGTERM set `stop`, even while the executor waits in the middleware.
 
     An executor must not be shut down from here: rclpy takes it to pieces while it still spins.
@@ -97,7 +97,7 @@ def _stop_on_signals(executor: NodeExecutor, stop: threading.Event) -> None:
 
 def _drain(node: RigNode) -> None:
     """Work off what is still in the queues, as long as there is anything, for a bounded time."""
-    executor = NodeExecutor()
+    executor = make_executor()
     executor.add_node(node)
     deadline = time.monotonic() + DRAIN_TIMEOUT
     quiet_since = time.monotonic()

@@ -11,7 +11,7 @@ from rclpy.qos import QoSProfile
 from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.discovery import offer_profile
-from impact_rig.nodes.node_executor import NodeExecutor
+from impact_rig.nodes.node_executor import make_executor
 
 LOOK_PERIOD = 0.1
 """How often something that sends no event is looked at [s]."""
@@ -42,7 +42,7 @@ class RigClient:
                 enable_rosout=False,
                 start_parameter_services=False,
             )
-        self._executor = NodeExecutor(context=self._context)
+        self._executor = make_executor(context=self._context)
         self._executor.add_node(self._node)
 
     def __enter__(self) -> Self:

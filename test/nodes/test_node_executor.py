@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 import rclpy
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import String
 
 from impact_rig.nodes.domain import reserve_domain
-from impact_rig.nodes.node_executor import NodeExecutor
+from impact_rig.nodes.node_executor import NodeExecutor, make_executor
 from impact_rig.nodes.rig_node import RigNode
 
 PATIENCE = 30.0
@@ -213,3 +213,15 @@ def measure_callbacks(node: Node, executor: Any) -> float:
     executor.remove_node(node)
     executor.shutdown()
     return spent
+
+
+def test_an_rclpy_with_other_insides_runs_its_own_executor(
+    node: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = make_executor(context=node.context)
+    known.shutdown()
+    monkeypatch.delattr(Executor, "_take_client")
+    other = make_executor(context=node.context)
+    other.shutdown()
+    assert isinstance(known, NodeExecutor)
+    assert isinstance(other, SingleThreadedExecutor)
