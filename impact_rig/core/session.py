@@ -70,7 +70,8 @@ class SessionResults:
 class Session:
     """Judges hits as they come and keeps the estimates of every sample.
 
-    Memory stays bounded, but for 81 bytes a hit: `KEPT_TRACES` hits are kept with their traces.
+    Memory stays bounded, but for 105 bytes a hit, its verdict and figures, three of them twice:
+    `KEPT_TRACES` hits are kept with their traces.
     When there are more, one is settled of the sample that has most, see `HitSeries`: it is in its
     mean for good, or left out for good. All hits count in means and numbers of hits, and all
     figures are held against all; the scatter is that of the hits kept with their traces.
