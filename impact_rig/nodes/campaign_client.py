@@ -199,7 +199,10 @@ class CampaignClient(RigClient):
             return
         result_future = self._goal.get_result_async()
         self._goal.cancel_goal_async()
-        self.spin_until(result_future.done, CANCEL_TIMEOUT)
+        # A campaign node that has ended meanwhile answers nobody.
+        self.spin_until(
+            lambda: result_future.done() or not self._action.server_is_ready(), CANCEL_TIMEOUT
+        )
         self._goal = None
 
     def _conclude(self, result: RunCampaign.Result, status: int) -> CampaignOutcome:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from impact_rig.bench.figures import Figure, at_most
 from impact_rig.bench.part import Bench, Part
-from impact_rig.bench.rig_processes import RigProcesses, use_own_domain
+from impact_rig.bench.rig_processes import COMMAND_LINE, RigProcesses, use_own_domain
 from impact_rig.configuration.processes import RECORDING_NAME
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.session import Session
@@ -107,7 +107,8 @@ def _run_and_kill(folder: Path, *, recorder_alone: bool, wait: float) -> dict[in
         time.sleep(wait)
         processes.kill([RECORDER] if recorder_alone else list(nodes))
         time.sleep(AFTERMATH)
-        processes.kill([observer])
+        # Who asked for the campaign would ask it to stop, and wait for the answer of the dead.
+        processes.kill([observer, COMMAND_LINE])
         return dict(map(_parse_verdict, [first, *iter(lines.get, "")]))
 
 
