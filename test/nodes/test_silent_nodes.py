@@ -17,9 +17,9 @@ from impact_rig.nodes.rig_node import RigNode
 
 from .campaigns import begin, make_client
 
-SOON = 5.0
-"""How late a node may be missed [s]: its lease, and what a busy machine takes; without a lease it
-would be 20 s."""
+SOON = 12.0
+"""How late a node may be missed [s]: its lease, and all that a busy machine may take; without a
+lease it would be 20 s."""
 
 
 def wait_for_pause(feedback, word):
