@@ -1,4 +1,4 @@
-"""Linear systems without input on a uniform grid, y(t) = e^(Nt) y(0), for many systems at once.
+"""Linear systems without input on a uniform grid, y(t) = e^(At) y(0), for many systems at once.
 
 With P the step from point to point, what is read off a state, C P^n y, needs no state at most
 points: with n = i b + j it is (C P^j) (P^(i b) y), few rows times few states. The powers of a

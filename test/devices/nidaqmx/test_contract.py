@@ -10,6 +10,8 @@ from impact_rig.devices.nidaqmx.holder import NidaqmxHolder
 from impact_rig.devices.nidaqmx.source import NidaqmxSource
 
 LINE = "Dev1/port0/line3"
+RECORD_BLOCK, STREAM_BLOCK = 1000, 25_000
+"""Points, as the node asks for them: a busy machine has no time for 2500 reads a second."""
 
 
 class NiSourceBench(SourceBench):
@@ -25,7 +27,8 @@ class NiSourceBench(SourceBench):
         return self.open_source()[0]
 
     def make_plan(self, *, continuous=False):
-        return self.open_source(continuous=continuous)[1]
+        block_size = STREAM_BLOCK if continuous else RECORD_BLOCK
+        return self.open_source(continuous=continuous, block_size=block_size)[1]
 
     def strike(self, source):
         self.server.feed(self.hit)
