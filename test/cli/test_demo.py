@@ -190,9 +190,10 @@ def test_impacts_are_found_in_a_running_stream_that_is_recorded_too(tmp_path):
     assert counts["/impact"] == counts["/acceleration"] == 2
     # All of the stream, from before the first contact until after the second, is there.
     blocks = read_stream_blocks(tmp_path / "out" / "session.mcap")
-    firsts = [block.first_sample for block in blocks]
+    # The end of an arming, and of the stream, may be a block without points.
+    firsts = [block.first_sample for block in blocks if len(block.hammer.counts)]
     assert firsts == list(range(firsts[0], firsts[-1] + 1, 25_000))
-    assert counts["/acceleration/stream"] == len(firsts)
+    assert counts["/acceleration/stream"] == len(blocks)
     assert {block.record for block in blocks} >= {1, 2}
 
 
