@@ -76,4 +76,4 @@ def _analyze(client: Any, path: Path, count: int) -> None:
             raise RigError(outcome.error)
 
 
-PART = Part("batch", "Many recordings on two Dask workers, beside one", measure, 12.0)
+PART = Part("batch", "Many recordings on two Dask workers, beside one", measure, 15.0)

@@ -21,4 +21,4 @@ def measure(bench: Bench) -> tuple[Figure, ...]:
     )
 
 
-PART = Part("demo", "The paper's campaign on the virtual rig, start to tables", measure, 26.0)
+PART = Part("demo", "The paper's campaign on the virtual rig, start to tables", measure, 20.0)

@@ -129,4 +129,4 @@ def hear(lines: "queue.Queue[str]", processes: RigProcesses) -> dict[str, Any]:
     return said
 
 
-PART = Part("devices", "From an instrument's complete record to its published block", measure, 5.0)
+PART = Part("devices", "From an instrument's complete record to its published block", measure, 4.0)

@@ -115,4 +115,4 @@ def _run_process(bench: Bench, folder: Path, tally: Tally, first: int, next_seed
     return int(begun) + 1
 
 
-PART = Part("fuzz", "Damaged recordings: no hang, no crash, memory bounded", measure, 6.0)
+PART = Part("fuzz", "Damaged recordings: no hang, no crash, memory bounded", measure, 3.0)

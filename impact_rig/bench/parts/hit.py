@@ -101,4 +101,4 @@ def filter_all(traces: Sequence[FloatArray], sections: FloatArray) -> list[Float
     return [sosfiltfilt(sections, both, padtype="even", padlen=padding) for both in traces]
 
 
-PART = Part("hit", "A hit from blocks to verdict, beside the low-pass alone", measure, 2.0)
+PART = Part("hit", "A hit from blocks to verdict, beside the low-pass alone", measure, 1.0)

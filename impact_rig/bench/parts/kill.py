@@ -147,5 +147,5 @@ def _judge(events: Iterable[RigSetup | Block]) -> dict[int, Verdict]:
 
 
 PART = Part(
-    "kill", "kill -9 in the middle of campaigns: no published verdict is lost", measure, 13.0
+    "kill", "kill -9 in the middle of campaigns: no published verdict is lost", measure, 10.0
 )

@@ -148,5 +148,5 @@ def _look(
 
 
 PART = Part(
-    "memory", "Memory of each node after thousands of hits, and what a hit costs", measure, 150.0
+    "memory", "Memory of each node after thousands of hits, and what a hit costs", measure, 140.0
 )

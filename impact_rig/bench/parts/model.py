@@ -147,5 +147,5 @@ def make_models(count: int, seed: int) -> Sequence[ImpactModel]:
 
 
 PART = Part(
-    "model", "The model: one record and many, beside integrator and exponential", measure, 8.0
+    "model", "The model: one record and many, beside integrator and exponential", measure, 9.0
 )

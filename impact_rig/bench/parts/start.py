@@ -53,4 +53,4 @@ def run_python(words: Sequence[str]) -> float:
     return time.perf_counter() - started
 
 
-PART = Part("start", "Start of the command line and of each node", measure, 6.0)
+PART = Part("start", "Start of the command line and of each node", measure, 10.0)

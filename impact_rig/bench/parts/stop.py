@@ -87,4 +87,4 @@ def await_state(states: "queue.Queue[str]", wanted: str, processes: RigProcesses
             return float(state["time"])
 
 
-PART = Part("stop", "From the command to stop to the disarmed hammer", measure, 8.0)
+PART = Part("stop", "From the command to stop to the disarmed hammer", measure, 12.0)

@@ -65,4 +65,4 @@ def _measure_rate(bench: Bench, multiple: int, seconds: float) -> tuple[Figure, 
     )
 
 
-PART = Part("stream", "The running stream through three processes, two channels", measure, 38.0)
+PART = Part("stream", "The running stream through three processes, two channels", measure, 45.0)

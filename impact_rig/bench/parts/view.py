@@ -142,4 +142,4 @@ def time_command(name: str, recording: Path, output: Path) -> float:
     return taken
 
 
-PART = Part("view", "A campaign looked at in Rerun, beside bare calls of it", measure, 8.0)
+PART = Part("view", "A campaign looked at in Rerun, beside bare calls of it", measure, 11.0)

@@ -101,4 +101,4 @@ def write_bare(path: Path, data: Sequence[bytes], compression: str) -> None:
         os.fdatasync(file.fileno())
 
 
-PART = Part("write", "Writing serialised messages, beside mcap.writer", measure, 5.0)
+PART = Part("write", "Writing serialised messages, beside mcap.writer", measure, 7.0)
