@@ -156,10 +156,8 @@ def simulate_impact(
         x1'' and x2'' [m/s^2]. With v1 and c1 the printed model steps at t = 0 and at tau_p:
         that is the model, and nothing here smooths it.
     """
-    hammer, specimen = simulate_impacts(
-        [model], sampling_rate, count, start=start, variant=variant
-    )[0]
-    return hammer, specimen
+    result = simulate_impacts([model], sampling_rate, count, start=start, variant=variant)
+    return result[0, 0], result[0, 1]
 
 
 def simulate_impacts(

@@ -20,8 +20,8 @@ from impact_rig.core.signals.record import FloatArray, make_read_only
 
 ORDER = 16
 """Highest power in the exponential series [-]."""
-LARGEST_NORM = 0.75
-"""Up to which the series is used [-]: what it leaves out, 0.75^17 / 17!, is below 3e-17."""
+LARGEST_NORM = 1.0
+"""Up to which the series is used [-]: what it leaves out, 1 / 17!, is below 3e-15."""
 LONGEST_BLOCK = 32
 """Points that one state serves at most [-], measured: rows and states are then few."""
 _POWERS = np.arange(ORDER + 1.0)
