@@ -16,18 +16,18 @@ NODES = (
     "replayer",
 )
 SOURCES = {
-    "virtual": "virtual.source:VirtualSource",
-    "recording": "recording.source:RecordingSource",
-    "nidaqmx": "nidaqmx.source:NidaqmxSource",
+    "virtual": "virtual.drivers:VirtualSource",
+    "recording": "recording:RecordingSource",
+    "nidaqmx": "nidaqmx.drivers:NidaqmxSource",
     "scpi": "scpi.source:ScpiSource",
-    "sound": "sound.source:SoundSource",
+    "sound": "sound:SoundSource",
 }
 HOLDERS = {
-    "virtual": "virtual.holder:VirtualHolder",
-    "manual": "manual.holder:ManualHolder",
-    "serial": "serial_relay.holder:SerialRelay",
-    "nidaqmx": "nidaqmx.holder:NidaqmxHolder",
-    "gpio": "gpio.holder:GpioHolder",
+    "virtual": "virtual.drivers:VirtualHolder",
+    "manual": "manual:ManualHolder",
+    "serial": "serial_relay:SerialRelay",
+    "nidaqmx": "nidaqmx.drivers:NidaqmxHolder",
+    "gpio": "gpio:GpioHolder",
 }
 """Drivers of devices, by the names that rig files use."""
 EXECUTABLES = f"$base/lib/{NAME}"  # where `ros2 run` and `ros2 launch` look
@@ -39,7 +39,7 @@ setup(
     version=version,
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
-        NAME: ["py.typed", "configuration/*.toml", "reporting/report/templates/*"],
+        NAME: ["py.typed", "configuration/*.toml", "present/report/templates/*"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"launch_scripts/resource/{NAME}"]),
@@ -51,7 +51,10 @@ setup(
         ("bin", ["launch_scripts/impact-rig"]),
     ],
     entry_points={
-        "console_scripts": [f"{node} = {NAME}.nodes.{node}:main" for node in NODES],
+        "console_scripts": [
+            *(f"{node} = {NAME}.nodes.__main__:{node}" for node in NODES),
+            f"impact-rig = {NAME}.cli.main:main",
+        ],
         "impact_rig.acceleration_sources": [
             f"{name} = {NAME}.devices.{place}" for name, place in SOURCES.items()
         ],
@@ -66,8 +69,8 @@ setup(
     extras_require={
         "formats": ["h5py>=3.10", "npTDMS>=1.9", "pyuff>=2.4"],
         "batch": ["dask>=2024.5", "distributed>=2024.5"],
-        "bench": ["psutil>=5.9"],
-        "contract": ["pytest>=8"],
+        "simulators": ["mujoco>=4.0", "drake>=1.51", "pybullet>=3.2.7"],
+        "testing": ["pytest>=8"],
         "nidaqmx": ["nidaqmx[grpc]>=1.0,<1.1"],
         "serial": ["pyserial>=3.5"],
         "sound": ["sounddevice>=0.5"],

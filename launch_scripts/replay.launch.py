@@ -3,15 +3,18 @@
 ``ros2 launch impact_rig replay.launch.py --show-args`` lists the arguments.
 """
 
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ament_index_python.packages import get_package_prefix
 from launch import LaunchContext, LaunchDescription
 from launch.action import Action
 from launch.actions import (
     DeclareLaunchArgument,
     GroupAction,
+    LogInfo,
     OpaqueFunction,
     SetEnvironmentVariable,
     Shutdown,
@@ -111,10 +114,14 @@ def make_replay(context: LaunchContext) -> list[Action]:
     def read(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
+    actions: list[Action] = []
     listeners: dict[str, dict[str, Any]] = {}
     if read("estimator") == "true":
         listeners["estimator"] = {}
-    if read("visualizer") == "true":
+    if read("visualizer") == "true" and not is_rerun_installed():
+        text = "rerun-sdk is not installed: the replay goes on without the view"
+        actions.append(LogInfo(msg=f"warning: {text} (visualizer:=false says so beforehand)"))
+    elif read("visualizer") == "true":
         listeners["visualizer"] = choose_destination(read("viewer"), read("view"))
     replayer = {
         "file": str(Path(read("file")).expanduser().resolve()),
@@ -131,7 +138,7 @@ def make_replay(context: LaunchContext) -> list[Action]:
         "required_subscribers": ", ".join(listeners),
         "exit_when_done": read("exit_when_done") == "true",
     }
-    actions: list[Action] = [
+    actions += [
         make_node(name, parameters, read("params_file"))
         for name, parameters in {**listeners, "replayer": replayer}.items()
     ]
@@ -140,6 +147,14 @@ def make_replay(context: LaunchContext) -> list[Action]:
     variable = "ROS_AUTOMATIC_DISCOVERY_RANGE"
     discovery = EnvironmentVariable(variable, default_value="LOCALHOST")
     return [SetEnvironmentVariable(variable, discovery), *actions]
+
+
+def is_rerun_installed() -> bool:
+    """Return whether the Python that runs the nodes, which may be another one, has rerun-sdk."""
+    visualizer = Path(get_package_prefix("impact_rig"), "lib", "impact_rig", "visualizer")
+    interpreter = visualizer.read_text("utf-8").splitlines()[0].removeprefix("#!").split()
+    search = "import importlib.util, sys; sys.exit(importlib.util.find_spec('rerun') is None)"
+    return subprocess.run([*interpreter, "-c", search], check=False).returncode == 0
 
 
 def choose_destination(viewer: str, view: str) -> dict[str, Any]:

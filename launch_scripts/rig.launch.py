@@ -22,21 +22,22 @@ from launch.actions import (
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
-from impact_rig.configuration.network import find_network_variables
 from impact_rig.configuration.processes import (
+    LAUNCHER,
     NodeProcess,
     RecordingPlan,
     list_rig_processes,
+    make_network_variables,
 )
 from impact_rig.configuration.run import (
     choose_run_folder,
     load_rig_file,
     make_run_folder,
-    merge_virtual,
+    make_virtual_source,
 )
 from impact_rig.core.errors import ParameterError
 from impact_rig.devices.virtual.choices import Fault, Plant
-from impact_rig.recording.writing.mcap_writer import COMPRESSIONS
+from impact_rig.recordings.writer import COMPRESSIONS
 
 PLANTS = [plant.value for plant in Plant]
 FAULTS = ", ".join(fault.value for fault in Fault)
@@ -150,8 +151,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
 
     rig_file = Path(read("rig_file")).resolve() if read("rig_file") else None
     rig = load_rig_file(rig_file)
-    virtual = merge_virtual(
-        rig,
+    source = make_virtual_source(
         plant=read("plant") or None,
         seed=read_number("seed", read("seed"), int),
         faults=read_number("faults", read("faults"), float),
@@ -160,7 +160,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
     processes = list_rig_processes(
         folder.resolve(),
         rig_file=str(rig_file or ""),
-        virtual=virtual,
+        source=source,
         swing=rig.hammer,
         continuous=read("continuous") == "true",
         record=read("record") == "true",
@@ -182,7 +182,8 @@ def make_rig(context: LaunchContext) -> list[Action]:
     impacts = read_number("impacts", read("impacts"), int)
     if impacts is not None:
         actions.append(make_campaign(impacts, read("namespace")))
-    variables = find_network_variables(os.environ, network=read("network") == "true")
+    variables = make_network_variables(os.environ, network=read("network") == "true")
+    variables[LAUNCHER] = str(os.getpid())
     return [*(SetEnvironmentVariable(*item) for item in variables.items()), *actions]
 
 

@@ -9,11 +9,13 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 USAGE = """\
 usage: python3 launch_scripts/rig.py COMMAND
 
   demo [OPTIONS]     run a whole campaign on the virtual rig; all of `impact-rig demo`'s options
+  bench [OPTIONS]    measure what is claimed; all of `impact-rig bench`'s options
   test [OPTIONS]     lint, format, types and tests; the options go to pytest
   exec -- CMD ...    run any command: nodes, `impact-rig`, `python3`
   shell              open a shell in which all of the above are commands
@@ -29,6 +31,7 @@ that one is used instead of the wheels.
   python3 launch_scripts/rig.py exec -- impact-rig analyze runs/*/session.mcap
 """
 
+OURS = ("demo", "bench")  # commands of `impact-rig`
 OLDEST = (3, 11)
 NEWEST = (3, 13)
 PARALLEL = ["--numprocesses=auto", "--dist=loadfile"]  # later options of pytest go before them
@@ -102,7 +105,8 @@ def main(arguments: "list[str]") -> int:
     if command in ("help", "-h", "--help"):
         print(USAGE, end="")
         return 0
-    if command not in ("demo", "test", "exec", "shell") or (command == "exec" and not options):
+    is_known = command in (*OURS, "test", "exec", "shell")
+    if not is_known or (command == "exec" and not options):
         print(USAGE, end="", file=sys.stderr)
         return 2
     return run(command, options)
@@ -129,8 +133,11 @@ def run(command: str, options: "list[str]") -> int:
         return run_checks(environment, str(place.root), options)
     if command == "shell":
         print("the rig's shell: `impact-rig --help` to start, `exit` to leave")
-        return become([os.environ.get("SHELL") or "/bin/sh"], environment)
-    return become(["impact-rig", "demo", *options] if command == "demo" else options, environment)
+        shell = os.environ.get("SHELL") or "/bin/sh"
+        start_up = ["--rcfile", str(place.root / "launch_scripts" / "shell.bash")]
+        return become([shell, *(start_up if Path(shell).name == "bash" else [])], environment)
+    words = ["impact-rig", command, *options] if command in OURS else options
+    return become(words, environment)
 
 
 if __name__ == "__main__":

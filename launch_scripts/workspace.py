@@ -7,6 +7,7 @@ fingerprint of what it was made from: delete what was made, and the stamp is gon
 import hashlib
 import os
 import platform
+import shlex
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -64,6 +65,11 @@ class Workspace:
     def get_prefix(self, package: str) -> Path:
         """Return where colcon installs a package."""
         return self.root / "install" / package
+
+    @property
+    def shell_environment(self) -> Path:
+        """What a shell reads to get the environment of `make_environment`."""
+        return self.get_prefix(NODES) / "environment.sh"
 
     def get_requirements(self, *names: str) -> list[Path]:
         """Return the requirement files of these names."""
@@ -225,6 +231,18 @@ def make_environment(workspace: Workspace, base: Mapping[str, str]) -> dict[str,
         prepend("LD_LIBRARY_PATH", messages / "lib", workspace.venv / "lib", *bundled)
         environment[BOOTSTRAP_DONE] = "1"
     return environment
+
+
+def format_environment(workspace: Workspace) -> str:
+    """Return the commands by which a shell gets the environment of `make_environment`."""
+    extended = {"PATH", "PYTHONPATH", "LD_LIBRARY_PATH"}
+    if workspace.is_ros_installed:
+        extended.add("AMENT_PREFIX_PATH")
+    lines = ["unset PYTHONHOME"]
+    for name, value in make_environment(workspace, {}).items():
+        others = f"${{{name}:+:${name}}}" if name in extended else ""
+        lines.append(f"{name}={shlex.quote(value)}{others}; export {name}")
+    return "\n".join(lines) + "\n"
 
 
 _SITE_PACKAGES = Path("lib", f"python{sys.version_info[0]}.{sys.version_info[1]}", "site-packages")

@@ -22,6 +22,7 @@ from workspace import (
     SetupError,
     Workspace,
     find_stale,
+    format_environment,
     make_environment,
 )
 
@@ -155,8 +156,14 @@ def _install_ros(workspace: Workspace, runner: _Runner) -> None:
     if not workspace.is_ros_installed:
         _pip_install(workspace, runner, ["ros", "colcon"])
         _mend_wheels(workspace)
-    elif not shutil.which("colcon"):
+    elif not has_colcon(workspace):
         _pip_install(workspace, runner, ["colcon"])
+
+
+def has_colcon(workspace: Workspace) -> bool:
+    """Return whether the environment's Python has colcon: one on PATH may belong to another."""
+    check: list[str | Path] = [workspace.python, "-c", "import colcon_core"]
+    return subprocess.run(check, capture_output=True, check=False).returncode == 0
 
 
 def _install_libraries(workspace: Workspace, runner: _Runner) -> None:
@@ -201,14 +208,15 @@ def _build_nodes(workspace: Workspace, runner: _Runner) -> None:
     shutil.rmtree(workspace.root / "build" / NODES, ignore_errors=True)
     shutil.rmtree(workspace.get_prefix(NODES), ignore_errors=True)
     _build(workspace, runner, NODES)
+    workspace.shell_environment.write_text(format_environment(workspace), "utf-8")
 
 
 def _build(workspace: Workspace, runner: _Runner, package: str, *options: str) -> None:
     environment = make_environment(workspace, os.environ)
     # Without it colcon limits the load, and ninja then compiles one file at a time.
     environment.setdefault("MAKEFLAGS", f"-j{os.cpu_count() or 1}")
-    colcon = shutil.which("colcon", path=environment["PATH"])
-    command: list[str | Path] = [workspace.python, colcon or "colcon", "build"]
+    colcon = "import sys; from colcon_core.command import main; sys.exit(main())"
+    command: list[str | Path] = [workspace.python, "-c", colcon, "build"]
     command += ["--base-paths", ".", "msg_config", "--packages-select", package]
     command += ["--symlink-install", "--event-handlers", "console_cohesion+", *options]
     runner.run(command, environment, workspace.root)

@@ -1,11 +1,17 @@
 """What all tests share: generated input that is the same each time, and a struck campaign."""
 
 # ruff: noqa: E402
-from impact_rig.configuration.threads import use_one_thread
+from impact_rig.configuration.processes import use_one_thread
 
 use_one_thread()  # before numpy is imported, which reads it once
 
+import re
+import signal
+import sys
+from collections import Counter
 from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import ModuleType
 
 import hypothesis
 import pytest
@@ -14,13 +20,21 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.virtual.faults import FaultPlan
-from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.results.campaign import Results
-from impact_rig.results.flat_estimates import results_from_session
+from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
+from impact_rig.results.campaign import Results, results_from_session
+
+if pytest.version_tuple < (8,):  # Ubuntu 24.04's takes this folder for Python's own `test`
+    sys.modules["test"] = ModuleType("test")
+    sys.modules["test"].__path__ = [str(Path(__file__).parent)]
 
 hypothesis.settings.register_profile("rig", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("rig")
+
+# Processes inherit a signal that is ignored, as `nohup` and CI runners ignore them, but not a
+# handler: this session goes on being deaf to it, and what its tests start is not.
+for number in (signal.SIGINT, signal.SIGHUP):
+    if signal.getsignal(number) == signal.SIG_IGN:
+        signal.signal(number, lambda *_: None)
 
 Strike = Callable[..., Results]
 
@@ -56,3 +70,19 @@ def strike() -> Strike:
 def results() -> Results:
     """Return the paper's campaign with two hits each."""
     return strike_samples()
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Say last what was left out on this machine, and which Debian packages would bring it in."""
+    reasons = Counter(
+        report.longrepr[2].removeprefix("Skipped: ")
+        for report in terminalreporter.stats.get("skipped", [])
+    )
+    if not reasons:
+        return
+    terminalreporter.section("left out on this machine")
+    for reason, count in sorted(reasons.items()):
+        terminalreporter.line(f"{count:5d}  {reason}")
+    found = (re.findall(r"apt-get install ([\w. -]+)", reason) for reason in reasons)
+    if packages := sorted({name for lists in found for names in lists for name in names.split()}):
+        terminalreporter.line(f"to bring it in: sudo apt-get install {' '.join(packages)}")

@@ -13,7 +13,7 @@ take to start, measured: a core analyzes this much in 0.3 s to 3 s, mostly by th
 in it."""
 
 Report = Callable[[Path], None]
-"""Is told of each recording as it is finished."""
+"""Called with each recording as it is finished."""
 Remark = Callable[[str], None]
 """Is told what else a person should know."""
 
@@ -36,7 +36,7 @@ def analyze_batch(
     scheduler : str or None
         Address of a Dask cluster to use instead.
     report : callable
-        Is told of each recording as it is finished, in any order.
+        Called with each recording as it is finished, in any order.
     remark : callable
         Is told in a sentence why it takes longer than it could.
 

@@ -3,8 +3,11 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from impact_rig.analysis.recording_analysis import AnalyzedRecording, analyze_recording
-from impact_rig.analysis.settings_changes import SettingsChanges
+from impact_rig.analysis.recording_analysis import (
+    AnalyzedRecording,
+    SettingsChanges,
+    analyze_recording,
+)
 from impact_rig.core.errors import RigError
 
 

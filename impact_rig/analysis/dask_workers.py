@@ -150,7 +150,7 @@ def run_on_workers(
     tasks : sequence of BatchTask
         One for each recording.
     report : callable
-        Is told of each recording as it is finished.
+        Called with each recording as it is finished.
 
     Returns
     -------

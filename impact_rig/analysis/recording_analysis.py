@@ -1,26 +1,58 @@
-"""Recordings through the core: the same numbers as in the live run, bit by bit."""
+"""Recordings through the core: the numbers of the live run, and the traces behind them."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from impact_rig.analysis.settings_changes import SettingsChanges
 from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.overrule import (
     NO_OVERRULES,
     Overrules,
     describe_label,
     make_overrules,
 )
-from impact_rig.core.session import Session
+from impact_rig.core.session import Session, SessionResults
+from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.record import Block, HitLabel
-from impact_rig.recording.reading.mcap_reader import Recording, read_recording
-from impact_rig.results.campaign import Results
-from impact_rig.results.flat_estimates import results_from_session
+from impact_rig.recordings.reader import Recording, read_recording
+from impact_rig.results.campaign import Results, hit_results_from_judged, results_from_session
 from impact_rig.results.hit_traces import HitTraces, TraceAssembler
-from impact_rig.results.sample_traces import AlignedHit, align_hit
+from impact_rig.results.sample_traces import AlignedHit, align_hit, sample_traces_from_estimate
+from impact_rig.results.traced_campaign import TracedCampaign, TracedHit
+
+
+@dataclass(frozen=True)
+class SettingsChanges:
+    """Settings to use instead of the recorded or the default ones; None: keep those.
+
+    Attributes
+    ----------
+    cutoff_frequency : float or None
+        [Hz]; 0: no filter.
+    pulse_factor : float or None
+        F in tau_p = F * w50 [-].
+    double_hit_level : float or None
+        Second pulse that makes a double hit, part of the first [-].
+    keep_hits : int or None
+        How many hits of a sample are averaged at most [-]; 0: all.
+    contact_exponent : float or None
+        n of the contact law [-].
+    """
+
+    cutoff_frequency: float | None = None
+    pulse_factor: float | None = None
+    double_hit_level: float | None = None
+    keep_hits: int | None = None
+    contact_exponent: float | None = None
+
+    def apply(self, settings: AnalysisSettings) -> AnalysisSettings:
+        """Return the changed settings; raises `ParameterError` for impossible ones."""
+        given = {name: value for name, value in asdict(self).items() if value is not None}
+        return replace(settings, **given)
+
 
 Report = Callable[[str, int, int], None]
 """Is told now and then what is done (``reading`` [byte] or ``estimating`` [samples]), how much of
@@ -202,3 +234,106 @@ def _finish(
         report_samples(0)
     found = session.estimate_all(report_samples)
     return results_from_session(found, faults)
+
+
+@dataclass(frozen=True)
+class TracedRecording:
+    """What a recording has to show.
+
+    Attributes
+    ----------
+    path : Path
+        Of the file.
+    campaigns : tuple of TracedCampaign
+        Those with hits, in their order; at least one.
+    warnings : tuple of str
+        What the user should know of the file.
+    """
+
+    path: Path
+    campaigns: tuple[TracedCampaign, ...]
+    warnings: tuple[str, ...]
+
+
+def trace_recording(
+    path: Path,
+    changes: SettingsChanges | None = None,
+    accept: Sequence[str] = (),
+    reject: Sequence[str] = (),
+    *,
+    with_models: bool,
+    report: Report | None = None,
+) -> TracedRecording:
+    """Judge every hit of a recording, estimate, and keep the traces.
+
+    Parameters
+    ----------
+    path : Path
+        Of the `.mcap` file.
+    changes : SettingsChanges, optional
+        Settings to use in place of the recorded ones.
+    accept, reject : sequence of str
+        Hits that a person takes into the mean or leaves out, by name; see `find_label`.
+    with_models : bool
+        Fit the model as well, which takes a tenth of a second for each sample.
+    report : callable, optional
+        Is told how far it is.
+
+    Raises
+    ------
+    FileError
+        If the file is no recording of a rig, or holds no hit.
+    ParameterError
+        If the settings cannot be used, or a person's word on a hit makes no sense.
+    """
+    changes = changes or SettingsChanges()
+    judged = judge_recording(path, changes, accept, reject, keep_traces=True, report=report)
+    campaigns = tuple(
+        _trace_campaign(campaign, judged.faults, report, with_models=with_models)
+        for campaign in judged.campaigns
+    )
+    return TracedRecording(path, campaigns, judged.warnings)
+
+
+def _trace_campaign(
+    campaign: JudgedCampaign,
+    faults: Mapping[int, tuple[str, ...]],
+    report: Report | None,
+    *,
+    with_models: bool,
+) -> TracedCampaign:
+    session = campaign.session
+
+    def tell(done: int) -> None:
+        if report is not None:
+            report("estimating", done, len(session.names))
+
+    found = session.estimate_all(tell) if with_models else session.estimate_all_without_models()
+    means = [(estimate, session.find_mean(estimate.name)) for estimate in found.samples]
+    traces = [
+        sample_traces_from_estimate(estimate, mean) for estimate, mean in means if mean is not None
+    ]
+    return TracedCampaign(
+        results=results_from_session(found, faults),
+        samples=tuple(item for item in traces if item is not None),
+        hits=_gather_hits(campaign, found, faults),
+    )
+
+
+def _gather_hits(
+    campaign: JudgedCampaign, found: SessionResults, faults: Mapping[int, tuple[str, ...]]
+) -> tuple[TracedHit, ...]:
+    judged: dict[HitLabel, JudgedHit] = {
+        hit.label: hit for hit in (*found.accepted, *found.rejected)
+    }
+    aligned = {hit.label: hit for hit in campaign.aligned}
+    return tuple(
+        TracedHit(
+            result=hit_results_from_judged(hit, faults.get(hit.label.record, ())),
+            stamp=hit.stamp,
+            recorded=recorded,
+            aligned=aligned.get(hit.label),
+        )
+        for recorded in campaign.traces
+        if (hit := judged.get(recorded.label)) is not None
+    )

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from impact_rig.recording.reading.source import SUFFIX
+from impact_rig.recordings.bag import SUFFIX
 
 
 class _Content(NamedTuple):

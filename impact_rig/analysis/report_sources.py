@@ -5,12 +5,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from impact_rig.analysis.recording_traces import trace_recording
+from impact_rig.analysis.recording_analysis import trace_recording
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
-from impact_rig.recording.reading.mcap_reader import read_recording
-from impact_rig.recording.reading.source import RUN_NAME, find_recording
+from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.source import RUN_NAME, find_recording
 from impact_rig.results.results_file import read_results
 from impact_rig.results.run import Acquisition, ChannelCalibration, Run
 from impact_rig.results.traced_campaign import TracedCampaign
@@ -84,7 +84,7 @@ def find_run(named: Path) -> RunSource:
 def read_runs(source: RunSource, name: str) -> tuple[Run, ...]:
     """Read every campaign of a source.
 
-    A recording that cannot be evaluated is told of by the results beside it, if they are there,
+    A recording that cannot be evaluated is described by the results beside it, if they are there,
     with a warning.
 
     Parameters
@@ -125,7 +125,7 @@ def name_sources(sources: Sequence[RunSource]) -> tuple[str, ...]:
 def _read_results_alone(source: RunSource, name: str, warnings: tuple[str, ...] = ()) -> Run:
     results = read_results(source.path)
     try:
-        samples = results.setup.to_samples()
+        samples = results.setup.samples
         for sample in results.samples:
             samples.find(sample.name)
     except ParameterError as error:

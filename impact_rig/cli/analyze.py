@@ -2,31 +2,223 @@
 
 from collections.abc import Sequence
 from dataclasses import fields
+from enum import Enum, auto
 from pathlib import Path
 from typing import Any
 
 import click
 from click.core import ParameterSource
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, TextColumn
 
-from impact_rig.analysis.repeated_files import find_repeated_files
-from impact_rig.analysis.settings_changes import SettingsChanges
-from impact_rig.analysis.trace_analysis import analyze_traces
-from impact_rig.analysis.trace_options import TraceOptions
-from impact_rig.cli.analysis.channel_options import add_channel_options
-from impact_rig.cli.analysis.recording_report import (
-    Form,
-    report_batch,
-    report_recording,
-    report_results,
+from impact_rig.analysis.batch import analyze_batch
+from impact_rig.analysis.batch_task import BatchTask
+from impact_rig.analysis.recording_analysis import (
+    AnalyzedRecording,
+    SettingsChanges,
+    analyze_recording,
 )
-from impact_rig.cli.quantity import Cutoff
-from impact_rig.core.errors import FileError, ParameterError, RigError
-from impact_rig.recording.reading.source import find_recording, is_recording
-from impact_rig.reporting.terminal.budget_tables import print_budgets
-from impact_rig.reporting.terminal.console import make_console
-from impact_rig.reporting.terminal.trace_tables import print_trace_results
-from impact_rig.results.results_file import format_json
+from impact_rig.analysis.repeated_files import find_repeated_files
+from impact_rig.analysis.trace_analysis import TraceOptions, analyze_traces
+from impact_rig.cli import options
+from impact_rig.cli.each_file import raise_errors
+from impact_rig.cli.progress_bar import PATIENCE, ProgressBar, TimeLeft
+from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.present.terminal.console import make_console, print_warning
+from impact_rig.present.terminal.results import (
+    print_batch,
+    print_budgets,
+    print_results,
+    print_trace_results,
+)
+from impact_rig.recordings.source import find_recording, is_recording
+from impact_rig.results.batch import BatchCampaign
+from impact_rig.results.campaign import Results
+from impact_rig.results.results_file import format_json, read_results, results_to_json
 from impact_rig.results.trace_series import TraceResults, trace_results_to_json
+
+MEGABYTE = 1e6
+
+
+class AnalysisProgress(ProgressBar):
+    """Follows the analysis of one recording; a context manager.
+
+    Parameters
+    ----------
+    console : Console
+        Where to; without a terminal nothing is shown.
+    path : Path
+        Of the recording.
+    """
+
+    def __init__(self, console: Console, path: Path) -> None:
+        self._path = path
+        self._what = ""
+        super().__init__(
+            console,
+            str(path),
+            TextColumn("{task.fields[figures]}"),
+            TimeLeft(),
+            patience=PATIENCE,
+            figures="",
+        )
+
+    def report(self, what: str, done: int, total: int) -> None:
+        """Take what is done, ``reading`` [byte] or ``estimating`` [samples], and how far it is."""
+        if what != self._what or not done:
+            self._what = what
+            self.restart(f"{what} {self._path}" if what == "reading" else what, total)
+        if what == "reading":
+            figures = f"{done / MEGABYTE:.0f} of {total / MEGABYTE:.0f} MB"
+        else:
+            figures = f"{done} of {total} samples"
+        self.update(completed=done, figures=figures)
+
+
+class BatchProgress(ProgressBar):
+    """Follows a batch on standard error; a context manager.
+
+    Parameters
+    ----------
+    console : Console
+        Where to; without a terminal, a line for each recording instead of a bar.
+    total : int
+        Recordings.
+    """
+
+    def __init__(self, console: Console, total: int) -> None:
+        self._total = total
+        self._done = 0
+        super().__init__(console, "recordings", MofNCompleteColumn(), TimeLeft(), total=total)
+
+    def report(self, path: Path) -> None:
+        """Take a finished recording."""
+        self._done += 1
+        self.update(completed=self._done)
+        if not self.is_drawn:
+            self.console.print(f"{self._done} of {self._total}: {path}", soft_wrap=True)
+
+
+class Form(Enum):
+    """What is printed."""
+
+    TABLES = auto()
+    BUDGETS = auto()
+    JSON = auto()
+
+
+def report_recording(
+    path: Path,
+    changes: SettingsChanges,
+    accept: Sequence[str],
+    reject: Sequence[str],
+    form: Form,
+) -> None:
+    """Analyze one recording and print all that it says.
+
+    Raises as `analyze_recording`.
+    """
+    with AnalysisProgress(make_console(stderr=True), path) as bar:
+        recording = analyze_recording(path, changes, accept, reject, bar.report)
+    _print_warnings(recording)
+    several = len(recording.campaigns) > 1
+    if form is Form.JSON:
+        contents = [results_to_json(results) for results in recording.campaigns]
+        click.echo(format_json(contents if several else contents[0]), nl=False)
+        return
+    console = make_console()
+    for number, results in enumerate(recording.campaigns, start=1):
+        if several:
+            console.print(f"{path}, campaign {number}\n", style="bold underline")
+        _print(console, results, form)
+
+
+def report_results(path: Path, form: Form) -> None:
+    """Print what a results file says; raises as `read_results`."""
+    results = read_results(path)
+    if form is Form.JSON:
+        click.echo(format_json(results_to_json(results)), nl=False)
+    else:
+        _print(make_console(), results, form)
+
+
+def _print(console: Console, results: Results, form: Form) -> None:
+    if form is Form.BUDGETS:
+        print_budgets(console, results.samples, results.hammer)
+    print_results(console, results)
+
+
+def report_batch(
+    paths: Sequence[Path],
+    changes: SettingsChanges,
+    form: Form,
+    workers: int | None,
+    scheduler: str | None,
+) -> list[str]:
+    """Analyze many recordings and print them in one table, or as one JSON list.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Of the recordings, none of them twice.
+    changes : SettingsChanges
+        Settings to use in place of the recorded ones.
+    form : Form
+        Tables or JSON.
+    workers : int or None
+        Processes; None: what is fastest.
+    scheduler : str or None
+        Address of a Dask cluster to use instead.
+
+    Returns
+    -------
+    list of str
+        What is wrong with the recordings that could not be analyzed.
+
+    Raises
+    ------
+    RigError
+        If the cluster cannot be used.
+    """
+    # A cluster's workers stand in folders of their own.
+    tasks = [BatchTask(path.absolute() if scheduler else path, changes) for path in paths]
+    with BatchProgress(make_console(stderr=True), len(tasks)) as progress:
+        outcomes = analyze_batch(tasks, workers, scheduler, progress.report, _remark)
+    campaigns: list[BatchCampaign] = []
+    for path, outcome in zip(paths, outcomes, strict=True):
+        if outcome.recording is None:
+            continue
+        _print_warnings(outcome.recording)
+        campaigns += [
+            BatchCampaign(path, number, results)
+            for number, results in enumerate(outcome.recording.campaigns, start=1)
+        ]
+    if form is Form.JSON:
+        click.echo(format_json([_make_entry(campaign) for campaign in campaigns]), nl=False)
+    elif campaigns:
+        print_batch(make_console(), campaigns)
+    errors = [outcome.error for outcome in outcomes if outcome.recording is None]
+    if errors and scheduler:
+        click.echo("remark: all workers must find the recordings under the same paths", err=True)
+    return errors
+
+
+def _remark(text: str) -> None:
+    click.echo(text, err=True)
+
+
+def _make_entry(campaign: BatchCampaign) -> dict[str, object]:
+    return {
+        "recording": str(campaign.recording),
+        "campaign": campaign.number,
+        "results": results_to_json(campaign.results),
+    }
+
+
+def _print_warnings(recording: AnalyzedRecording) -> None:
+    for warning in recording.warnings:
+        print_warning(warning)
+
 
 RESULTS_SUFFIX = ".json"
 RESULTS_OPTIONS = {"files", "as_json", "budget"}
@@ -54,31 +246,17 @@ RESULTS_OPTIONS = {"files", "as_json", "budget"}
     could not be used or is named twice, which the others do not suffer from.
     """,
 )
-@click.argument(
-    "files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)
-)
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
+@options.files_argument
+@options.json_option
 @click.option("--budget", is_flag=True, help="Print where each uncertainty comes from, too.")
-@click.option(
-    "--cutoff",
-    type=Cutoff(),
-    metavar="FREQUENCY",
-    help="Low-pass, or off. [that of recording or rig file; else 50 kHz]",
+@options.make_analysis_options(
+    "that of recording or rig file; else 50 kHz", "that of the recording; else 0"
 )
 @click.option(
-    "--pulse-factor", type=float, metavar="F", help="τp = F w50: 2 versed-sine, 1.5 half-sine. [2]"
-)
-@click.option(
-    "--double-hit-level",
+    "--exponent",
     type=float,
-    metavar="LEVEL",
-    help="Second pulse that makes a double hit, part of the first. [0.05]",
-)
-@click.option(
-    "--keep",
-    type=click.IntRange(0),
     metavar="N",
-    help="Average the N most consistent hits of a sample; 0: all. [that of the recording; else 0]",
+    help="n of the contact law F = k δⁿ (1 + a δ'): 1 linear spring, 1.5 Hertz. [fitted]",
 )
 @click.option(
     "--accept",
@@ -90,7 +268,7 @@ RESULTS_OPTIONS = {"files", "as_json", "budget"}
 @click.option(
     "--reject", multiple=True, metavar="HIT", help="Leave a hit out of the mean, named likewise."
 )
-@add_channel_options
+@options.channel_options
 @click.option(
     "--workers",
     type=click.IntRange(1),
@@ -111,6 +289,7 @@ def command(
     budget: bool,
     cutoff: float | None,
     pulse_factor: float | None,
+    exponent: float | None,
     double_hit_level: float | None,
     keep: int | None,
     accept: tuple[str, ...],
@@ -139,7 +318,7 @@ def command(
             f"{recordings[0]} is a recording and {traces[0]} a plain trace: analyze them apart"
         )
 
-    changes = SettingsChanges(cutoff, pulse_factor, double_hit_level, keep)
+    changes = SettingsChanges(cutoff, pulse_factor, double_hit_level, keep, exponent)
     if recordings:
         is_batch = len(files) > 1
         _check_recording_options(context)
@@ -156,10 +335,7 @@ def command(
         errors += analyzed.errors
         _print_traces(analyzed.results, form)
     errors = list(dict.fromkeys(errors))  # what is wrong with an option is so for all files
-    for error in errors[:-1]:
-        click.echo(f"error: {error}", err=True)
-    if errors:
-        raise RigError(errors[-1])
+    raise_errors(errors)
 
 
 def _print_traces(results: TraceResults, form: Form) -> None:

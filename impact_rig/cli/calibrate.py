@@ -1,13 +1,432 @@
 """`impact-rig calibrate`: a sensor's sensitivity from hits, in a new rig file."""
 
+import contextlib
+import dataclasses
+import math
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import click
+from rich.console import Console
+from rich.text import Text
 
 from impact_rig.cli import options
-from impact_rig.cli.quantity import Quantity
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup.sensors import CHANNELS
+from impact_rig.cli.options import Quantity
+from impact_rig.configuration.rig_file import RigFile, parse_rig_file, read_rig_file, read_today
+from impact_rig.configuration.sheet_change import change_sheet, name_new_file
+from impact_rig.core.calibration.sensitivity import (
+    FEWEST_HITS,
+    Calibration,
+    CalibrationMethod,
+    HitFit,
+    TraceFit,
+    estimate_sensitivity,
+    fit_hit,
+)
+from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
+from impact_rig.core.hits.hit import JudgedHit, judge_hit
+from impact_rig.core.hits.overrule import describe_label
+from impact_rig.core.setup.calibration import find_scale
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.sensors import CHANNELS, Sensor
+from impact_rig.core.signals.detection import ImpactDetector
+from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.devices.protocols import AccelerationSource, SimulatedSource
+from impact_rig.devices.source_table import make_source
+from impact_rig.present.terminal.console import (
+    ALARM,
+    GOOD,
+    make_console,
+    print_table,
+    print_text,
+    print_warning,
+)
+from impact_rig.recordings.new_file import write_new_file
+from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.source import find_recording
+from impact_rig.results.numbers import format_number
+from impact_rig.results.results_file import format_json
+from impact_rig.results.tables import Column
+from impact_rig.results.wire import to_json
+
+
+@dataclass(frozen=True)
+class HitSeries:
+    """Hits, and with what they were measured.
+
+    Attributes
+    ----------
+    setup : RigSetup
+        Masses and sensors.
+    hits : tuple of JudgedHit
+        In their order.
+    """
+
+    setup: RigSetup
+    hits: tuple[JudgedHit, ...]
+
+
+def read_hits(path: Path, sample: str = "") -> HitSeries:
+    """Read the hits of a recording.
+
+    Parameters
+    ----------
+    path : Path
+        A file, or the folder of a run.
+    sample : str
+        Only the hits on this sample; empty: all.
+
+    Raises
+    ------
+    FileError
+        If it is no recording of a rig, holds no such hit, or was made with several set-ups.
+    """
+    recording = read_recording(find_recording(path) if path.is_dir() else path)
+    setups: list[RigSetup] = []
+    hits: list[JudgedHit] = []
+    for event in recording.events():
+        if not isinstance(event, Block):
+            setups.append(event)
+            detector = ImpactDetector(event.analysis)
+        elif not sample or event.label.sample == sample:
+            hits += [judge_hit(record, setups[-1].analysis) for record in detector.feed(event)]
+    if not hits:
+        struck = f" on {sample!r}" if sample else ""
+        raise FileError(f"{path} holds no hit{struck}")
+    if len({(setup.hammer_mass, _describe(setup)) for setup in setups}) > 1:
+        raise FileError(
+            f"{path} holds campaigns with different hammers or sensors: give one that holds one"
+        )
+    return HitSeries(setups[-1], tuple(hits))
+
+
+def check_one_body(series: HitSeries, path: Path) -> None:
+    """Require hits on one sample, whose mass is known.
+
+    Raises
+    ------
+    ParameterError
+        If there are several.
+    """
+    names = dict.fromkeys(hit.label.sample for hit in series.hits)
+    if len(names) > 1:
+        raise ParameterError(
+            f"{path} holds hits on {', '.join(names)}: choose the body of known mass by --sample"
+        )
+
+
+def find_tested_sensor(series: HitSeries, sheet: Sensor) -> tuple[Sensor, str]:
+    """Return the sensor under test as the hits were measured with it, in the unit of its sheet.
+
+    Parameters
+    ----------
+    series : HitSeries
+        The hits.
+    sheet : Sensor
+        As the rig file has it.
+
+    Returns
+    -------
+    sensor : Sensor
+        With the sensitivity that the traces were made with.
+    remark : str
+        What is to be said of it; empty: nothing.
+
+    Raises
+    ------
+    ParameterError
+        If the hits were measured with a sensor of another quantity.
+    """
+    known = {sensor.channel: sensor for sensor in series.setup.sensors}
+    used = known.get(sheet.channel)
+    if used is None or math.isnan(used.sensitivity):
+        return sheet, (
+            "the recording does not say with which sensitivity it was made: that of the rig file"
+            " is taken"
+        )
+    if used.quantity != sheet.quantity:
+        raise ParameterError(
+            f"the hits were measured with a sensor of {used.quantity}, and the rig file has one of"
+            f" {sheet.quantity}: give the rig file that they were measured with"
+        )
+    # Of a force, the mass that it acts on cancels out.
+    scale = find_scale(sheet.unit, 1.0) / find_scale(used.unit, 1.0)
+    sensor = replace(sheet, sensitivity=used.sensitivity * scale)
+    if math.isclose(sensor.sensitivity, sheet.sensitivity, rel_tol=1e-9):
+        return sheet, ""
+    return sensor, (
+        f"the hits were measured with {sensor.sensitivity * 1e3:.6g} mV per {sheet.unit}, and the"
+        f" rig file says {sheet.sensitivity * 1e3:.6g}"
+    )
+
+
+def _describe(setup: RigSetup) -> tuple[str, ...]:
+    return tuple(sensor.describe() for sensor in setup.sensors)
+
+
+LOOK_PERIOD = 0.5
+"""How often an interruption is looked for while nobody strikes [s], our choice."""
+
+
+def strike_hits(rig: RigFile) -> Generator[JudgedHit]:
+    """Yield hit after hit; the source is closed when nobody asks for more.
+
+    Parameters
+    ----------
+    rig : RigFile
+        Its source is opened, its holder is not.
+
+    Raises
+    ------
+    RigError
+        If the source cannot be opened, or is lost.
+    """
+    source, plan = make_source(rig.source, rig.setup)
+    detector = ImpactDetector(rig.setup.analysis)
+    name, record = rig.setup.samples.names[0], 0
+    try:
+        source.configure(plan)
+        if isinstance(source, SimulatedSource):
+            source.take_setup(rig.setup)
+        while True:
+            record += 1
+            label = HitLabel(name, record, record)
+            source.arm()
+            if isinstance(source, SimulatedSource):
+                source.strike(label, 0.0)
+            for block in _read_record(source, label):
+                for found in detector.feed(block):
+                    yield judge_hit(found, rig.setup.analysis)
+    finally:
+        source.close()
+
+
+def _read_record(source: AccelerationSource, label: HitLabel) -> Iterator[Block]:
+    """Yield the blocks of one record, however long nobody strikes."""
+    while True:
+        block = source.read(LOOK_PERIOD)
+        if block is None:
+            continue
+        yield replace(block, label=label)
+        if block.last:
+            return
+
+
+PERCENT = 100.0
+MILLIVOLT = 1e3
+NO_FIT = TraceFit(math.nan, math.nan, math.nan)
+EXPLANATION = (
+    "Ratio: of the trace under test over what it should be. Misfit: RMS of what the line leaves,"
+    " of the trace. Linearity: the largest deviation, of the peak."
+)
+
+
+def describe_fit(item: HitFit) -> str:
+    """Return in a few words what a hit has given."""
+    if item.flaw or item.fit is None:
+        return f"not used: {item.flaw}"
+    return f"ratio {item.fit.ratio:.5f}, misfit {PERCENT * item.fit.misfit:.2g} %"
+
+
+def describe_sensitivity(calibration: Calibration) -> str:
+    """Return the new sensitivity with its expanded uncertainty, and what has changed."""
+    sensor, ratio = calibration.sensor, calibration.ratio
+    new, old = (value * MILLIVOLT for value in (calibration.sensitivity, sensor.sensitivity))
+    return (
+        f"{sensor.channel} sensor: {new:.6g} mV per {sensor.unit}"
+        f" ± {abs(old) * ratio.expanded:.2g} (95 %), {PERCENT * (ratio.value - 1.0):+.3g} % on"
+        f" {old:.6g}"
+    )
+
+
+def print_calibration(
+    console: Console, calibration: Calibration, fits: Sequence[HitFit], remarks: Sequence[str]
+) -> None:
+    """Print the result first, then the hits, then where the uncertainty comes from."""
+    console.print(Text(describe_sensitivity(calibration), style=GOOD))
+    console.print()
+    _print_hits(console, fits)
+    budget = calibration.ratio.budget
+    columns = [
+        Column("Source", [line.source for line in budget], is_text=True),
+        Column("Type", [line.kind for line in budget], is_text=True),
+        Column("u [%]", [f"{PERCENT * line.contribution:.2g}" for line in budget]),
+        Column("Share [%]", [f"{PERCENT * line.share:.1f}" for line in budget]),
+    ]
+    print_table(console, "Where its uncertainty comes from", columns)
+    for text in remarks:
+        print_text(console, Text.assemble(("warning: ", ALARM), text))
+
+
+def _print_hits(console: Console, fits: Sequence[HitFit]) -> None:
+    values = [item.fit or NO_FIT for item in fits]
+    columns = [
+        Column("Hit", [describe_label(item.label) for item in fits], is_text=True),
+        Column("Ratio", [format_number(fit.ratio, 5) for fit in values]),
+        Column("Misfit [%]", [format_number(PERCENT * fit.misfit, 2) for fit in values]),
+        Column("Linearity [%]", [format_number(PERCENT * fit.linearity, 2) for fit in values]),
+    ]
+    if any(item.flaw for item in fits):
+        columns.append(Column("Not used", [item.flaw for item in fits], is_text=True))
+    print_table(console, f"Hits: {len(fits)}", columns, [EXPLANATION])
+
+
+def calibration_to_json(
+    calibration: Calibration, fits: Sequence[HitFit], remarks: Sequence[str], file: str
+) -> dict[str, Any]:
+    """Return the same as plain values."""
+    return {
+        "file": file,
+        "channel": calibration.sensor.channel,
+        "unit": calibration.sensor.unit,
+        "sensitivity_v_per_unit": calibration.sensitivity,
+        "sensitivity_before_v_per_unit": calibration.sensor.sensitivity,
+        "ratio": calibration.ratio.value,
+        "uncertainty_of_ratio": {
+            name: value for name, value in to_json(calibration.ratio).items() if name != "value"
+        },
+        "hits_used": calibration.hits,
+        "hits": [
+            {
+                "hit": describe_label(item.label),
+                **(dataclasses.asdict(item.fit) if item.fit else {}),
+                "flaw": item.flaw,
+            }
+            for item in fits
+        ],
+        "warnings": list(remarks),
+    }
+
+
+EARLIEST_STAMP = 631_152_000_000_000_000
+"""1990-01-01 [ns since the epoch], our choice: what is older comes from a file without a date."""
+REVERSED = (
+    "the traces have opposite signs: one of the sensors looks the other way; the sign of the"
+    " sensitivity is left as it was"
+)
+
+
+def calibrate(
+    rig_file: Path,
+    method: CalibrationMethod,
+    *,
+    recording: Path | None,
+    sample: str,
+    wanted: int,
+    output: Path | None,
+    as_json: bool,
+) -> None:
+    """Take hits, estimate, write the new rig file, and tell.
+
+    Parameters
+    ----------
+    rig_file : Path
+        The old one.
+    method : CalibrationMethod
+        What is compared with what.
+    recording : Path, optional
+        Where the hits are; None: they are struck now.
+    sample : str
+        Only the recording's hits on this sample; empty: all.
+    wanted : int
+        How many hits are struck.
+    output : Path, optional
+        The new file; None: beside the old one, with the day in its name.
+    as_json : bool
+        Tell in JSON.
+
+    Raises
+    ------
+    RigError
+        If a file cannot be read or written, the source fails, or the hits do not determine it.
+    """
+    rig = read_rig_file(rig_file)
+    sheet = _find_sheet(rig, rig_file, method.channel)
+    if recording is None:
+        series, fits = _strike(rig, method, wanted)
+    else:
+        series = read_hits(recording, sample)
+        if method.has_known_mass:
+            check_one_body(series, recording)
+        fits = _fit(series.hits, method, series)
+    sensor, remark = find_tested_sensor(series, sheet)
+    found = estimate_sensitivity(fits, method, series.setup, sensor)
+    day = _compute_day(fits)
+    path = output or name_new_file(rig_file, day)
+    _write(rig_file, path, change_sheet(_read(rig_file), sheet.channel, found.sensitivity, day))
+    remarks = [text for text in (remark, REVERSED if found.is_reversed else "") if text]
+    remarks += found.remarks
+    if as_json:
+        content = calibration_to_json(found, fits, remarks, str(path))
+        click.echo(format_json(content), nl=False)
+        return
+    print_calibration(make_console(), found, fits, remarks)
+    click.echo(f"written: {path}")
+
+
+def _find_sheet(rig: RigFile, path: Path, channel: str) -> Sensor:
+    for sensor in rig.setup.sensors:
+        if sensor.channel == channel and not math.isnan(sensor.sensitivity):
+            return sensor
+    raise FileError(
+        f"rig file {path}: [source.{channel}] has no sensitivity: give the one that was used so"
+        ' far, for example sensitivity = "10 mV/g"'
+    )
+
+
+def _strike(
+    rig: RigFile, method: CalibrationMethod, wanted: int
+) -> tuple[HitSeries, list[HitFit]]:
+    """Let the operator strike until enough hits can be used; what ends it before keeps them."""
+    hits: list[JudgedHit] = []
+    fits: list[HitFit] = []
+    used = 0
+    click.echo(f"Strike {wanted} times; Ctrl-C ends before.", err=True)
+    with contextlib.closing(strike_hits(rig)) as struck, contextlib.suppress(KeyboardInterrupt):
+        try:
+            for hit in struck:
+                hits.append(hit)
+                fits += _fit([hit], method, HitSeries(rig.setup, ()))
+                used = sum(not item.flaw for item in fits)
+                click.echo(f"{used} of {wanted}: {describe_fit(fits[-1])}", err=True)
+                if used >= wanted:
+                    break
+        except DeviceError as error:
+            if used < FEWEST_HITS:
+                raise
+            print_warning(f"{error}; the {used} hits before that are kept")
+    return HitSeries(rig.setup, tuple(hits)), fits
+
+
+def _fit(hits: Sequence[JudgedHit], method: CalibrationMethod, series: HitSeries) -> list[HitFit]:
+    factor = method.find_factor(series.setup)
+    return [fit_hit(hit, method.channel, factor) for hit in hits]
+
+
+def _compute_day(fits: Sequence[HitFit]) -> str:
+    """Return the day on which the hits were struck, here."""
+    stamp = min((item.stamp for item in fits), default=0)
+    if stamp < EARLIEST_STAMP:
+        return read_today()
+    return datetime.fromtimestamp(stamp * 1e-9).astimezone().date().isoformat()
+
+
+def _read(path: Path) -> str:
+    return path.read_bytes().decode("utf-8-sig")
+
+
+def _write(old: Path, path: Path, text: str) -> None:
+    """Write the new file, which a rig must be able to read, in the old one's encoding."""
+    try:
+        parse_rig_file(text.replace("\r\n", "\n"))
+    except RigError as error:
+        raise FileError(f"the new rig file could not be read again: {error}") from None
+    mark = b"\xef\xbb\xbf" if old.read_bytes().startswith(b"\xef\xbb\xbf") else b""
+    with write_new_file(path) as part:
+        part.write_bytes(mark + text.encode("utf-8"))
 
 
 @click.command(
@@ -93,7 +512,6 @@ def command(
     Each hit gives a ratio, by least squares over the contact; hits whose traces do not fit are
     left out and named. The uncertainty is that of the GUM.
     """
-    from impact_rig.cli.calibration.calibrating import calibrate
     from impact_rig.core.calibration.sensitivity import CalibrationMethod
 
     if back_to_back == (known_mass is not None):

@@ -1,16 +1,186 @@
 """``impact-rig campaign``: run a campaign on a rig that is up."""
 
+import signal
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import click
+from rich.console import Console
+from rich.progress import ProgressColumn, Task, TextColumn
+from rich.text import Text
 
 from impact_rig.cli import options
-from impact_rig.configuration.processes import make_run_folder_name
+from impact_rig.cli.progress_bar import ProgressBar, format_time_left
+from impact_rig.configuration.processes import RESULTS_NAME, make_run_folder_name
+from impact_rig.core.errors import RigError
+from impact_rig.nodes.client import CampaignClient, CampaignOutcome, CampaignRequest
+from impact_rig.present.terminal.console import ALARM, GOOD, make_console, make_printable
+from impact_rig.present.terminal.results import print_results
+from impact_rig.results.numbers import MICRO, format_number
+from impact_rig.results.results_file import format_json, results_to_json, write_results
+
+
+class CampaignView(ProgressBar):
+    """Follows a campaign on standard error; use it in a ``with`` statement.
+
+    A rejected hit gets a line that stays, above the bar or in a log, and so does a pause with its
+    reason. A log also has a line for each sample.
+
+    Parameters
+    ----------
+    console : Console
+        Where to draw.
+    title : str
+        What is done until the first sample's turn.
+    """
+
+    def __init__(self, console: Console, title: str = "starting the rig") -> None:
+        super().__init__(
+            console,
+            title,
+            TextColumn("{task.fields[done]}"),
+            _Rejected(),
+            TextColumn("{task.fields[left]}"),
+            done="",
+            left="",
+            rejected=0,
+        )
+        self._sample = ""
+        self._record = 0
+        self._pause = ""
+
+    def follow(self, feedback: Any) -> None:
+        """Show one feedback of the campaign action."""
+        if feedback.sample != self._sample:
+            self._sample = feedback.sample
+            if not self.is_drawn:
+                self.console.print(
+                    f"sample {feedback.sample_number} of {feedback.sample_count}:"
+                    f" {feedback.sample}"
+                )
+        if feedback.last.record != self._record:
+            self._record = feedback.last.record
+            self._take_verdict(feedback.last)
+        if feedback.message != self._pause:
+            self._take_pause(feedback.message)
+        total = feedback.sample_count * feedback.impacts
+        done = (feedback.sample_number - 1) * feedback.impacts + feedback.impact
+        self.update(
+            description=_describe_place(feedback) if done < total else "estimating",
+            total=total,
+            completed=done,
+            done=f"{done} of {total}",
+            rejected=feedback.rejected,
+            left=format_time_left(feedback.time_left) if done < total else "",
+        )
+
+    def _take_verdict(self, hit: Any) -> None:
+        if hit.accepted:
+            contact_time = format_number(hit.contact_time * MICRO, 2)
+            word, rest, style = "accepted", f"τp {contact_time} µs", GOOD
+        else:
+            word, rest, style = "rejected", "; ".join(hit.reasons), ALARM
+            place = f"{hit.sample}, hit {hit.impact}.{hit.attempt} "
+            self.console.print(Text.assemble(place, (word, style), f": {make_printable(rest)}"))
+        codes = ", ".join(dict.fromkeys(reason.partition(":")[0] for reason in hit.reasons))
+        self.update(
+            status=Text.assemble(
+                f"last hit, {hit.impact}.{hit.attempt}: ", (word, style), f", {codes or rest}"
+            )
+        )
+
+    def _take_pause(self, reason: str) -> None:
+        """Say why the campaign waits, or that it does not any more."""
+        text = Text.assemble(("paused", ALARM), f": {reason}") if reason else Text("it goes on")
+        self._pause = reason
+        self.console.print(text)
+        self.update(status=text)
+
+    def mount(self, sample: str) -> None:
+        """Ask for a sample to be mounted, and wait for the answer."""
+        self._ask(f"Mount {sample} and press Enter")
+
+    def put_back(self, refusal: str) -> None:
+        """Ask for the hammer to be put back, and wait for the answer."""
+        if refusal:
+            self.console.print(refusal, style=ALARM)
+        self._ask("Put the hammer back into its holder and press Enter")
+
+    def let_go(self, sample: str, patience: float) -> None:
+        """Say that the hammer may be let go by hand."""
+        text = f"Let the hammer go on {sample}, within {patience:g} s"
+        if not self.is_drawn:
+            self.console.print(text)
+        self.update(status=Text(text, GOOD))
+
+    def _ask(self, text: str) -> None:
+        self.hide()
+        click.prompt(text, default="", show_default=False, err=True)
+        self.show()
+
+
+class _Rejected(ProgressColumn):
+    """How many hits were rejected, if any."""
+
+    def render(self, task: Task) -> Text:
+        count = task.fields["rejected"]
+        return Text(f"{count} rejected", ALARM) if count else Text()
+
+
+def _describe_place(feedback: Any) -> str:
+    # The hits that are counted are accepted ones: the next one is under way.
+    return (
+        f"{feedback.sample} ({feedback.sample_number} of {feedback.sample_count}),"
+        f" hit {min(feedback.impact + 1, feedback.impacts)} of {feedback.impacts}"
+    )
+
+
+def report_outcome(outcome: CampaignOutcome, folder: Path, *, as_json: bool) -> None:
+    """Write results.json into `folder` and print the tables, or the JSON.
+
+    Raises
+    ------
+    RigError
+        If the campaign did not come to its end; what it found is written and printed all the
+        same.
+    """
+    path = folder / RESULTS_NAME
+    if outcome.results is not None and (outcome.results.samples or outcome.success):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_results(path, outcome.results)
+        if as_json:
+            click.echo(format_json(results_to_json(outcome.results)), nl=False)
+        else:
+            print_results(make_console(), outcome.results)
+        for what, where in (("results", path), ("recording", outcome.recording)):
+            if where:
+                click.echo(f"{what + ':':10} {where}", err=True)
+    if not outcome.success:
+        raise RigError(f"the campaign did not end as planned: {outcome.message}")
+
+
+def run_campaign(
+    client: CampaignClient, request: CampaignRequest, view: CampaignView
+) -> CampaignOutcome:
+    """Run a campaign under a view; Ctrl-C, or no more answers, cancels it on the rig first.
+
+    So do SIGTERM and a terminal that is closed: nobody attends the hammer any more.
+    """
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)
+    try:
+        return client.run(request, view)
+    except (KeyboardInterrupt, click.Abort):
+        client.cancel()
+        raise
+
 
 LOOKING = "looking for the rig"
-RIG_TIMEOUT = 10.0
-"""How long the rig may take to be found [s]."""
+RIG_TIMEOUT = 30.0
+"""How long the rig may take to be found [s], our choice: three times what a start takes on a busy
+machine, most of which is six Python processes that load their libraries: 4 s of computing."""
 
 
 @click.command(
@@ -40,7 +210,7 @@ RIG_TIMEOUT = 10.0
 @click.option(
     "--notes", default="", metavar="TEXT", help="What the recording should say of this campaign."
 )
-@click.option("--namespace", default="", help="ROS namespace of the rig. [none]")
+@options.namespace_option
 @options.network_option
 @click.option(
     "--output",
@@ -67,10 +237,7 @@ def command(
     When a device is lost, the campaign pauses, says why, and goes on when it is back; after an
     emergency stop it goes on when the hammer is reset and armed: see `impact-rig hammer`.
     """
-    from impact_rig.cli.rigs.campaign_view import CampaignView, report_outcome, run_campaign
-    from impact_rig.nodes.campaign_client import CampaignClient
-    from impact_rig.nodes.campaigning.request import CampaignRequest
-    from impact_rig.reporting.terminal.console import make_console
+    from impact_rig.present.terminal.console import make_console
 
     options.check_keep(keep, impacts)
     options.set_discovery(network=network)

@@ -1,11 +1,22 @@
 """``impact-rig demo``: a whole campaign on the virtual rig, in separate processes."""
 
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+if TYPE_CHECKING:
+    from impact_rig.results.campaign import Results
+
 from impact_rig.cli import options
-from impact_rig.cli.rigs.recording_options import list_recording_arguments, recording_options
+from impact_rig.cli.options import list_recording_arguments, recording_options
 from impact_rig.configuration import run
 from impact_rig.configuration.processes import (
     LOG_NAME,
@@ -16,7 +27,95 @@ from impact_rig.configuration.processes import (
     make_viewer_parameters,
 )
 from impact_rig.configuration.rig_file import RigFile
+from impact_rig.core.errors import RigError
 from impact_rig.devices.drivers import VIRTUAL, read_driver_name
+
+STOP_TIMEOUT = 15.0
+"""How long the nodes may take to close their files and end [s]."""
+LOOK_PERIOD = 0.05
+"""How often the log is looked at [s]."""
+SHOWN_LOG_LINES = 15
+"""How much of the log is shown when the rig ends by itself."""
+
+
+class RunningRig:
+    """The background process that holds the nodes.
+
+    Parameters
+    ----------
+    process : subprocess.Popen
+        Of `impact-rig up`.
+    log : Path
+        What the nodes print.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes], log: Path) -> None:
+        self._process = process
+        self._log = log
+
+    def check(self) -> None:
+        """Raise `RigError`, with the end of the log, if the rig has ended by itself."""
+        if self._process.poll() is None:
+            return
+        lines = self._log.read_text("utf-8", errors="replace").splitlines()[-SHOWN_LOG_LINES:]
+        raise RigError("\n".join([f"the rig ended by itself; the end of {self._log}:", *lines]))
+
+    def wait_for_line(self, part: str, timeout: float) -> str:
+        """Wait for a text in the log; return it and the rest of its line, or that it never came.
+
+        Parameters
+        ----------
+        part : str
+            Of the log.
+        timeout : float
+            [s]
+        """
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            self.check()
+            _, found, rest = self._log.read_text("utf-8", errors="replace").partition(part)
+            line, ended, _ = rest.partition("\n")
+            if found and ended:
+                return part + line
+            time.sleep(LOOK_PERIOD)
+        return f"{part}: see {self._log}"
+
+
+@contextlib.contextmanager
+def run_rig(folder: Path, arguments: Sequence[str]) -> Iterator[RunningRig]:
+    """Start a rig, and stop it at the end of the ``with`` block, whatever ends it.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the run.
+    arguments : sequence of str
+        For `impact-rig up`, the folder apart.
+    """
+    log = folder / LOG_NAME
+    # A session of its own: Ctrl-C reaches this process alone, which then stops the rig. Its
+    # standard input ends when this process does, however it ends.
+    process = subprocess.Popen(
+        [
+            sys.executable, "-P", "-m", "impact_rig.cli.main", "up", "--output",
+            str(folder), "--stop-with-input", "--log-file", str(log), *arguments,
+        ],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        start_new_session=True,
+    )  # fmt: skip
+    try:
+        yield RunningRig(process, log)
+    finally:
+        previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        process.terminate()
+        try:
+            process.wait(STOP_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        signal.signal(signal.SIGINT, previous)
+
 
 START_TIMEOUT = 90.0
 """How long the processes may take to start [s]: seconds on two cores, more on a busy host."""
@@ -44,6 +143,7 @@ PAGE_NOTICE = "the view is at"
       impact-rig demo --samples "steel small" "aluminium large" --impacts 3
       impact-rig demo --faults 0.1             what goes wrong on a real rig
       impact-rig demo --impacts 12 --keep 10   the ten most consistent of twelve
+      impact-rig demo --plant contact          free bodies under a contact law, beside the truth
       impact-rig demo --continuous             impacts found in a running stream
       impact-rig demo --viewer spawn           watch it in Rerun
       impact-rig demo --json > results.json
@@ -79,16 +179,15 @@ def command(
     stiffness and damping of every sample are printed beside the published values, and
     everything is recorded.
     """
-    from impact_rig.cli.rigs.campaign_view import CampaignView, report_outcome, run_campaign
-    from impact_rig.cli.rigs.running_rig import run_rig, use_private_domain
-    from impact_rig.reporting.terminal.console import make_console
+    from impact_rig.cli.campaign import CampaignView, report_outcome, run_campaign
+    from impact_rig.present.terminal.console import make_console
 
     options.check_keep(keep, impacts)
     rig = run.load_rig_file(rig_file)
     _check_virtual(rig)
     run.check_samples(rig, samples)
     make_viewer_parameters(viewers)
-    list_rig_processes("", virtual=rig.virtual, continuous=continuous, recording=recording)
+    list_rig_processes("", continuous=continuous, recording=recording)
     folder = run.make_run_folder(output)
     options.set_discovery(network=False)
     arguments = [word for setting in SETTINGS for word in ("--set", setting)]
@@ -101,24 +200,44 @@ def command(
         if value is not None:
             arguments += [name, str(value)]
     try:
-        with use_private_domain(), run_rig(folder, arguments) as running:
-            from impact_rig.nodes.campaign_client import CampaignClient
-            from impact_rig.nodes.campaigning.request import CampaignRequest
+        with options.use_private_domain(), run_rig(folder, arguments) as running:
+            from impact_rig.nodes.client import CampaignClient, CampaignRequest
 
             with CampaignClient() as client, CampaignView(make_console(stderr=True)) as view:
                 client.wait_for_rig(START_TIMEOUT, running.check)
                 # Of a running stream the accelerometers wait to hear that their hit was found.
                 client.wait_for_listeners(SUBSCRIBERS + continuous, VIEW_TIMEOUT)
                 if PAGE in viewers:
-                    click.echo(running.find_line(PAGE_NOTICE, VIEW_TIMEOUT), err=True)
+                    click.echo(running.wait_for_line(PAGE_NOTICE, VIEW_TIMEOUT), err=True)
                 request = CampaignRequest(samples, impacts, ATTEMPTS, keep_hits=keep)
                 outcome = run_campaign(client, request, view)
     except KeyboardInterrupt:
         click.echo(f"stopped; the recording so far: {folder / recording.name}", err=True)
         raise
     report_outcome(outcome, folder, as_json=as_json)
+    if outcome.results is not None and not as_json:
+        _print_truth(rig, plant, outcome.results)
     if not (folder / VIEW_NAME).exists():
         click.echo(f"no view was written: see {folder / LOG_NAME}", err=True)
+
+
+def _print_truth(rig: RigFile, plant: str | None, results: "Results") -> None:
+    """Print law and paper's method beside the truth, where the plant has a contact law."""
+    from impact_rig.configuration.toml_table import TomlTable
+    from impact_rig.devices.virtual.drivers import read_virtual_rig
+    from impact_rig.devices.virtual.rig import make_nominal_physics
+    from impact_rig.present.terminal.console import make_console, print_result
+    from impact_rig.results.tables import tabulate_true_contacts
+
+    given = run.make_virtual_source(plant=plant, seed=None, faults=None)
+    settings = read_virtual_rig(TomlTable({**rig.source, **given}, "[source]"))
+    truths = {
+        sample.name: physics.contact.describe()
+        for sample in results.samples
+        if (physics := make_nominal_physics(rig.setup, sample.name, settings)).contact is not None
+    }
+    if truths:
+        print_result(make_console(), tabulate_true_contacts(results.samples, truths))
 
 
 def _check_virtual(rig: RigFile) -> None:

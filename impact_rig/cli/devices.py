@@ -1,12 +1,393 @@
 """`impact-rig devices`: drivers, the devices that they find, and those that a rig file names."""
 
+import dataclasses
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import click
+from rich.console import Console
+from rich.text import Text
 
 from impact_rig.cli import options
-from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.cli.doctor import find_library
+from impact_rig.configuration.rig_file import RigFile
+from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.devices.drivers import (
+    HOLDERS,
+    SOURCES,
+    Driver,
+    find_drivers,
+    make_device,
+    read_driver_name,
+)
+from impact_rig.devices.protocols import (
+    Acquisition,
+    AcquisitionPlan,
+    FoundDevice,
+    HammerHolder,
+    HolderState,
+    SourceChannel,
+)
+from impact_rig.devices.source_table import make_source
+from impact_rig.present.terminal.console import (
+    ALARM,
+    GOOD,
+    WARNING,
+    make_printable,
+    print_facts,
+    print_table,
+    print_text,
+)
+from impact_rig.results.numbers import MISSING
 from impact_rig.results.results_file import format_json
+from impact_rig.results.tables import Column
+
+SEARCH_TIMEOUT = 15.0
+"""How long a driver may search [s], our choice: some ask a network."""
+KINDS = {SOURCES: "source", HOLDERS: "holder"}
+ENDLESS = "its search for devices did not come to an end"
+
+
+@dataclass(frozen=True)
+class SurveyedDriver:
+    """A driver, and what its search has found.
+
+    Attributes
+    ----------
+    kind : str
+        "source" or "holder".
+    name, package : str
+        As the rig file names it, and the distribution that brings it.
+    description, example : str
+        In its own words; empty where it could not be loaded.
+    devices : tuple of FoundDevice
+        Those that it could use.
+    trouble : str
+        Why it cannot work, or could not search; empty: it can.
+    advice : str
+        What to do about that, where it is known.
+    """
+
+    kind: str
+    name: str
+    package: str
+    description: str = ""
+    example: str = ""
+    devices: tuple[FoundDevice, ...] = ()
+    trouble: str = ""
+    advice: str = ""
+
+
+@dataclass(frozen=True)
+class _Search:
+    """A driver that searches in a process of its own: it may hang, or end that process."""
+
+    kind: str
+    driver: Driver
+    process: subprocess.Popen[str]
+
+
+def survey_drivers(name: str = "", timeout: float = SEARCH_TIMEOUT) -> list[SurveyedDriver]:
+    """Let every driver search for its devices, all at the same time.
+
+    Parameters
+    ----------
+    name : str
+        Only the drivers of this name; empty: all.
+    timeout : float
+        For each of them [s]; who has not answered then is ended.
+
+    Raises
+    ------
+    DeviceError
+        If two packages bring drivers of the same name.
+    """
+    searches = [
+        _start(group, driver)
+        for group in KINDS
+        for driver in find_drivers(group).values()
+        if name in ("", driver.name)
+    ]
+    with ThreadPoolExecutor(max(1, len(searches))) as pool:
+        try:
+            return list(pool.map(lambda search: _await_answer(search, timeout), searches))
+        finally:
+            for search in searches:
+                _end(search.process)
+
+
+def _start(group: str, driver: Driver) -> _Search:
+    words = [sys.executable, "-P", "-m", "impact_rig.cli.device_search", group, driver.name]
+    process = subprocess.Popen(
+        words,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+    )
+    return _Search(KINDS[group], driver, process)
+
+
+def _await_answer(search: _Search, timeout: float) -> SurveyedDriver:
+    try:
+        output, _ = search.process.communicate(timeout=timeout)
+    except subprocess.TimeoutExpired:
+        _end(search.process)
+        search.process.communicate()
+        return _describe(search, trouble=ENDLESS)
+    return _read_answer(search, output)
+
+
+def _read_answer(search: _Search, output: str) -> SurveyedDriver:
+    try:
+        answer = json.loads(output)
+    except ValueError:
+        code = search.process.returncode
+        ended = f"signal {signal.Signals(-code).name}" if code < 0 else f"code {code}"
+        return _describe(search, trouble=f"it crashed while it searched for devices ({ended})")
+    library = find_library(answer["missing"])
+    return _describe(
+        search,
+        description=answer["description"],
+        example=answer["example"],
+        devices=tuple(FoundDevice(*device) for device in answer["devices"]),
+        trouble=answer["trouble"],
+        advice=library.advice if library else "",
+    )
+
+
+def _describe(
+    search: _Search,
+    *,
+    description: str = "",
+    example: str = "",
+    devices: tuple[FoundDevice, ...] = (),
+    trouble: str = "",
+    advice: str = "",
+) -> SurveyedDriver:
+    return SurveyedDriver(
+        search.kind, search.driver.name, search.driver.package,
+        description, example, devices, trouble, advice,
+    )  # fmt: skip
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """End a search that goes on, with whatever it has started."""
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+Facts = tuple[tuple[str, str], ...]
+"""Names and what there is to say."""
+SAME_RATE = 1e-6
+"""Part by which the device's rate may differ from the one asked for without a word [-], our
+choice: it is rounding."""
+
+
+@dataclass(frozen=True)
+class DeviceCheck:
+    """What was found of one device of a rig file.
+
+    Attributes
+    ----------
+    part : str
+        "source" or "holder".
+    facts : tuple of (str, str)
+        What the device is and does; empty where it could not be opened.
+    trouble : str
+        What is wrong, in one sentence; empty: nothing.
+    """
+
+    part: str
+    facts: Facts = ()
+    trouble: str = ""
+
+
+def check_rig(rig: RigFile, path: Path, *, continuous: bool) -> tuple[DeviceCheck, DeviceCheck]:
+    """Open source and holder of a rig file, and close them again; the hammer stays held.
+
+    Parameters
+    ----------
+    rig : RigFile
+        What the file says.
+    path : Path
+        Of the file, for messages.
+    continuous : bool
+        Whether the source must be able to stream.
+    """
+    return (
+        _check("source", path, lambda: _try_source(rig, continuous=continuous)),
+        _check("holder", path, lambda: _try_holder(rig)),
+    )
+
+
+def _check(part: str, path: Path, attempt: Callable[[], Facts]) -> DeviceCheck:
+    try:
+        return DeviceCheck(part, attempt())
+    except ParameterError as error:
+        trouble = f"rig file {path}: {error}"
+    except RigError as error:
+        trouble = str(error)
+    except ModuleNotFoundError as error:
+        trouble = _describe_missing(error)
+    return DeviceCheck(part, trouble=trouble)
+
+
+def _try_source(rig: RigFile, *, continuous: bool) -> Facts:
+    source, plan = make_source(rig.source, rig.setup, continuous=continuous)
+    try:
+        return _list_source_facts(rig, plan, source.configure(plan))
+    finally:
+        source.close()
+
+
+def _list_source_facts(rig: RigFile, plan: AcquisitionPlan, acquisition: Acquisition) -> Facts:
+    facts = [
+        ("driver", read_driver_name(rig.source)),
+        ("device", acquisition.identity),
+        ("rate", _describe_rate(plan.sampling_rate, acquisition.sampling_rate)),
+    ]
+    if not plan.continuous:
+        kept = f"{plan.pre_trigger * 1e3:g} ms of it before the trigger"
+        facts += [
+            ("record", f"{plan.record_duration * 1e3:g} ms, {kept}"),
+            ("trigger", f"{plan.trigger_level:.4g} m/s² of the hammer, either sign"),
+        ]
+    specimen = plan.specimen
+    return (
+        *facts,
+        ("hammer", _describe_channel(plan.hammer)),
+        ("specimen", _describe_channel(specimen) if specimen else "not measured"),
+    )
+
+
+def _try_holder(rig: RigFile) -> Facts:
+    name = read_driver_name(rig.holder)
+    holder: HammerHolder = make_device(HOLDERS, rig.holder)
+    try:
+        identity = holder.configure()
+        if holder.read_state() is not HolderState.HOLDING:
+            raise DeviceError(f"the holder {identity} does not hold: look at its wiring")
+    finally:
+        holder.close()
+    how = "an operator lets the hammer go" if holder.is_by_hand else "it holds"
+    return ("driver", name), ("device", identity), ("state", how)
+
+
+def _describe_rate(wanted: float, real: float) -> str:
+    text = f"{real * 1e-3:.9g} kHz"
+    if abs(real - wanted) > SAME_RATE * wanted:
+        text += f", where {wanted * 1e-3:.9g} kHz are asked for"
+    return text
+
+
+def _describe_channel(channel: SourceChannel) -> str:
+    sensor = channel.sensor.describe()
+    return f"channel {channel.name}: {sensor}" if channel.name else sensor
+
+
+def _describe_missing(error: ModuleNotFoundError) -> str:
+    library = find_library(error.name or "")
+    text = f"the Python package {error.name!r} is not installed"
+    return f"{text}: {library.advice}" if library else text
+
+
+TITLES = {"source": "Acceleration sources", "holder": "Hammer holders"}
+READY = "ready"
+NOT_READY = "not ready"
+
+
+def print_drivers(console: Console, drivers: Sequence[SurveyedDriver]) -> None:
+    """Print all drivers, then the devices that they have found."""
+    for kind, title in TITLES.items():
+        _print_kind(console, title, [driver for driver in drivers if driver.kind == kind])
+    found = [(driver, device) for driver in drivers for device in driver.devices]
+    if not found:
+        console.print("No device was found.")
+        return
+    columns = [
+        Column("Driver", [driver.name for driver, _ in found], is_text=True),
+        Column("Kind", [driver.kind for driver, _ in found], is_text=True),
+        Column("Address", [device.address for _, device in found], is_text=True),
+        Column("Device", [device.identity or MISSING for _, device in found], is_text=True),
+    ]
+    print_table(console, f"Devices found: {len(found)}", columns)
+
+
+def _print_kind(console: Console, title: str, drivers: Sequence[SurveyedDriver]) -> None:
+    columns = [
+        Column("Driver", [driver.name for driver in drivers], is_text=True),
+        Column("For", [driver.description or MISSING for driver in drivers], is_text=True),
+        Column(
+            "State",
+            [NOT_READY if driver.trouble else READY for driver in drivers],
+            is_text=True,
+            styles=[WARNING if driver.trouble else GOOD for driver in drivers],
+        ),
+        Column("Package", [driver.package for driver in drivers], is_text=True, is_optional=True),
+    ]
+    notes = [
+        f"{driver.name}: {_describe_trouble(driver)}." for driver in drivers if driver.trouble
+    ]
+    print_table(console, title, columns, notes)
+
+
+def print_driver(console: Console, driver: SurveyedDriver) -> None:
+    """Print one driver, what it finds, and the table of a rig file to copy."""
+    console.print(Text(f"{driver.name}, a {driver.kind} of {driver.package}", style="bold"))
+    if driver.description:
+        console.print(Text(driver.description))
+    if driver.trouble:
+        console.print(Text(_describe_trouble(driver), style=ALARM))
+    for device in driver.devices:
+        console.print(Text(f"found: {device.address}  {device.identity}".rstrip()))
+    if driver.example:
+        console.print()
+        # As it is, to be copied: no line is broken.
+        console.print(Text(driver.example.strip()), soft_wrap=True)
+    console.print()
+
+
+def drivers_to_json(drivers: Sequence[SurveyedDriver]) -> list[dict[str, Any]]:
+    """Return the drivers as plain values."""
+    return [dataclasses.asdict(driver) for driver in drivers]
+
+
+def _describe_trouble(driver: SurveyedDriver) -> str:
+    return "; ".join(text for text in (driver.trouble, driver.advice) if text)
+
+
+FAULT = "fault"
+OK = "ok"
+
+
+def print_checks(console: Console, checks: Sequence[DeviceCheck], warnings: Sequence[str]) -> None:
+    """Print what was found of each device, then what is to be known of the sensors."""
+    for check in checks:
+        state = Text(FAULT, ALARM) if check.trouble else Text(OK, GOOD)
+        console.print(Text.assemble(state, f"  {check.part}"))
+        facts = [(f"  {name}", text) for name, text in check.facts]
+        print_facts(console, [*facts, ("", check.trouble)] if check.trouble else facts)
+    for text in warnings:
+        print_text(console, Text.assemble(("warning: ", ALARM), make_printable(text)))
+
+
+def checks_to_json(checks: Sequence[DeviceCheck], warnings: Sequence[str]) -> dict[str, Any]:
+    """Return the same as plain values."""
+    content: dict[str, Any] = {
+        check.part: {**dict(check.facts), "trouble": check.trouble} for check in checks
+    }
+    return {**content, "warnings": list(warnings)}
+
 
 EXIT_FAULT = 1
 """A device of the rig file is not there, or cannot do what it is asked."""
@@ -51,14 +432,12 @@ def command(name: str | None, rig_file: Path | None, continuous: bool, as_json: 
         return
     if name is not None:
         raise ParameterError(f"--check takes a rig file alone: leave {name!r} out")
-    _check(rig_file, continuous=continuous, as_json=as_json)
+    _check_file(rig_file, continuous=continuous, as_json=as_json)
 
 
 def _show_drivers(name: str, *, as_json: bool) -> None:
-    from impact_rig.cli.drivers.driver_view import drivers_to_json, print_driver, print_drivers
-    from impact_rig.cli.drivers.survey import survey_drivers
     from impact_rig.devices.drivers import HOLDERS, SOURCES, find_drivers
-    from impact_rig.reporting.terminal.console import make_console
+    from impact_rig.present.terminal.console import make_console
 
     known = [*find_drivers(SOURCES), *find_drivers(HOLDERS)]
     if name and name not in known:
@@ -76,16 +455,13 @@ def _show_drivers(name: str, *, as_json: bool) -> None:
         print_drivers(console, drivers)
 
 
-def _check(rig_file: Path, *, continuous: bool, as_json: bool) -> None:
-    from impact_rig.cli.drivers.check_view import checks_to_json, print_checks
-    from impact_rig.cli.drivers.rig_check import check_rig
-    from impact_rig.configuration.calibration_warnings import find_rig_warnings
-    from impact_rig.configuration.rig_file import read_rig_file
-    from impact_rig.reporting.terminal.console import make_console
+def _check_file(rig_file: Path, *, continuous: bool, as_json: bool) -> None:
+    from impact_rig.configuration.rig_file import list_rig_warnings, read_rig_file
+    from impact_rig.present.terminal.console import make_console
 
     rig = read_rig_file(rig_file)
     checks = check_rig(rig, rig_file, continuous=continuous)
-    warnings = find_rig_warnings(rig.setup)
+    warnings = list_rig_warnings(rig.setup)
     if as_json:
         click.echo(format_json(checks_to_json(checks, warnings)), nl=False)
     else:

@@ -1,25 +1,492 @@
 """`impact-rig doctor`: what is installed, what is broken, what to do about it."""
 
+import contextlib
 import os
-from collections.abc import Sequence
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from importlib import metadata, util
 from pathlib import Path
 
 import click
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
-from impact_rig.cli.checks.findings import Finding, Status
-from impact_rig.cli.checks.host_checks import check_disk, check_shared_memory
-from impact_rig.cli.checks.ros_checks import (
-    check_conversation,
-    check_discovery,
-    check_distribution,
-    check_domain,
+from impact_rig.cli import options
+from impact_rig.nodes.discovery import reserve_domain
+from impact_rig.present.terminal.console import (
+    ALARM,
+    GOOD,
+    WARNING,
+    make_console,
+    print_facts,
 )
-from impact_rig.cli.checks.software_checks import check_libraries, check_python
-from impact_rig.reporting.terminal.console import ALARM, GOOD, WARNING, make_console
 from impact_rig.results.results_file import format_json
+from impact_rig.simulators.check import find_obstacle
+from impact_rig.simulators.parameters import ENGINES
+
+
+class Status(Enum):
+    """How good a finding is."""
+
+    OK = "ok"
+    WARNING = "warning"
+    FAULT = "fault"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the doctor's report.
+
+    Attributes
+    ----------
+    name : str
+        What was looked at.
+    status : Status
+        A fault is what keeps the rig from working.
+    text : str
+        What was found.
+    advice : str
+        What to do about it; empty where all is well.
+    """
+
+    name: str
+    status: Status
+    text: str
+    advice: str = ""
+
+
+OLDEST_PYTHON = (3, 11)
+SET_UP = "use `python3 launch_scripts/rig.py exec -- impact-rig ...`, which installs it"
+
+
+@dataclass(frozen=True)
+class Library:
+    """A library that the rig uses.
+
+    Attributes
+    ----------
+    module : str
+        What Python imports.
+    distributions : tuple of str
+        Names it may be installed under, the first one for people.
+    purpose : str
+        What does not work without it.
+    oldest : tuple of int
+        Oldest version that will do; empty: any.
+    is_needed : bool
+        The rig cannot do its main job without it.
+    advice : str
+        How to get it.
+    """
+
+    module: str
+    distributions: tuple[str, ...]
+    purpose: str
+    oldest: tuple[int, ...] = ()
+    is_needed: bool = True
+    advice: str = SET_UP
+
+
+LIBRARIES = (
+    Library("numpy", ("numpy",), "every computation", (1, 26)),
+    Library("scipy", ("scipy",), "every computation", (1, 11)),
+    Library("rclpy", ("rclpy",), "every node", advice=f"{SET_UP}, or source ROS 2 Jazzy"),
+    Library(
+        "impact_rig_msgs.msg",
+        ("impact_rig_msgs", "impact-rig-msgs"),
+        "every node",
+        advice=f"{SET_UP}, or build and source the workspace with colcon",
+    ),
+    Library("domain_coordinator", ("domain-coordinator", "domain_coordinator"), "`demo`"),
+    Library("GTC", ("GTC",), "every uncertainty"),
+    Library("honcho", ("honcho",), "`up`"),
+    Library("pint", ("pint",), "rig files"),
+    Library("rosbags", ("rosbags",), "reading recordings"),
+    Library("mcap", ("mcap",), "reading and writing recordings"),
+    *(
+        Library(
+            module,
+            (name,),
+            f"importing and exporting {kind}",
+            is_needed=False,
+            advice=f"pip install {name}; all else works without it",
+        )
+        for module, name, kind in (
+            ("nptdms", "npTDMS", ".tdms"),
+            ("pyuff", "pyuff", ".uff"),
+            ("h5py", "h5py", ".h5 and .mat of version 7.3"),
+        )
+    ),
+    *(
+        Library(
+            module,
+            (name,),
+            purpose,
+            is_needed=False,
+            advice=f'pip install "{wanted}"; all else works without it',
+        )
+        for module, name, purpose, wanted in (
+            ("nidaqmx", "nidaqmx", "devices of National Instruments", "nidaqmx[grpc]"),
+            ("serial", "pyserial", "relays on a serial port", "pyserial"),
+            ("sounddevice", "sounddevice", "sound cards", "sounddevice"),
+            ("gpiod", "gpiod", "GPIO lines", "gpiod"),
+        )
+    ),
+    Library(
+        "distributed",
+        ("distributed",),
+        "many recordings at once",
+        is_needed=False,
+        advice="pip install distributed; recordings are then analyzed one after the other",
+    ),
+    Library(
+        "matplotlib",
+        ("matplotlib",),
+        "the figures of `study` and `report`",
+        is_needed=False,
+        advice="pip install matplotlib; all else works without it",
+    ),
+    Library(
+        "jinja2",
+        ("jinja2",),
+        "`report`",
+        is_needed=False,
+        advice="pip install jinja2; all else works without it",
+    ),
+    Library(
+        "rerun",
+        ("rerun-sdk",),
+        "the visualizer",
+        is_needed=False,
+        advice="pip install rerun-sdk; it needs numpy 2, all else works without it",
+    ),
+)
+
+
+def find_library(module: str) -> Library | None:
+    """Return the library that a module is of; None: it is none of `LIBRARIES`."""
+    top = module.partition(".")[0]
+    return next((item for item in LIBRARIES if item.module.partition(".")[0] == top), None)
+
+
+def check_python() -> Finding:
+    """Look at the interpreter."""
+    text = f"{sys.version.split()[0]} ({sys.executable})"
+    if sys.version_info[:2] >= OLDEST_PYTHON:
+        return Finding("Python", Status.OK, text)
+    wanted = ".".join(map(str, OLDEST_PYTHON))
+    return Finding("Python", Status.FAULT, text, f"use Python {wanted} or newer")
+
+
+def check_libraries(libraries: Sequence[Library] = LIBRARIES) -> list[Finding]:
+    """Load every library, each in a process of its own, and look at its version.
+
+    Some end the process that loads them when their settings are wrong.
+    """
+    loading = [
+        subprocess.Popen(
+            [sys.executable, "-c", f"import {library.module}"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for library in libraries
+    ]
+    findings = []
+    for library, process in zip(libraries, loading, strict=True):
+        errors = process.communicate()[1]
+        findings.append(_judge(library, process.returncode, errors.strip()))
+    return findings
+
+
+def check_simulators() -> Finding:
+    """Tell in which simulators an exported contact can be checked; none is needed."""
+    engines = [engine for engine in ENGINES.values() if engine.package]
+    missing = [engine.package for engine in engines if find_obstacle(engine)]
+    text = ", ".join(engine.title for engine in engines if engine.package not in missing) or "none"
+    if missing:
+        text += f"; `export --check` in others: pip install {' '.join(missing)}"
+    return Finding("simulators", Status.OK, text)
+
+
+def _judge(library: Library, code: int, errors: str) -> Finding:
+    name = library.distributions[0]
+    trouble = Status.FAULT if library.is_needed else Status.WARNING
+    if code != 0:
+        reason = errors.splitlines()[-1] if errors else f"Python ended with code {code}"
+        missing = re.fullmatch(r"ModuleNotFoundError: No module named '(.+)'", reason)
+        if missing and library.module.startswith(missing.group(1)):
+            reason = f"missing; {library.purpose} needs it"
+        else:
+            reason = f"does not load: {reason}"
+        return Finding(name, trouble, reason, library.advice)
+    version = read_version(library)
+    if library.oldest and version and _parse_version(version) < library.oldest:
+        wanted = ".".join(map(str, library.oldest))
+        return Finding(name, trouble, version, f"install {name} {wanted} or newer")
+    return Finding(name, Status.OK, version or "installed")
+
+
+def read_version(library: Library) -> str:
+    """Return a library's version; empty: it does not say."""
+    for distribution in library.distributions:
+        try:
+            return metadata.version(distribution)
+        except metadata.PackageNotFoundError:
+            continue
+    return ""
+
+
+def _parse_version(text: str) -> tuple[int, ...]:
+    return tuple(int(number) for number in re.findall(r"\d+", text)[:2])
+
+
+DISTRIBUTION = "jazzy"
+PROBE_TIMEOUT = 20.0
+"""How long two processes may take to find each other [s]: one or two, more on a busy host."""
+DISCOVERY_RANGES = {
+    "SUBNET": "the local network",
+    "LOCALHOST": "this host",
+    "SYSTEM_DEFAULT": "whatever the middleware does by itself",
+    "OFF": "nothing",
+}
+HIGHEST_DOMAIN = 232
+HIGHEST_SAFE_DOMAIN = 101
+"""Above it the ports of a domain may collide with those that Linux hands out."""
+UNSET = "unset"
+
+
+def check_distribution(environment: Mapping[str, str]) -> Finding:
+    """Tell which ROS 2 this is."""
+    name = "ROS 2"
+    chosen = environment.get("ROS_DISTRO", "")
+    if chosen and chosen != DISTRIBUTION:
+        return Finding(
+            name,
+            Status.FAULT,
+            f"{chosen} is sourced (ROS_DISTRO)",
+            f"source ROS 2 {DISTRIBUTION.title()}, or none: then it comes from PyPI",
+        )
+    if util.find_spec("rclpy") is None:
+        return Finding(
+            name,
+            Status.FAULT,
+            "none: there is no rclpy",
+            "run `python3 launch_scripts/rig.py exec -- impact-rig doctor`, or source ROS 2"
+            f" {DISTRIBUTION.title()}",
+        )
+    try:
+        wheel = metadata.version("ros-rclpy")
+    except metadata.PackageNotFoundError:
+        origin = "installed on this machine"
+    else:
+        origin = f"wheels from PyPI (ros-rclpy {wheel})"
+    return Finding(name, Status.OK, f"{DISTRIBUTION.title()}, {origin}")
+
+
+def check_domain(environment: Mapping[str, str]) -> Finding:
+    """Look at ROS_DOMAIN_ID."""
+    name = "ROS_DOMAIN_ID"
+    text = environment.get(name, "")
+    if not text:
+        return Finding(name, Status.OK, f"{UNSET}: domain 0; demo takes an unused one")
+    if not text.isdecimal() or int(text) > HIGHEST_DOMAIN:
+        return Finding(
+            name,
+            Status.FAULT,
+            repr(text),
+            f"unset it, or set a whole number from 0 to {HIGHEST_SAFE_DOMAIN}",
+        )
+    if int(text) > HIGHEST_SAFE_DOMAIN:
+        return Finding(
+            name,
+            Status.WARNING,
+            text,
+            f"set a number up to {HIGHEST_SAFE_DOMAIN}: above it ports may be taken by others",
+        )
+    return Finding(name, Status.OK, text)
+
+
+def check_discovery(environment: Mapping[str, str]) -> Finding:
+    """Look at how far nodes search for each other."""
+    name = "discovery"
+    variable = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+    if environment.get("ROS_LOCALHOST_ONLY", "0") not in ("", "0"):
+        return Finding(
+            name,
+            Status.WARNING,
+            "ROS_LOCALHOST_ONLY is set: this host, whatever else is said",
+            f"unset it and set {variable}=LOCALHOST instead: it is deprecated",
+        )
+    chosen = environment.get(variable, "")
+    if not chosen:
+        return Finding(name, Status.OK, f"{variable} {UNSET}: the rig stays on this host")
+    if chosen not in DISCOVERY_RANGES:
+        return Finding(
+            name,
+            Status.FAULT,
+            f"{variable} is {chosen!r}",
+            f"unset it, or set one of {', '.join(DISCOVERY_RANGES)}",
+        )
+    text = f"{variable}={chosen}: {DISCOVERY_RANGES[chosen]}"
+    if chosen == "OFF":
+        return Finding(
+            name, Status.FAULT, text, "set LOCALHOST: not even the nodes of one host meet"
+        )
+    return Finding(name, Status.OK, text)
+
+
+def check_conversation(timeout: float = PROBE_TIMEOUT) -> list[Finding]:
+    """Let two processes of this host exchange a message, and tell the middleware they used.
+
+    Parameters
+    ----------
+    timeout : float
+        For all of it [s].
+    """
+    name = "two processes"
+    if util.find_spec("rclpy") is None:
+        return [Finding(name, Status.FAULT, "not tried: there is no rclpy", "install ROS 2 first")]
+    started = time.monotonic()
+    token = uuid.uuid4().hex
+    with _pick_environment() as environment:
+        talker = _start_probe("talk", token, environment)
+        listener = _start_probe("listen", token, environment)
+        try:
+            output, errors = listener.communicate(timeout=timeout)
+        except subprocess.TimeoutExpired:
+            return [
+                Finding(
+                    name,
+                    Status.FAULT,
+                    f"did not hear each other within {timeout:g} s",
+                    "look for a firewall on the loopback interface, a missing `lo`, or variables"
+                    " of another middleware (RMW_IMPLEMENTATION, *_PROFILES_FILE, CYCLONEDDS_URI)",
+                )
+            ]
+        finally:
+            for process in (listener, talker):
+                process.kill()
+                process.communicate()
+    if listener.returncode != 0 or not output.strip():
+        reason = (errors.strip() or "no output").splitlines()[-1]
+        return [
+            Finding(
+                name,
+                Status.FAULT,
+                f"the listener ended with code {listener.returncode}: {reason}",
+                "mend what is marked above first; RMW_IMPLEMENTATION must name an installed one",
+            )
+        ]
+    elapsed = time.monotonic() - started
+    return [
+        Finding("middleware", Status.OK, output.strip().splitlines()[-1]),
+        Finding(name, Status.OK, f"hear each other ({elapsed:.1f} s from start to message)"),
+    ]
+
+
+def _start_probe(
+    program: str, token: str, environment: Mapping[str, str]
+) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "impact_rig.nodes.probe", program, token],
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@contextlib.contextmanager
+def _pick_environment() -> Iterator[dict[str, str]]:
+    """Yield the environment of a node, in a domain where nobody else is."""
+    environment = dict(os.environ)
+    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(ModuleNotFoundError):
+            environment["ROS_DOMAIN_ID"] = str(stack.enter_context(reserve_domain()))
+        yield environment
+
+
+SCARCE_DISK = 2e9
+"""Free space below which a warning is due [bytes], our choice: some forty campaigns."""
+TOO_LITTLE_DISK = 1e8
+"""Free space that one campaign may fill [bytes]."""
+SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - this is what Linux and Fast DDS use
+SCARCE_SHARED_MEMORY = 32e6
+"""Free shared memory below which a warning is due [bytes], our choice: seven nodes take about
+half of it."""
+MEGABYTE = 1e6
+GIGABYTE = 1e9
+
+
+def check_disk(folder: Path) -> Finding:
+    """Look whether a campaign can be recorded in `folder`."""
+    name = "disk"
+    if not os.access(folder, os.W_OK):
+        return Finding(
+            name,
+            Status.FAULT,
+            f"{folder} cannot be written",
+            "change into a folder of yours, or give --output",
+        )
+    free = shutil.disk_usage(folder).free
+    text = f"{_format_size(free)} free in {folder}"
+    if free < TOO_LITTLE_DISK:
+        return Finding(name, Status.FAULT, text, "free some space: a campaign takes up to 100 MB")
+    if free < SCARCE_DISK:
+        return Finding(name, Status.WARNING, text, "free some space before a long campaign")
+    return Finding(name, Status.OK, text)
+
+
+def check_shared_memory(folder: Path = SHARED_MEMORY) -> Finding:
+    """Look whether nodes of this host can pass messages through shared memory."""
+    name = "shared memory"
+    if not folder.is_dir():
+        return Finding(
+            name,
+            Status.WARNING,
+            f"there is no {folder}",
+            "mount a tmpfs there; until then messages take the slower way over UDP",
+        )
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        return Finding(
+            name,
+            Status.WARNING,
+            f"{folder} cannot be written ({error.strerror})",
+            "let everyone write there (mode 1777); until then messages take the slower way",
+        )
+    usage = shutil.disk_usage(folder)
+    text = f"{_format_size(usage.free)} of {_format_size(usage.total)} free in {folder}"
+    if usage.free < SCARCE_SHARED_MEMORY:
+        return Finding(
+            name,
+            Status.WARNING,
+            text,
+            "remove what dead processes left there (fastrtps_*) once no node runs; in a container"
+            " give it more (docker run --shm-size=256m)",
+        )
+    return Finding(name, Status.OK, text)
+
+
+def _format_size(size: float) -> str:
+    if size >= GIGABYTE:
+        return f"{size / GIGABYTE:.1f} GB"
+    return f"{size / MEGABYTE:.0f} MB"
+
 
 EXIT_FAULT = 1
 STYLES = {Status.OK: GOOD, Status.WARNING: WARNING, Status.FAULT: ALARM}
@@ -35,7 +502,7 @@ STYLES = {Status.OK: GOOD, Status.WARNING: WARNING, Status.FAULT: ALARM}
     Exit code: 0 if the rig can work, 1 if something that it needs is broken.
     """,
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
+@options.json_option
 def command(as_json: bool) -> None:
     """See what is installed and what is broken.
 
@@ -58,6 +525,7 @@ def examine() -> list[Finding]:
     return [
         check_python(),
         *check_libraries(),
+        check_simulators(),
         check_distribution(os.environ),
         check_domain(os.environ),
         check_discovery(os.environ),
@@ -83,16 +551,19 @@ def _to_json(findings: Sequence[Finding], is_healthy: bool) -> dict[str, object]
 
 
 def _print_findings(console: Console, findings: Sequence[Finding]) -> None:
-    table = Table.grid(padding=(0, 2, 0, 0))
-    for finding in findings:
-        found = Text(finding.text, overflow="fold")
-        if finding.advice:
-            found.append(f"\n{finding.advice}", style="bold")
-        table.add_row(
-            Text(finding.status.value, style=STYLES[finding.status]), Text(finding.name), found
-        )
-    console.print(table)
-    console.print()
+    print_facts(
+        console,
+        [
+            (
+                Text(finding.status.value, style=STYLES[finding.status]),
+                finding.name,
+                Text.assemble(
+                    finding.text, (f"\n{finding.advice}" * bool(finding.advice), "bold")
+                ),
+            )
+            for finding in findings
+        ],
+    )
     counts = {
         status: sum(finding.status is status for finding in findings)
         for status in (Status.FAULT, Status.WARNING)

@@ -23,7 +23,7 @@ RIG_TIMEOUT = 10.0
     """
 )
 @click.argument("action", type=click.Choice(ACTIONS), default=STATE)
-@click.option("--namespace", default="", help="ROS namespace of the rig. [none]")
+@options.namespace_option
 @options.network_option
 def command(action: str, namespace: str, network: bool) -> None:
     """Ask the hammer of a rig that is up what it does, or for something.
@@ -31,14 +31,8 @@ def command(action: str, namespace: str, network: bool) -> None:
     ACTION is one of the words below. The stop is one by software: it takes a second, and does
     not replace a switch in the supply of magnet or latch.
     """
-    from impact_rig.nodes.hammer_client import HammerClient
+    from impact_rig.nodes.client import HammerClient
 
     options.set_discovery(network=network)
     with HammerClient(namespace, RIG_TIMEOUT) as client:
-        if action != STATE:
-            click.echo(client.ask(action))
-            return
-        report = client.read()
-    state = f"{report.place}, {'armed' if report.is_armed else 'not armed'}"
-    why = "" if report.message == state else f" ({report.message})"
-    click.echo(f"{state}{why}; holder: {report.holder or 'none'}")
+        click.echo(client.describe() if action == STATE else client.ask(action))

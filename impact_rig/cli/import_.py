@@ -6,10 +6,11 @@ from typing import Any
 
 import click
 
-from impact_rig.analysis.settings_changes import SettingsChanges
-from impact_rig.analysis.trace_options import TraceOptions, TraceSeries
-from impact_rig.cli.analysis.channel_options import add_channel_options
-from impact_rig.cli.quantity import Cutoff, Quantity
+from impact_rig.analysis.recording_analysis import SettingsChanges
+from impact_rig.analysis.trace_analysis import TraceOptions, TraceSeries
+from impact_rig.cli import options
+from impact_rig.cli.each_file import raise_errors
+from impact_rig.cli.options import Quantity
 from impact_rig.core.errors import ParameterError, RigError
 
 RECORDING_SUFFIX = ".mcap"
@@ -49,9 +50,7 @@ def _print_template(context: click.Context, _parameter: click.Parameter, value: 
     not suffer from.
     """,
 )
-@click.argument(
-    "files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)
-)
+@options.files_argument
 @click.option(
     "-o",
     "--output",
@@ -68,28 +67,8 @@ def _print_template(context: click.Context, _parameter: click.Parameter, value: 
     callback=_print_template,
     help="Print a file for --channels, with comments, and stop.",
 )
-@add_channel_options
-@click.option(
-    "--cutoff",
-    type=Cutoff(),
-    metavar="FREQUENCY",
-    help="Low-pass, or off. [rig file's; else 50 kHz, off where the sampling is too slow]",
-)
-@click.option(
-    "--pulse-factor", type=float, metavar="F", help="τp = F w50: 2 versed-sine, 1.5 half-sine. [2]"
-)
-@click.option(
-    "--double-hit-level",
-    type=float,
-    metavar="LEVEL",
-    help="Second pulse that makes a double hit, part of the first. [0.05]",
-)
-@click.option(
-    "--keep",
-    type=click.IntRange(0),
-    metavar="N",
-    help="Average the N most consistent hits; 0: all. [0]",
-)
+@options.channel_options
+@options.make_analysis_options("rig file's; else 50 kHz, off where the sampling is too slow", "0")
 @click.option(
     "--pre-trigger",
     type=Quantity("s", "200 us"),
@@ -125,10 +104,7 @@ def command(
     is_filter_optional = cutoff is None and trace_options["rig_file"] is None
     series = replace(series, is_filter_optional=is_filter_optional)
     errors = _import_files(files, output, series)
-    for error in errors[:-1]:
-        click.echo(f"error: {error}", err=True)
-    if errors:
-        raise RigError(errors[-1])
+    raise_errors(errors)
 
 
 def _set_window(
@@ -149,7 +125,7 @@ def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) ->
     """Write the recording; return what is wrong with files that are not in it."""
     from impact_rig.analysis.repeated_files import find_repeated_files
     from impact_rig.analysis.trace_analysis import read_series
-    from impact_rig.recording.exchange.importing import write_imported
+    from impact_rig.recordings.importing import write_imported
 
     repeated = find_repeated_files(files)
     paths = [path for place, path in enumerate(files) if place not in repeated]

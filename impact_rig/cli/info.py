@@ -1,14 +1,186 @@
 """`impact-rig info`: what a recording holds, at a glance, and whether it is sound."""
 
+from collections import Counter
+from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
+from rich.console import Console
+from rich.text import Text
 
-from impact_rig.cli.recordings.each_file import process_each, raise_errors
+from impact_rig.cli import options
+from impact_rig.cli.contents import (
+    contents_to_json,
+    count,
+    count_reasons,
+    describe_interface_differences,
+    describe_losses,
+    describe_old_calibrations,
+    describe_recovery,
+    describe_verdict,
+    inspect_with_progress,
+    list_sensors,
+    print_incomplete_hits,
+    read_fields,
+    read_health,
+    read_parameters,
+    read_versions,
+)
+from impact_rig.cli.each_file import process_each, raise_errors
+from impact_rig.present.terminal.console import ALARM, GOOD, make_console, print_facts, print_table
+from impact_rig.recordings.contents import RECOVERY_RECORD, Contents
+from impact_rig.recordings.origin import ORIGIN_RECORD
+from impact_rig.recordings.recover import extract_attachments
+from impact_rig.results.numbers import MISSING, format_number
+from impact_rig.results.results_file import format_json
+from impact_rig.results.tables import Column, make_optional
 
-if TYPE_CHECKING:
-    from impact_rig.recording.recovery.contents import Contents
+
+def print_contents(console: Console, contents: Contents) -> None:
+    """Print what a recording holds: the verdict first, then facts and tables."""
+    style = GOOD if contents.is_sound else ALARM
+    console.print(Text(describe_verdict(contents), style=style))
+    console.print()
+    print_facts(console, _list_facts(contents))
+    _print_samples(console, contents)
+    print_incomplete_hits(console, contents)
+    print_topics(console, contents)
+    for remark in (*contents.remarks, *describe_old_calibrations(contents)):
+        console.print(Text.assemble(("warning: ", ALARM), remark))
+
+
+def print_parameters(console: Console, contents: Contents) -> None:
+    """Print the parameters of all nodes."""
+    for node, text in read_parameters(contents).items():
+        console.print(Text(node, style="bold"))
+        console.print(Text(text.rstrip()))
+        console.print()
+
+
+def print_topics(console: Console, contents: Contents) -> None:
+    """Print the topics with what is there of each, and what is not."""
+    topics = contents.topics
+    if not topics:
+        return
+    columns = [
+        Column("Topic", [topic.name for topic in topics], is_text=True),
+        Column("Messages", [str(topic.messages) for topic in topics]),
+        make_optional("Hz", [format_number(topic.rate, 1) for topic in topics]),
+        Column("Type", [topic.type_name or MISSING for topic in topics], is_text=True),
+    ]
+    lost = [topic.lost for topic in topics]
+    if any(lost):
+        styles = [ALARM if number else "" for number in lost]
+        columns.insert(2, Column("Lost", [str(number) for number in lost], styles=styles))
+    print_table(console, f"Topics: {len(topics)}", columns)
+
+
+def _list_facts(contents: Contents) -> list[tuple[str, str]]:
+    facts = [("recording", _describe_files(contents))]
+    if contents.messages:
+        facts.append(("when", _describe_time(contents)))
+    if campaigns := {(hit.rig, hit.campaign) for hit in contents.hits}:
+        rigs = dict.fromkeys(str(getattr(setup, "name", "")) for setup in contents.setups)
+        named = ", ".join(name for name in rigs if name)
+        facts.append(("campaigns", f"{len(campaigns)}{f' on {named}' if named else ''}"))
+    facts += [("sensor", text) for text in list_sensors(contents)]
+    facts += [
+        ("stream", f"{stream.topic}, {stream.points} points of each channel")
+        for stream in contents.streams
+    ]
+    facts.append(("losses", describe_losses(contents) or "none"))
+    if recovery := read_fields(contents, RECOVERY_RECORD):
+        facts.append(("recovery", describe_recovery(recovery)))
+    if reason := read_health(contents).get("reason"):
+        facts.append(("ended", reason))
+    return facts + _list_origins(contents) + _list_additions(contents)
+
+
+def _list_origins(contents: Contents) -> list[tuple[str, str]]:
+    """Return with what it was recorded, and whether that is understood here."""
+    facts = []
+    if versions := read_versions(contents):
+        facts.append(("versions", ", ".join(f"{name} {text}" for name, text in versions.items())))
+    differences = describe_interface_differences(contents)
+    if differences is None:
+        facts.append(("interfaces", "not compared: the rig's ROS 2 interfaces are not installed"))
+    elif differences:
+        facts += [("interfaces", text) for text in differences]
+    elif contents.hits:
+        facts.append(("interfaces", "as installed"))
+    return facts
+
+
+def _list_additions(contents: Contents) -> list[tuple[str, str]]:
+    """Return what is in it beside the messages, and what operators had to say."""
+    facts = []
+    if parameters := read_parameters(contents):
+        number = sum(len(text.splitlines()) for text in parameters.values())
+        facts.append(("parameters", f"{number} of {len(parameters)} nodes (--parameters)"))
+    facts += [
+        ("attachment", f"{item.name}, {item.media_type}, {item.size} byte (--extract FOLDER)")
+        for item in contents.attachments
+    ]
+    if notes := read_fields(contents, ORIGIN_RECORD).get("notes"):
+        facts.append(("notes", notes))
+    return facts + [("note", f"{_format_time(note.time)}: {note.text}") for note in contents.notes]
+
+
+def _describe_files(contents: Contents) -> str:
+    size = sum(file.size for file in contents.files)
+    kinds = dict.fromkeys(kind for file in contents.files for kind in file.compression)
+    chunks = sum(file.chunks for file in contents.files)
+    libraries = dict.fromkeys(file.library for file in contents.files if file.library)
+    parts = [str(contents.path)]
+    if len(contents.files) > 1:
+        parts.append(count(len(contents.files), "file"))
+    parts += [f"{size / 1e6:.4g} MB", f"{count(chunks, 'chunk')} ({', '.join(kinds) or 'none'})"]
+    if libraries:
+        parts.append(f"by {', '.join(libraries)}")
+    return ", ".join(parts)
+
+
+def _describe_time(contents: Contents) -> str:
+    duration = (contents.end_time - contents.start_time) * 1e-9
+    return f"{_format_time(contents.start_time)}, {duration:.1f} s"
+
+
+def _format_time(nanoseconds: int) -> str:
+    try:
+        moment = datetime.fromtimestamp(nanoseconds * 1e-9).astimezone()
+    except (OverflowError, OSError, ValueError):
+        return f"{nanoseconds} ns"
+    return f"{moment:%Y-%m-%d %H:%M:%S}"
+
+
+def _print_samples(console: Console, contents: Contents) -> None:
+    hits = [(hit.label.sample, hit) for hit in contents.hits if hit.label is not None]
+    names = list(dict.fromkeys(name for name, _ in hits))
+    if not names:
+        return
+    verdicts = Counter((name, hit.is_accepted) for name, hit in hits)
+    print_table(
+        console,
+        f"Samples: {len(names)}",
+        [
+            Column("Sample", names, is_text=True),
+            Column("Hits", [str(sum(item == name for item, _ in hits)) for name in names]),
+            Column("Accepted", [str(verdicts[name, True]) for name in names]),
+            Column(
+                "Rejected",
+                [str(verdicts[name, False]) for name in names],
+                styles=[ALARM if verdicts[name, False] else "" for name in names],
+            ),
+        ],
+        [f"Rejected for {_describe_reasons(contents)}."] if count_reasons(contents) else (),
+    )
+
+
+def _describe_reasons(contents: Contents) -> str:
+    return ", ".join(
+        f"{reason} ({number})" for reason, number in count_reasons(contents).most_common()
+    )
+
 
 EXIT_DAMAGED = 1
 """The recording can be read, but not all of it is sound."""
@@ -26,9 +198,7 @@ EXIT_DAMAGED = 1
     2 if one cannot be read at all.
     """,
 )
-@click.argument(
-    "files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)
-)
+@options.files_argument
 @click.option("--parameters", is_flag=True, help="Print the parameters of all nodes, too.")
 @click.option(
     "--extract",
@@ -36,7 +206,7 @@ EXIT_DAMAGED = 1
     metavar="FOLDER",
     help="Write the files that are attached to the recordings into a folder.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
+@options.json_option
 def command(
     files: tuple[Path, ...], parameters: bool, extract: Path | None, as_json: bool
 ) -> None:
@@ -46,11 +216,8 @@ def command(
     versions, notes and attachments. FILE is an .mcap file, a folder as rosbag2 writes it, or the
     folder of a run; recordings of other ROS 2 systems are shown topic by topic. No ROS is needed.
     """
-    from impact_rig.cli.recordings.contents_report import contents_to_json
-    from impact_rig.cli.recordings.reading_progress import inspect_with_progress
-    from impact_rig.results.results_file import format_json
 
-    def process(file: Path) -> "Contents":
+    def process(file: Path) -> Contents:
         contents = inspect_with_progress(file)
         if not as_json:
             _print(contents, parameters=parameters)
@@ -67,18 +234,13 @@ def command(
         raise SystemExit(EXIT_DAMAGED)
 
 
-def _print(contents: "Contents", *, parameters: bool) -> None:
-    from impact_rig.cli.recordings.contents_view import print_contents, print_parameters
-    from impact_rig.reporting.terminal.console import make_console
-
+def _print(contents: Contents, *, parameters: bool) -> None:
     console = make_console()
     print_contents(console, contents)
     if parameters:
         print_parameters(console, contents)
 
 
-def _extract(contents: "Contents", folder: Path) -> None:
-    from impact_rig.recording.recovery.attached_files import extract_attachments
-
+def _extract(contents: Contents, folder: Path) -> None:
     for path in extract_attachments(contents.path, folder):
         click.echo(f"extracted: {path}", err=True)

@@ -1,15 +1,16 @@
 """The command `impact-rig`: finds its subcommands when they are called, and ends errors well."""
 
 import importlib
+import os
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import IO, Any
 
 import click
 
 from impact_rig import __version__
-from impact_rig.cli.help_text import HelpContext
-from impact_rig.configuration.threads import use_one_thread
+from impact_rig.configuration.processes import use_one_thread
 from impact_rig.core.errors import RigError
 
 EXIT_ERROR = 2
@@ -87,8 +88,6 @@ class _Failure(click.ClickException):
 class RigGroup(click.Group):
     """A click group that imports a subcommand's module only when it is called."""
 
-    context_class = HelpContext
-
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the subcommands, the main job first."""
         return list(COMMANDS)
@@ -99,7 +98,6 @@ class RigGroup(click.Group):
         if entry is None:
             return None
         command: click.Command = importlib.import_module(entry.module).command
-        command.context_class = HelpContext
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -151,6 +149,7 @@ def cli() -> None:
 def main() -> None:
     """Run the command line; never returns."""
     use_one_thread()
+    os.environ.setdefault("HOME", str(Path.home()))  # rclpy's log folder, which asks nobody else
     for stream in (sys.stdout, sys.stderr):
         # A terminal without Greek letters shows question marks, not a traceback.
         stream.reconfigure(errors="replace")  # type: ignore[union-attr]

@@ -1,67 +1,141 @@
 """Options that several commands share."""
 
+import contextlib
 import functools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import click
 
-from impact_rig.configuration.network import find_network_variables
+from impact_rig.configuration.processes import RecordingPlan, make_network_variables
+from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.setup.calibration import UNITS, Sensitivity
 from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.recordings.writer import COMPRESSIONS
+
+
+class Quantity(click.ParamType):
+    """A number in SI units, or a text with number and unit.
+
+    Parameters
+    ----------
+    unit : str
+        SI unit, in pint's notation.
+    example : str
+        A good value, for the message.
+    """
+
+    name = "quantity"
+
+    def __init__(self, unit: str, example: str) -> None:
+        self.unit = unit
+        self.example = example
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the quantity in SI units; raises `ParameterError`."""
+        text = str(value)
+        try:
+            return float(text)
+        except ValueError:
+            name = param.opts[-1] if param else self.name
+            return parse_quantity(name, text, self.unit, self.example)
+
+
+class Cutoff(Quantity):
+    """A frequency, or ``off``, which is 0."""
+
+    def __init__(self) -> None:
+        super().__init__("Hz", "50 kHz")
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the frequency [Hz]; raises `ParameterError`."""
+        return 0.0 if value == "off" else super().convert(value, param, ctx)
+
+
+class SensitivityText(click.ParamType):
+    """What a sensor gives: ``"10 mV/g"``, where g is the standard gravity."""
+
+    name = "sensitivity"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Sensitivity:
+        """Return the sensitivity; raises `ParameterError`."""
+        return parse_sensitivity(param.opts[-1] if param else self.name, value)
+
+
+class Reading(click.ParamType):
+    """A number with its unit as it stands: ``"500 g"``, where g is the standard gravity."""
+
+    name = "reading"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, str]:
+        """Return number and unit; raises `ParameterError`."""
+        return parse_reading(param.opts[-1] if param else self.name, value)
+
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+
+def _combine(*options: Decorator) -> Decorator:
+    """Return what gives a command several options, in the order of the help."""
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
 
 PLANTS = [plant.value for plant in Plant]
 FAULTS = ", ".join(fault.value for fault in Fault)
 
 
-def rig_file_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--rig-file``."""
-    return click.option(
-        "--rig-file",
-        type=click.Path(path_type=Path),
-        help="TOML file with masses, samples and settings; without it, the paper's rig.",
-    )(command)
+rig_file_option = click.option(
+    "--rig-file",
+    type=click.Path(path_type=Path),
+    help="TOML file with masses, samples and settings; without it, the paper's rig.",
+)
 
 
-def virtual_rig_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of the virtual rig: ``--plant``, ``--seed``, ``--faults``."""
-    for option in (
-        click.option(
-            "--faults",
-            type=click.FloatRange(0.0, 1.0),
-            help=f"Probability of each fault, for each hit: {FAULTS}.",
-        ),
-        click.option(
-            "--seed", type=click.IntRange(0), help="The same seed gives the same hits. [1]"
-        ),
-        click.option(
-            "--plant",
-            type=click.Choice(PLANTS),
-            help="Physics: the paper's tables, or the model (driven, as printed). [published]",
-        ),
-    ):
-        command = option(command)
-    return command
+virtual_rig_options = _combine(
+    click.option(
+        "--plant",
+        type=click.Choice(PLANTS),
+        help="Physics: the paper's tables, the model (driven, as printed), or a contact law"
+        " between free bodies. [published]",
+    ),
+    click.option("--seed", type=click.IntRange(0), help="The same seed gives the same hits. [1]"),
+    click.option(
+        "--faults",
+        type=click.FloatRange(0.0, 1.0),
+        help=f"Probability of each fault, for each hit: {FAULTS}.",
+    ),
+)
 
 
-def continuous_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--continuous``."""
-    return click.option(
-        "--continuous",
-        is_flag=True,
-        help="Stream both channels all the time, and find the impacts in the stream. [each hit]",
-    )(command)
+continuous_option = click.option(
+    "--continuous",
+    is_flag=True,
+    help="Stream both channels all the time, and find the impacts in the stream. [each hit]",
+)
 
 
-def output_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--output``."""
-    return click.option(
-        "--output",
-        type=click.Path(path_type=Path, file_okay=False),
-        help="Folder for recording, view and results. [runs/<time>]",
-    )(command)
+output_option = click.option(
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for recording, view and results. [runs/<time>]",
+)
 
 
 def samples_option(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -83,22 +157,18 @@ def samples_option(command: Callable[..., Any]) -> Callable[..., Any]:
     )(with_more)
 
 
-def impacts_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--impacts``."""
-    return click.option(
-        "--impacts", type=click.IntRange(1), default=10, help="Accepted hits per sample. [10]"
-    )(command)
+impacts_option = click.option(
+    "--impacts", type=click.IntRange(1), default=10, help="Accepted hits per sample. [10]"
+)
 
 
-def keep_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--keep``."""
-    return click.option(
-        "--keep",
-        type=click.IntRange(0),
-        default=0,
-        metavar="N",
-        help="Average the N most consistent of a sample's hits. [that of the rig file; else all]",
-    )(command)
+keep_option = click.option(
+    "--keep",
+    type=click.IntRange(0),
+    default=0,
+    metavar="N",
+    help="Average the N most consistent of a sample's hits. [that of the rig file; else all]",
+)
 
 
 def check_keep(keep: int, impacts: int) -> None:
@@ -110,34 +180,205 @@ def check_keep(keep: int, impacts: int) -> None:
         )
 
 
-def json_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--json``."""
-    return click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")(
-        command
-    )
+namespace_option = click.option("--namespace", default="", help="ROS namespace of the rig. [none]")
+files_argument = click.argument(
+    "files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
 
 
-def viewer_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--viewer``."""
-    return click.option(
-        "--viewer",
-        "viewers",
-        multiple=True,
-        metavar="spawn|web|ADDRESS",
-        help="Show it live, too: in a window, on a web page, in the Rerun viewer at"
-        " rerun+http://HOST:9876/proxy; repeatable. The file is written all the same.",
-    )(command)
+viewer_option = click.option(
+    "--viewer",
+    "viewers",
+    multiple=True,
+    metavar="spawn|web|ADDRESS",
+    help="Show it live, too: in a window, on a web page, in the Rerun viewer at"
+    " rerun+http://HOST:9876/proxy; repeatable. The file is written all the same.",
+)
 
 
-def network_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--network``, which lets ROS look beyond this host."""
-    return click.option(
-        "--network",
-        is_flag=True,
-        help="Find the rig's nodes on other hosts too; by default ROS stays on this one.",
-    )(command)
+network_option = click.option(
+    "--network",
+    is_flag=True,
+    help="Find the rig's nodes on other hosts too; by default ROS stays on this one.",
+)
 
 
 def set_discovery(*, network: bool) -> None:
     """Choose how far ROS looks; what the environment says goes first."""
-    os.environ.update(find_network_variables(os.environ, network=network))
+    os.environ.update(make_network_variables(os.environ, network=network))
+
+
+@contextlib.contextmanager
+def use_private_domain() -> Iterator[None]:
+    """Take an unused ROS domain for the length of the block, unless the environment names one.
+
+    A demonstration must never reach the hammer of a rig that is up on the same network.
+    """
+    if "ROS_DOMAIN_ID" in os.environ:
+        yield
+        return
+    from impact_rig.nodes.discovery import reserve_domain
+
+    with reserve_domain() as number:
+        os.environ["ROS_DOMAIN_ID"] = str(number)
+        try:
+            yield
+        finally:
+            del os.environ["ROS_DOMAIN_ID"]
+
+
+_UNITS = ", ".join(UNITS)
+
+channel_options = _combine(
+    click.option(
+        "--channels",
+        type=click.Path(path_type=Path),
+        metavar="FILE.toml",
+        help="File that holds all of the following; `import --template` prints one.",
+    ),
+    click.option(
+        "--hammer",
+        metavar="CHANNEL",
+        help="Name or number of the hammer's channel. [the first one]",
+    ),
+    click.option(
+        "--specimen",
+        metavar="CHANNEL",
+        help="Of the sample's. [the second one; none if --hammer is given]",
+    ),
+    click.option(
+        "--columns",
+        metavar="ROLE,...",
+        help="Or the role of every column: time, hammer, specimen or skip.",
+    ),
+    click.option(
+        "--rate",
+        type=Quantity("Hz", "25.6 kHz"),
+        metavar="RATE",
+        help="For files that state neither times nor a sampling rate.",
+    ),
+    click.option(
+        "--hammer-unit",
+        metavar="UNIT",
+        help=f"Of the hammer's channel: {_UNITS}. [as the file states it; else m/s^2]",
+    ),
+    click.option("--sample-unit", metavar="UNIT", help="Of the sample's channel, likewise."),
+    click.option(
+        "--hammer-sensitivity",
+        type=SensitivityText(),
+        metavar="VALUE",
+        help='For a channel in V: "10 mV/g", of a force hammer "2.25 mV/N".',
+    ),
+    click.option(
+        "--sample-sensitivity", type=SensitivityText(), metavar="VALUE", help="Likewise."
+    ),
+    click.option(
+        "--hammer-full-scale",
+        type=Reading(),
+        metavar="VALUE",
+        help='Largest value that the channel can show: "500 g", "10 V". [not known]',
+    ),
+    click.option("--sample-full-scale", type=Reading(), metavar="VALUE", help="Likewise."),
+    click.option("--sample", metavar="NAME", help="Which sample was struck."),
+    click.option(
+        "--rig-file",
+        "--setup",
+        "rig_file",
+        type=click.Path(path_type=Path),
+        help="TOML file with masses and settings; --sample is one of its samples.",
+    ),
+    click.option("--hammer-mass", type=Quantity("kg", "100 g"), metavar="MASS", help="m1."),
+    click.option(
+        "--sample-mass",
+        type=Quantity("kg", "102.38 g"),
+        metavar="MASS",
+        help="Without accelerometer.",
+    ),
+    click.option(
+        "--accelerometer-mass",
+        type=Quantity("kg", "3 g"),
+        metavar="MASS",
+        help="Carried by the sample. [0]",
+    ),
+    click.option(
+        "--hammer-stiffness",
+        type=Quantity("N/m", "22.5 MN/m"),
+        metavar="K",
+        help="k1, from an earlier control experiment.",
+    ),
+    click.option("--control", is_flag=True, help="Hammer and sample are alike: k1 = k2 = 2 k_eq."),
+)
+"""Their names are the fields of `TraceOptions`."""
+
+
+def make_analysis_options(cutoff: str, keep: str) -> Decorator:
+    """Return the options that make `SettingsChanges`; what is taken without them is said."""
+    return _combine(
+        click.option(
+            "--cutoff", type=Cutoff(), metavar="FREQUENCY", help=f"Low-pass, or off. [{cutoff}]"
+        ),
+        click.option(
+            "--pulse-factor",
+            type=float,
+            metavar="F",
+            help="τp = F w50: 2 versed-sine, 1.5 half-sine. [2]",
+        ),
+        click.option(
+            "--double-hit-level",
+            type=float,
+            metavar="LEVEL",
+            help="Second pulse that makes a double hit, part of the first. [0.05]",
+        ),
+        click.option(
+            "--keep",
+            type=click.IntRange(0),
+            metavar="N",
+            help=f"Average the N most consistent hits of a sample; 0: all. [{keep}]",
+        ),
+    )
+
+
+def recording_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add options that make one `RecordingPlan`, `recording`."""
+
+    @functools.wraps(command)
+    def joined(
+        *, bag: bool, compression: str | None, notes: str, record_stream: bool, **values: Any
+    ) -> Any:
+        plan = RecordingPlan(bag, compression or "", notes, record_stream)
+        return command(recording=plan, **values)
+
+    for option in (
+        click.option(
+            "--record-stream",
+            is_flag=True,
+            help="With --continuous: record the whole stream, 20 MB a second before compression,"
+            " not only the impacts in it.",
+        ),
+        click.option(
+            "--notes", default="", metavar="TEXT", help="What the recording should say of itself."
+        ),
+        click.option(
+            "--compression",
+            type=click.Choice(COMPRESSIONS),
+            help="Of the recording. [zstd]",
+        ),
+        click.option(
+            "--bag/--no-bag",
+            default=False,
+            help="Record into a folder as rosbag2 writes it, not into one file. [no]",
+        ),
+    ):
+        joined = option(joined)
+    return joined
+
+
+def list_recording_arguments(recording: RecordingPlan) -> list[str]:
+    """Return a plan as the words of a command line."""
+    arguments = ["--bag"] if recording.bag else []
+    arguments += ["--record-stream"] if recording.stream else []
+    for name, value in (("--compression", recording.compression), ("--notes", recording.notes)):
+        if value:
+            arguments += [name, value]
+    return arguments

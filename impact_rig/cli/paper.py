@@ -3,17 +3,21 @@
 import click
 from rich.console import Console
 
+from impact_rig.cli import options
+from impact_rig.core.estimation.size_exponent import HERTZ_EXPONENT, SPRING_EXPONENT
 from impact_rig.core.setup.paper import ACCELEROMETER_MASS
-from impact_rig.reporting.terminal.columns import Column
-from impact_rig.reporting.terminal.console import ALARM, make_console, print_table, print_text
+from impact_rig.present.terminal.console import ALARM, make_console, print_table, print_text
 from impact_rig.results.numbers import format_number
 from impact_rig.results.paper_arithmetic import (
     CellArithmetic,
     HammerArithmetic,
     PaperArithmetic,
+    SizeArithmetic,
     compute_paper,
 )
-from impact_rig.results.results_file import format_json, record_to_json
+from impact_rig.results.results_file import format_json
+from impact_rig.results.tables import Column
+from impact_rig.results.wire import to_json
 
 MISPRINT_MARK = "*"
 
@@ -27,21 +31,23 @@ MISPRINT_MARK = "*"
       impact-rig paper --json | python3 -m json.tool
     """,
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
+@options.json_option
 def command(as_json: bool) -> None:
     """Check the arithmetic of the paper.
 
     Computes the stiffness of all twelve samples (Table 3) from their masses (Table 1) and
     contact times (Table 2) by equations (5) and (6), and what the damping coefficients of Table 4
-    mean. Printed value, computed value, difference; the misprint is marked.
+    mean. Printed value, computed value, difference; the misprint is marked. And how the contact
+    times go with the mass, which tells a Hertz contact from a linear spring.
     """
     paper = compute_paper()
     if as_json:
-        click.echo(format_json(record_to_json(paper)), nl=False)
+        click.echo(format_json(to_json(paper)), nl=False)
         return
     console = make_console()
     _print_stiffness(console, paper)
     _print_damping(console, paper)
+    _print_sizes(console, paper)
     _print_facts(console, paper)
     _print_agreement(console, paper)
 
@@ -114,6 +120,38 @@ def _print_damping(console: Console, paper: PaperArithmetic) -> None:
         " the root where this needs a plus."
     )
     print_table(console, "What Table 4 means", columns, (note,))
+
+
+def _print_sizes(console: Console, paper: PaperArithmetic) -> None:
+    sizes, every = paper.sizes, paper.sizes[-1]
+    columns = [
+        Column("Material", [size.material or "all" for size in sizes], is_text=True),
+        Column("p", [format_number(size.exponent.value, 3) for size in sizes]),
+        Column("u(p)", [format_number(size.exponent.standard, 3) for size in sizes]),
+        Column("leaves\n[%]", [format_number(size.residual_percent, 1) for size in sizes]),
+        Column(
+            "p = 2/5\nleaves [%]",
+            [format_number(size.hertz_residual_percent, 1) for size in sizes],
+        ),
+        Column(
+            "p = 1/2\nleaves [%]",
+            [format_number(size.spring_residual_percent, 1) for size in sizes],
+        ),
+    ]
+    how = (
+        "Misprint corrected; one constant C for each material; u(p): standard uncertainty; leaves:"
+        " RMS of the contact times' deviations."
+    )
+    meaning = (
+        "p = 2/5 is a Hertz contact, p = 1/2 a linear spring whose stiffness does not depend on"
+        f" the size. All: {_count_away(every, HERTZ_EXPONENT)} standard uncertainties from 2/5,"
+        f" {_count_away(every, SPRING_EXPONENT)} from 1/2."
+    )
+    print_table(console, "Table 2 over the masses: τp = C m_eq^p", columns, (how, meaning))
+
+
+def _count_away(size: SizeArithmetic, exponent: float) -> str:
+    return format_number(abs(size.exponent.value - exponent) / size.exponent.standard, 1)
 
 
 def _print_facts(console: Console, paper: PaperArithmetic) -> None:

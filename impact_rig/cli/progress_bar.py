@@ -7,19 +7,15 @@ from collections.abc import Iterable
 from types import TracebackType
 from typing import Any, Self
 
-from rich.cells import cell_len
-from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.console import Console, RenderableType
 from rich.progress import BarColumn, Progress, ProgressColumn, Task
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
-from impact_rig.reporting.terminal.columns import COLUMN_GAP, make_printable
-from impact_rig.reporting.terminal.console import EASY_LINE, GOOD
+from impact_rig.present.terminal.console import GOOD, make_printable
 
 WIDEST_BAR = 40
 """[characters], our choice: a longer one says no more."""
-NARROWEST_BAR = 8
-"""Shorter ones are left out [characters], our choice."""
 SPEED_PERIOD = 30.0
 """Over which the speed, and with it the time left, is averaged [s]; rich's default."""
 PATIENCE = 1.0
@@ -138,48 +134,24 @@ class ProgressBar:
 
 
 class _OneTask(Progress):
-    """rich's progress, laid out for terminals of any width."""
+    """rich's progress of one task: title, bar with figures, and status, below each other."""
 
     def __init__(self, *columns: ProgressColumn, **options: Any) -> None:
         super().__init__(*columns, **options)
         self.columns = columns  # rich has some of its own where there are none
 
     def get_renderables(self) -> Iterable[RenderableType]:
+        bar = BarColumn(WIDEST_BAR, style="dim", complete_style=GOOD, finished_style=GOOD)
         for task in self.tasks:
+            yield Text(make_printable(task.description))
             figures = [column(task) for column in self.columns if not isinstance(column, str)]
-            yield _Layout(task, [item for item in figures if isinstance(item, Text) and item])
+            # The bar shrinks, its figures do not.
+            line = Table.grid(Column(), Column(no_wrap=True), padding=(0, 2, 0, 0))
+            line.add_row(bar(task), Text(", ").join(filter(None, map(_as_text, figures))))
+            yield line
+            if status := task.fields["status"]:
+                yield _as_text(status)
 
 
-class _Layout:
-    """Title, bar and figures in a line, or below each other where that is too long."""
-
-    def __init__(self, task: Task, figures: list[Text]) -> None:
-        self._task = task
-        self._figures = Text(", ").join(figures)
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        # The last place stays free: some terminals begin a new line there.
-        width = max(1, min(options.max_width, EASY_LINE) - 1)
-        title = Text(make_printable(self._task.description), overflow="fold")
-        gap, figures = len(COLUMN_GAP), self._figures.cell_len
-        room = width - cell_len(title.plain) - figures - 2 * gap
-        lines: list[RenderableType] = []
-        if room < NARROWEST_BAR:
-            lines.append(title)
-            title, room = Text(), width - figures - gap
-        if room < NARROWEST_BAR:
-            lines.append(self._figures)
-        else:
-            lines.append(self._make_line(title, min(room, WIDEST_BAR)))
-        if status := self._task.fields["status"]:
-            lines.append(status if isinstance(status, Text) else Text(make_printable(status)))
-        yield from console.render(Group(*lines), options.update(width=width))
-
-    def _make_line(self, title: Text, width: int) -> Table:
-        line = Table.grid(padding=(0, len(COLUMN_GAP), 0, 0), pad_edge=False)
-        bar = BarColumn(width, style="dim", complete_style=GOOD, finished_style=GOOD)
-        cells = [item for item in (title, bar(self._task), self._figures) if item]
-        for _ in cells:
-            line.add_column(no_wrap=True)
-        line.add_row(*cells)
-        return line
+def _as_text(shown: RenderableType) -> Text:
+    return shown if isinstance(shown, Text) else Text(make_printable(str(shown)))

@@ -1,15 +1,86 @@
 """`impact-rig recover`: a good recording of one that was cut off, never closed or damaged."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
+from rich.console import Console
+from rich.text import Text
 
-from impact_rig.cli.recordings.each_file import process_each, raise_errors
+from impact_rig.cli import options
+from impact_rig.cli.contents import (
+    ReadingProgress,
+    contents_to_json,
+    count,
+    describe_hits,
+    measure,
+    print_incomplete_hits,
+)
+from impact_rig.cli.each_file import process_each, raise_errors
 from impact_rig.core.errors import ParameterError
+from impact_rig.present.terminal.console import ALARM, GOOD, make_console, print_table
+from impact_rig.recordings.contents import Contents
+from impact_rig.recordings.recover import PASSES, Recovery, name_output, recover_recording
+from impact_rig.recordings.source import find_recording
+from impact_rig.results.results_file import format_json
+from impact_rig.results.tables import Column
 
-if TYPE_CHECKING:
-    from impact_rig.recording.recovery.recovery import Recovery
+
+def print_recovery(console: Console, recovery: Recovery) -> None:
+    """Print what became of a recording."""
+    contents = recovery.contents
+    if recovery.output is None:
+        console.print(
+            Text(f"{contents.path}: nothing is wrong with it: {describe_hits(contents)}")
+        )
+        return
+    console.print(Text(f"{contents.path}: {'; '.join(contents.problems)}", style="bold"))
+    console.print(Text(f"saved: {describe_hits(contents)}"))
+    saved = f"{count(recovery.written, 'message')} in {recovery.output}"
+    # A path in two pieces is of no use to anybody.
+    console.print(Text(f"       {saved}", style=GOOD), soft_wrap=True)
+    unread = sum(file.unread for file in contents.files)
+    if recovery.is_complete:
+        console.print(Text("lost:  nothing that was in it"))
+    else:
+        console.print(Text(f"lost:  {_describe_loss(contents, unread)}", style=ALARM))
+    console.print()
+    print_incomplete_hits(console, contents)
+    _print_losses(console, contents)
+
+
+def recovery_to_json(recovery: Recovery) -> dict[str, Any]:
+    """Return what became of a recording as plain values."""
+    return {
+        "output": None if recovery.output is None else str(recovery.output),
+        "complete": recovery.is_complete,
+        "messages_written": recovery.written,
+        "found": contents_to_json(recovery.contents),
+    }
+
+
+def _describe_loss(contents: Contents, unread: int) -> str:
+    parts = [f"{unread} byte could not be read"] if unread else []
+    if contents.lost:
+        parts.append(f"at least {count(contents.lost, 'message')}")
+    if contents.missing_files:
+        parts.append(f"what was in {', '.join(contents.missing_files)}")
+    return ", ".join(parts)
+
+
+def _print_losses(console: Console, contents: Contents) -> None:
+    topics = [topic for topic in contents.topics if topic.lost]
+    if topics:
+        print_table(
+            console,
+            "Topics with losses",
+            [
+                Column("Topic", [topic.name for topic in topics], is_text=True),
+                Column("Saved", [str(topic.messages) for topic in topics]),
+                Column("Lost", [str(topic.lost) for topic in topics]),
+            ],
+        )
+
 
 EXIT_INCOMPLETE = 1
 """A recording was written, but not all that was in the damaged one is in it."""
@@ -24,31 +95,21 @@ EXIT_INCOMPLETE = 1
       impact-rig recover session.mcap -o good.mcap
       impact-rig recover runs/*/session.mcap --json
     What no checksum vouches for is left out, and counted: the messages of a chunk that is cut off
-    or was altered. --keep-unverified takes those that still fit their type, and the new recording
-    lists them.
+    or was altered.
     Exit code: 0 if nothing was wrong, or everything that was in the file is in the new one;
     1 if a recording was written, but something is lost or left out; 2 if nothing could be
     recovered.
     """,
 )
-@click.argument(
-    "files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)
-)
+@options.files_argument
 @click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path),
     help="The new recording, of one FILE. [NAME.recovered.mcap beside it]",
 )
-@click.option(
-    "--keep-unverified",
-    is_flag=True,
-    help="Keep messages that fit their type although no checksum vouches for them.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
-def command(
-    files: tuple[Path, ...], output: Path | None, keep_unverified: bool, as_json: bool
-) -> None:
+@options.json_option
+def command(files: tuple[Path, ...], output: Path | None, as_json: bool) -> None:
     """Make a good recording of one that was killed, cut off or damaged.
 
     The new one has everything that is sound: topics, messages with their times and numbers,
@@ -56,16 +117,12 @@ def command(
     topic and by hit. FILE is an .mcap file, a folder as rosbag2 writes it, or the folder of a run;
     it is only read, and nothing is overwritten. No ROS is needed.
     """
-    from impact_rig.cli.recordings.recovery_view import print_recovery, recovery_to_json
-    from impact_rig.reporting.terminal.console import make_console
-    from impact_rig.results.results_file import format_json
-
     if output is not None and len(files) > 1:
         raise ParameterError(f"--output {output} is for one FILE, and {len(files)} are given")
     console = make_console()
 
-    def process(file: Path) -> "Recovery":
-        recovery = _recover(file, output, keep_unverified=keep_unverified)
+    def process(file: Path) -> Recovery:
+        recovery = _recover(file, output)
         if not as_json:
             print_recovery(console, recovery)
         return recovery
@@ -79,14 +136,9 @@ def command(
         raise SystemExit(EXIT_INCOMPLETE)
 
 
-def _recover(path: Path, output: Path | None, *, keep_unverified: bool) -> "Recovery":
-    from impact_rig.cli.recordings.reading_progress import ReadingProgress, measure
-    from impact_rig.recording.reading.source import find_recording
-    from impact_rig.recording.recovery.recovery import PASSES, name_output, recover_recording
-    from impact_rig.reporting.terminal.console import make_console
-
+def _recover(path: Path, output: Path | None) -> Recovery:
     found = find_recording(path)
     target = output or name_output(found)
     total = PASSES * measure(found)
     with ReadingProgress(make_console(stderr=True), f"recovering {path}", total) as bar:
-        return recover_recording(found, target, keep_unverified=keep_unverified, report=bar.report)
+        return recover_recording(found, target, report=bar.report)

@@ -1,20 +1,77 @@
 """`impact-rig report`: one run, or several compared, in a file to hand over."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+from impact_rig.analysis.repeated_files import find_repeated_files
+from impact_rig.analysis.report_sources import RunSource, find_run, name_sources, read_runs
+from impact_rig.cli.contents import (
+    describe_losses,
+    inspect_with_progress,
+    read_fields,
+    read_health,
+    read_parameters,
+    read_versions,
+)
+from impact_rig.cli.each_file import process_each, raise_errors
 from impact_rig.cli.progress_bar import ProgressBar
-from impact_rig.cli.recordings.each_file import process_each, raise_errors
 from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.present.report.document import Document
+from impact_rig.present.report.page import render_page
+from impact_rig.present.report.pdf import find_browser, print_pdf
+from impact_rig.present.report.report import make_report
+from impact_rig.present.terminal.console import make_console
+from impact_rig.recordings.contents import Contents
+from impact_rig.recordings.new_file import write_new_file
+from impact_rig.recordings.origin import ORIGIN_RECORD
+from impact_rig.results.run import Note, Provenance, RecordedFile, Run
 
-if TYPE_CHECKING:
-    from impact_rig.analysis.report_sources import RunSource
-    from impact_rig.reporting.report.document import Document
-    from impact_rig.results.run import Run
+
+def read_provenance(path: Path) -> Provenance:
+    """Read all of a recording, checksums included.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file, or of a folder as rosbag2 writes it.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read.
+    """
+    contents = inspect_with_progress(path)
+    return Provenance(
+        start_time=contents.start_time,
+        end_time=contents.end_time,
+        files=tuple(_describe_file(file.path) for file in contents.files),
+        problems=contents.problems,
+        losses=describe_losses(contents),
+        ended=read_health(contents).get("reason", ""),
+        versions=tuple(read_versions(contents).items()),
+        parameters=tuple(sorted(read_parameters(contents).items())),
+        notes=_gather_notes(contents),
+    )
+
+
+def _describe_file(path: Path) -> RecordedFile:
+    try:
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        return RecordedFile(path.name, path.stat().st_size, digest)
+    except OSError as error:
+        raise FileError(f"{path} cannot be read: {error.strerror or error}") from None
+
+
+def _gather_notes(contents: Contents) -> tuple[Note, ...]:
+    first = read_fields(contents, ORIGIN_RECORD).get("notes", "")
+    notes = (Note(0, first),) if first else ()
+    return notes + tuple(Note(note.time, note.text) for note in contents.notes)
+
 
 DEFAULT_NAME = "report.html"
 PDF_SUFFIX = ".pdf"
@@ -41,7 +98,13 @@ PDF_SUFFIX = ".pdf"
     help="The HTML file. [report.html: of one run in its folder, of several in this one]",
 )
 @click.option("--pdf", is_flag=True, help="Print it as well, beside the HTML; needs Chromium.")
-def command(runs: tuple[Path, ...], output: Path | None, pdf: bool) -> None:
+@click.option(
+    "--simulators",
+    is_flag=True,
+    help="With a chapter on simulators: parameters of every contact, and what those that are"
+    " installed make of the control sample.",
+)
+def command(runs: tuple[Path, ...], output: Path | None, pdf: bool, simulators: bool) -> None:
     """Write a report: one HTML file that needs nothing else, and a PDF.
 
     What was measured and with what, tables with uncertainties and budgets, the paper's figures,
@@ -57,24 +120,21 @@ def command(runs: tuple[Path, ...], output: Path | None, pdf: bool) -> None:
     read, more = _read_sources(sources)
     errors += more
     if read:
-        document = _make_document(read, errors)
+        document = _make_document(read, errors, with_simulators=simulators)
         _write_page(document, path)
         errors += _write_pdf(document, path.with_suffix(PDF_SUFFIX)) if pdf else []
     raise_errors(errors)
 
 
-def _find_sources(named: Sequence[Path]) -> "tuple[list[RunSource], list[str]]":
+def _find_sources(named: Sequence[Path]) -> tuple[list[RunSource], list[str]]:
     """Return what the paths mean, each run once, and what is wrong with the others."""
-    from impact_rig.analysis.repeated_files import find_repeated_files
-    from impact_rig.analysis.report_sources import find_run
-
     found, errors = process_each(named, find_run)
     repeated = find_repeated_files([source.path for source in found])
     sources = [source for place, source in enumerate(found) if place not in repeated]
     return sources, errors + list(repeated.values())
 
 
-def _choose_output(sources: "Sequence[RunSource]") -> Path:
+def _choose_output(sources: Sequence[RunSource]) -> Path:
     return sources[0].folder / DEFAULT_NAME if len(sources) == 1 else Path(DEFAULT_NAME)
 
 
@@ -90,9 +150,7 @@ def _check_targets(path: Path, *, with_pdf: bool) -> None:
             raise FileError(f"{target} exists already: name another file with -o")
 
 
-def _read_sources(sources: "Sequence[RunSource]") -> "tuple[list[Run], list[str]]":
-    from impact_rig.analysis.report_sources import name_sources
-
+def _read_sources(sources: Sequence[RunSource]) -> tuple[list[Run], list[str]]:
     names = {
         source.named: name for source, name in zip(sources, name_sources(sources), strict=True)
     }
@@ -101,11 +159,7 @@ def _read_sources(sources: "Sequence[RunSource]") -> "tuple[list[Run], list[str]
     return [run for runs in read for run in runs], errors
 
 
-def _read(source: "RunSource", name: str) -> "tuple[Run, ...]":
-    from impact_rig.analysis.report_sources import read_runs
-    from impact_rig.cli.recordings.provenance import read_provenance
-    from impact_rig.reporting.terminal.console import make_console
-
+def _read(source: RunSource, name: str) -> tuple[Run, ...]:
     with ProgressBar(make_console(stderr=True), f"reading {source.named}"):
         runs = read_runs(source, name)
     if not runs[0].has_traces:
@@ -114,30 +168,26 @@ def _read(source: "RunSource", name: str) -> "tuple[Run, ...]":
     return tuple(replace(run, provenance=provenance) for run in runs)
 
 
-def _make_document(runs: "Sequence[Run]", errors: Sequence[str]) -> "Document":
-    from impact_rig.reporting.report.report import make_report
-    from impact_rig.reporting.terminal.console import make_console
-
+def _make_document(
+    runs: Sequence[Run], errors: Sequence[str], *, with_simulators: bool
+) -> Document:
     with ProgressBar(make_console(stderr=True), "drawing", total=len(runs)) as bar:
-        return make_report(runs, errors, lambda done: bar.update(completed=done))
+        return make_report(
+            runs,
+            errors,
+            lambda done: bar.update(completed=done),
+            with_simulators=with_simulators,
+        )
 
 
-def _write_page(document: "Document", path: Path) -> None:
-    from impact_rig.recording.writing.new_file import write_new_file
-    from impact_rig.reporting.report.page import render_page
-
+def _write_page(document: Document, path: Path) -> None:
     with write_new_file(path) as part:
         part.write_text(render_page(document), encoding="utf-8")
     click.echo(f"report: {path}", err=True)
 
 
-def _write_pdf(document: "Document", path: Path) -> list[str]:
+def _write_pdf(document: Document, path: Path) -> list[str]:
     """Print the report; return why that was not possible."""
-    from impact_rig.recording.writing.new_file import write_new_file
-    from impact_rig.reporting.report.page import render_page
-    from impact_rig.reporting.report.pdf import find_browser, print_pdf
-    from impact_rig.reporting.terminal.console import make_console
-
     try:
         browser = find_browser()
         with (

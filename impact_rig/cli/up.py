@@ -1,17 +1,168 @@
 """``impact-rig up``: start the nodes of a rig."""
 
+import json
+import os
+import shlex
+import signal
 import sys
+import threading
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import IO
 
 import click
+from honcho.manager import Manager
+from honcho.printer import Message, Printer
 
 from impact_rig.cli import options
-from impact_rig.cli.rigs.recording_options import recording_options
+from impact_rig.cli.options import recording_options
 from impact_rig.configuration import run
-from impact_rig.configuration.calibration_warnings import find_rig_warnings
-from impact_rig.configuration.processes import LOG_NAME, RecordingPlan, list_rig_processes
-from impact_rig.configuration.rig_file import read_template
+from impact_rig.configuration.processes import (
+    ACTIVE,
+    LAUNCHER,
+    LOG_NAME,
+    NodeProcess,
+    RecordingPlan,
+    list_rig_processes,
+)
+from impact_rig.configuration.rig_file import RigFile, list_rig_warnings, read_template
 from impact_rig.core.errors import RigError
+from impact_rig.devices.drivers import VIRTUAL, read_driver_name
+
+STOPPED_BY_REQUEST = (0, 128 + signal.SIGINT, 128 + signal.SIGTERM)
+"""Exit codes of a rig that was told to stop."""
+STANDARD_INPUT = 0
+RETRY_PERIOD = 0.1
+"""How soon a stop is tried again that came while the processes were still starting [s]."""
+
+
+class _Manager(Manager):
+    """Honcho's manager, which may also be stopped while it still starts its processes."""
+
+    def terminate(self) -> None:
+        # A process that has not reported its number yet cannot be signalled.
+        if self._all_started():
+            super().terminate()
+        else:
+            retry = threading.Timer(RETRY_PERIOD, os.kill, (os.getpid(), signal.SIGTERM))
+            retry.daemon = True
+            retry.start()
+
+
+class _DirectOutput:
+    """Text straight to a file descriptor.
+
+    Honcho prints from its signal handler too, and a buffered stream breaks when it is entered
+    again in the middle of a line.
+    """
+
+    def __init__(self, stream: IO[str]) -> None:
+        stream.flush()
+        self._descriptor = stream.fileno()
+        self._is_terminal = stream.isatty()
+        self._is_broken = False
+
+    def write(self, text: str) -> int:
+        rest = text.encode(errors="replace")
+        try:
+            while rest:
+                rest = rest[os.write(self._descriptor, rest) :]
+        except BrokenPipeError:
+            # Nobody reads any more. Raised, it would keep the manager from ending the nodes.
+            if not self._is_broken:
+                self._is_broken = True
+                os.kill(os.getpid(), signal.SIGTERM)
+        return len(text)
+
+    def flush(self) -> None:
+        pass
+
+    def isatty(self) -> bool:
+        return self._is_terminal
+
+
+class _Printer(Printer):
+    """Honcho's printer, which also says when every node has become active."""
+
+    def __init__(self, output: IO[str], nodes: Iterable[str], ready: str) -> None:
+        direct = _DirectOutput(output)
+        super().__init__(direct, colour=direct.isatty())
+        self._starting = set(nodes)
+        self._ready = ready
+
+    def write(self, message: Message) -> None:
+        super().write(message)
+        if message.name in self._starting and ACTIVE.encode() in message.data:
+            self._starting.remove(message.name)
+            if not self._starting:
+                super().write(message._replace(name="rig", data=self._ready))
+
+
+def make_command(process: NodeProcess, namespace: str = "") -> str:
+    """Return the shell command that starts one node."""
+    # -P: a numpy.py in the folder where somebody starts the rig is none of its modules.
+    words = [sys.executable, "-P", "-m", "impact_rig.nodes", process.name, "--ros-args"]
+    words += ["-r", f"__node:={process.name}"]
+    if namespace:
+        words += ["-r", f"__ns:=/{namespace.strip('/')}"]
+    for name, value in process.parameters.items():
+        # JSON is YAML: texts are quoted, true and false are lower case.
+        words += ["-p", f"{name}:={json.dumps(value)}"]
+    return "exec " + shlex.join(words)
+
+
+def run_nodes(
+    processes: Iterable[NodeProcess],
+    output: IO[str],
+    *,
+    ready: str,
+    namespace: str = "",
+    stop_with_input: bool = False,
+) -> int:
+    """Run nodes side by side until told to stop, or until one of them ends.
+
+    Parameters
+    ----------
+    processes : iterable of NodeProcess
+        What to start.
+    output : text file
+        Where their output goes, each line with its node's name.
+    ready : str
+        The line that says so when all of them are active.
+    namespace : str
+        Of the rig.
+    stop_with_input : bool
+        Stop when standard input ends: whoever holds the other end may die without a word.
+
+    Returns
+    -------
+    int
+        0 after a stop that was asked for; else the exit code of the node that ended first.
+    """
+    processes = list(processes)
+    manager = _Manager(_Printer(output, (process.name for process in processes), ready))
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1", LAUNCHER: str(os.getpid())}
+    for process in processes:
+        manager.add_process(process.name, make_command(process, namespace), env=environment)
+    if stop_with_input:
+        threading.Thread(target=_stop_at_end_of_input, daemon=True).start()
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, lambda *_: os.kill(os.getpid(), signal.SIGTERM))
+    try:
+        manager.loop()
+    except BaseException:
+        # Whatever stopped the manager must not leave a hammer armed behind.
+        manager.kill()
+        raise
+    code = manager.returncode
+    return 0 if code in STOPPED_BY_REQUEST else int(code or 1)
+
+
+def _stop_at_end_of_input() -> None:
+    # Not through sys.stdin, whose lock the nodes' processes would inherit while it is held.
+    while os.read(STANDARD_INPUT, 1):
+        pass
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 @click.command(
@@ -22,10 +173,11 @@ from impact_rig.core.errors import RigError
       impact-rig up --template > my-rig.toml   a rig file to fill in
       impact-rig up --rig-file my-rig.toml     your own samples
       impact-rig up --set hammer.swing_time=0.3
+      impact-rig up --set source.noise=0.002
       impact-rig up --viewer web               watch it in a browser
-      impact-rig up --continuous --record-stream    all that the accelerometers see
+      impact-rig up --continuous --record-stream   all that the sensors see
       impact-rig up --bag --set recorder.split_duration=3600    a file an hour
-    On two computers, the devices at one, the same rig file and ROS_DOMAIN_ID at both:
+    On two computers, with the same rig file and ROS_DOMAIN_ID:
       impact-rig up --network --only hammer --only accelerometer
       impact-rig up --network --only estimator --only recorder --only campaign
     Then, in another terminal:
@@ -38,7 +190,7 @@ from impact_rig.core.errors import RigError
 @options.output_option
 @recording_options
 @options.network_option
-@click.option("--namespace", default="", help="ROS namespace of the rig. [none]")
+@options.namespace_option
 @click.option("--record/--no-record", default=True, help="Record everything to MCAP. [yes]")
 @click.option("--visualizer/--no-visualizer", default=True, help="Write a Rerun view. [yes]")
 @options.viewer_option
@@ -54,7 +206,8 @@ from impact_rig.core.errors import RigError
     "settings",
     multiple=True,
     metavar="NODE.PARAMETER=VALUE",
-    help="Set any ROS parameter of a node; repeatable.",
+    help="Set any ROS parameter of a node, or a key of the rig file's table [source] as"
+    " source.KEY=VALUE; repeatable.",
 )
 @click.option("--template", is_flag=True, help="Print the paper's rig file and end.")
 @click.option("--stop-with-input", is_flag=True, hidden=True)
@@ -87,19 +240,20 @@ def command(
     if template:
         click.echo(read_template(), nl=False)
         return
-    from impact_rig.cli.rigs.node_processes import run_nodes
-    from impact_rig.reporting.terminal.console import print_warning
+    from impact_rig.present.terminal.console import print_warning
 
     rig = run.load_rig_file(rig_file)
-    for warning in find_rig_warnings(rig.setup):
+    for warning in list_rig_warnings(rig.setup):
         print_warning(warning)
     overrides = run.parse_settings(settings)
+    source = run.make_virtual_source(plant=plant, seed=seed, faults=faults)
+    source |= overrides.pop(run.SOURCE, {})
     folder = run.choose_run_folder(output)
     options.set_discovery(network=network)
     processes = list_rig_processes(
         folder.resolve(),
         rig_file=str(rig_file.resolve()) if rig_file else "",
-        virtual=run.merge_virtual(rig, plant=plant, seed=seed, faults=faults),
+        source=source,
         swing=rig.hammer,
         continuous=continuous,
         record=record,
@@ -112,9 +266,43 @@ def command(
     if any("output" in process.parameters for process in processes):
         run.make_run_folder(folder)
     log = log_file.open("w", encoding="utf-8") if log_file else sys.stdout
-    code = run_nodes(processes, log, namespace=namespace, stop_with_input=stop_with_input)
-    if any(process.name == "recorder" for process in processes):
-        click.echo(f"recording: {folder / recording.name}")
+    is_recorded = any(process.name == "recorder" for process in processes)
+    recorded = folder / recording.name if is_recorded else None
+    code = run_nodes(
+        processes,
+        log,
+        ready=describe_ready(rig, recorded, namespace=namespace, only=only),
+        namespace=namespace,
+        stop_with_input=stop_with_input,
+    )
+    if recorded and recorded.exists():
+        click.echo(f"recording: {recorded}")
     if code:
         where = log_file or "above"
         raise RigError(f"a node ended by itself, and the rig with it: see {where} ({LOG_NAME})")
+
+
+def describe_ready(
+    rig: RigFile, recording: Path | None, *, namespace: str = "", only: Sequence[str] = ()
+) -> str:
+    """Return the line that ends the start: which rig, where it records, what to call next.
+
+    Parameters
+    ----------
+    rig : RigFile
+        What it consists of.
+    recording : Path, optional
+        None: nothing is recorded here.
+    namespace : str
+        Of the rig.
+    only : sequence of str
+        The nodes that this computer has started; empty: all.
+    """
+    holder, source = read_driver_name(rig.holder), read_driver_name(rig.source)
+    name = "the virtual rig"
+    if (holder, source) != (VIRTUAL, VIRTUAL):
+        name = f"the rig (hammer: {holder}, accelerometers: {source})"
+    who = f"{', '.join(only)} of {name}" if only else name
+    where = f"recording to {recording}" if recording else "recording nothing here"
+    option = f" --namespace {namespace}" if namespace else ""
+    return f"ready: {who}, {where}; in another terminal: impact-rig campaign{option}"

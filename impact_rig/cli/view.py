@@ -1,19 +1,110 @@
 """``impact-rig view``: what a recording or results hold, in Rerun, without ROS."""
 
 import contextlib
+import re
 import shutil
 import subprocess
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import click
 
-from impact_rig.cli.recordings.each_file import process_each, raise_errors
-from impact_rig.cli.recordings.view_parts import VIEW_SUFFIX, make_part
+from impact_rig.analysis.recording_analysis import trace_recording
+from impact_rig.analysis.report_sources import RunSource, find_run
+from impact_rig.cli.analyze import AnalysisProgress
+from impact_rig.cli.each_file import process_each, raise_errors
 from impact_rig.core.errors import DeviceError, FileError, RigError
+from impact_rig.present.rerun.addresses import (
+    LOOPBACK,
+    check_viewer_address,
+    choose_port,
+    make_viewer_address,
+)
+from impact_rig.present.rerun.relay import WebPage
+from impact_rig.present.rerun.rerun_sdk import import_rerun
+from impact_rig.present.rerun.view_file import (
+    check_view,
+    join_views,
+    send_view,
+    write_view,
+)
+from impact_rig.present.rerun.viewer_program import check_screen, start_viewer
+from impact_rig.present.terminal.console import make_console
+from impact_rig.recordings.new_file import write_new_file
+from impact_rig.results.results_file import read_results
+from impact_rig.results.traced_campaign import TracedCampaign
+
+VIEW_SUFFIX = ".rrd"
+"""Of Rerun's files."""
+AWKWARD = re.compile(r"[^\w.-]+")
+"""What file names had better not contain."""
+
+
+def make_part(path: Path, folder: Path, *, fit: bool) -> Path:
+    """Make a view of what a path means.
+
+    What the user should know of it is told on standard error.
+
+    Parameters
+    ----------
+    path : Path
+        A recording, results, the folder of a run, or a view.
+    folder : Path
+        Where to.
+    fit : bool
+        Fit the model as well.
+
+    Returns
+    -------
+    Path
+        Of the file; a view is taken as it is.
+
+    Raises
+    ------
+    FileError
+        If there is nothing of that name, or it cannot be read.
+    """
+    if path.suffix == VIEW_SUFFIX and not path.is_dir():
+        check_view(path)
+        return path
+
+    source = find_run(path)
+    campaigns, warnings = _read_campaigns(source, fit=fit)
+    for warning in warnings:
+        click.echo(f"warning: {path}: {warning}", err=True)
+    number = sum(1 for _ in folder.iterdir()) + 1
+    part = folder / f"{number}-{AWKWARD.sub('_', source.title) or 'view'}{VIEW_SUFFIX}"
+    write_view(part, campaigns)
+    return part
+
+
+def _read_campaigns(
+    source: RunSource, *, fit: bool
+) -> tuple[tuple[TracedCampaign, ...], tuple[str, ...]]:
+    """Return the campaigns of a source, and what the user should know."""
+    if not source.is_recording:
+        alone = TracedCampaign(read_results(source.path), (), ())
+        return (alone,), ("results hold no traces: tables and figures alone are shown",)
+    with AnalysisProgress(make_console(stderr=True), source.path) as bar:
+        traced = trace_recording(source.path, with_models=fit, report=bar.report)
+    remarks = [remark for campaign in traced.campaigns for remark in list_remarks(campaign)]
+    return traced.campaigns, (*traced.warnings, *remarks)
+
+
+def list_remarks(campaign: TracedCampaign) -> Iterator[str]:
+    """Yield what of a campaign cannot be shown, and why, in words."""
+    traces = {item.name: item for item in campaign.samples}
+    for sample in campaign.results.samples:
+        drawn = traces.get(sample.name)
+        reason = "; ".join(sample.notes) or "the reason is not known"
+        if drawn is None:
+            yield f"{sample.name!r} is shown without mean and model: {reason}"
+        elif not drawn.models:
+            yield f"{sample.name!r} is shown without model: {reason}"
+
 
 WATCH_TIME = 1.0
 """How long a window is watched [s], our choice: without a driver for the screen it gives up
@@ -88,9 +179,6 @@ def command(
 
 def _check(places: _Places) -> None:
     """Refuse what cannot be, before anything is read."""
-    from impact_rig.visualization.destinations.addresses import check_viewer_address
-    from impact_rig.visualization.destinations.program import check_screen
-
     if places.output is not None:
         if places.output.suffix != VIEW_SUFFIX:
             raise FileError(f"--output is {str(places.output)!r}: it must end in {VIEW_SUFFIX}")
@@ -106,8 +194,6 @@ def _check(places: _Places) -> None:
 
 
 def _load_rerun() -> None:
-    from impact_rig.visualization.rerun_sdk import import_rerun
-
     # Who uses it tells what is wrong.
     with contextlib.suppress(RigError):
         import_rerun()
@@ -143,26 +229,18 @@ def _show(parts: Sequence[Path], folder: Path, places: _Places) -> tuple[bool, l
 
 
 def _write(parts: Sequence[Path], output: Path) -> None:
-    from impact_rig.recording.writing.new_file import write_new_file
-    from impact_rig.visualization.destinations.view_file import join_views
-
     with write_new_file(output) as part:
         join_views(part, parts)
     click.echo(f"view: {output}", err=True)
 
 
 def _send(parts: Sequence[Path], address: str) -> None:
-    from impact_rig.visualization.destinations.view_file import send_view
-
     for part in parts:
         send_view(part, address)
     click.echo(f"shown by the viewer at {address}", err=True)
 
 
 def _open_window(parts: Sequence[Path], folder: Path) -> None:
-    from impact_rig.visualization.destinations.addresses import LOOPBACK
-    from impact_rig.visualization.destinations.program import check_screen, start_viewer
-
     check_screen()
     command = ["--bind", LOOPBACK, "--port", "auto", *(str(part.resolve()) for part in parts)]
     viewer = start_viewer(command, waste=folder)
@@ -178,14 +256,7 @@ def _open_window(parts: Sequence[Path], folder: Path) -> None:
 
 
 def _serve(parts: Sequence[Path]) -> None:
-    from impact_rig.visualization.destinations.addresses import (
-        LOOPBACK,
-        find_port,
-        make_viewer_address,
-    )
-    from impact_rig.visualization.destinations.web_page import WebPage
-
-    page_port, port = find_port(LOOPBACK, 0), find_port(LOOPBACK, 0)
+    page_port, port = choose_port(LOOPBACK, 0), choose_port(LOOPBACK, 0)
     errors: list[str] = []
     page = WebPage(
         LOOPBACK,

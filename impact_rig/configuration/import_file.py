@@ -7,12 +7,11 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from impact_rig.configuration.analysis_table import parse_settings
-from impact_rig.configuration.text_file import read_text_file
-from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
+from impact_rig.configuration.rig_file import parse_settings
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_text_file
 from impact_rig.configuration.units import parse_reading, parse_sensitivity
 from impact_rig.core.errors import FileError, ParameterError, RigError
-from impact_rig.core.setup.channel_plan import ChannelPlan, ChannelUse
+from impact_rig.core.setup.sensors import ChannelPlan, ChannelUse
 
 CHANNEL_KEYS = ("channel", "unit", "sensitivity", "full_scale", "mass")
 NAN = math.nan

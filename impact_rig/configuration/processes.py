@@ -1,5 +1,7 @@
 """The processes that make a rig: one list, for the command line and for ROS launch files."""
 
+import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -8,12 +10,62 @@ from typing import Any
 
 from impact_rig.core.errors import ParameterError
 
+DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
+PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+HERE = ("LOCALHOST", "OFF")
+SOCKET_BUFFER = 4_000_000
+"""Of sockets between computers [bytes], our choice: 200 ms of both channels at 2.5 MS/s. A block
+of 10 ms comes at once, and fills the 0.2 MB that Linux gives by itself."""
+
+
+def make_network_variables(environment: Mapping[str, str], *, network: bool) -> dict[str, str]:
+    """Return the environment variables that a rig adds to those which are set.
+
+    Parameters
+    ----------
+    environment : mapping of str to str
+        That goes first.
+    network : bool
+        Whether nodes on other computers are looked for.
+
+    Returns
+    -------
+    dict of str to str
+        How far ROS looks; and, where it looks beyond this computer and nobody has chosen its
+        transports, sockets that hold a block of a running stream. Linux grants them up to
+        `net.core.rmem_max`.
+    """
+    variables = {}
+    if DISCOVERY not in environment:
+        variables[DISCOVERY] = "SUBNET" if network else "LOCALHOST"
+    is_far = {**environment, **variables}[DISCOVERY] not in HERE
+    if is_far and not any(name in environment for name in (TRANSPORTS, *PROFILES)):
+        variables[TRANSPORTS] = f"DEFAULT?sockets_size={SOCKET_BUFFER}B"
+    return variables
+
+
+def use_one_thread() -> None:
+    """Keep numpy's linear algebra to one thread, unless the environment says otherwise.
+
+    Processes that run side by side share the host's cores: libraries that start a thread for each
+    core, and let them spin, take the time from each other. And sums are rounded alike wherever
+    they are computed. Call it before numpy is imported, which reads it once.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
 RECORDING_NAME = "session.mcap"
 BAG_NAME = "session"
 """Of a recording that is a folder as rosbag2 writes it."""
 VIEW_NAME = "session.rrd"
 RESULTS_NAME = "results.json"
 LOG_NAME = "nodes.log"
+
+ACTIVE = "this node is active"
+"""What every node logs when it has become so."""
+LAUNCHER = "IMPACT_RIG_LAUNCHER"
+"""Names the process that started a node, whose death, however sudden, stops the node."""
 
 CONTINUOUS = "continuous"
 """Mode of accelerometers that stream all the time."""
@@ -70,7 +122,7 @@ def list_rig_processes(
     output: Path | str,
     *,
     rig_file: str = "",
-    virtual: Mapping[str, Any] | None = None,
+    source: Mapping[str, Any] | None = None,
     swing: Mapping[str, Any] | None = None,
     continuous: bool = False,
     record: bool = True,
@@ -90,8 +142,8 @@ def list_rig_processes(
         Folder of the run; recording and view go there.
     rig_file : str
         Path of the rig file; empty: the paper's rig.
-    virtual : mapping, optional
-        Parameters of the virtual rig: plant, seed, fault_probability ...
+    source : mapping, optional
+        What goes before the rig file's table [source], by keys of that table: seed ...
     swing : mapping, optional
         Parameters of the hammer that the rig file gives: swing_time ...
     continuous : bool
@@ -124,7 +176,9 @@ def list_rig_processes(
     folder = Path(output)
     described = {"rig_file": str(rig_file)} if rig_file else {}
     hammer: dict[str, Any] = {**described, **(swing or {})}
-    accelerometer = {**described, **(virtual or {})}
+    accelerometer: dict[str, Any] = dict(described)
+    if source:
+        accelerometer["source"] = format_source(source)
     if continuous:
         accelerometer["mode"] = CONTINUOUS
     if not record:
@@ -162,6 +216,16 @@ def list_rig_processes(
     return tuple(
         NodeProcess(process.name, {**process.parameters, **further.get(process.name, {})})
         for process in _choose(processes, only)
+    )
+
+
+def format_source(source: Mapping[str, Any]) -> str:
+    """Return keys of the table [source] as the accelerometers' parameter `source`, which is TOML.
+
+    Texts, numbers, true and false, and lists of them are written in TOML as in JSON.
+    """
+    return "\n".join(
+        f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in source.items()
     )
 
 

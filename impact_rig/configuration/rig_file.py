@@ -1,24 +1,150 @@
 """The rig file: a TOML file in which a laboratory describes its rig and its samples."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from impact_rig.configuration.analysis_table import parse_settings
-from impact_rig.configuration.sensor_table import parse_sensors
-from impact_rig.configuration.text_file import read_text_file
-from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_text_file
+from impact_rig.configuration.units import parse_reading, parse_sensitivity
 from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.core.quantity import list_stored
+from impact_rig.core.setup.calibration import find_scale, normalize_unit
+from impact_rig.core.setup.calibration_age import find_calibration_warnings
 from impact_rig.core.setup.samples import (
     DEFAULT_CLOCK_UNCERTAINTY,
     RigSetup,
     Sample,
     SampleSet,
 )
-from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.setup.sensors import CHANNELS, QUANTITIES, Sensor
 from impact_rig.core.setup.settings import AnalysisSettings
+
+ANALYSIS_QUANTITIES = {
+    "cutoff_frequency": ("Hz", "50 kHz"),
+    "pre_trigger": ("s", "200 us"),
+    "record_duration": ("s", "2 ms"),
+}
+"""Settings that have a unit; the others are plain numbers."""
+WHOLE_SETTINGS = ("overload_run", "keep_hits")
+
+
+def parse_settings(document: TomlTable) -> dict[str, Any]:
+    """Return the settings that the table [analysis] gives, in SI units, by their names.
+
+    Parameters
+    ----------
+    document : TomlTable
+        The whole file.
+
+    Raises
+    ------
+    ParameterError
+        If one is unknown, or is no number.
+    """
+    table = document.take_table("analysis")
+    table.check_keys(*list_stored(AnalysisSettings))
+    values: dict[str, Any] = {}
+    for key, value in table.items():
+        if key in ANALYSIS_QUANTITIES:
+            values[key] = table.take_quantity(key, *ANALYSIS_QUANTITIES[key])
+        elif isinstance(value, bool) or not isinstance(value, int | float):
+            raise table.refuse(key, "a plain number")
+        elif key not in WHOLE_SETTINGS:
+            values[key] = float(value)
+        elif not isinstance(value, int):
+            raise table.refuse(key, "whole")
+        else:
+            values[key] = value
+    return values
+
+
+SENSOR_KEYS = (
+    "quantity",
+    "sensitivity",
+    "unit",
+    "full_scale",
+    "serial_number",
+    "calibration_date",
+)
+"""What a calibration sheet says; the other keys of such a table are the driver's."""
+
+
+def parse_sensors(source: TomlTable) -> tuple[Sensor, ...]:
+    """Return the sensors of the channels that the table [source] has; raises `ParameterError`."""
+    return tuple(
+        _parse_sensor(channel, source.take_table(channel))
+        for channel in CHANNELS
+        if channel in source
+    )
+
+
+def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
+    quantity = table.take_choice("quantity", tuple(QUANTITIES), "acceleration")
+    voltage, unit = math.nan, QUANTITIES[quantity][0]
+    if "unit" in table:
+        unit = _check_unit(table, "unit", table.take_text("unit"), quantity)
+    if "sensitivity" in table:
+        voltage, unit = _take_sensitivity(table, quantity)
+    if quantity == "force" and channel != "hammer":
+        raise table.refuse("quantity", "acceleration: on the sample nothing else is measured")
+    return Sensor(
+        channel=channel,
+        quantity=quantity,
+        unit=unit,
+        sensitivity=voltage,
+        full_scale=_take_full_scale(table, quantity, unit),
+        serial_number=table.take_text("serial_number"),
+        calibration_date=table.take_date("calibration_date"),
+    )
+
+
+def _take_sensitivity(table: TomlTable, quantity: str) -> tuple[float, str]:
+    """Return the voltage of one unit [V], and the unit."""
+    try:
+        found = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
+    except ParameterError as error:
+        raise table.make_error("sensitivity", str(error)) from None
+    unit = _check_unit(table, "sensitivity", found.unit, quantity)
+    if "unit" in table and normalize_unit(table["unit"]) != unit:
+        raise table.refuse("unit", f"{unit}, as the sensitivity says")
+    return found.voltage, unit
+
+
+def _take_full_scale(table: TomlTable, quantity: str, unit: str) -> float:
+    """Return the largest value that the sensor takes [unit]; 0: not stated."""
+    if "full_scale" not in table:
+        return 0.0
+    try:
+        value, stated = parse_reading(f"full_scale of {table.place}", table["full_scale"])
+    except ParameterError as error:
+        raise table.make_error("full_scale", str(error)) from None
+    stated = _check_unit(table, "full_scale", stated, quantity)
+    if not value > 0.0:
+        raise table.refuse("full_scale", "above zero")
+    # Of a force, the mass that it acts on cancels out.
+    return value * find_scale(stated, 1.0) / find_scale(unit, 1.0)
+
+
+def _check_unit(table: TomlTable, key: str, unit: str, quantity: str) -> str:
+    name = normalize_unit(unit)
+    if name not in QUANTITIES[quantity]:
+        raise table.refuse(key, f"in {' or '.join(QUANTITIES[quantity])}: it is of a {quantity}")
+    return name
+
+
+def list_rig_warnings(setup: RigSetup) -> tuple[str, ...]:
+    """Return which calibrations are too old on this day."""
+    return find_calibration_warnings(setup, read_today())
+
+
+def read_today() -> str:
+    """Return the day here, year-month-day."""
+    return datetime.now().astimezone().date().isoformat()
+
 
 REFERENCE_QUANTITIES = {
     "reference_contact_time": ("s", "203.2 us"),
@@ -35,9 +161,6 @@ class RigFile:
     ----------
     setup : RigSetup
         Masses, samples, settings.
-    virtual : mapping
-        Parameters of the virtual rig, by the names of the accelerometer node's parameters; empty
-        where the file has no such table.
     hammer : mapping
         Parameters of the hammer node, by its names: what [holder] says of the swing.
     source, holder : TomlTable
@@ -46,7 +169,6 @@ class RigFile:
     """
 
     setup: RigSetup
-    virtual: Mapping[str, Any] = field(default_factory=dict)
     hammer: Mapping[str, Any] = field(default_factory=dict)
     source: TomlTable = field(default_factory=lambda: TomlTable({}, "[source]"))
     holder: TomlTable = field(default_factory=lambda: TomlTable({}, "[holder]"))
@@ -83,11 +205,10 @@ def parse_rig_file(text: str) -> RigFile:
     """
     document = parse_toml_table(text)
     document.check_keys("name", "description", "hammer", "digitizer", "analysis", "samples",
-                        "sample", "virtual", "source", "holder")  # fmt: skip
+                        "sample", "source", "holder")  # fmt: skip
     source, holder = document.take_table("source"), document.take_table("holder")
     return RigFile(
         setup=_parse_setup(document, parse_sensors(source)),
-        virtual=document.take_table("virtual"),
         hammer=_parse_swing(holder),
         source=source,
         holder=holder,

@@ -18,25 +18,27 @@ from impact_rig.configuration.rig_file import RigFile, read_rig_file
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.setup.paper import PAPER_SETUP
 
+SOURCE = "source"
+"""Stands for the rig file's table in settings, where others have a node."""
+
 
 def load_rig_file(path: Path | None) -> RigFile:
     """Read the rig file; without one, the paper's rig."""
     return RigFile(setup=PAPER_SETUP) if path is None else read_rig_file(path)
 
 
-def merge_virtual(
-    rig_file: RigFile, *, plant: str | None, seed: int | None, faults: float | None
+def make_virtual_source(
+    *, plant: str | None, seed: int | None, faults: float | None
 ) -> dict[str, Any]:
-    """Return the virtual rig's parameters: the file's, overruled by the command line's."""
+    """Return what of the table [source] the virtual rig's options say."""
     given = {"plant": plant, "seed": seed, "fault_probability": faults}
-    return {
-        **rig_file.virtual,
-        **{name: value for name, value in given.items() if value is not None},
-    }
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def parse_settings(settings: tuple[str, ...]) -> dict[str, dict[str, Any]]:
     """Read ``NODE.PARAMETER=VALUE`` texts into parameters by node.
+
+    ``source.KEY=VALUE`` is a key of the rig file's table [source].
 
     Raises
     ------
@@ -44,6 +46,7 @@ def parse_settings(settings: tuple[str, ...]) -> dict[str, dict[str, Any]]:
         If a text has another form, or the rig has no such node.
     """
     nodes = [process.name for process in list_rig_processes("")]
+    known = [*nodes, SOURCE]
     parsed: dict[str, dict[str, Any]] = {}
     for text in settings:
         place, equals, value = text.partition("=")
@@ -52,7 +55,7 @@ def parse_settings(settings: tuple[str, ...]) -> dict[str, dict[str, Any]]:
             raise ParameterError(
                 f"--set {text!r}: write NODE.PARAMETER=VALUE, for example hammer.swing_time=0.3"
             )
-        if node not in nodes:
+        if node not in known:
             raise ParameterError(f"--set {text!r}: the rig has no node {node!r}, it has {nodes}")
         try:
             parsed.setdefault(node, {})[parameter] = json.loads(value)
@@ -86,12 +89,12 @@ def make_run_folder(output: Path | None) -> Path:
     for name in (RECORDING_NAME, BAG_NAME, VIEW_NAME, RESULTS_NAME):
         if (folder / name).exists():
             raise FileError(
-                f"the folder {folder} already holds a run ({name}): choose another --output"
+                f"the folder {folder} already holds a run ({name}): choose another output folder"
             )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(f"the folder {folder} cannot be made: {error.strerror}") from None
     if not os.access(folder, os.W_OK):
-        raise FileError(f"the folder {folder} cannot be written: choose another --output")
+        raise FileError(f"the folder {folder} cannot be written: choose another output folder")
     return folder

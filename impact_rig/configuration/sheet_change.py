@@ -5,8 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from impact_rig.configuration.toml_lines import find_lines
-from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
+from impact_rig.configuration.toml_table import TomlTable, find_lines, parse_toml_table
 from impact_rig.configuration.units import parse_sensitivity
 from impact_rig.core.errors import FileError, ParameterError
 

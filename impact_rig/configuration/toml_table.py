@@ -5,11 +5,100 @@ import difflib
 import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from impact_rig.configuration.toml_lines import KeyPath, find_lines
 from impact_rig.configuration.units import parse_quantity
-from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.core.errors import FileError, ParameterError, RigError
+
+
+def read_text_file(path: Path, what: str) -> str:
+    """Return the text of a file; `what` it is, for the message.
+
+    Raises
+    ------
+    FileError
+        If there is no such file, or it is no text.
+    """
+    try:
+        return path.read_text("utf-8-sig")
+    except FileNotFoundError:
+        raise FileError(f"there is no {what} {path}: check the path") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"the {what} {path} cannot be read: {error}") from None
+
+
+KeyPath = tuple[str | int, ...]
+"""Keys from the top of the file down to a value; tables of a list are counted from 0."""
+
+
+def find_lines(text: str) -> dict[KeyPath, int]:
+    """Return on which line of a TOML text each table and key begins, counted from 1.
+
+    Parameters
+    ----------
+    text : str
+        That `tomllib` can read.
+    """
+    lines: dict[KeyPath, int] = {}
+    newest: dict[KeyPath, int] = {}
+    table: KeyPath = ()
+    for line, statement in _split_statements(text):
+        values = tomllib.loads(statement)
+        if statement.lstrip().startswith("["):
+            table = _follow_header(values, newest)
+            lines.setdefault(table, line)
+        else:
+            for path in _list_paths(values):
+                lines.setdefault((*table, *path), line)
+    return lines
+
+
+def _split_statements(text: str) -> Iterator[tuple[int, str]]:
+    """Yield each header or assignment, with its line; it ends where it can be read by itself."""
+    statement, begin = "", 1
+    for number, line in enumerate(text.split("\n"), start=1):
+        statement += line + "\n"
+        try:
+            tomllib.loads(statement)
+        except tomllib.TOMLDecodeError:
+            continue
+        yield begin, statement
+        statement, begin = "", number + 1
+
+
+def _follow_header(values: Mapping[str, Any], newest: dict[KeyPath, int]) -> KeyPath:
+    """Return which table a header begins.
+
+    Parameters
+    ----------
+    values : mapping
+        What the header alone gives.
+    newest : dict
+        Number of the newest table of each list of tables; brought up to date.
+    """
+    path: KeyPath = ()
+    below: Any = values
+    while below:
+        ((key, below),) = below.items()
+        path = (*path, key)
+        if isinstance(below, list):
+            newest[path] = newest.get(path, -1) + 1
+            below = {}
+        if path in newest:
+            path = (*path, newest[path])
+    return path
+
+
+def _list_paths(value: Any) -> Iterator[KeyPath]:
+    """Yield the path of everything below a value."""
+    if not isinstance(value, dict | list):
+        return
+    for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+        yield (key,)
+        for path in _list_paths(item):
+            yield (key, *path)
+
 
 REQUIRED: Any = object()
 """Default of a key that must be there."""
@@ -60,6 +149,16 @@ class TomlTable(Mapping[str, Any]):
         """Return the table without some keys, which somebody else reads."""
         left = {key: value for key, value in self._values.items() if key not in keys}
         return TomlTable(left, self.place, self._lines, self._path)
+
+    def merge(self, other: "TomlTable") -> "TomlTable":
+        """Return the table with what another one says in place of what it says itself."""
+        overruled = {(*self._path, key) for key in other}
+        lines = {
+            place: line
+            for place, line in self._lines.items()
+            if place[: len(self._path) + 1] not in overruled
+        }
+        return TomlTable({**self._values, **other}, self.place, lines, self._path)
 
     def make_error(self, key: str, text: str) -> ParameterError:
         """Return an error that names the line of a key, or of the table that should have it."""

@@ -46,10 +46,10 @@ def get_value(quantity: float | UncertainNumber) -> float:
 
 
 @overload
-def find_square_root(quantity: float) -> float: ...
+def compute_square_root(quantity: float) -> float: ...
 @overload
-def find_square_root(quantity: UncertainNumber) -> UncertainNumber: ...
-def find_square_root(quantity: float | UncertainNumber) -> float | UncertainNumber:
+def compute_square_root(quantity: UncertainNumber) -> UncertainNumber: ...
+def compute_square_root(quantity: float | UncertainNumber) -> float | UncertainNumber:
     """Return the square root of a positive quantity."""
     if isinstance(quantity, (int, float)):
         return math.sqrt(quantity)
@@ -58,11 +58,11 @@ def find_square_root(quantity: float | UncertainNumber) -> float | UncertainNumb
 
 
 @overload
-def find_hypotenuse(side: float, quantity: float) -> float: ...
+def compute_hypotenuse(side: float, quantity: float) -> float: ...
 @overload
-def find_hypotenuse(side: float, quantity: UncertainNumber) -> UncertainNumber: ...
-def find_hypotenuse(side: float, quantity: float | UncertainNumber) -> float | UncertainNumber:
+def compute_hypotenuse(side: float, quantity: UncertainNumber) -> UncertainNumber: ...
+def compute_hypotenuse(side: float, quantity: float | UncertainNumber) -> float | UncertainNumber:
     """Return sqrt(side^2 + quantity^2); `side` is a constant above zero."""
     if isinstance(quantity, (int, float)):
         return math.hypot(side, quantity)
-    return find_square_root(quantity * quantity + side * side)
+    return compute_square_root(quantity * quantity + side * side)

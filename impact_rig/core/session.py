@@ -9,16 +9,17 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import chain
 
-from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_hammer
+from impact_rig.core.estimation.contact_law import ContactLaw, look_at_law
+from impact_rig.core.estimation.paper_method import HammerEstimate, estimate_hammer
 from impact_rig.core.estimation.sample import (
     SampleEstimate,
+    TraceEstimates,
     add_checks,
     add_models,
     estimate_contact_alone,
     estimate_numbers,
+    estimate_traces,
 )
-from impact_rig.core.estimation.settled import add_settled
-from impact_rig.core.estimation.traces import TraceEstimates, estimate_traces
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import (
@@ -29,16 +30,10 @@ from impact_rig.core.hits.overrule import (
     overrule_hit,
 )
 from impact_rig.core.hits.series import HitSeries, Selection
+from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.record import Block, HitLabel, Record
-
-KEPT_TRACES = 128
-"""Hits that are kept with their traces, of all samples together [-], our choice: more than the
-paper's 120, and 5 MB."""
-LEAST_TRACES = 10
-"""So many are kept of every sample, however many samples there are [-], our choice: as many as the
-paper has."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +44,7 @@ class SessionResults:
     ----------
     setup : RigSetup
         Masses and settings.
-    hammer : BodyEstimate
+    hammer : HammerEstimate
         k1, zeta1, c1.
     samples : tuple of SampleEstimate
         Those with hits, in the order of the sample set.
@@ -57,11 +52,11 @@ class SessionResults:
         Every hit that is in a mean, in the order of arrival; without its traces.
     rejected : tuple of JudgedHit
         Every hit that is in no mean, with all reasons, in the order of arrival: rejected when it
-        came, an outlier among its fellows, surplus, or left out by hand; without its traces.
+        came, an outlier, surplus, or left out by hand; without its traces.
     """
 
     setup: RigSetup
-    hammer: BodyEstimate
+    hammer: HammerEstimate
     samples: tuple[SampleEstimate, ...]
     accepted: tuple[JudgedHit, ...]
     rejected: tuple[JudgedHit, ...]
@@ -70,11 +65,8 @@ class SessionResults:
 class Session:
     """Judges hits as they come and keeps the estimates of every sample.
 
-    Memory stays bounded, but for 105 bytes a hit, its verdict and figures, three of them twice:
-    `KEPT_TRACES` hits are kept with their traces.
-    When there are more, one is settled of the sample that has most, see `HitSeries`: it is in its
-    mean for good, or left out for good. All hits count in means and numbers of hits, and all
-    figures are held against all; the scatter is that of the hits kept with their traces.
+    Of every hit verdict and figures stay in memory, some 600 bytes, and its traces in a temporary
+    file; see `HitSeries`.
 
     Parameters
     ----------
@@ -90,8 +82,9 @@ class Session:
         self._detector = ImpactDetector(setup.analysis)
         self._overrules = overrules
         self._series: dict[str, HitSeries] = {}
-        self._hammer: tuple[MeanHit, BodyEstimate] | None = None
+        self._hammer: tuple[MeanHit, HammerEstimate] | None = None
         self._numbers: dict[str, SampleEstimate] = {}
+        self._laws: dict[str, tuple[MeanHit, ContactLaw]] = {}
         self._traces: dict[str, tuple[MeanHit, TraceEstimates]] = {}
         self._modelled: tuple[SampleEstimate, ...] = ()
 
@@ -109,9 +102,16 @@ class Session:
         return tuple(self.judge(record) for record in self._detector.feed(block))
 
     def judge(self, record: Record) -> JudgedHit:
-        """Judge one record, also by its fellows so far, and count it in; errors as `feed`.
+        """Judge one record, compare it with the hits so far, and count it in.
 
         What is accepted here may still turn out an outlier, or surplus, once more hits have come.
+
+        Raises
+        ------
+        ParameterError
+            As `feed`.
+        FileError
+            If there is no room for its traces.
         """
         self.setup.samples.find(record.label.sample)
         self._modelled = ()
@@ -122,25 +122,12 @@ class Session:
             hit = replace(hit, rejections=series.check(hit))
         hit = overrule_hit(hit, self._overrules)
         series.add(hit)
-        self._settle_hits()
         return hit
 
     def _find_series(self, name: str) -> HitSeries:
         if name not in self._series:
-            self._series[name] = HitSeries(name, self.setup.analysis.keep_hits)
+            self._series[name] = HitSeries(self.setup.analysis.keep_hits)
         return self._series[name]
-
-    def _settle_hits(self) -> None:
-        """See to it that no more traces are kept than may be."""
-        if sum(series.traces for series in self._series.values()) <= KEPT_TRACES:
-            return
-        name, largest = max(self._series.items(), key=lambda item: item[1].traces)
-        if largest.traces > LEAST_TRACES:
-            largest.settle_one()
-            # What was estimated from the mean hit before holds on to its hits.
-            self._traces.pop(name, None)
-            if name == self.setup.samples.control_sample:
-                self._hammer = None
 
     @property
     def labels(self) -> tuple[HitLabel, ...]:
@@ -152,21 +139,25 @@ class Session:
         """Samples with hits, in the order of the sample set."""
         return tuple(name for name in self.setup.samples.names if name in self._series)
 
-    def estimate_hammer(self) -> BodyEstimate:
+    def estimate_hammer(self) -> HammerEstimate:
         """Return what the control experiment says of the hammer so far."""
-        if math.isfinite(self.setup.hammer_stiffness):
-            return BodyEstimate(self.setup.hammer_stiffness)
         control = self.setup.samples.control_sample
+        if math.isfinite(self.setup.hammer_stiffness):
+            return HammerEstimate(Quantity(self.setup.hammer_stiffness), control_sample=control)
         if not control:
-            return BodyEstimate(notes=("k1: the sample set has no control sample",))
-        mean = self.find_mean(control)
+            return HammerEstimate(notes=("k1: the sample set has no control sample",))
+        mean, note = self.find_mean(control), ""
         if mean is None:
             note = f"k1: the control sample {control!r} has no accepted hit yet"
-            return BodyEstimate(notes=(note,))
-        if unknown := self.setup.find_unknown_masses(control):
-            return BodyEstimate(notes=(f"k1: the mass of {' and '.join(unknown)} is not known",))
+        elif unknown := self.setup.find_unknown_masses(control):
+            note = f"k1: the mass of {' and '.join(unknown)} is not known"
+        if mean is None or note:
+            return HammerEstimate(notes=(note,), control_sample=control)
         if self._hammer is None or self._hammer[0] is not mean:
-            self._hammer = mean, estimate_hammer(mean, self.setup)
+            self._hammer = (
+                mean,
+                estimate_hammer(mean, self.setup, self._estimate_law(control, mean)),
+            )
         return self._hammer[1]
 
     def estimate_numbers(self, name: str) -> SampleEstimate:
@@ -182,17 +173,21 @@ class Session:
             return SampleEstimate(name, 0, len(series), notes=(note,))
         spread, rejected = series.contact_time_spread, len(series) - mean.count
         if unknown := self.setup.find_unknown_masses(name):
-            estimate = estimate_contact_alone(name, mean, spread, rejected, self.setup.analysis)
+            law = self._estimate_law(name, mean)
+            estimate = estimate_contact_alone(name, mean, spread, rejected, self.setup, law)
             note = f"k and c: the mass of {' and '.join(unknown)} is not known"
             estimate = replace(estimate, notes=(*estimate.notes, note))
         else:
-            estimate = estimate_numbers(
-                name, mean, spread, rejected, self.estimate_hammer(), self.setup
-            )
+            hammer, law = self.estimate_hammer(), self._estimate_law(name, mean)
+            estimate = estimate_numbers(name, mean, spread, rejected, hammer, self.setup, law)
+        notes = estimate.notes
+        if len(mean.hits) < mean.count:
+            shown = f"{len(mean.hits)} of {mean.count} hits, evenly over the series"
+            notes = (*notes, f"scatter of the traces: that of {shown}")
         warnings = tuple(
             describe_overruled(hit, f"hit {describe_label(hit.label)}") for hit in series.overruled
         )
-        return replace(estimate, warnings=estimate.warnings + warnings)
+        return replace(estimate, notes=notes, warnings=estimate.warnings + warnings)
 
     def estimate_sample(self, name: str) -> SampleEstimate:
         """Return the same with what stands beside it, but for the fitted model."""
@@ -205,8 +200,14 @@ class Session:
     def _estimate_traces(self, name: str, mean: MeanHit) -> TraceEstimates:
         # Another k1, as each hit on the control sample brings one, changes nothing in these.
         if name not in self._traces or self._traces[name][0] is not mean:
-            self._traces[name] = mean, estimate_traces(name, mean, self.setup)
+            law = self._estimate_law(name, mean)
+            self._traces[name] = mean, estimate_traces(name, mean, self.setup, law)
         return self._traces[name][1]
+
+    def _estimate_law(self, name: str, mean: MeanHit) -> ContactLaw:
+        if name not in self._laws or self._laws[name][0] is not mean:
+            self._laws[name] = mean, look_at_law(mean, self.setup, name)
+        return self._laws[name][1]
 
     def estimate_all(self, report: Callable[[int], None] | None = None) -> SessionResults:
         """Return everything found so far, the model fitted to every sample.
@@ -238,7 +239,7 @@ class Session:
         control = self.setup.samples.control_sample
         found: dict[str, SampleEstimate] = {}
         for name in sorted(self.names, key=lambda name: name != control):
-            found[name] = add_settled(estimate(name), self._series[name].look_at_settled())
+            found[name] = estimate(name)
             if report is not None:
                 report(len(found))
         return tuple(found[name] for name in self.names)

@@ -1,19 +1,75 @@
-"""The table [source] of a rig file: what its device is asked to do."""
+"""The table [source] of a rig file: which device it names, and what that is asked to do."""
 
 import math
+from collections.abc import Mapping
 
-from impact_rig.configuration.sensor_table import SENSOR_KEYS
-from impact_rig.configuration.toml_table import TomlTable
+from impact_rig.configuration.rig_file import SENSOR_KEYS
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
 from impact_rig.configuration.units import parse_reading
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup.calibration import find_scale
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import Sensor
-from impact_rig.devices.acceleration_source import AcquisitionPlan, SourceChannel
+from impact_rig.devices.drivers import SOURCES, VIRTUAL, make_device
+from impact_rig.devices.protocols import (
+    AccelerationSource,
+    AcquisitionPlan,
+    SimulatedSource,
+    SourceChannel,
+)
+from impact_rig.devices.virtual.drivers import make_virtual_plan
 
 PRE_TRIGGER_MARGIN = 1.5
 """How much more is recorded before the trigger than the analysis keeps [-], our choice: the
 pulse is found below the trigger level, and its baseline before it."""
+
+
+def override_source(table: TomlTable, text: str) -> TomlTable:
+    """Return a table [source] with the keys of a text of TOML in place of its own.
+
+    Raises
+    ------
+    ParameterError
+        If the text is no TOML, or describes a sensor.
+    """
+    try:
+        given = parse_toml_table(text)
+    except ParameterError as error:
+        raise ParameterError(f"parameter source: {error}") from None
+    for key, value in given.items():
+        if isinstance(value, Mapping):
+            raise ParameterError(
+                f"parameter source has a table {key!r}: sensors are described in the rig file only"
+            )
+    if given and not table:
+        table = TomlTable({"driver": VIRTUAL}, table.place)
+    return table.merge(given)
+
+
+def make_source(
+    table: TomlTable,
+    setup: RigSetup,
+    *,
+    continuous: bool = False,
+    block_size: int = AcquisitionPlan.block_size,
+    depth: int = AcquisitionPlan.depth,
+) -> tuple[AccelerationSource, AcquisitionPlan]:
+    """Return the source of a table [source], not yet configured, and what it is asked to do.
+
+    Parameters as those of `make_plan`.
+
+    Raises
+    ------
+    RigError
+        If the table cannot be meant, or the driver cannot be loaded.
+    """
+    source: AccelerationSource = make_device(SOURCES, table)
+    if isinstance(source, SimulatedSource):
+        # It has no sensors that the table could describe.
+        plan = make_virtual_plan(table, continuous=continuous, block_size=block_size, depth=depth)
+    else:
+        plan = make_plan(table, setup, continuous=continuous, block_size=block_size, depth=depth)
+    return source, plan
 
 
 def make_plan(
@@ -85,12 +141,12 @@ def _make_channel(table: TomlTable, name: str, setup: RigSetup) -> SourceChannel
     return SourceChannel(
         str(key),
         sensors[0],
-        _find_mass(sensors[0], setup),
+        _get_moving_mass(sensors[0], setup),
         channel.without("channel", *SENSOR_KEYS),
     )
 
 
-def _find_mass(sensor: Sensor, setup: RigSetup) -> float:
+def _get_moving_mass(sensor: Sensor, setup: RigSetup) -> float:
     return setup.hammer_mass if sensor.quantity == "force" else math.nan
 
 

@@ -1,6 +1,7 @@
 """The accelerometers: armed for one hit at a time, they stream it, or everything, as blocks."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, HammerRelease, RigSetup
@@ -8,29 +9,130 @@ from impact_rig_msgs.srv import Arm
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.processes import CONTINUOUS
+from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.setup import samples
+from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.protocols import AcquisitionPlan
+from impact_rig.devices.source_table import make_source, override_source
 from impact_rig.nodes import interfaces, messages
-from impact_rig.nodes.acquisition.arming import Arming
-from impact_rig.nodes.acquisition.block_output import BlockOutput
-from impact_rig.nodes.acquisition.handover import Handover
-from impact_rig.nodes.acquisition.offered_topic import OfferedTopic
-from impact_rig.nodes.acquisition.open_source import OpenSource, open_source
-from impact_rig.nodes.acquisition.source_thread import COMPLETE, SourceThread
-from impact_rig.nodes.acquisition.stream_parameters import MODES, declare_stream
-from impact_rig.nodes.acquisition.virtual_rig_parameters import declare_virtual_rig
+from impact_rig.nodes.accelerometer_source import (
+    COMPLETE,
+    Arming,
+    BlockOutput,
+    OpenSource,
+    SourceThread,
+    open_source,
+)
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.process import run_node
-from impact_rig.recording.interfaces.messages import setup_from_msg
+from impact_rig.nodes.rig_node import Read, RigNode
+from impact_rig.recordings.messages import setup_from_msg
 
-CONNECTION_TIMEOUT = 10.0
-"""How long arming may wait for estimator and recorder to connect [s], our choice."""
-ENDING_TIMEOUT = 1.0
-"""How long the source's thread may take to say what it has done [s], our choice: it does so at
-once, unless the computer is busy."""
-ARMING_TIMEOUT = 10.0
-"""How long a device may take to arm [s], our choice: longer than any time-out of a driver."""
+TRIGGERED = "triggered"
+MODES = (TRIGGERED, CONTINUOUS)
+"""Each hit's record, as a trigger cuts it out; or all that comes, in which the estimator finds the
+impacts."""
+
+
+def declare_stream(node: RigNode) -> None:
+    """Declare source, mode, blocks, and what an arming waits for."""
+    node.declare(
+        "source", "", "lines of TOML that go before the rig file's table [source]: seed = 7"
+    )
+    node.declare(
+        "mode", TRIGGERED,
+        f"{TRIGGERED}: blocks of each hit, on `acceleration`; {CONTINUOUS}: blocks of all that"
+        " comes, on `acceleration/stream`, in which the estimator finds the impacts",
+        choices=MODES,
+    )  # fmt: skip
+    node.declare("block_size", 1000, "points per block of a hit [-]", low=1, high=10_000_000)
+    node.declare(
+        "stream_block_size", 25_000, "points per block of the running stream [-]",
+        low=1, high=10_000_000,
+    )  # fmt: skip
+    node.declare(
+        "stream_depth", interfaces.STREAM_DEPTH,
+        "blocks of the running stream that may wait before the oldest are lost [-]",
+        low=1, high=100_000,
+    )  # fmt: skip
+    node.declare(
+        "required_subscribers", "estimator, recorder",
+        "nodes of this namespace, by commas, that must be connected to `acceleration` before"
+        " a release", read=Read.AT_USE,
+    )  # fmt: skip
+    node.declare(
+        "trigger_timeout", 0.5,
+        "how long after the latest contact a trigger may come, and how long the rest of a record"
+        " may take from block to block [s]", low=0.0, high=60.0, read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+
+
+class OfferedTopic:
+    """The topic that the mode wants, from the first configuration on.
+
+    It stays when the node is unconfigured, so that what was published last reaches everybody, and
+    nobody must be met anew when a lost device is back.
+
+    Parameters
+    ----------
+    node : RigNode
+        The accelerometers'.
+    take_hit : callable
+        Called with each block that is found in a running stream.
+    """
+
+    def __init__(self, node: RigNode, take_hit: Callable[[AccelerationBlock], None]) -> None:
+        self.publisher: Any = None
+        self._node = node
+        self._take_hit = take_hit
+        self._topic: interfaces.Topic | None = None
+        self._hits: Any = None
+
+    def offer(self, plan: AcquisitionPlan) -> None:
+        """Offer what a plan wants, if that is something else than before."""
+        topic = interfaces.ACCELERATION
+        if plan.continuous:
+            topic = interfaces.make_stream_topic(plan.depth)
+        if topic == self._topic:
+            return
+        if self.publisher is not None:
+            self._node.destroy_publisher(self.publisher)
+        if self._hits is not None:
+            self._node.destroy_subscription(self._hits)
+            self._hits = None
+        self._topic, self.publisher = topic, self._node.advertise(topic)
+        if plan.continuous:
+            self._hits = self._node.listen(interfaces.ACCELERATION, self._take_hit)
+
+    def count_subscribers(self) -> int:
+        """Return how many are connected."""
+        return self.publisher.get_subscription_count() if self.publisher else 0
+
+    def describe_missing(self, required: str) -> str:
+        """Return who would miss a hit; empty: nobody.
+
+        Parameters
+        ----------
+        required : str
+            Names of nodes that must not, by commas.
+        """
+        if self.publisher is None:
+            return "nothing is offered yet"
+        if self._hits is None:
+            return self._node.describe_missing_subscribers(self.publisher, required)
+        hits, stream = interfaces.ACCELERATION.name, self.publisher.topic_name
+        if not self._node.count_publishers(hits):
+            return f"nobody finds impacts in {stream}"
+        return self._node.describe_missing_listeners(
+            self._node.resolve_topic_name(hits), required
+        ) or self._node.describe_missing_subscribers(self.publisher, "")
+
+
+ARMING_PAUSE = 0.05
+"""How long an answer waits for the source to arm before it is "not yet" [s], our choice: a fast
+device is armed in one request, and nothing else of the node waits for long."""
 
 
 class AccelerometerNode(DeviceNode):
@@ -53,8 +155,6 @@ class AccelerometerNode(DeviceNode):
     def __init__(self, **options: Any) -> None:
         super().__init__("accelerometer", **options)
         declare_stream(self)
-        declare_virtual_rig(self)
-        self._handover = Handover(self)
         self._setup: samples.RigSetup | None = None
         self._open: OpenSource | None = None
         self._output: BlockOutput | None = None
@@ -69,19 +169,21 @@ class AccelerometerNode(DeviceNode):
         self._virtual_impact = self.advertise(interfaces.VIRTUAL_IMPACT)
         self.listen(interfaces.SETUP, self._take_setup)
         self.listen(interfaces.RELEASE, self._swing)
-        self.create_service(
-            Arm, interfaces.ARM_ACCELEROMETER, self._arm, callback_group=self.waiting_group
-        )
+        self.create_service(Arm, interfaces.ARM_ACCELEROMETER, self._arm)
         self.create_service(Trigger, interfaces.DISARM_ACCELEROMETER, self._disarm)
 
     # Lifecycle.
 
+    def check_parameters(self, get_value: Callable[[str], Any]) -> None:
+        """Refuse a source that cannot be meant, as far as no rig file is needed to see it."""
+        super().check_parameters(get_value)
+        table = override_source(TomlTable({}, "[source]"), get_value("source"))
+        if table and not get_value("rig_file"):
+            make_source(table, PAPER_SETUP)
+
     def configure(self) -> None:
         """Open the source, and offer what the mode wants."""
-        mode = self.get_value("mode")
-        if mode not in MODES:
-            raise DeviceError(f"mode is {mode!r}: it must be one of " + ", ".join(MODES))
-        opened = open_source(self, continuous=mode == CONTINUOUS)
+        opened = open_source(self, continuous=self.get_value("mode") == CONTINUOUS)
         self._open = opened
         self._identity = {
             "source": opened.acquisition.identity,
@@ -107,15 +209,14 @@ class AccelerometerNode(DeviceNode):
         if opened.plan.continuous:
             output.restart()
             opened.source.arm()
-        hand_over = self._handover.hand_over
         self._thread = SourceThread(
             opened.source,
             output,
             is_continuous=opened.plan.continuous,
             patience=opened.plan.record_duration + float(self.get_value("trigger_timeout")),
-            on_armed=lambda arming: hand_over(lambda: self._note_armed(arming)),
-            on_ended=lambda arming, why: hand_over(lambda: self._note_ended(arming, why)),
-            on_failed=lambda error: hand_over(lambda: self._lose(opened, error)),
+            on_armed=lambda arming: self.run_soon(lambda: self._note_armed(arming)),
+            on_ended=lambda arming, why: self.run_soon(lambda: self._note_ended(arming, why)),
+            on_failed=lambda error: self.run_soon(lambda: self._lose(opened, error)),
         )
         self._thread.start()
         self._tell(AcquisitionState.IDLE, "ready")
@@ -133,9 +234,9 @@ class AccelerometerNode(DeviceNode):
         """Say on the node's state topic that the source is lost, and why."""
         self._tell(AcquisitionState.FAULT, text)
 
-    def find_warning(self) -> str:
+    def describe_warning(self) -> str:
         """Return what has been lost since this was asked last."""
-        return self._output.find_warning() if self._output else ""
+        return self._output.describe_warning() if self._output else ""
 
     def diagnose(self) -> dict[str, Any]:
         """Return what is read, and how much has been streamed."""
@@ -154,44 +255,47 @@ class AccelerometerNode(DeviceNode):
         if self._open is not None and self._open.simulated is not None:
             self._open.simulated.take_setup(self._setup)
 
-    async def _arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
-        await self.wait_until(
-            lambda: (
-                not self.is_active or bool(self._setup and not self._find_missing_subscribers())
-            ),
-            CONNECTION_TIMEOUT,
-        )
-        # The verdict on a hit may be faster than the word of its end from the source's thread.
-        await self.wait_until(
-            lambda: self._arming is None or not self._arming.is_read, ENDING_TIMEOUT
-        )
+    def _arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
         label = HitLabel(request.sample, self._record + 1, request.impact, request.attempt)
         arming = self._arming
-        # The same request again: its first answer was lost.
+        # The same request again: it was to wait, or its first answer was lost.
         if arming is None or not arming.is_for(label):
-            response.message = self._find_obstacle(label)
+            response.message = self._describe_obstacle(label)
             if response.message or self._thread is None:
+                return response
+            if delay := self._describe_delay():
+                response.message = interfaces.NOT_YET + delay
                 return response
             arming = Arming(label)
             self._arming, self._record, self._cut_off = arming, label.record, None
             self._thread.arm(arming)
-        await self.wait_until(lambda: arming.is_armed or arming.is_over, ARMING_TIMEOUT)
+        if arming.armed.wait(ARMING_PAUSE):
+            self._note_armed(arming)
         response.success, response.record = arming.is_armed, arming.label.record
         if not arming.is_armed:
-            response.message = self.fault or "the source was disarmed, or did not answer, in time"
+            response.message = interfaces.NOT_YET + "the source is being armed"
         return response
 
-    def _find_obstacle(self, label: HitLabel) -> str:
-        """Return why the accelerometers may not be armed; empty: they may."""
+    def _describe_delay(self) -> str:
+        """Return what arming waits for that comes by itself; empty: nothing."""
+        # The verdict on a hit may be faster than the word of its end from the source's thread.
+        if self._arming is not None:
+            return f"record {self._arming.label.record} is just ending"
+        if self._setup is None:
+            return "no set-up has been received: start the campaign node first"
+        if missing := self._describe_missing_subscribers():
+            return f"{missing}: start it first, or change the parameter required_subscribers"
+        return ""
+
+    def _describe_obstacle(self, label: HitLabel) -> str:
+        """Return why the accelerometers may not be armed, now or soon; empty: they may."""
         if not self.is_active:
             why = self.fault or "activate it first"
             return f"the accelerometer node is not active: {why}"
-        if self._arming is not None:
+        if self._arming is not None and not self._arming.is_read:
             return f"already armed for record {self._arming.label.record}: disarm first"
         if self._setup is None:
-            return "no set-up has been received: start the campaign node first"
-        if missing := self._find_missing_subscribers():
-            return f"{missing}: start it first, or change the parameter required_subscribers"
+            return ""
         try:
             self._setup.samples.find(label.sample)
             if self._open is not None and self._open.simulated is not None:
@@ -200,11 +304,11 @@ class AccelerometerNode(DeviceNode):
             return str(error)
         return ""
 
-    def _find_missing_subscribers(self) -> str:
-        return self._topic.find_missing(self.get_value("required_subscribers"))
+    def _describe_missing_subscribers(self) -> str:
+        return self._topic.describe_missing(self.get_value("required_subscribers"))
 
     def _note_armed(self, arming: Arming) -> None:
-        if arming.is_over:
+        if arming.is_over or arming.is_armed:
             return
         arming.is_armed = True
         self._tell(AcquisitionState.ARMED, "waiting for the trigger", arming.label.sample)
@@ -221,13 +325,14 @@ class AccelerometerNode(DeviceNode):
         by_hand = message.latest_contact
         swing = by_hand if math.isfinite(by_hand) and by_hand > 0.0 else message.swing_time
         timeout = float(self.get_value("trigger_timeout"))
+        arming.is_released = True
+        if opened.simulated is not None:
+            hit = opened.simulated.strike(arming.label, message.swing_time)
+            if hit is not None:
+                truth = messages.virtual_hit_to_msg(hit, message.header.stamp)
+                self._virtual_impact.publish(truth)
+        # Not before: what a simulated hit takes to be computed is not waited for in vain.
         arming.release(swing + timeout + opened.plan.record_duration)
-        if opened.simulated is None:
-            return
-        hit = opened.simulated.strike(arming.label, message.swing_time)
-        if hit is not None:
-            truth = messages.virtual_hit_to_msg(hit, message.header.stamp)
-            self._virtual_impact.publish(truth)
 
     def _answer_late(self, record: int) -> None:
         """Say that nothing came of an arming that was cut off before its release was heard of."""
@@ -293,7 +398,3 @@ class AccelerometerNode(DeviceNode):
 def main() -> int:
     """Run the node."""
     return run_node(AccelerometerNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -18,14 +18,22 @@ from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes import interfaces, messages
-from impact_rig.nodes.campaigning.clock_watch import ClockWatch
-from impact_rig.nodes.campaigning.progress import CampaignProgress, CancelledError
-from impact_rig.nodes.campaigning.readiness import Readiness
-from impact_rig.nodes.campaigning.rig_watch import RigWatch
-from impact_rig.nodes.campaigning.striking import InterruptedHitError, Striker
+from impact_rig.nodes.campaign_hits import (
+    CampaignProgress,
+    CancelledError,
+    InterruptedHitError,
+    Readiness,
+    Striker,
+    describe_loss,
+    find_obstacle,
+    is_lost_since,
+)
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.rig_node import Read, RigNode
+from impact_rig.nodes.rig_state import ACCELEROMETER, ESTIMATOR, HAMMER, RECORDER, RigState
 
+LEASE_DIFFERENCE = 0.2
+"""How far apart two nodes may hear that a lease is over [s], our choice."""
 CONFIRMATION_TIMEOUT = 24 * 3600.0
 """How long a person may take to mount a sample [s]: a campaign may wait overnight."""
 
@@ -38,25 +46,25 @@ class CampaignNode(RigNode):
         self.declare("rig_file", "", "path of the rig file; empty: the paper's rig and samples")
         self.declare(
             "attempts_per_impact", 10, "rejected hits in a row before a campaign gives up [-]",
-            low=1, high=1000,
+            low=1, high=1000, read=Read.AT_USE,
         )  # fmt: skip
         self.declare(
             "verdict_timeout", 10.0, "longest time from the latest contact to the verdict [s]",
-            low=0.1, high=3600.0,
+            low=0.1, high=3600.0, read=Read.AT_USE,
         )  # fmt: skip
         self.declare(
             "pause_timeout", 0.0,
             "how long a campaign may wait for what a hit needs and was lost [s]; 0: for ever",
-            low=0.0, high=1e6,
+            low=0.0, high=1e6, read=Read.AT_USE,
         )  # fmt: skip
         self._setup_of_rig: RigSetup = PAPER_SETUP
         self._progress: CampaignProgress | None = None
         self._confirmed = ""
         self._setup = self.advertise(interfaces.SETUP)
-        self._watch = RigWatch(self)
-        self._clocks = ClockWatch(self)
-        self._readiness = Readiness(self, self._watch)
-        self._striker = Striker(self, self._watch)
+        self._rig = RigState(self, (HAMMER, ACCELEROMETER, ESTIMATOR, RECORDER))
+        self._readiness = Readiness(self, self._rig)
+        self._striker = Striker(self, self._rig)
+        self._rig[ESTIMATOR].take = self._striker.keep_verdict
         self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._confirm)
         self._results = self.create_client(GetResults, interfaces.GET_RESULTS)
         self._server = ActionServer(
@@ -87,9 +95,9 @@ class CampaignNode(RigNode):
             "rejected": progress.feedback.rejected,
         }
 
-    def find_warning(self) -> str:
+    def describe_warning(self) -> str:
         """Return whose clocks differ."""
-        return self._clocks.find_warning()
+        return self._rig.describe_clock_differences()
 
     def _publish_setup(self, keep_hits: int = 0) -> Any:
         """Publish the set-up, with another number of hits to keep unless that is 0."""
@@ -134,7 +142,7 @@ class CampaignNode(RigNode):
             result.success, result.message = True, "complete"
         finally:
             progress, self._progress = self._progress, None
-        await self._settle(result, 0 if progress is None else progress.accepted)
+        await self._finish(result, 0 if progress is None else progress.judged)
         if result.success:
             handle.succeed()
         elif handle.is_cancel_requested:
@@ -190,6 +198,11 @@ class CampaignNode(RigNode):
             if time.monotonic() > deadline:
                 raise DeviceError("the estimator does not take the set-up: see its diagnostics")
         self._striker.begin()
+        if describe_loss(self._rig):
+            # A node that was killed and started again counts twice until its lease is over; the
+            # hammer hears of that a little later or earlier than this node.
+            await self.wait_until(lambda: not describe_loss(self._rig), 2.0 * interfaces.LEASE)
+            await self.pause(LEASE_DIFFERENCE)
         if refusal := await self._readiness.enable():
             raise DeviceError(f"the hammer cannot be armed: {refusal}")
 
@@ -211,14 +224,14 @@ class CampaignNode(RigNode):
         verdict, attempt, rejected = Impact(), 0, 0
         while rejected < progress.attempts:
             await self._readiness.wait(progress, self._striker.recording)
-            attempt, losses = attempt + 1, self._watch.losses
+            attempt, losses = attempt + 1, self._rig.losses
             try:
                 verdict = await self._striker.strike(
                     progress, HitLabel(sample, 0, impact, attempt)
                 )
             except InterruptedHitError as error:
                 self.get_logger().warning(f"{sample}, hit {impact}.{attempt} is lost: {error}")
-                if self._watch.find_obstacle() is None:
+                if find_obstacle(self._rig) is None:
                     progress.publish(phase=RunCampaign.Feedback.PAUSED, message=str(error))
                 continue
             if verdict.accepted:
@@ -229,13 +242,13 @@ class CampaignNode(RigNode):
             self.get_logger().warning(f"{sample}, hit {impact}.{attempt} rejected: {reasons}")
             progress.publish(rejected=progress.feedback.rejected + 1, last=verdict)
             # A hit that a loss has spoiled says nothing against the next one.
-            rejected += not self._watch.is_lost_since(losses)
+            rejected += not is_lost_since(self._rig, losses)
         raise DeviceError(
             f"{sample}, hit {impact}: {progress.attempts} hits in a row were rejected, the last"
             f" for {'; '.join(verdict.reasons)}"
         )
 
-    async def _settle(self, result: RunCampaign.Result, accepted: int) -> None:
+    async def _finish(self, result: RunCampaign.Result, judged: int) -> None:
         """Disarm everything and collect what there is of the hits, whatever ended the campaign."""
         await self._readiness.disable()
         await self._striker.disarm()
@@ -246,10 +259,10 @@ class CampaignNode(RigNode):
             result.accepted = results.accepted
             result.rejected = results.rejected
             known = sum(each.impacts_accepted + each.impacts_rejected for each in results.samples)
-            if result.success and known < accepted:
+            if result.success and known < judged:
                 result.success = False
                 result.message = (
-                    f"the estimator began anew and knows {known} hits of {accepted}: analyze the"
+                    f"the estimator began anew and knows {known} hits of {judged}: analyze the"
                     " recording, which has them all"
                 )
         result.recording = self._striker.recording
@@ -265,7 +278,3 @@ class CampaignNode(RigNode):
 def main() -> int:
     """Run the node."""
     return run_node(CampaignNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -1,15 +1,16 @@
 """What both nodes with a device share: a rig file, and a device that may go and come back."""
 
 from abc import abstractmethod
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from impact_rig.configuration.rig_file import RigFile, read_rig_file
-from impact_rig.core.errors import RigError
+from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.rig_node import Read, RigNode
 
 
 class DeviceNode(RigNode):
@@ -31,11 +32,19 @@ class DeviceNode(RigNode):
         self.declare(
             "reconnect_period", 1.0,
             "how often a device that is not there is looked for [s]; 0: only when the node is"
-            " configured anew", low=0.0, high=3600.0,
+            " configured anew", low=0.0, high=3600.0, read=Read.AT_USE,
         )  # fmt: skip
         self._is_wanted = False
         self._reconnection = self.create_timer(1.0, self._reconnect)
         self._reconnection.cancel()
+
+    def check_parameters(self, get_value: Callable[[str], Any]) -> None:
+        """Refuse a simulated time, which neither hammer nor digitizer follows."""
+        if get_value("use_sim_time"):
+            raise ParameterError(
+                "use_sim_time is true: a node with a device goes by the computer's own clock, it"
+                " must be false"
+            )
 
     @abstractmethod
     def publish_fault(self, text: str) -> None:

@@ -1,17 +1,20 @@
 """How soon nodes find each other: a profile for Fast DDS, where nobody has given another.
 
-A node that comes is told of every topic and service of all others at once. By default Linux has
+A node that comes hears of every topic and service of all others at once. By default Linux has
 no room for all of that, what does not fit is lost, and some of it is sent again only seconds
-later; and two nodes that have missed each other's first word wait 3 s for the next.
+later; and two nodes that have missed each other's first announcement wait 3 s for the next.
 """
 
 import contextlib
+import itertools
 import os
+import random
 import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from impact_rig.configuration.network import DISCOVERY
+from impact_rig.configuration.processes import DISCOVERY
 
 LOCALHOST = "LOCALHOST"
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -19,10 +22,10 @@ PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 PROFILE_FILE = Path("DEFAULT_FASTRTPS_PROFILES.xml")
 """The same, in the folder in which a process runs."""
 RECEIVE_BUFFER = 4 << 20
-"""Of each socket [byte], our choice: ten times what a node is told of a whole rig. Linux gives
+"""Of each socket [byte], our choice: ten times what a node hears of a whole rig. Linux gives
 what net.core.rmem_max allows, at least twice its default."""
 ANNOUNCEMENT_PERIOD = 300_000_000
-"""Between two words of a node that it is there [ns], our choice: some hundred bytes each."""
+"""Between two announcements of a node [ns], our choice: some hundred bytes each."""
 LOCAL_PEERS = 32
 """Processes of this host that are looked for [-]: as many as ROS 2 looks for."""
 
@@ -46,6 +49,7 @@ _LOCAL_TRANSPORT = f"""\
     <type>UDPv4</type>
     <receiveBufferSize>{RECEIVE_BUFFER}</receiveBufferSize>
     <maxInitialPeersRange>{LOCAL_PEERS}</maxInitialPeersRange>
+    <interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>
   </transport_descriptor></transport_descriptors>"""
 _LOCAL_SOCKETS = "<userTransports><transport_id>udp</transport_id></userTransports>"
 
@@ -90,10 +94,40 @@ def make_profiles(*, is_local: bool) -> str:
     is_local : bool
         ROS stays on this host. Then it makes sockets of its own, which ask nobody how large they
         are to be; one that is named here goes before them. Those between hosts are chosen by
-        `impact_rig.configuration.network`.
+        `impact_rig.configuration.processes`.
     """
     return _PROFILES.format(
         transports=_LOCAL_TRANSPORT if is_local else "",
         sockets=_LOCAL_SOCKETS if is_local else "",
         period=ANNOUNCEMENT_PERIOD,
     )
+
+
+FIRST_DOMAIN = 1
+"""0 is that of whoever names none."""
+DOMAINS = 100
+"""How many are handed out [-]: ports of higher ones reach into those of outgoing connections."""
+
+
+@contextmanager
+def reserve_domain() -> Iterator[int]:
+    """Reserve a ROS domain for the length of the block, and yield its number.
+
+    The search begins at random: one that has just become free may still be left by the last
+    messages of whoever used it.
+
+    Raises
+    ------
+    RuntimeError
+        If all are taken.
+    """
+    from domain_coordinator import domain_id
+
+    candidates = itertools.count(random.SystemRandom().randrange(DOMAINS))
+    reservation = domain_id(lambda: FIRST_DOMAIN + next(candidates) % DOMAINS)
+    number = reservation.__enter__()
+    try:
+        yield number
+    finally:
+        # Not told of an error in the block, which it would take for a domain that is in use.
+        reservation.__exit__(None, None, None)

@@ -1,6 +1,7 @@
 """The estimator: finds impacts in the stream, judges them, estimates tau_p, k and c."""
 
 from collections import deque
+from collections.abc import Mapping
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -17,14 +18,13 @@ from impact_rig.core.errors import RigError
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.session import Session
-from impact_rig.nodes import estimate_messages, interfaces
-from impact_rig.nodes.estimating.stream_cutting import StreamCutting
-from impact_rig.nodes.estimating.stream_thread import StreamThread
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.estimator_gate import MissedStart, StorageGate
+from impact_rig.nodes.estimator_stream import StreamCutting, StreamListener
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.recording.storage_gate import StorageGate
-from impact_rig.nodes.rig_node import RigNode
-from impact_rig.nodes.unhurried import take_message
-from impact_rig.recording.interfaces.messages import block_from_msg, setup_from_msg
+from impact_rig.nodes.result_messages import comparison_to_msg, estimate_to_msg, hit_to_msg
+from impact_rig.nodes.rig_node import Read, RigNode
+from impact_rig.recordings.messages import block_from_msg, setup_from_msg
 
 WAITING_BLOCKS = 1000
 """Blocks kept while no set-up has arrived [-], our choice: a few seconds of streaming."""
@@ -35,9 +35,6 @@ less than any swing takes, so that it is done before the next hit."""
 CATCH_UP_PAUSE = 0.5
 """How long no hit on the control sample may have come before the other samples' estimates follow
 what it says [s], our choice: longer than from hit to hit, so that none of them waits."""
-LARGEST_HELPING = 20
-"""How many blocks may be taken before it is another topic's turn [-], our choice: a record has
-five."""
 
 
 class EstimatorNode(RigNode):
@@ -54,7 +51,7 @@ class EstimatorNode(RigNode):
         self.declare(
             "stream_depth", interfaces.STREAM_DEPTH,
             "blocks of a running stream that may wait before the oldest are lost [-]",
-            low=1, high=100_000,
+            low=1, high=100_000, read=Read.AT_START,
         )  # fmt: skip
         self._session: Session | None = None
         self._setup_stamp = Time()
@@ -74,18 +71,16 @@ class EstimatorNode(RigNode):
         self._comparison = self.advertise(interfaces.COMPARISON)
         self._counts = {"impacts accepted": 0, "impacts rejected": 0, "blocks": 0}
         self.listen(interfaces.SETUP, self._take_setup)
-        # The executor asks in this order: a record that was stored is not taken for one that was
-        # not, nor a block for one of nobody's recording.
         self.listen(interfaces.RECORD_STORED, self._take_stored)
         self.listen(interfaces.RECORDER_STATE, self._follow_recorder)
-        self._blocks = self.listen(interfaces.ACCELERATION, self._take_blocks)
+        self._missed_start = MissedStart()
+        self.listen(interfaces.ACCELERATION, self._take_block, is_informed=True)
         self.create_service(GetResults, interfaces.GET_RESULTS, self._answer)
-        self._stream = StreamThread(
+        self._stream = StreamListener(
             self,
             interfaces.make_stream_topic(self.get_value("stream_depth")),
             self._take_stream_block,
         )
-        self._stream.start()
 
     def deactivate(self) -> None:
         """Forget what waits."""
@@ -100,29 +95,20 @@ class EstimatorNode(RigNode):
         """Return how much has been judged, and what a record waits for."""
         return {
             **self._counts,
-            "waiting for": self._gate.find_obstacle(),
+            "waiting for": self._gate.describe_obstacle(),
             **self._cutting.describe(),
         }
 
-    def find_warning(self) -> str:
+    def describe_warning(self) -> str:
         """Return what has been lost of a running stream."""
-        return self._cutting.find_warning()
+        return self._cutting.describe_warning()
 
     def _take_setup(self, message: RigSetup) -> None:
         self._gate.add_setup(message)
         self._work_off()
 
-    def _take_blocks(self, message: AccelerationBlock) -> None:
-        self._take_block(message)
-        for _ in range(LARGEST_HELPING):
-            taken = take_message(self._blocks)
-            if taken is None:
-                break
-            self.messages_handled += 1
-            self._take_block(taken[0])
-
-    def _take_block(self, message: AccelerationBlock) -> None:
-        if not self.is_active:
+    def _take_block(self, message: AccelerationBlock, info: Mapping[str, Any]) -> None:
+        if self._missed_start.is_missed(message, info) or not self.is_active:
             return
         self._gate.is_open = not self._is_recorded()
         self._gate.add_block(message)
@@ -189,7 +175,7 @@ class EstimatorNode(RigNode):
             # Made before the verdict is out, which wakes everybody else.
             numbers = session.estimate_numbers(struck) if hit.accepted else None
         finally:
-            self._impact.publish(estimate_messages.hit_to_msg(hit, self._setup_stamp))
+            self._impact.publish(hit_to_msg(hit, self._setup_stamp))
             self._counts["impacts accepted" if hit.accepted else "impacts rejected"] += 1
         if numbers is None:
             return
@@ -197,9 +183,7 @@ class EstimatorNode(RigNode):
         self._publish_estimate(numbers, stamp)
         if struck == control:
             hammer = session.estimate_hammer()
-            self._hammer_estimate.publish(
-                estimate_messages.hammer_to_msg(hammer, control, stamp, self._setup_stamp)
-            )
+            self._hammer_estimate.publish(estimate_to_msg(hammer, stamp, self._setup_stamp))
         # What stands beside the numbers takes most of the time: it follows when nothing hurries.
         self._unchecked[struck] = None
         self._checking.reset()
@@ -239,7 +223,7 @@ class EstimatorNode(RigNode):
             self._publish_estimate(self._session.estimate_sample(name), stamp)
         except RigError as error:
             self.report_fault(str(error))
-        self.executor.create_task(self._go_on)
+        self.run_soon(self._go_on)
 
     def _go_on(self) -> None:
         # A hit on the control sample has begun the pause anew, and changes them once more.
@@ -247,14 +231,12 @@ class EstimatorNode(RigNode):
             self._catch_up()
 
     def _publish_estimate(self, estimate: SampleEstimate, stamp: Time) -> None:
-        if estimate.contact is None:
+        if not estimate.contact_time.is_known:
             return
         setup_stamp = self._setup_stamp
-        self._estimate.publish(estimate_messages.estimate_to_msg(estimate, stamp, setup_stamp))
+        self._estimate.publish(estimate_to_msg(estimate, stamp, setup_stamp))
         for comparison in estimate.comparisons:
-            self._comparison.publish(
-                estimate_messages.comparison_to_msg(estimate, comparison, stamp, setup_stamp)
-            )
+            self._comparison.publish(comparison_to_msg(estimate, comparison, stamp, setup_stamp))
 
     def _answer(self, _: GetResults.Request, response: GetResults.Response) -> GetResults.Response:
         response.setup_stamp = setup_stamp = self._setup_stamp
@@ -264,26 +246,18 @@ class EstimatorNode(RigNode):
         self._unchecked.clear()
         self._outdated.clear()
         stamp = self.get_clock().now().to_msg()
-        response.hammer = estimate_messages.hammer_to_msg(
-            results.hammer, results.setup.samples.control_sample, stamp, setup_stamp
-        )
-        response.samples = estimate_messages.estimate_to_msgs(results.samples, stamp, setup_stamp)
+        response.hammer = estimate_to_msg(results.hammer, stamp, setup_stamp)
+        response.samples = [
+            estimate_to_msg(estimate, stamp, setup_stamp) for estimate in results.samples
+        ]
         for estimate in response.samples:
             # Now with the model fitted: recorder and view want to know.
             self._estimate.publish(estimate)
-        response.accepted = [
-            estimate_messages.hit_to_msg(hit, setup_stamp) for hit in results.accepted
-        ]
-        response.rejected = [
-            estimate_messages.hit_to_msg(hit, setup_stamp) for hit in results.rejected
-        ]
+        response.accepted = [hit_to_msg(hit, setup_stamp) for hit in results.accepted]
+        response.rejected = [hit_to_msg(hit, setup_stamp) for hit in results.rejected]
         return response
 
 
 def main() -> int:
     """Run the node."""
     return run_node(EstimatorNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

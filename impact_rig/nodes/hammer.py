@@ -1,5 +1,7 @@
 """The hammer: holds it, and lets it go when the rest of the rig can record the hit."""
 
+import math
+import time
 from typing import Any
 
 from impact_rig_msgs.msg import AcquisitionState, HammerRelease
@@ -10,21 +12,20 @@ from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.devices.drivers import HOLDERS, make_device
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.device_node import DeviceNode
-from impact_rig.nodes.holding.guarded_hammer import GuardedHammer, HammerCondition, HammerPlace
-from impact_rig.nodes.holding.rig_readiness import RigReadiness
+from impact_rig.nodes.guarded_hammer import GuardedHammer, HammerCondition, HammerPlace
 from impact_rig.nodes.process import run_node
+from impact_rig.nodes.rig_node import Read
+from impact_rig.nodes.rig_state import ACCELEROMETER, RECORDER, RigState
 
-READINESS_TIMEOUT = 4.0
-"""How long a release may wait for the word of accelerometers and recorder [s], our choice: their
-states travel by other topics than the request, and one that was lost on its way comes again with
-the next heartbeat, 3 s later at the latest."""
-DISCOVERY_TIMEOUT = 10.0
-"""The same while one of them has not been heard of at all, or the recorder still looks for its
-topics [s], our choice: nodes that have just started take a while to find each other. And while the
-record before is on its way to the disk: a busy one takes seconds."""
 WATCH_PERIOD = 0.5
 """How often holder, accelerometers and recorder are looked after [s], our choice: an operator who
 pulls a plug wants to see the enable go."""
+LONGEST_PAUSE = 1.5
+"""How long this process may not have run before it takes what it knows for old [s], our choice:
+three times the watch."""
+CATCH_UP_TIME = interfaces.LEASE + 0.5
+"""How long a process that was stopped refuses to release when it goes on [s]: by then it has heard
+what was said meanwhile, and missed who has died."""
 
 
 class HammerNode(DeviceNode):
@@ -39,14 +40,20 @@ class HammerNode(DeviceNode):
         super().__init__("hammer", **options)
         self.declare(
             "swing_time", 0.207, "time from release to contact [s]; the paper's 0.207",
-            low=0.0, high=60.0,
+            low=0.0, high=60.0, read=Read.AT_USE,
         )  # fmt: skip
-        self.declare("return_time", 0.0, "from contact back into the holder [s]", low=0.0, high=60)
+        self.declare(
+            "return_time", 0.0, "from contact back into the holder [s]",
+            low=0.0, high=60.0, read=Read.AT_USE,
+        )  # fmt: skip
         self.declare(
             "confirm_return", False,
-            "after each swing, wait until somebody calls hammer/confirm_held",
+            "after each swing, wait until somebody calls hammer/confirm_held", read=Read.AT_USE,
         )  # fmt: skip
-        self.declare("require_recorder", True, "refuse to release while nothing is recorded")
+        self.declare(
+            "require_recorder", True, "refuse to release while nothing is recorded",
+            read=Read.AT_USE,
+        )  # fmt: skip
         self._patience = 0.0
         self._identity = ""
         self._released: Release.Request | None = None
@@ -54,7 +61,10 @@ class HammerNode(DeviceNode):
         self._publish_state = self.advertise_state(interfaces.HAMMER_STATE)
         self._release = self.advertise(interfaces.RELEASE)
         self._hammer = GuardedHammer(self._tell)
-        self._rig = RigReadiness(self, self._take_acquisition, self._note_loss)
+        self._newest, self._recorded_to = 0, ""
+        self._seen_running, self._is_caught_up_at = math.inf, 0.0
+        self._rig = RigState(self, (ACCELEROMETER, RECORDER), self._note_loss)
+        self._rig[ACCELEROMETER].take = self._take_acquisition
         for name, callback in (
             (interfaces.ARM_HAMMER, self._arm),
             (interfaces.DISARM_HAMMER, self._disarm),
@@ -63,9 +73,7 @@ class HammerNode(DeviceNode):
             (interfaces.RESET_HAMMER, self._reset),
         ):
             self.create_service(Trigger, name, callback)
-        self.create_service(
-            Release, interfaces.RELEASE_HAMMER, self._let_go, callback_group=self.waiting_group
-        )
+        self.create_service(Release, interfaces.RELEASE_HAMMER, self._let_go)
         self.create_timer(WATCH_PERIOD, self._watch)
 
     # What the lifecycle asks for.
@@ -92,7 +100,7 @@ class HammerNode(DeviceNode):
     def deactivate(self) -> None:
         """Take the operator's enable back."""
         if self._hammer.condition.is_armed:
-            self._hammer.disarm("node inactive")
+            self._hammer.disarm("disarmed when the hammer node was deactivated")
 
     def cleanup(self) -> None:
         """Close the holder; it goes on holding as far as it can."""
@@ -116,7 +124,7 @@ class HammerNode(DeviceNode):
             "held": condition.place is HammerPlace.HELD,
         }
 
-    def find_warning(self) -> str:
+    def describe_warning(self) -> str:
         """Return that an emergency stop lasts."""
         return "an emergency stop lasts" if self._hammer.is_stopped else ""
 
@@ -133,11 +141,11 @@ class HammerNode(DeviceNode):
             )
 
     def _take_acquisition(self, message: AcquisitionState) -> None:
-        self._rig.take_acquisition(message)
         self._note_loss()
         if message.state == AcquisitionState.ARMED:
             # A new arming: what looks like an earlier request is another one.
             self._released = None
+            self._rig.forget_stored(message.record)
         elif message.state == AcquisitionState.IDLE and self._waits_for_operator(message.record):
             self._end_swing(self._swings, "the record has ended")
 
@@ -147,6 +155,7 @@ class HammerNode(DeviceNode):
 
     def _watch(self) -> None:
         """See whether what a release needs is still there; never releases."""
+        self._note_pause()
         self._note_loss()
         try:
             self._hammer.check()
@@ -155,7 +164,81 @@ class HammerNode(DeviceNode):
 
     def _note_loss(self) -> None:
         """Take the enable back if accelerometers or recorder are lost."""
-        self._hammer.note_loss(self._rig.find_loss())
+        self._hammer.note_loss(self._describe_loss())
+
+    def _note_pause(self) -> None:
+        """Note whether this process was stopped, or the computer asleep, since the last time."""
+        now = _read_clock()
+        if (pause := now - self._seen_running) > LONGEST_PAUSE:
+            self._is_caught_up_at = now + CATCH_UP_TIME
+            self.get_logger().warning(f"this process did not run for {pause:.1f} s")
+        self._seen_running = now
+
+    # Whether the rest of the rig could record a hit.
+
+    def _describe_loss(self) -> str:
+        """Return what was there and is lost; empty: nothing.
+
+        What has not been heard of yet, or has come to a normal end, is not lost.
+        """
+        rig = self._rig
+        if loss := rig.describe_loss(ACCELEROMETER):
+            return loss
+        if not self.get_value("require_recorder"):
+            return ""
+        stop = rig.describe_stop_of_recorder() if rig.was_recorded else ""
+        return rig.describe_loss(RECORDER) or stop
+
+    def _describe_rig_obstacle(self, request: Release.Request) -> str:
+        """Return why the rest of the rig could not record a hit; empty: it could."""
+        return (
+            self._describe_loss()
+            or self._describe_own_obstacle()
+            or self._describe_acquisition_obstacle(request)
+            or self._describe_recorder_obstacle(request)
+        )
+
+    def _describe_own_obstacle(self) -> str:
+        """Return that what this node knows, and was asked before, may be old."""
+        if _read_clock() < self._is_caught_up_at:
+            return "the hammer node was stopped for a time, and hears what has been said meanwhile"
+        return ""
+
+    def _describe_acquisition_obstacle(self, request: Release.Request) -> str:
+        acquisition = self._rig[ACCELEROMETER].state
+        if acquisition is None or acquisition.state != AcquisitionState.ARMED:
+            return (
+                self._rig.describe_inactivity(ACCELEROMETER)
+                or "the accelerometers are not armed: call accelerometer/arm first"
+            )
+        if (acquisition.record, acquisition.sample) != (request.record, request.sample):
+            return (
+                f"the accelerometers are armed for record {acquisition.record} on"
+                f" {acquisition.sample!r}, not for record {request.record} on"
+                f" {request.sample!r}"
+            )
+        return ""
+
+    def _describe_recorder_obstacle(self, request: Release.Request) -> str:
+        if not self.get_value("require_recorder"):
+            return ""
+        if not self._rig.recording:
+            recorder = self._rig[RECORDER].state
+            why = recorder.message if recorder else "no recorder has reported"
+            return f"nothing is being recorded ({why}): start the recorder first"
+        if self._is_unstored(request):
+            return (
+                f"the recorder has not said that record {self._newest} is stored: wait for it,"
+                " or start the recorder anew"
+            )
+        return ""
+
+    def _is_unstored(self, request: Release.Request) -> bool:
+        """Whether the record before this one is still on its way to the disk."""
+        rig, newest = self._rig, self._newest
+        # What one recording did not store, the next one will not.
+        is_awaited = bool(self._recorded_to) and rig.recording == self._recorded_to
+        return is_awaited and newest != request.record and not rig.is_stored(newest)
 
     # What is asked of the hammer.
 
@@ -164,7 +247,7 @@ class HammerNode(DeviceNode):
         is_ours_to_say = state.place is not HammerPlace.FAULT and not self._hammer.is_stopped
         if is_ours_to_say and not self.is_active:
             return _answer(response, "the hammer node is not active: activate it first")
-        return _answer(response, self._rig.find_loss() or self._hammer.arm(), "armed")
+        return _answer(response, self._describe_loss() or self._hammer.arm(), "armed")
 
     def _disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._hammer.disarm("disarmed by the operator")
@@ -187,35 +270,32 @@ class HammerNode(DeviceNode):
         return _answer(response, "", "stopped: hammer/reset ends it")
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        was_stopped = self._hammer.is_stopped
         self._hammer.reset()
-        return _answer(response, "", "no emergency stop lasts; call hammer/arm to go on")
+        done = "the emergency stop is ended" if was_stopped else "there was no emergency stop"
+        if not self.is_active:
+            now = "the hammer node is not active: activate it, then call hammer/arm"
+        else:
+            now = self._hammer.describe_obstacle() or "the hammer is armed"
+        return _answer(response, "", f"{done}; {now}")
 
-    async def _let_go(
-        self, request: Release.Request, response: Release.Response
-    ) -> Release.Response:
-        if self._released != request:
-            await self._wait_for_rig(request)
+    def _let_go(self, request: Release.Request, response: Release.Response) -> Release.Response:
+        self._note_pause()
         # The same request again: the hammer went, and the first answer was lost.
         if self._released != request:
+            obstacle = self._describe_rig_obstacle(request)
+            # The states of accelerometers and recorder travel by other topics than the request.
+            if obstacle and not self._hammer.describe_obstacle():
+                response.message = interfaces.NOT_YET + obstacle
+                return response
             response.message = self._try_release(request)
             if response.message:
                 self.get_logger().warning(f"release refused: {response.message}")
                 return response
         response.success = True
         response.recording = self._rig.recording
-        response.latest_contact = self._find_latest_contact()
+        response.latest_contact = self._compute_latest_contact()
         return response
-
-    async def _wait_for_rig(self, request: Release.Request) -> None:
-        """Wait until the rest of the rig can record a hit, unless the hammer itself may not go."""
-        hammer, rig = self._hammer, self._rig
-        await self.wait_until(
-            lambda: bool(hammer.find_obstacle()) or rig.is_settled(request), DISCOVERY_TIMEOUT
-        )
-        await self.wait_until(
-            lambda: bool(hammer.find_obstacle()) or not rig.find_obstacle(request),
-            READINESS_TIMEOUT,
-        )
 
     def _try_release(self, request: Release.Request) -> str:
         """Let the hammer go for a hit, if nothing forbids it; return what does."""
@@ -226,28 +306,27 @@ class HammerNode(DeviceNode):
             impact=request.impact,
             attempt=request.attempt,
             swing_time=swing_time,
-            latest_contact=self._find_latest_contact(),
+            latest_contact=self._compute_latest_contact(),
         )
         release.header.stamp = self.get_clock().now().to_msg()
         try:
-            reason = self._hammer.release(self._rig.find_obstacle(request))
+            reason = self._hammer.release(self._describe_rig_obstacle(request))
         except DeviceError as error:
             self.lose_device(error)
             return str(error)
         if not reason:
-            # Before anyone hears of it: without a swing the word that it is stored comes at once.
-            self._rig.note_release(request.record)
+            self._newest, self._recorded_to = request.record, self._rig.recording
             self._release.publish(release)
             self._released = request
             self._swings += 1
             swing, text = self._swings, self._describe_end()
             self.run_once_after(
-                self._find_latest_contact() + float(self.get_value("return_time")),
+                self._compute_latest_contact() + float(self.get_value("return_time")),
                 lambda: self._end_swing(swing, text),
             )
         return reason
 
-    def _find_latest_contact(self) -> float:
+    def _compute_latest_contact(self) -> float:
         return self._patience or float(self.get_value("swing_time"))
 
     def _describe_end(self) -> str:
@@ -265,6 +344,11 @@ class HammerNode(DeviceNode):
             self.lose_device(error)
 
 
+def _read_clock() -> float:
+    """Return a time that nobody sets and that goes on while the computer sleeps [s]."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
 def _answer(response: Trigger.Response, reason: str, done: str = "") -> Trigger.Response:
     """Fill in an answer: why not, or what was done."""
     response.success, response.message = not reason, reason or done
@@ -274,7 +358,3 @@ def _answer(response: Trigger.Response, reason: str, done: str = "") -> Trigger.
 def main() -> int:
     """Run the node."""
     return run_node(HammerNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

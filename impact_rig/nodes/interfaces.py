@@ -149,6 +149,9 @@ RECORDED_TOPICS = (
 )
 """Every topic of the rig; what else lies under its namespace is recorded as it is discovered."""
 
+NOT_YET = "not yet, because "
+"""How a service's message begins when what it lacks comes by itself: ask again."""
+
 ARM_ACCELEROMETER = "accelerometer/arm"
 DISARM_ACCELEROMETER = "accelerometer/disarm"
 ARM_HAMMER = "hammer/arm"

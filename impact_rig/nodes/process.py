@@ -2,11 +2,12 @@
 
 import gc
 import os
+import select
 import signal
-import socket
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Callable, Sequence
 
 import rclpy
@@ -14,11 +15,13 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
+from impact_rig.configuration.processes import LAUNCHER
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.discovery import offer_profile
-from impact_rig.nodes.node_executor import make_executor
+from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.rig_node import RigNode
 
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 DRAIN_QUIET = 0.1
 """How long nothing may have come before the queues count as empty at the end [s]."""
 DRAIN_TIMEOUT = 2.0
@@ -42,24 +45,39 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     # rclpy's own handler would tear the context down under the node: nothing that is still in
-    # the queues could be recorded, and no last word published.
+    # the queues could be recorded, and no last state published.
     rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        return _run(make_node)
+    finally:
+        # rclpy keeps what a lifecycle node has of the middleware until nothing knows the node any
+        # more. If the process ended before, Fast DDS would take it to pieces among its threads,
+        # and wait for ever if a message came just then.
+        gc.unfreeze()
+        gc.collect()
+        rclpy.try_shutdown()
+        # Python's own end would give them their default back, which kills.
+        for number in STOP_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+
+
+def _run(make_node: Callable[[], RigNode]) -> int:
+    """Run a node until it is told to stop, and close it; return the exit code."""
     executor = make_executor()
     node = None
     try:
         with offer_profile():
             node = make_node()
         executor.add_node(node)
-        _stop_on_signals(executor, node.stop_requested)
+        _stop_on_signals(node)
         node.autostart()
         # What was imported stays: looking through all of it for garbage, now and then, would hold
         # a verdict up for 20 ms.
         gc.freeze()
-        while not node.stop_requested.is_set():
-            executor.spin_once()
-        executor.shutdown()
-        _drain(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
+        spin_until(executor, node.stop_requested)
+        node.stop_requested.result()
+        _drain(node, executor)
+    except ExternalShutdownException:
         pass
     except (InvalidParameterTypeException, InvalidParameterValueException, RigError) as error:
         print(f"error: {error}", file=sys.stderr)
@@ -69,36 +87,47 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
         if node is not None:
             node.close()
             node.destroy_node()
-        rclpy.try_shutdown()
     return 0
 
 
-def _stop_on_signals(executor: Executor, stop: threading.Event) -> None:
-    """Let SIGINT and SIGTERM set `stop`, even while the executor waits in the middleware.
+def _stop_on_signals(node: RigNode) -> None:
+    """Let a signal, or the launcher's death, stop a node that waits in the middleware, too."""
+    # Plain descriptors, which nothing closes before the process ends: Python writes the number of
+    # each signal to the pipe, also of those that come while the node ends.
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    for number in STOP_SIGNALS:
+        # nohup: closing the terminal is not to stop what it starts.
+        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
+    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
 
-    An executor must not be shut down from here: rclpy takes it to pieces while it still spins.
-    """
-    reader, writer = socket.socketpair()
-    writer.setblocking(False)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: None)
-    signal.set_wakeup_fd(writer.fileno())
+    request_stop = weakref.WeakMethod(node.request_stop)
 
     def wait() -> None:
-        reader.recv(1)
-        stop.set()
-        # A task wakes the executor, and lets it return.
-        executor.create_task(lambda: None)
-        # The socket must outlive the function: the signal handler writes to it.
-        writer.fileno()
+        select.select([reader, *_open_launcher()], [], [])
+        if stop := request_stop():
+            stop()
 
     threading.Thread(target=wait, daemon=True).start()
 
 
-def _drain(node: RigNode) -> None:
+def _open_launcher() -> list[int]:
+    """Return a descriptor that becomes readable when the process that started the rig is dead.
+
+    It may be killed without a chance to stop its nodes.
+    """
+    number = os.environ.get(LAUNCHER, "")
+    if not number:
+        return []
+    try:
+        return [os.pidfd_open(int(number))]
+    except ProcessLookupError:
+        return [os.open(os.devnull, os.O_RDONLY)]
+
+
+def _drain(node: RigNode, executor: Executor) -> None:
     """Work off what is still in the queues, as long as there is anything, for a bounded time."""
-    executor = make_executor()
-    executor.add_node(node)
     deadline = time.monotonic() + DRAIN_TIMEOUT
     quiet_since = time.monotonic()
     handled = node.messages_handled
@@ -106,4 +135,3 @@ def _drain(node: RigNode) -> None:
         executor.spin_once(timeout_sec=DRAIN_QUIET)
         if node.messages_handled != handled:
             handled, quiet_since = node.messages_handled, time.monotonic()
-    executor.shutdown()

@@ -14,29 +14,107 @@ from impact_rig import __version__
 from impact_rig.configuration.processes import RECORDING_NAME, make_run_folder_name
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.kept_memory import keep_memory
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.recording.record_storage import SYNC_CHUNK, SYNCS
-from impact_rig.nodes.recording.recorder_parameters import declare_parameters
-from impact_rig.nodes.recording.recording_run import RecordingRun
-from impact_rig.nodes.rig_node import RigNode, split_names
+from impact_rig.nodes.recorder_run import SYNC_CHUNK, SYNC_HIT, SYNCS, RecordingRun
+from impact_rig.nodes.rig_node import Read, RigNode, split_names
 from impact_rig.nodes.topics import name_type
-from impact_rig.recording.interfaces.message_definitions import find_message_definition
-from impact_rig.recording.writing.chunk_builder import COMPRESSIONS
-from impact_rig.recording.writing.disk_file import DiskFullError
-from impact_rig.recording.writing.origin import read_attached_file
-from impact_rig.recording.writing.recording_writer import RecordingWriter
+from impact_rig.recordings.new_file import DiskFullError
+from impact_rig.recordings.origin import read_attached_file
+from impact_rig.recordings.schemas import find_message_definition
+from impact_rig.recordings.writer import (
+    COMPRESSIONS,
+    DEFAULT_CHUNK_SIZE,
+    DEFAULT_KEEP_FREE,
+    LONGEST_SPLIT,
+    RecordingWriter,
+)
+
+LOW_SPACE = 2 << 30
+"""Room below which the disk counts as nearly full [byte], our choice: 100 s of two channels at
+2.5 MS/s, uncompressed."""
+LARGEST_SIZE = 2**62
+"""[byte]"""
+
+
+def declare_parameters(node: RigNode) -> None:
+    """Declare them all."""
+    _declare_file(node)
+    _declare_content(node)
+
+
+def _declare_file(node: RigNode) -> None:
+    node.declare(
+        "output", "",
+        "the new recording: an .mcap file, or else a folder as rosbag2 writes it; empty:"
+        f" runs/<time>/{RECORDING_NAME} under the working directory", read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+    node.declare("compression", "zstd", "of chunks", choices=COMPRESSIONS, read=Read.AT_ACTIVATE)
+    node.declare(
+        "chunk_size", DEFAULT_CHUNK_SIZE, "size at which a chunk is finished [byte]",
+        low=1000, high=2**28, read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+    node.declare(
+        "flush_period", 1.0,
+        "how long a message may wait to be written to disk [s]; 0: until its chunk is full",
+        low=0.0, high=3600.0, read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+    node.declare(
+        "sync", SYNC_HIT,
+        f"{SYNC_HIT}: a record is stored when it is on the disk, safe from a power cut;"
+        f" {SYNC_CHUNK}: when its chunk has been written, at the latest after flush_period,"
+        " safe from the end of the recorder alone, and nothing waits for the disk",
+        choices=SYNCS, read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+    node.declare(
+        "split_size", 0, "of a file, at which the next one is begun [byte]; 0: never",
+        low=0, high=LARGEST_SIZE, read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+    node.declare(
+        "split_duration", 0.0, "of a file, at which the next one is begun [s]; 0: never",
+        low=0.0, high=LONGEST_SPLIT, read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+    node.declare(
+        "low_space_warning", LOW_SPACE, "room on the disk below which to warn [byte]",
+        low=0, high=LARGEST_SIZE, read=Read.AT_USE,
+    )  # fmt: skip
+    node.declare(
+        "keep_free", DEFAULT_KEEP_FREE, "left on the disk for others [byte]",
+        low=0, high=LARGEST_SIZE, read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+
+
+def _declare_content(node: RigNode) -> None:
+    node.declare(
+        "required_topics", "acceleration, release, impact",
+        "topics, by commas, that must be connected before the recorder calls itself"
+        " recording, and a release is possible", read=Read.AT_USE,
+    )  # fmt: skip
+    node.declare(
+        "record_stream", False,
+        "in continuous mode, whether the running stream of the accelerometers is recorded as a"
+        " whole, beside the hits that are found in it; 72 GB an hour at 2.5 MS/s, uncompressed",
+        read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+    node.declare(
+        "stream_depth", 10 * interfaces.STREAM_DEPTH,
+        "how many blocks of the running stream may wait to be written; more are lost",
+        low=interfaces.STREAM_DEPTH, high=100_000, read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+    node.declare(
+        "notes", "", "in the operator's words; they go into the recording", read=Read.AT_USE
+    )
+    node.declare(
+        "attachments", "", "files, by commas, that go into the recording", read=Read.AT_ACTIVATE
+    )
+
 
 CONNECTION_PERIOD = 0.05
 """How often it is looked whether the required topics are connected [s], our choice."""
 HEALTH_PERIOD = 1.0
 """How often the disk and the counts of what is missing are looked at [s], our choice: a hundredth
 of the time in which a fast stream fills what `LOW_SPACE` leaves."""
-LONGEST_ENDING = 3.0
-"""How long what is still in the queues is written at the end [s], our choice: a full queue of a
-stream takes a second, and one that goes on would never be empty."""
-FAREWELL_TIMEOUT = 0.2
-"""How long the last state may take to reach its subscribers [s], our choice."""
+ACKNOWLEDGEMENT_TIMEOUT = 0.2
+"""How long what is said last may take to reach its subscribers [s], our choice."""
 
 
 class RecorderNode(RigNode):
@@ -53,18 +131,16 @@ class RecorderNode(RigNode):
         self._stored_publisher = self.advertise(interfaces.RECORD_STORED)
         self.add_post_set_parameters_callback(self._take_parameters)
 
-    def configure(self) -> None:
-        """Check before anything is opened."""
-        for name, choices in (("compression", COMPRESSIONS), ("sync", SYNCS)):
-            if self.get_value(name) not in choices:
-                raise ParameterError(
-                    f"{name} is {self.get_value(name)!r}: it must be one of {', '.join(choices)}"
-                )
-        if self.get_value("sync") == SYNC_CHUNK and not self.get_value("flush_period"):
+    def check_parameters(self, get_value: Callable[[str], Any]) -> None:
+        """Refuse to wait for ever until a chunk is on the disk."""
+        if get_value("sync") == SYNC_CHUNK and not get_value("flush_period"):
             raise ParameterError(
                 f"sync is {SYNC_CHUNK!r} and flush_period 0: then nobody could say when a record"
                 " is stored, it must be above 0"
             )
+
+    def configure(self) -> None:
+        """Check before anything is opened."""
         for topic in interfaces.RECORDED_TOPICS:
             find_message_definition(name_type(topic.type))
 
@@ -91,21 +167,20 @@ class RecorderNode(RigNode):
         run.call_every(CONNECTION_PERIOD, self._look_for_peers, until=lambda: self._is_connected)
         self._look_for_peers()
         if not self._is_connected:
-            self._publish_state(f"waiting: {self._find_missing_peers()}")
+            self._publish_state(f"waiting: {self._describe_missing_peers()}")
 
     def deactivate(self) -> None:
-        """Write what is still in the queues, finish the recording and say so."""
+        """Finish the recording and say so; what came before has been written by now."""
         run = self._run
         if run is None or not run.is_open:
-            return
-        run.topics.take_waiting(LONGEST_ENDING)
-        if not run.is_open:
             return
         try:
             run.close("closed")
         except FileError as error:
             self.report_fault(str(error))
             return
+        # By another topic: a record that is said to be stored after "closed" gets no verdict.
+        self._stored_publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGEMENT_TIMEOUT))
         writer = run.writer
         self.get_logger().info(
             f"{writer.path} is closed: {writer.messages} messages, {writer.size / 1e6:.3g} MB"
@@ -123,7 +198,7 @@ class RecorderNode(RigNode):
         super().report_fault(text)
         self._publish_state(text)
 
-    def find_warning(self) -> str:
+    def describe_warning(self) -> str:
         """Return what the recording lacks, and whether the disk is nearly full."""
         run = self._run
         if run is None:
@@ -142,7 +217,7 @@ class RecorderNode(RigNode):
         writer, watch = run.writer, run.storage.watch
         return {
             "recording": self._is_recording and self._is_connected,
-            "waiting for": self._find_missing_peers(),
+            "waiting for": self._describe_missing_peers(),
             "file": writer.files[-1],
             "messages": writer.messages,
             "size": writer.size,
@@ -179,21 +254,21 @@ class RecorderNode(RigNode):
             before_split=before_split,
         )
 
-    def _find_missing_peers(self) -> str:
+    def _describe_missing_peers(self) -> str:
         """Return who is not connected yet that must be; empty: nobody."""
         if self._run is None or not self._run.is_open:
             return ""
         required = split_names(self.get_value("required_topics"))
-        if missing := self._run.topics.find_unconnected(required):
+        if missing := self._run.topics.list_unconnected(required):
             return f"nobody publishes {', '.join(missing)} yet"
         # The estimator must hear that it is to wait for the recorder's word.
-        return self.find_missing_subscribers(
+        return self.describe_missing_subscribers(
             self._state_publisher, ""
-        ) or self.find_missing_subscribers(self._stored_publisher, "")
+        ) or self.describe_missing_subscribers(self._stored_publisher, "")
 
     def _look_for_peers(self) -> None:
         """Say that everything is being recorded, once it is; a lost peer is no loss here."""
-        if self._find_missing_peers():
+        if self._describe_missing_peers():
             return
         self._is_connected = True
         self._begun = f"recording since {datetime.now().astimezone():%Y-%m-%d %H:%M:%S}"
@@ -201,7 +276,7 @@ class RecorderNode(RigNode):
 
     def _check_health(self) -> None:
         """Tell everybody when what needs attention has changed."""
-        warning = self.find_warning()
+        warning = self.describe_warning()
         if warning == self._warning or not self._is_connected:
             return
         self._warning = warning
@@ -245,7 +320,7 @@ class RecorderNode(RigNode):
         state.header.stamp = self.get_clock().now().to_msg()
         self._state_publisher.publish(state)
         if not self._is_recording:
-            self._state_publisher.wait_for_all_acked(Duration(seconds=FAREWELL_TIMEOUT))
+            self._state_publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGEMENT_TIMEOUT))
 
 
 def _split_paths(text: str) -> list[str]:
@@ -255,9 +330,4 @@ def _split_paths(text: str) -> list[str]:
 
 def main() -> int:
     """Run the node."""
-    keep_memory()
     return run_node(RecorderNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

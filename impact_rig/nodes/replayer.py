@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig_msgs.msg import Impact, ReplayerState
-from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -15,20 +14,73 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.replaying.playback import Playback
-from impact_rig.nodes.replaying.replay_pace import Pace
-from impact_rig.nodes.replaying.replay_parameters import SELECTIONS, declare_parameters
-from impact_rig.nodes.replaying.replay_recording import RecordingToReplay, open_recording
-from impact_rig.nodes.replaying.replay_window import CountedWindow, Window
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.replayer_playback import CountedWindow, Pace, Playback, Window
+from impact_rig.nodes.replayer_recording import RecordingToReplay, open_recording
+from impact_rig.nodes.rig_node import Read, RigNode
+
+SELECTIONS = ("inputs", "all")
+"""Which topics may be asked for."""
+
+
+def declare_parameters(node: RigNode) -> None:
+    """Declare them all, with their defaults."""
+    node.declare(
+        "file", "",
+        "path of the recording: an .mcap file, a folder as rosbag2 writes it, or a run's",
+    )  # fmt: skip
+    node.declare(
+        "rate", 1.0,
+        "speed, part of the original's [-]; 0: as fast as the subscribers take it; may be"
+        " changed at any time",
+        low=0.0, high=1000.0, read=Read.AT_USE,
+    )  # fmt: skip
+    node.declare(
+        "topics", "inputs",
+        "inputs: set-up, blocks, releases and virtual impacts, for a fresh estimator; all:"
+        " everything that was recorded",
+        choices=SELECTIONS,
+    )  # fmt: skip
+    node.declare("samples", [""], "replay only the hits of these samples, and `hits`")
+    node.declare(
+        "hits", [""],
+        "replay only these hits, and those of `samples`: by record number, SAMPLE/IMPACT or"
+        " SAMPLE/IMPACT.ATTEMPT",
+    )  # fmt: skip
+    node.declare(
+        "start", 0.0, "from here, since the recording's start [s]; what is latched before it"
+        " comes first", low=0.0, high=1e9, read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+    node.declare(
+        "end", 0.0, "up to here, since the recording's start [s]; 0: to its end",
+        low=0.0, high=1e9, read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+    node.declare(
+        "loop", 1, "how often [-]; 0: without end",
+        low=0, high=1_000_000, read=Read.AT_ACTIVATE,
+    )  # fmt: skip
+    node.declare("start_paused", False, "wait to be resumed, or for steps", read=Read.AT_ACTIVATE)
+    node.declare(
+        "publish_clock", 0.0,
+        "how often /clock is published [Hz], beside once with each message, for nodes that"
+        " use simulated time; 0: not at all",
+        low=0.0, high=10_000.0,
+    )  # fmt: skip
+    node.declare(
+        "required_subscribers", "estimator",
+        "nodes of this namespace, by commas, that must be connected before the start",
+        read=Read.AT_USE,
+    )  # fmt: skip
+    node.declare("recorded_namespace", "", "of the rig in the recording; empty: found there")
+    node.declare(
+        "exit_when_done", False, "end the process at the end of the recording",
+        read=Read.AT_USE,
+    )  # fmt: skip
+
 
 CONNECTION_PERIOD = 0.05
 """How often it is looked whether the subscribers are connected [s], our choice."""
 STATE_PERIOD = 1.0
 """How often the state is published while it does not change but in its numbers [s]."""
-STEP_TIMEOUT = 60.0
-"""How long a step may take before its service answers that it is still under way [s], our
-choice: the longest records take seconds."""
 
 
 class ReplayerNode(RigNode):
@@ -55,18 +107,15 @@ class ReplayerNode(RigNode):
         self._phase = ReplayerState.IDLE
         self._message = "no recording"
         self._numbers: dict[str, Any] = {"position": 0.0, "messages": 0, "record": 0}
-        # Of a clock that this node itself may drive, its timers would stand still.
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._changed = self.create_guard_condition(self._follow)
         self._publish = self.advertise_state(interfaces.REPLAYER_STATE)
-        self.create_timer(STATE_PERIOD, self._publish_state, clock=self._steady)
+        self.create_timer(STATE_PERIOD, self._publish_state)
         self.add_post_set_parameters_callback(self._take_parameters)
         for name, answer in (
             (interfaces.PAUSE_REPLAYER, self._pause),
             (interfaces.RESUME_REPLAYER, self._resume),
             (interfaces.STEP_REPLAYER, self._step),
         ):
-            self.create_service(Trigger, name, answer, callback_group=self.waiting_group)
+            self.create_service(Trigger, name, answer)
 
     @property
     def recording(self) -> RecordingToReplay | None:
@@ -95,13 +144,10 @@ class ReplayerNode(RigNode):
     def _open(self) -> RecordingToReplay:
         if not self.get_value("file"):
             raise ParameterError("file is empty: it must be the path of a recording")
-        selection = self.get_value("topics")
-        if selection not in SELECTIONS:
-            raise ParameterError(f"topics is {selection!r}: it must be {' or '.join(SELECTIONS)}")
         return open_recording(
             Path(self.get_value("file")).expanduser(),
             namespace=self.get_value("recorded_namespace"),
-            is_everything=selection == "all",
+            is_everything=self.get_value("topics") == "all",
             samples=[name for name in self.get_value("samples") if name],
             hits=[name for name in self.get_value("hits") if name],
         )
@@ -123,7 +169,7 @@ class ReplayerNode(RigNode):
             self._make_window,
             self._publish_clock,
             1.0 / clock_rate if clock_rate else STATE_PERIOD,
-            self._changed.trigger,
+            lambda: self.run_soon(self._follow),
         )
         # Volatile: what was judged before this replay does not count.
         self._verdicts = self.create_subscription(
@@ -133,9 +179,7 @@ class ReplayerNode(RigNode):
             QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE),
         )
         self._set_state(ReplayerState.WAITING, "waiting for subscribers")
-        self._watch = self.create_timer(
-            CONNECTION_PERIOD, self._start_if_ready, clock=self._steady
-        )
+        self._watch = self.create_timer(CONNECTION_PERIOD, self._start_if_ready)
 
     def _make_window(self, wait_for_delivery: Callable[[], None]) -> Window | CountedWindow:
         pace = self._pace
@@ -200,7 +244,7 @@ class ReplayerNode(RigNode):
             return
         required = self.get_value("required_subscribers")
         gates = recording.block_names or tuple(self._outputs)
-        if any(self.find_missing_subscribers(self._outputs[name], required) for name in gates):
+        if any(self.describe_missing_subscribers(self._outputs[name], required) for name in gates):
             return
         self._stop_watching()
         self._show_playing()
@@ -212,32 +256,22 @@ class ReplayerNode(RigNode):
             self._watch = None
 
     def _pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._find_playback(response) is not None:
+        if self._get_playback(response) is not None:
             self._pace.pause()
             self._show_playing()
         return response
 
     def _resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._find_playback(response) is not None:
+        if self._get_playback(response) is not None:
             self._pace.resume()
             self._show_playing()
         return response
 
-    async def _step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Answer when the step is done."""
-        playback, pace = self._find_playback(response), self._pace
-        if playback is None:
-            return response
-        self.step()
-        response.success = await self.wait_until(
-            lambda: pace.is_paused or playback is not self._playback, STEP_TIMEOUT
-        )
-        if not response.success:
-            response.message = f"the step takes longer than {STEP_TIMEOUT:g} s: {self._message}"
-        elif pace.is_paused:
-            response.message = f"record {playback.record} is replayed"
-        else:
-            response.message = "the replay is at its end"
+    def _step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Begin a step; when it is done, the state is PAUSED again, or DONE at the end."""
+        if self._get_playback(response) is not None:
+            self.step()
+            response.message = "the next record is being replayed"
         return response
 
     def step(self) -> None:
@@ -245,7 +279,7 @@ class ReplayerNode(RigNode):
         self._pace.step()
         self._show_playing()
 
-    def _find_playback(self, response: Trigger.Response) -> Playback | None:
+    def _get_playback(self, response: Trigger.Response) -> Playback | None:
         """Return what is being replayed; if that is nothing, say so in the response."""
         response.success = self._playback is not None
         if not response.success:
@@ -267,16 +301,13 @@ class ReplayerNode(RigNode):
             self._show_playing()
         elif not self._pace.is_stopped:
             self._finish(playback)
-        self.wake_waiters()
 
     def _finish(self, playback: Playback) -> None:
         self._set_state(
             ReplayerState.DONE, playback.problem or f"done: {playback.published} messages"
         )
         if self.get_value("exit_when_done"):
-            if playback.problem:
-                raise FileError(playback.problem)
-            self.stop_requested.set()
+            self.request_stop(FileError(playback.problem) if playback.problem else None)
             return
         self.trigger_deactivate()
         if playback.problem:
@@ -305,7 +336,7 @@ class ReplayerNode(RigNode):
         if playback is not None and recording is not None:
             position = playback.position or recording.first_time
             self._numbers = {
-                "position": recording.find_position(position),
+                "position": recording.compute_position(position),
                 "messages": playback.published,
                 "record": playback.record,
             }
@@ -325,7 +356,3 @@ class ReplayerNode(RigNode):
 def main() -> int:
     """Run the node."""
     return run_node(ReplayerNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -1,90 +1,123 @@
-"""Results to messages and back, by one rule.
+"""What was found as messages, and back.
 
-A message has the fields of its result without their units, which its comments give: what leaves
-the rig as `contact_time_s` is `contact_time` in a message.
+Each names the set-up that it was found under by the stamp of that, so that whoever comes late can
+tell an earlier campaign's from this one's.
 """
 
-from dataclasses import fields, is_dataclass
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from array import array
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
-from impact_rig_msgs.msg import (
-    FreeDecay,
-    HammerEstimate,
-    Identification,
-    PulseShape,
-    SampleEstimate,
-    ShapeFit,
-    UncertaintyContribution,
-)
+from builtin_interfaces.msg import Time
+from impact_rig_msgs import msg
 
-from impact_rig.results.cross_checks import (
-    FreeDecayResults,
-    IdentificationResults,
-    PulseShapeResults,
-    ShapeFitResults,
-)
-from impact_rig.results.estimates import BudgetLineResults, HammerResults, SampleResults
+from impact_rig.core.estimation.comparison import ModelComparison
+from impact_rig.core.estimation.contact_law import ContactLaw
+from impact_rig.core.estimation.fits import FittedModel, FreeDecayEstimate
+from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate, ShapeFit
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.quantity import BudgetLine, Quantity
+from impact_rig.core.signals.record import FloatArray
+from impact_rig.results.campaign import HitResults
+from impact_rig.results.wire import fill_message
+
+if TYPE_CHECKING:
+    # Who only passes on what others have measured needs no virtual rig.
+    pass
+
+from impact_rig.nodes.messages import stamp_to_msg
 
 MESSAGES: dict[type, type] = {
-    BudgetLineResults: UncertaintyContribution,
-    FreeDecayResults: FreeDecay,
-    HammerResults: HammerEstimate,
-    IdentificationResults: Identification,
-    PulseShapeResults: PulseShape,
-    SampleResults: SampleEstimate,
-    ShapeFitResults: ShapeFit,
+    BudgetLine: msg.UncertaintyContribution,
+    ContactLaw: msg.ContactLaw,
+    FittedModel: msg.Identification,
+    FreeDecayEstimate: msg.FreeDecay,
+    HammerEstimate: msg.HammerEstimate,
+    PulseShapeEstimate: msg.PulseShape,
+    Quantity: msg.Quantity,
+    SampleEstimate: msg.SampleEstimate,
+    ShapeFit: msg.ShapeFit,
 }
-"""Results and the messages that carry them."""
-UNITS = ("_n_s_per_m", "_n_per_m", "_m_per_s2", "_hz", "_s")
-"""How the names of results end, the longest first."""
-RENAMED: dict[tuple[type, str], str] = {(SampleResults, "name"): "sample"}
-"""Fields that the messages call otherwise."""
-
-Result = TypeVar("Result")
+"""Results, and the messages that carry them."""
 
 
-def _find_field(kind: type, name: str) -> str:
-    """Return what the messages call a field of a result."""
-    plain = next((name.removesuffix(unit) for unit in UNITS if name.endswith(unit)), name)
-    return RENAMED.get((kind, name), plain)
-
-
-_FIELDS: dict[type, tuple[tuple[str, str, Any], ...]] = {
-    kind: tuple(
-        (field.name, _find_field(kind, field.name), get_type_hints(kind)[field.name])
-        for field in fields(kind)
-    )
-    for kind in MESSAGES
-}
-"""Name in the result, name in the message, and type of each field."""
-
-
-def result_to_msg(result: Any) -> Any:
-    """Return a result as the message that carries it."""
-    message = MESSAGES[type(result)]()
-    for name, field, _ in _FIELDS[type(result)]:
-        setattr(message, field, _value_to_msg(getattr(result, name)))
+def record_to_msg(record: Any) -> Any:
+    """Return a result as the message that carries it, by the rule of `wire`."""
+    message = MESSAGES[type(record)]()
+    fill_message(message, record, MESSAGES)
     return message
 
 
-def _value_to_msg(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_value_to_msg(item) for item in value]
-    return result_to_msg(value) if is_dataclass(value) else value
+def hit_to_msg(judged: JudgedHit, setup_stamp: Time) -> msg.Impact:
+    """Return a judged hit as a message, stamped with its record's first point's time."""
+    message = msg.Impact(
+        **asdict(judged.label),
+        setup_stamp=setup_stamp,
+        accepted=judged.accepted,
+        reasons=[str(rejection) for rejection in judged.rejections],
+        impact_time=judged.impact_time,
+        contact_time=judged.contact_time,
+        hammer_peak=judged.hammer_peak,
+        specimen_peak=judged.specimen_peak,
+    )
+    message.header.stamp = stamp_to_msg(judged.stamp)
+    return message
 
 
-def result_from_msg(kind: type[Result], message: Any) -> Result:
-    """Return the result of a `kind` that a message carries."""
-    return kind(
-        **{
-            name: _value_from_msg(hint, getattr(message, field))
-            for name, field, hint in _FIELDS[kind]
-        }
+def hit_results_from_msg(message: msg.Impact, injected_faults: Sequence[str]) -> HitResults:
+    """Return a judged hit as the results that leave the rig."""
+    return HitResults(
+        sample=message.sample,
+        impact=message.impact,
+        attempt=message.attempt,
+        record=message.record,
+        accepted=message.accepted,
+        reasons=tuple(message.reasons),
+        contact_time=message.contact_time,
+        hammer_peak=message.hammer_peak,
+        specimen_peak=message.specimen_peak,
+        injected_faults=tuple(injected_faults),
     )
 
 
-def _value_from_msg(hint: Any, value: Any) -> Any:
-    if get_origin(hint) is tuple:
-        item = get_args(hint)[0]
-        return tuple(_value_from_msg(item, each) for each in value)
-    return result_from_msg(hint, value) if hint in MESSAGES else value
+def estimate_to_msg(
+    estimate: SampleEstimate | HammerEstimate, stamp: Time, setup_stamp: Time
+) -> Any:
+    """Return a sample's or the hammer's estimate as the message of the same name."""
+    message = record_to_msg(estimate)
+    message.header.stamp, message.setup_stamp = stamp, setup_stamp
+    return message
+
+
+def comparison_to_msg(
+    estimate: SampleEstimate, compared: ModelComparison, stamp: Time, setup_stamp: Time
+) -> msg.ModelComparison:
+    """Return the traces of a model comparison as a message."""
+    message = msg.ModelComparison(
+        setup_stamp=setup_stamp,
+        sample=estimate.name,
+        model=compared.variant.value,
+        impacts_accepted=estimate.impacts_accepted,
+        sampling_rate=compared.sampling_rate,
+        start_time=compared.start_time,
+        contact_time=compared.contact_time,
+        hammer_measured=_floats(compared.hammer.measured),
+        hammer_model=_floats(compared.hammer.model),
+        specimen_measured=_floats(compared.specimen.measured),
+        specimen_model=_floats(compared.specimen.model),
+        hammer_peak=compared.hammer.peak,
+        specimen_peak=compared.specimen.peak,
+        hammer_shift=compared.hammer.shift,
+        specimen_shift=compared.specimen.shift,
+        mse_hammer_percent=compared.hammer.mse_percent,
+        mse_sample_percent=compared.specimen.mse_percent,
+    )
+    message.header.stamp = stamp
+    return message
+
+
+def _floats(values: FloatArray) -> "array[float]":
+    return array("f", values.astype("float32").tobytes())

@@ -1,31 +1,72 @@
 """What all nodes of the rig share: parameters, topics, lifecycle and diagnostics."""
 
-import threading
-from collections.abc import Callable
+import contextlib
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.exceptions import InvalidHandle
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rclpy.task import Future
 
-from impact_rig.core.errors import RigError
+from impact_rig.configuration.processes import ACTIVE
+from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.nodes.executor import accept_message_info
 from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic
-from impact_rig.nodes.waiting_node import WaitingNode
 
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two diagnostic messages [s]: the convention of diagnostic aggregators."""
+LIFECYCLE = "lifecycle"
+"""Among the values of a node's diagnostics: one of `LIFECYCLE_STATES`."""
+IS_ACTIVE = "active"
+LIFECYCLE_STATES = ("unconfigured", "inactive", IS_ACTIVE)
 _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 """What stands for the name of a node that the middleware has not heard, or not again: after a long
 break of the network it knows the endpoints anew, but not whose they are."""
+WAITING_PERIOD = 0.05
+"""How often a condition without a callback is looked at [s], our choice."""
+SERVICE_TIMEOUT = 20.0
+"""How long another node may take to appear or answer [s], our choice: six Python processes start
+in seconds on two cores."""
+RESEND_PERIOD = 3.0
+"""How soon an unanswered request is sent again [s], our choice: longer than any answer takes but
+that of a hammer which has not met the rest of the rig yet."""
+
 _NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 _NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 """rclpy's own warn when somebody's QoS does not fit, as theirs do on the other side; and each has
 a share in what every message costs, whichever it is."""
 
 
-class RigNode(WaitingNode):
-    """A lifecycle node of the rig.
+class Read(Enum):
+    """When a node reads a parameter: from then on a new value would do nothing, and is refused."""
+
+    AT_START = "when the process starts"
+    AT_CONFIGURE = "when the node is configured"
+    AT_ACTIVATE = "when the node is activated"
+    AT_USE = "whenever it is needed"
+
+
+@dataclass(frozen=True)
+class _Declared:
+    read: Read
+    choices: Sequence[str]
+
+
+class RigNode(LifecycleNode):
+    """A lifecycle node of the rig, whose callbacks may wait without holding up its others.
 
     Subclasses override `configure`, `activate`, `deactivate` and `cleanup`; a `RigError` raised
     there fails the transition, is logged as one sentence and shown in the diagnostics, and the
@@ -39,15 +80,25 @@ class RigNode(WaitingNode):
 
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, **options)
-        self.declare(
-            "autostart", True, "configure and activate at start-up, without a lifecycle manager"
-        )
-        self.messages_handled = 0
-        self.stop_requested = threading.Event()
-        self._listeners: dict[bytes, str] = {}
-        self._fault = ""
+        # Nobody sets it, neither the computer's administrator nor a replay.
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.stop_requested: Future = Future()
+        self._waiters: list[Callable[[], None]] = []
+        self._idle: list[_OneShot] = []
+        # Runs while something waits; to make one each time would cost as much as the waiting.
+        self._looking = self.create_timer(WAITING_PERIOD, self.wake_waiters)
+        self._looking.cancel()
+        self._declared: dict[str, _Declared] = {}
         self._is_configured = False
         self._is_active = False
+        self.add_on_set_parameters_callback(self._judge_parameters)
+        self.declare(
+            "autostart", True, "configure and activate at start-up, without a lifecycle manager",
+            read=Read.AT_START,
+        )  # fmt: skip
+        self.messages_handled = 0
+        self._listeners: dict[bytes, str] = {}
+        self._fault = ""
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS.name, 10, event_callbacks=_NO_PUBLISHER_EVENTS
         )
@@ -67,11 +118,14 @@ class RigNode(WaitingNode):
     def cleanup(self) -> None:
         """Close what `configure` opened."""
 
+    def check_parameters(self, get_value: Callable[[str], Any]) -> None:
+        """Raise a `RigError` if the parameters, by their names, cannot be meant together."""
+
     def diagnose(self) -> dict[str, Any]:
         """Return figures for the diagnostics, by name."""
         return {}
 
-    def find_warning(self) -> str:
+    def describe_warning(self) -> str:
         """Return what needs attention though the node works; empty: nothing."""
         return ""
 
@@ -100,9 +154,13 @@ class RigNode(WaitingNode):
         *,
         low: float | None = None,
         high: float | None = None,
+        choices: Sequence[str] = (),
+        read: Read = Read.AT_CONFIGURE,
     ) -> None:
-        """Declare a parameter with its description and, for a number, its range."""
-        descriptor = ParameterDescriptor(description=description)
+        """Declare a parameter: its range if it is a number, or the choices; when it is read."""
+        descriptor = ParameterDescriptor(description=description, read_only=read is Read.AT_START)
+        if choices:
+            descriptor.additional_constraints = f"one of {', '.join(choices)}"
         if low is not None and high is not None:
             if isinstance(default, int):
                 descriptor.integer_range = [
@@ -112,29 +170,77 @@ class RigNode(WaitingNode):
                 descriptor.floating_point_range = [
                     FloatingPointRange(from_value=float(low), to_value=float(high), step=0.0)
                 ]
+        self._declared[name] = _Declared(read, choices)
         self.declare_parameter(name, default, descriptor)
+
+    def _judge_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Refuse what no transition could use, or what would have no effect any more."""
+        try:
+            for parameter in parameters:
+                if parameter.name in self._declared:
+                    self._check_parameter(parameter)
+            # While they are being declared, not all are there yet.
+            if all(self.has_parameter(parameter.name) for parameter in parameters):
+                self._check_together({each.name: each.value for each in parameters})
+        except RigError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _check_parameter(self, parameter: Parameter) -> None:
+        name, value, declared = parameter.name, parameter.value, self._declared[parameter.name]
+        if declared.choices and value not in declared.choices:
+            raise ParameterError(
+                f"{name} is {value!r}: it must be one of {', '.join(declared.choices)}"
+            )
+        if not self.has_parameter(name) or value == self.get_value(name):
+            return
+        if declared.read is Read.AT_CONFIGURE and self._is_configured:
+            way = "deactivate and clean up" if self._is_active else "clean up"
+        elif declared.read is Read.AT_ACTIVATE and self._is_active:
+            way = "deactivate"
+        else:
+            return
+        raise ParameterError(
+            f"{name} is read {declared.read.value}, which it is: {way} the node first"
+        )
+
+    def _check_together(self, changes: dict[str, Any]) -> None:
+        try:
+            self.check_parameters(self.get_value)
+        except RigError:
+            # They are impossible as it is: it may take more than one change to mend that.
+            return
+        self.check_parameters(
+            lambda name: changes[name] if name in changes else self.get_value(name)
+        )
+
+    def create_timer(
+        self, timer_period_sec: float, callback: Any, *arguments: Any, **options: Any
+    ) -> Any:
+        """Create a timer that runs by a steady clock, unless another is given."""
+        options.setdefault("clock", self._steady)
+        return super().create_timer(timer_period_sec, callback, *arguments, **options)
 
     def get_value(self, name: str) -> Any:
         """Return a parameter's present value."""
         return self.get_parameter(name).value
 
-    def advertise(self, topic: Topic, **options: Any) -> Any:
+    def advertise(self, topic: Topic) -> Any:
         """Create a publisher of one of the rig's topics."""
         return self.create_publisher(
             topic.type,
             topic.name,
             topic.leased_qos,
             event_callbacks=_NO_PUBLISHER_EVENTS,
-            **options,
         )
 
     def listen(
         self,
         topic: Topic,
-        callback: Callable[[Any], None],
+        callback: Callable[..., None],
         *,
+        is_informed: bool = False,
         note_liveliness: Callable[[Any], None] | None = None,
-        **options: Any,
     ) -> Any:
         """Subscribe to one of the rig's topics; a `RigError` in the callback is reported.
 
@@ -144,20 +250,26 @@ class RigNode(WaitingNode):
             Its name, type and QoS.
         callback : callable
             Called with each message.
+        is_informed : bool
+            Called with what the middleware knows of the message, too.
         note_liveliness : callable, optional
             Called with how many publishers are alive and how many silent, when that changes. One
             that does not offer the topic's lease is not heard then.
-        **options
-            Of the subscription.
         """
 
-        def guarded(message: Any) -> None:
+        def take(*message: Any) -> None:
             self.messages_handled += 1
             try:
-                callback(message)
+                callback(*message)
             except RigError as error:
                 self.report_fault(f"{topic.name}: {error}")
             self.wake_waiters()
+
+        def take_message(message: Any) -> None:
+            take(message)
+
+        def take_informed(message: Any, info: Any) -> None:
+            take(message, info)
 
         def note(status: Any) -> None:
             if note_liveliness is not None:
@@ -168,17 +280,16 @@ class RigNode(WaitingNode):
         return self.create_subscription(
             topic.type,
             topic.name,
-            guarded,
+            accept_message_info(take_informed) if is_informed else take_message,
             topic.leased_qos if is_asked else topic.qos,
             event_callbacks=SubscriptionEventCallbacks(
                 liveliness=note, use_default_callbacks=False
             )
             if is_asked
             else _NO_SUBSCRIPTION_EVENTS,
-            **options,
         )
 
-    def find_missing_subscribers(self, publisher: Any, required: str) -> str:
+    def describe_missing_subscribers(self, publisher: Any, required: str) -> str:
         """Return which subscriber would miss what is published next; empty: none.
 
         Knowing of a subscriber is not enough: what is not latched is kept for no one who is not
@@ -192,13 +303,13 @@ class RigNode(WaitingNode):
             Names of nodes, by commas: of this namespace, or full ones.
         """
         topic = publisher.topic_name
-        if missing := self.find_missing_listeners(topic, required):
+        if missing := self.describe_missing_listeners(topic, required):
             return missing
         if publisher.get_subscription_count() < self.count_subscribers(topic):
             return f"a subscriber of {topic} is still connecting"
         return ""
 
-    def find_missing_listeners(self, topic: str, required: str) -> str:
+    def describe_missing_listeners(self, topic: str, required: str) -> str:
         """Return which node does not listen to a topic, whoever publishes it; empty: none.
 
         Parameters
@@ -206,7 +317,7 @@ class RigNode(WaitingNode):
         topic : str
             Its name.
         required : str
-            As in `find_missing_subscribers`.
+            As in `describe_missing_subscribers`.
         """
         prefix = self.get_namespace().rstrip("/")
         names = set()
@@ -220,9 +331,9 @@ class RigNode(WaitingNode):
                 return f"the node {name!r} does not listen to {topic}"
         return ""
 
-    def advertise_state(self, topic: Topic, **options: Any) -> Callable[..., None]:
+    def advertise_state(self, topic: Topic) -> Callable[..., None]:
         """Create a publisher of a state topic; return a function that publishes its fields."""
-        publisher = self.advertise(topic, **options)
+        publisher = self.advertise(topic)
 
         def publish(**fields: Any) -> None:
             message = topic.type(**fields)
@@ -240,15 +351,165 @@ class RigNode(WaitingNode):
         """Show an error in the diagnostics until the next good transition, without logging it."""
         self._fault = text
 
+    # Work for later, and waiting: for a time, a condition, another node's answer.
+
+    def request_stop(self, error: Exception | None = None) -> None:
+        """Let the node's process end, as failed if there is an error; in any thread, and twice."""
+        if self.stop_requested.done():
+            return
+        if error is None:
+            self.stop_requested.set_result(None)
+        else:
+            self.stop_requested.set_exception(error)
+
+    def run_soon(self, work: Callable[[], None]) -> None:
+        """Call `work` in the executor; in any thread. A `RigError` in it is reported."""
+        if self.executor is not None:
+            self.executor.create_task(self._run_reporting, work)
+
+    def run_once_after(self, delay: float, work: Callable[[], None]) -> None:
+        """Call `work` once, `delay` seconds from now; a `RigError` in it is reported."""
+        # rclpy remembers every timer that there ever was: those that have fired are used again.
+        one_shot = self._idle.pop() if self._idle else _OneShot(self, self._fire)
+        one_shot.start(delay, work)
+
+    def _fire(self, one_shot: "_OneShot") -> None:
+        one_shot.stop()
+        self._idle.append(one_shot)
+        self._run_reporting(one_shot.work)
+
+    def _run_reporting(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except RigError as error:
+            self.report_fault(str(error))
+        except Exception as error:  # noqa: BLE001 - in a task it would crash the events executor
+            self.request_stop(error)
+        self.wake_waiters()
+
+    async def pause(self, delay: float) -> None:
+        """Wait for so long [s]."""
+        future: Future = Future(executor=self.executor)
+        self.run_once_after(delay, lambda: future.set_result(None))
+        await future
+
+    async def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Wait for a condition that some callback of this node makes true.
+
+        Parameters
+        ----------
+        condition : callable
+            Looked at after every callback of `listen` and `run_once_after`, and every
+            `WAITING_PERIOD`, for what has no callback.
+        timeout : float
+            [s]
+
+        Returns
+        -------
+        bool
+            Whether the condition came true in time.
+        """
+        if condition():
+            return True
+        future: Future = Future(executor=self.executor)
+        deadline = time.monotonic() + timeout
+
+        def look() -> None:
+            if future.done():
+                return
+            if condition():
+                future.set_result(True)
+            elif time.monotonic() >= deadline:
+                future.set_result(False)
+
+        self._waiters.append(look)
+        if len(self._waiters) == 1:
+            self._looking.reset()
+        try:
+            return bool(await future)
+        finally:
+            self._waiters.remove(look)
+            if not self._waiters:
+                # The node itself may be gone: then nobody waits for this any more.
+                with contextlib.suppress(InvalidHandle):
+                    self._looking.cancel()
+
+    async def call(
+        self,
+        client: Any,
+        request: Any,
+        timeout: float = SERVICE_TIMEOUT,
+        is_given_up: Callable[[], bool] = lambda: False,
+    ) -> Any:
+        """Call a service of another node of the rig and return its answer.
+
+        A server that has not met the client's reader yet drops its answer, so an unanswered
+        request is sent again: the rig's services take a repeated request as the same one.
+
+        Parameters
+        ----------
+        client : Client
+            Of the service.
+        request : message
+            What is asked.
+        timeout : float
+            [s]
+        is_given_up : callable
+            Whether nobody waits for the answer any more.
+
+        Raises
+        ------
+        DeviceError
+            If nobody offers the service, no answer comes within `timeout` seconds, or it is
+            given up.
+        """
+        await self.wait_until(lambda: client.service_is_ready() or is_given_up(), timeout)
+        if not client.service_is_ready():
+            raise DeviceError(
+                f"nobody offers the service {client.srv_name}: start the node that does"
+            )
+        pending: list[Future] = []
+        deadline = time.monotonic() + timeout
+        try:
+            while (left := deadline - time.monotonic()) > 0.0 and not is_given_up():
+                pending.append(client.call_async(request))
+                pending[-1].add_done_callback(lambda _: self.wake_waiters())
+                await self.wait_until(
+                    lambda: any(item.done() for item in pending) or is_given_up(),
+                    min(RESEND_PERIOD, left),
+                )
+                for item in pending:
+                    if item.done():
+                        return item.result()
+        finally:
+            for item in pending:
+                client.remove_pending_request(item)
+        if is_given_up():
+            raise DeviceError(f"{client.srv_name} has not answered")
+        raise DeviceError(f"{client.srv_name} did not answer within {timeout:g} s")
+
+    def wake_waiters(self) -> None:
+        """Let everything that waits in `wait_until` look at its condition."""
+        for look in tuple(self._waiters):
+            look()
+
     # Lifecycle.
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Run `configure`."""
-        return self._run_transition(state, self.configure, configured=True, active=False)
+
+        def configure() -> None:
+            self.check_parameters(self.get_value)
+            self.configure()
+
+        return self._run_transition(state, configure, configured=True, active=False)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Run `activate`."""
-        return self._run_transition(state, self.activate, configured=True, active=True)
+        result = self._run_transition(state, self.activate, configured=True, active=True)
+        if result == TransitionCallbackReturn.SUCCESS:
+            self.get_logger().info(ACTIVE)
+        return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Run `deactivate`."""
@@ -296,23 +557,63 @@ class RigNode(WaitingNode):
         self._fault = ""
         self._is_configured = configured
         self._is_active = active
+        # At once: a rig waits for a node that is not active.
+        self._publish_diagnostics()
         return TransitionCallbackReturn.SUCCESS
 
     def _publish_diagnostics(self) -> None:
-        level, message = DiagnosticStatus.OK, "active" if self._is_active else "inactive"
+        state = LIFECYCLE_STATES[self._is_configured + self._is_active]
+        level, message = DiagnosticStatus.OK, state
         if self._fault:
             level, message = DiagnosticStatus.ERROR, self._fault
-        elif warning := self.find_warning():
+        elif warning := self.describe_warning():
             level, message = DiagnosticStatus.WARN, warning
         status = DiagnosticStatus(
             name=self.get_fully_qualified_name(),
             level=level,
             message=message,
-            values=[KeyValue(key=key, value=str(value)) for key, value in self.diagnose().items()],
+            values=[
+                KeyValue(key=key, value=str(value))
+                for key, value in {LIFECYCLE: state, **self.diagnose()}.items()
+            ],
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
+
+
+class _OneShot:
+    """A timer that calls its work once, and is then idle until it is started again.
+
+    It is stopped and never destroyed: the events executor still calls a timer that was due when it
+    was destroyed, but none that was due when it was stopped.
+    """
+
+    def __init__(self, node: "RigNode", fire: Callable[["_OneShot"], None]) -> None:
+        self.work: Callable[[], None] = lambda: None
+        self._timer = node.create_timer(WAITING_PERIOD, lambda: fire(self))
+        self.stop()
+
+    def start(self, delay: float, work: Callable[[], None]) -> None:
+        self.work = work
+        self._timer.timer_period_ns = round(delay * 1e9)
+        self._timer.reset()
+
+    def stop(self) -> None:
+        self._timer.cancel()
+
+
+class RateMeter:
+    """Turns a count into a rate, from one call to the next."""
+
+    def __init__(self) -> None:
+        self._seen = (time.monotonic(), 0)
+
+    def measure(self, count: int) -> float:
+        """Return how much was counted per second since the last call, not below 0 [1/s]."""
+        (then, before), self._seen = self._seen, (time.monotonic(), count)
+        elapsed = self._seen[0] - then
+        return max(count - before, 0) / elapsed if elapsed > 0.0 else 0.0
 
 
 def split_names(text: str) -> list[str]:

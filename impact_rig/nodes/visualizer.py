@@ -1,7 +1,6 @@
 """The visualizer: model against measured traces, verdicts, tables and the rig's health, in Rerun.
 
-A process of its own that only listens: it may drop views, never data, and nothing waits for it. So
-it looks now and then for what has come, and takes that in the order in which it was sent.
+A process of its own that only listens: it may drop views, never data, and nothing waits for it.
 It holds no hit longer than its destinations need to take it: a file is written as hits come. What
 it keeps is bounded: the newest 1000 verdicts for tables and figures, the names of what is shown,
 and, for viewers that come late, the newest hits, 64 MB for each viewer elsewhere and 512 MB in
@@ -14,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Hashable
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from impact_rig_msgs.msg import (
     AccelerationBlock,
     HammerEstimate,
@@ -27,12 +26,13 @@ from impact_rig_msgs.msg import (
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RigNode
-from impact_rig.nodes.unhurried import TAKING_PERIOD, UnhurriedGroup, take_message
-from impact_rig.nodes.visualizing.rate_meter import RateMeter
-from impact_rig.nodes.visualizing.rig_health import RigHealth
-from impact_rig.nodes.visualizing.shown_campaign import ShownCampaign
-from impact_rig.recording.interfaces.messages import (
+from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RateMeter, RigNode
+from impact_rig.nodes.visualizer_campaign import ShownCampaign
+from impact_rig.present.rerun.addresses import LOOPBACK
+from impact_rig.present.rerun.destination import DestinationPlan, Work
+from impact_rig.present.rerun.health import Health, Level, NodeHealth
+from impact_rig.present.rerun.opening import Destination, open_destinations
+from impact_rig.recordings.messages import (
     block_from_msg,
     label_from_msg,
     setup_from_msg,
@@ -40,9 +40,63 @@ from impact_rig.recording.interfaces.messages import (
 )
 from impact_rig.results.hit_traces import TraceAssembler
 from impact_rig.results.sample_traces import AlignedHit
-from impact_rig.visualization.destinations.addresses import LOOPBACK
-from impact_rig.visualization.destinations.destination import Destination, Work
-from impact_rig.visualization.destinations.opening import DestinationPlan, open_destinations
+
+SILENCE = 5.0 * DIAGNOSTIC_PERIOD
+"""After what time without a word a node counts as silent [s], our choice."""
+
+
+class RigHealth:
+    """Keeps the last word of every node of one rig.
+
+    Parameters
+    ----------
+    namespace : str
+        Of the rig: the nodes right in it belong to it.
+    """
+
+    def __init__(self, namespace: str) -> None:
+        self._prefix = namespace.rstrip("/") + "/"
+        self._nodes: dict[str, tuple[NodeHealth, float]] = {}
+        self._stamp = 0
+
+    def add(self, message: DiagnosticArray) -> bool:
+        """Keep what nodes of the rig say; return whether there was any."""
+        own = [status for status in message.status if self._is_own(status.name)]
+        for status in own:
+            name = status.name.removeprefix(self._prefix)
+            self._nodes[name] = (_convert(name, status), time.monotonic())
+        if own:
+            self._stamp = stamp_from_msg(message.header.stamp)
+        return bool(own)
+
+    def make_health(self) -> Health:
+        """Return what is known now, by the names of the nodes."""
+        now = time.monotonic()
+        return Health(
+            nodes=tuple(
+                _mark_silent(node, now - heard) for _, (node, heard) in sorted(self._nodes.items())
+            ),
+            stamp=self._stamp,
+        )
+
+    def _is_own(self, name: str) -> bool:
+        return name.startswith(self._prefix) and "/" not in name.removeprefix(self._prefix)
+
+
+def _convert(name: str, status: DiagnosticStatus) -> NodeHealth:
+    # rclpy gives a byte for a byte.
+    level = status.level[0] if isinstance(status.level, bytes) else status.level
+    values = tuple((item.key, item.value) for item in status.values)
+    return NodeHealth(name, int(level), status.message, values)
+
+
+def _mark_silent(node: NodeHealth, silence: float) -> NodeHealth:
+    if silence < SILENCE:
+        return node
+    return NodeHealth(
+        node.name, Level.STALE, f"silent for {silence:.0f} s; last: {node.message}", node.values
+    )
+
 
 NICENESS = 10
 """How far the process steps back [steps of nice], our choice."""
@@ -81,9 +135,7 @@ class VisualizerNode(RigNode):
             high=LARGEST_PORT,
         )
         self._destinations: tuple[Destination, ...] = ()
-        self._unhurried = UnhurriedGroup()
         self._subscriptions_of_view: list[Any] = []
-        self._taking = self.create_timer(TAKING_PERIOD, self._take_waiting)
         self._assembler = TraceAssembler()
         self._campaign: ShownCampaign | None = None
         self._early: deque[tuple[Callable[[ShownCampaign, Any], None], Any]] = deque(
@@ -92,7 +144,7 @@ class VisualizerNode(RigNode):
         self._health = RigHealth(self.get_namespace())
         self._blocks_before = 0
         self._next_health = 0.0
-        self._rates = RateMeter()
+        self._rates = {name: RateMeter() for name in ("blocks", "hits")}
         self._counts = {"campaigns": 0, "blocks": 0, "hits": 0, "comparisons": 0}
 
     def configure(self) -> None:
@@ -112,7 +164,7 @@ class VisualizerNode(RigNode):
     def activate(self) -> None:
         """Listen; what was said last before is heard now."""
         self._subscriptions_of_view = [
-            self.listen(topic, callback, callback_group=self._unhurried)
+            self.listen(topic, callback)
             for topic, callback in (
                 (interfaces.SETUP, self._begin),
                 (interfaces.ACCELERATION, self._take_block),
@@ -126,8 +178,7 @@ class VisualizerNode(RigNode):
         ]
 
     def deactivate(self) -> None:
-        """Take what has come, and listen no longer."""
-        self._take_waiting()
+        """Listen no longer."""
         for subscription in self._subscriptions_of_view:
             self.destroy_subscription(subscription)
         self._subscriptions_of_view = []
@@ -138,27 +189,19 @@ class VisualizerNode(RigNode):
             destination.close()
         self._destinations = ()
 
-    def _take_waiting(self) -> None:
-        """Work off what has come, of all topics in the order in which it was sent."""
-        waiting: list[tuple[int, int, int, Any]] = []
-        for place, subscription in enumerate(self._subscriptions_of_view):
-            while (taken := take_message(subscription)) is not None:
-                message, info = taken
-                waiting.append((info["source_timestamp"], place, len(waiting), message))
-        for _, place, _, message in sorted(waiting, key=lambda item: item[:3]):
-            self._subscriptions_of_view[place].callback(message)
-
     def diagnose(self) -> dict[str, Any]:
         """Return what was shown, how fast it came, and what was not shown."""
-        rates = self._rates.measure(self._counts)
         return {
             **self._counts,
-            **{f"{name} per second": f"{rates[name]:.1f}" for name in ("blocks", "hits")},
+            **{
+                f"{name} per second": f"{meter.measure(self._counts[name]):.1f}"
+                for name, meter in self._rates.items()
+            },
             "views dropped": sum(item.dropped for item in self._destinations),
             "destinations lost": sum(item.is_lost for item in self._destinations),
         }
 
-    def find_warning(self) -> str:
+    def describe_warning(self) -> str:
         """Return which destination shows nothing, or why hits are not laid over each other."""
         lost = [item.name for item in self._destinations if item.is_lost]
         if lost:
@@ -171,7 +214,7 @@ class VisualizerNode(RigNode):
 
     def _put_latest(self, key: Hashable, work: Work) -> None:
         for destination in self._destinations:
-            destination.put_latest(key, work)
+            destination.put(work, key=key)
 
     def _begin(self, message: RigSetup) -> None:
         setup = setup_from_msg(message)
@@ -270,7 +313,3 @@ def main() -> int:
     """Run the node, behind all others: it may be late, the rig may not."""
     os.nice(NICENESS)
     return run_node(VisualizerNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

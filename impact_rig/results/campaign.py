@@ -1,13 +1,19 @@
-"""What a campaign found, flat: set-up, every hit, and what was estimated from them.
+"""What a campaign found: set-up, every hit, and what was estimated from them.
 
-The field names are those of results.json. Nothing in here depends on when, where or with which
-libraries the numbers were found: the same hits give the same results, character by character.
+Nothing in here depends on when, where or with which libraries the numbers were found: the same
+hits give the same results, character by character.
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-from impact_rig.results.estimates import NAN, HammerResults, SampleResults
-from impact_rig.results.setup_results import SetupResults
+from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.sample import PEAK, TIME, SampleEstimate
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.quantity import drop_internals
+from impact_rig.core.session import SessionResults
+from impact_rig.core.setup.samples import RigSetup
 
 
 @dataclass(frozen=True)
@@ -24,9 +30,9 @@ class HitResults:
         The hit is part of the sample's mean.
     reasons : tuple of str
         Every reason against it, ``code: explanation``.
-    contact_time_s : float
+    contact_time : float
         tau_p of this hit alone [s]; NaN: not determined.
-    hammer_peak_m_per_s2, specimen_peak_m_per_s2 : float
+    hammer_peak, specimen_peak : float
         Largest |acceleration| after the low-pass [m/s^2]; NaN: no pulse, or not measured.
     injected_faults : tuple of str
         What the virtual rig did on purpose, by name; empty: nothing, or a real rig.
@@ -38,9 +44,9 @@ class HitResults:
     record: int
     accepted: bool = False
     reasons: tuple[str, ...] = ()
-    contact_time_s: float = NAN
-    hammer_peak_m_per_s2: float = NAN
-    specimen_peak_m_per_s2: float = NAN
+    contact_time: float = field(default=math.nan, metadata=TIME)
+    hammer_peak: float = field(default=math.nan, metadata=PEAK)
+    specimen_peak: float = field(default=math.nan, metadata=PEAK)
     injected_faults: tuple[str, ...] = ()
 
 
@@ -50,19 +56,19 @@ class Results:
 
     Attributes
     ----------
-    setup : SetupResults
+    setup : RigSetup
         With what was measured.
-    hammer : HammerResults
+    hammer : HammerEstimate
         k1, c1.
-    samples : tuple of SampleResults
+    samples : tuple of SampleEstimate
         Those with hits, in the order of the sample set.
     hits : tuple of HitResults
         All, by record.
     """
 
-    setup: SetupResults
-    hammer: HammerResults
-    samples: tuple[SampleResults, ...]
+    setup: RigSetup
+    hammer: HammerEstimate
+    samples: tuple[SampleEstimate, ...]
     hits: tuple[HitResults, ...]
 
     @property
@@ -73,3 +79,44 @@ class Results:
     def find_accepted(self, sample: str) -> tuple[HitResults, ...]:
         """Return the hits in the mean of one sample, by record."""
         return tuple(hit for hit in self.hits if hit.accepted and hit.sample == sample)
+
+
+def results_from_session(
+    session: SessionResults, faults_by_record: Mapping[int, tuple[str, ...]]
+) -> Results:
+    """Return what a session found.
+
+    Parameters
+    ----------
+    session : SessionResults
+        Of the core.
+    faults_by_record : mapping of int to tuple of str
+        Injected faults by number of the arming; what is absent had none.
+    """
+    return Results(
+        setup=session.setup,
+        hammer=drop_internals(session.hammer),
+        samples=tuple(map(drop_internals, session.samples)),
+        hits=tuple(
+            hit_results_from_judged(hit, faults_by_record.get(hit.label.record, ()))
+            for hit in sorted(
+                session.accepted + session.rejected, key=lambda hit: hit.label.record
+            )
+        ),
+    )
+
+
+def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) -> HitResults:
+    """Return the last word on one hit."""
+    return HitResults(
+        sample=hit.label.sample,
+        impact=hit.label.impact,
+        attempt=hit.label.attempt,
+        record=hit.label.record,
+        accepted=hit.accepted,
+        reasons=tuple(str(rejection) for rejection in hit.rejections),
+        contact_time=hit.contact_time,
+        hammer_peak=hit.hammer_peak,
+        specimen_peak=hit.specimen_peak,
+        injected_faults=injected_faults,
+    )

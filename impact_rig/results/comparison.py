@@ -1,13 +1,15 @@
 """What changed from one run to another, beyond its uncertainty."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
+from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.quantity import UNKNOWN, Quantity, list_stored
 from impact_rig.results.campaign import Results
-from impact_rig.results.estimates import HammerResults, SampleResults
-from impact_rig.results.numbers import MEGA, MICRO
+from impact_rig.results.numbers import SCALES, format_quantity
 
 LARGEST_NORMALISED_ERROR = 1.0
 """|En| up to which two values agree [-], ISO 13528, 9.7, with U at 95 %."""
@@ -16,59 +18,50 @@ HAMMER_NAME = "hammer"
 
 
 @dataclass(frozen=True)
-class Quantity:
-    """A quantity that runs are compared by.
+class Measurand:
+    """A quantity that tables and figures compare.
 
     Attributes
     ----------
     name, symbol, unit : str
         In words, in equations, and the unit it is shown in.
-    scale : float
-        From SI units to that unit [-].
     digits : int
         Decimals of a value without uncertainty.
-    read_value, read_expanded : callable
-        Its value and the half-width of its 95 % interval, of a sample or the hammer.
+    field : str
+        Its name in the estimates of samples and hammer.
     """
 
     name: str
     symbol: str
     unit: str
-    scale: float
     digits: int
-    read_value: Callable[[Any], float]
-    read_expanded: Callable[[Any], float]
+    field: str
+
+    @property
+    def scale(self) -> float:
+        """From the SI unit to the unit it is shown in [-]."""
+        return SCALES[self.unit]
+
+    @property
+    def sample_symbol(self) -> str:
+        """The symbol with the index of the sample, 2, for what both bodies have."""
+        return self.symbol if self.field == "contact_time" else f"{self.symbol}2"
+
+    def read(self, body: Any) -> Quantity:
+        """Return what was found of it in a sample or the hammer, or by one method."""
+        found: Quantity = getattr(body, self.field)
+        return found
+
+    def format(self, found: Quantity) -> str:
+        """Return a value with its uncertainty, in the unit it is shown in."""
+        return format_quantity(found, self.digits, self.scale)
 
 
-CONTACT_TIME = Quantity(
-    "contact time",
-    "τp",
-    "µs",
-    MICRO,
-    2,
-    lambda body: body.contact_time_s,
-    lambda body: body.contact_time_expanded_s,
-)
-STIFFNESS = Quantity(
-    "stiffness",
-    "k",
-    "MN/m",
-    MEGA,
-    2,
-    lambda body: body.stiffness_n_per_m,
-    lambda body: body.stiffness_expanded_n_per_m,
-)
-DAMPING_COEFFICIENT = Quantity(
-    "damping coefficient",
-    "c",
-    "N s/m",
-    1.0,
-    1,
-    lambda body: body.damping_coefficient_n_s_per_m,
-    lambda body: body.damping_coefficient_expanded_n_s_per_m,
-)
-SAMPLE_QUANTITIES = (CONTACT_TIME, STIFFNESS, DAMPING_COEFFICIENT)
-HAMMER_QUANTITIES = (STIFFNESS, DAMPING_COEFFICIENT)
+CONTACT_TIME = Measurand("contact time", "τp", "µs", 2, "contact_time")
+STIFFNESS = Measurand("stiffness", "k", "MN/m", 2, "stiffness")
+DAMPING_COEFFICIENT = Measurand("damping coefficient", "c", "N s/m", 1, "damping_coefficient")
+SAMPLE_MEASURANDS = (CONTACT_TIME, STIFFNESS, DAMPING_COEFFICIENT)
+HAMMER_MEASURANDS = (STIFFNESS, DAMPING_COEFFICIENT)
 
 
 @dataclass(frozen=True)
@@ -107,18 +100,17 @@ class ComparedQuantity:
     ----------
     body : str
         Name of the sample, or `HAMMER_NAME`.
-    quantity : Quantity
+    quantity : Measurand
         Which.
-    values, expanded : tuple of float
+    found : tuple of Quantity
         By run [SI unit]; NaN: not determined, or not measured there.
     changes : tuple of Change
         Of the second run from the first, of the third from the first, and so on.
     """
 
     body: str
-    quantity: Quantity
-    values: tuple[float, ...]
-    expanded: tuple[float, ...]
+    quantity: Measurand
+    found: tuple[Quantity, ...]
     changes: tuple[Change, ...]
 
 
@@ -131,7 +123,7 @@ class SetupDifference:
     sample : str
         Whose it is; empty: of the rig or the settings.
     field : str
-        As results.json calls it.
+        As the set-up calls it.
     values : tuple of float or str, or None
         By run; None: there is none.
     """
@@ -158,13 +150,13 @@ def compare_runs(runs: Sequence[Results]) -> tuple[ComparedQuantity, ...]:
     compared = [
         _compare(name, quantity, [_find_sample(results, name) for results in runs])
         for name in names
-        for quantity in SAMPLE_QUANTITIES
+        for quantity in SAMPLE_MEASURANDS
     ]
     compared += [
         _compare(HAMMER_NAME, quantity, [results.hammer for results in runs])
-        for quantity in HAMMER_QUANTITIES
+        for quantity in HAMMER_MEASURANDS
     ]
-    return tuple(item for item in compared if _count_known(item.values) > 1)
+    return tuple(item for item in compared if sum(one.is_known for one in item.found) > 1)
 
 
 def find_setup_differences(runs: Sequence[Results]) -> tuple[SetupDifference, ...]:
@@ -179,39 +171,40 @@ def find_setup_differences(runs: Sequence[Results]) -> tuple[SetupDifference, ..
     return tuple(item for item in differences if len(set(map(repr, item.values))) > 1)
 
 
-def _find_sample(results: Results, name: str) -> SampleResults | None:
+def _find_sample(results: Results, name: str) -> SampleEstimate | None:
     return next((sample for sample in results.samples if sample.name == name), None)
 
 
 def _compare(
-    body: str, quantity: Quantity, found: Sequence[SampleResults | HammerResults | None]
+    body: str, quantity: Measurand, bodies: Sequence[SampleEstimate | HammerEstimate | None]
 ) -> ComparedQuantity:
-    values = tuple(math.nan if item is None else quantity.read_value(item) for item in found)
-    expanded = tuple(math.nan if item is None else quantity.read_expanded(item) for item in found)
+    found = [UNKNOWN if item is None else quantity.read(item) for item in bodies]
     changes = tuple(
-        Change(value - values[0], math.hypot(wide, expanded[0]))
-        for value, wide in zip(values[1:], expanded[1:], strict=True)
+        Change(item.value - found[0].value, math.hypot(item.expanded, found[0].expanded))
+        for item in found[1:]
     )
-    return ComparedQuantity(body, quantity, values, expanded, changes)
-
-
-def _count_known(values: Sequence[float]) -> int:
-    return sum(math.isfinite(value) for value in values)
+    return ComparedQuantity(body, quantity, tuple(found), changes)
 
 
 def _flatten_setup(results: Results) -> dict[tuple[str, str], float | str]:
     """Return every field that numbers depend on, by sample or sensor and name."""
     setup = results.setup
     without = {"name", "description", "samples", "analysis", "sensors"}
-    flat = {("", name): value for name, value in _list_fields(setup) if name not in without}
-    flat |= {("", name): value for name, value in _list_fields(setup.analysis)}
-    for sample in setup.samples:
-        flat |= {(sample.name, key): value for key, value in _list_fields(sample) if key != "name"}
+    flat = {
+        ("", name): value
+        for record in (setup, setup.samples, setup.analysis)
+        for name, value in list_stored(record).items()
+        if name not in without
+    }
+    for sample in setup.samples.samples:
+        flat |= {
+            (sample.name, key): value
+            for key, value in list_stored(sample).items()
+            if key != "name"
+        }
     for sensor in setup.sensors:
         place = f"{sensor.channel} sensor"
-        flat |= {(place, key): value for key, value in _list_fields(sensor) if key != "channel"}
+        flat |= {
+            (place, key): value for key, value in list_stored(sensor).items() if key != "channel"
+        }
     return flat
-
-
-def _list_fields(record: Any) -> list[tuple[str, Any]]:
-    return [(field.name, getattr(record, field.name)) for field in fields(record)]

@@ -4,17 +4,20 @@ import math
 from collections import defaultdict
 from dataclasses import dataclass
 
+from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.model.stiffness import estimate_equivalent_mass
 from impact_rig.core.setup.samples import SampleSet
 from impact_rig.results.campaign import Results
-from impact_rig.results.estimates import SampleResults
 from impact_rig.results.references import Reference, find_reference
 
 FIGURE_5_SAMPLES = ("brass small", "steel medium", "aluminium large")
 """The three cases of the paper's Fig. 5, from top to bottom."""
-LARGEST_MSE_HAMMER_PERCENT = 0.25
-LARGEST_MSE_SAMPLE_PERCENT = 2.8
-"""Largest values of the paper's Fig. 6, as its text gives them [%]."""
+PEAKS = {"hammer": "hammer_peak", "sample": "specimen_peak"}
+"""What Fig. 4 shows over the pulse width: fields of `FigureRow`, by body."""
+ERRORS = {"hammer": "mse_hammer_percent", "sample": "mse_sample_percent"}
+"""What Fig. 6 shows: fields of `FigureRow`, by body."""
+LARGEST_ERRORS_PERCENT = {"hammer": 0.25, "sample": 2.8}
+"""Largest values of the paper's Fig. 6, as its text gives them, by body [%]."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ def make_figure_rows(results: Results) -> tuple[FigureRow, ...]:
     ParameterError
         If the results name a sample that is not in their set-up.
     """
-    samples = results.setup.to_samples()
+    samples = results.setup.samples
     sizes = _find_sizes(samples)
     return tuple(_make_row(results, samples, sizes, sample) for sample in results.samples)
 
@@ -86,7 +89,7 @@ def _find_sizes(samples: SampleSet) -> dict[str, int]:
 
 
 def _make_row(
-    results: Results, samples: SampleSet, sizes: dict[str, int], sample: SampleResults
+    results: Results, samples: SampleSet, sizes: dict[str, int], sample: SampleEstimate
 ) -> FigureRow:
     hits = results.find_accepted(sample.name)
     reference = find_reference(samples, sample.name)
@@ -95,13 +98,11 @@ def _make_row(
         material=samples.find(sample.name).material or sample.name,
         size=sizes[sample.name],
         relative_mass=_find_relative_mass(results, samples, sample.name),
-        contact_times=tuple(
-            hit.contact_time_s for hit in hits if math.isfinite(hit.contact_time_s)
-        ),
-        contact_time=sample.contact_time_s,
-        contact_time_expanded=sample.contact_time_expanded_s,
-        hammer_peak=sample.hammer_peak_m_per_s2,
-        specimen_peak=sample.specimen_peak_m_per_s2,
+        contact_times=tuple(hit.contact_time for hit in hits if math.isfinite(hit.contact_time)),
+        contact_time=sample.contact_time.value,
+        contact_time_expanded=sample.contact_time.expanded,
+        hammer_peak=sample.hammer_peak,
+        specimen_peak=sample.specimen_peak,
         mse_hammer_percent=sample.mse_hammer_percent,
         mse_sample_percent=sample.mse_sample_percent,
         reference=reference,
@@ -109,7 +110,7 @@ def _make_row(
 
 
 def _find_relative_mass(results: Results, samples: SampleSet, name: str) -> float:
-    masses = results.setup.hammer_mass_kg, samples.find_moving_mass(name)
+    masses = results.setup.hammer_mass, samples.find_moving_mass(name)
     if any(math.isnan(mass) for mass in masses):
         return math.nan
     return estimate_equivalent_mass(*masses)

@@ -2,12 +2,19 @@
 
 import math
 
+from impact_rig.core.quantity import Quantity
+
 MISSING = "-"
 """Stands where a number was not determined."""
 MICRO = 1e6
 """Seconds to microseconds."""
 MEGA = 1e-6
 """N/m to MN/m."""
+SCALES = {"": 1.0, "µs": MICRO, "MN/m": MEGA, "N s/m": 1.0, "N": 1.0, "m/s²": 1.0, "kHz": 1e-3}
+"""From SI units to the units of tables."""
+SMALLEST_ERROR = 1e-4
+"""Mean square error below which no more is said than that [%], our choice: a hundredth of a
+thousandth of the paper's smallest bound says nothing more of a model."""
 UNCERTAINTY_DIGITS = 2
 """Significant digits of an uncertainty [-], GUM 7.2.6: more would claim too much."""
 
@@ -54,3 +61,20 @@ def format_uncertain(value: float, expanded: float, digits: int) -> str:
     place = UNCERTAINTY_DIGITS - 1 - exponent
     decimals = max(place, 0)
     return f"{round(value, place):z.{decimals}f} ± {round(expanded, place):.{decimals}f}"
+
+
+def format_quantity(quantity: Quantity, digits: int, scale: float = 1.0) -> str:
+    """Return a value with its uncertainty as `format_uncertain` does, `scale` times both."""
+    return format_uncertain(quantity.value * scale, quantity.expanded * scale, digits)
+
+
+def format_percent(value: float) -> str:
+    """Return a percentage of three significant digits, with its sign of percent."""
+    if not math.isfinite(value):
+        return MISSING
+    return f"< {SMALLEST_ERROR:.4f} %" if value < SMALLEST_ERROR else f"{value:.3g} %"
+
+
+def format_count(count: int, thing: str) -> str:
+    """Return how many things there are: ``1 hit``, ``10 hits``."""
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"

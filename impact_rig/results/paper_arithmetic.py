@@ -7,12 +7,19 @@ from impact_rig.core.damping.log_decrement import (
     compute_log_decrement,
     estimate_damping_ratio_from_coefficient,
 )
+from impact_rig.core.estimation.size_exponent import (
+    HERTZ_EXPONENT,
+    SPRING_EXPONENT,
+    compute_size_residual,
+    estimate_size_exponent,
+)
 from impact_rig.core.model.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
     estimate_hammer_stiffness,
     estimate_sample_stiffness,
 )
+from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup.paper import (
     ACCELEROMETER_MASS,
     CONTROL_SAMPLE,
@@ -146,6 +153,32 @@ class SpeedArithmetic:
 
 
 @dataclass(frozen=True)
+class SizeArithmetic:
+    """How the contact times of Table 2, misprint corrected, go with m_eq: tau = C m_eq^p.
+
+    Attributes
+    ----------
+    material : str
+        Whose samples; empty: of all, one C for each material.
+    samples : int
+        How many.
+    exponent : Quantity
+        p fitted [-].
+    residual_percent : float
+        RMS of what that leaves of the contact times [%].
+    hertz_residual_percent, spring_residual_percent : float
+        The same with p = 2/5, a Hertz contact, and p = 1/2, a linear spring [%].
+    """
+
+    material: str
+    samples: int
+    exponent: Quantity
+    residual_percent: float
+    hertz_residual_percent: float
+    spring_residual_percent: float
+
+
+@dataclass(frozen=True)
 class PaperArithmetic:
     """Everything computed again.
 
@@ -157,6 +190,8 @@ class PaperArithmetic:
         The twelve cells.
     speed : SpeedArithmetic
         v1.
+    sizes : tuple of SizeArithmetic
+        Each material, then all.
     cells_within_0_1_percent, cells_within_0_5_percent : int
         Cells of Table 3 that agree so well with the printed contact time.
     misprinted : tuple of str
@@ -166,6 +201,7 @@ class PaperArithmetic:
     hammer: HammerArithmetic
     samples: tuple[CellArithmetic, ...]
     speed: SpeedArithmetic
+    sizes: tuple[SizeArithmetic, ...]
     cells_within_0_1_percent: int
     cells_within_0_5_percent: int
     misprinted: tuple[str, ...]
@@ -184,6 +220,7 @@ def compute_paper() -> PaperArithmetic:
             printed_speed_m_per_s=IMPACT_SPEED,
             computed_speed_m_per_s=angular_speed * PENDULUM_LENGTH,
         ),
+        sizes=_compute_sizes(),
         cells_within_0_1_percent=_count_within(samples, CLOSE_PERCENT),
         cells_within_0_5_percent=_count_within(samples, NEAR_PERCENT),
         misprinted=tuple(sample.name for sample in samples if sample.is_misprinted),
@@ -198,6 +235,29 @@ def _compute_stiffness(moving_mass: float, contact_time: float) -> float:
     equivalent_mass = estimate_equivalent_mass(HAMMER_MASS, moving_mass)
     equivalent = estimate_equivalent_stiffness(equivalent_mass, contact_time)
     return estimate_sample_stiffness(equivalent, HAMMER_STIFFNESS)
+
+
+def _compute_sizes() -> tuple[SizeArithmetic, ...]:
+    names = dict.fromkeys(cell.material for cell in PUBLISHED_SAMPLES)
+    return (*(_compute_size(name) for name in names), _compute_size(""))
+
+
+def _compute_size(material: str) -> SizeArithmetic:
+    cells = [cell for cell in PUBLISHED_SAMPLES if material in ("", cell.material)]
+    data = (
+        [cell.material for cell in cells],
+        [estimate_equivalent_mass(HAMMER_MASS, cell.mass + ACCELEROMETER_MASS) for cell in cells],
+        [cell.contact_time for cell in cells],
+    )
+    fitted = estimate_size_exponent(*data)
+    return SizeArithmetic(
+        material=material,
+        samples=len(cells),
+        exponent=fitted.exponent,
+        residual_percent=100.0 * fitted.residual,
+        hertz_residual_percent=100.0 * compute_size_residual(*data, HERTZ_EXPONENT),
+        spring_residual_percent=100.0 * compute_size_residual(*data, SPRING_EXPONENT),
+    )
 
 
 def _compute_damping(coefficient: float, stiffness: float, mass: float) -> DampingArithmetic:

@@ -2,17 +2,12 @@
 
 import csv
 import io
-import math
 from collections.abc import Sequence
-from dataclasses import fields
-from typing import Any
 
+from impact_rig.core.estimation.fits import FittedModel
+from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.results.campaign import Results
-from impact_rig.results.cross_checks import IdentificationResults
-from impact_rig.results.estimates import SampleResults
-
-JOINT = "; "
-"""Between several texts in one cell."""
+from impact_rig.results.wire import to_row
 
 
 def format_results_table(campaigns: Sequence[Results]) -> str:
@@ -43,26 +38,13 @@ def format_results_table(campaigns: Sequence[Results]) -> str:
     return text.getvalue()
 
 
-def _make_row(results: Results, sample: SampleResults) -> dict[str, str]:
-    identification = sample.identification or IdentificationResults("")
+def _make_row(results: Results, sample: SampleEstimate) -> dict[str, str]:
+    identification = sample.identification or FittedModel("")
     return {
-        **_flatten(sample),
+        **to_row(sample),
         "best_shape": sample.pulse_shape.best_shape,
-        **_flatten(sample.free_decay, "free_decay_"),
-        **_flatten(identification, "identification_"),
-        **_flatten(results.hammer, "hammer_"),
+        **to_row(sample.contact_law, "contact_law_"),
+        **to_row(sample.free_decay, "free_decay_"),
+        **to_row(identification, "identification_"),
+        **to_row(results.hammer, "hammer_"),
     }
-
-
-def _flatten(record: Any, prefix: str = "") -> dict[str, str]:
-    """Return the numbers and texts of a record; lists of texts are joined."""
-    cells = {}
-    for item in fields(record):
-        value = getattr(record, item.name)
-        if isinstance(value, float):
-            cells[prefix + item.name] = repr(value) if math.isfinite(value) else ""
-        elif isinstance(value, str | int):
-            cells[prefix + item.name] = str(value)
-        elif item.name in ("warnings", "notes"):
-            cells[prefix + item.name] = JOINT.join(value)
-    return cells

@@ -4,6 +4,7 @@ All times count from the middle of the hammer pulse, as the averaging has it, al
 m/s^2 and went through the low-pass.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,6 +70,11 @@ class ModelTraces:
     mse_hammer_percent: float
     mse_sample_percent: float
 
+    @property
+    def mse_percent(self) -> tuple[float, float]:
+        """The errors by channel [%]."""
+        return self.mse_hammer_percent, self.mse_sample_percent
+
 
 @dataclass(frozen=True)
 class SampleTraces:
@@ -109,13 +115,47 @@ class SampleTraces:
         """From the middle of the hammer pulse [s], shape (n,)."""
         return make_time(self.start_time, self.sampling_rate, self.mean.shape[1])
 
+    @property
+    def half_amplitude_points(self) -> tuple[tuple[float, float], ...]:
+        """Times [s] and accelerations [m/s^2] between which w50 lies; none: not determined."""
+        half, level = 0.5 * self.half_amplitude_width, 0.5 * find_peak(self.mean[0])
+        return ((-half, level), (half, level)) if math.isfinite(half) else ()
+
+    @property
+    def peak_points(self) -> tuple[tuple[str, float, float], ...]:
+        """U1 and U2 on the sample's mean, as far as they are determined: name, time, height."""
+        return tuple(
+            (name, time, float(np.interp(time, self.time, self.mean[1])))
+            for name, time in (("U1", self.first_peak_time), ("U2", self.second_peak_time))
+            if math.isfinite(time) and len(self.mean) > 1
+        )
+
+    def normalise(self, channel: int) -> tuple[FloatArray, FloatArray | None]:
+        """Return mean and driven model over the peak of the mean, as Fig. 5 shows them [-].
+
+        The model has the peak of the mean and is shifted onto it; None: there is none.
+        """
+        peak = find_peak(self.mean[channel]) or 1.0
+        model = self.find_model(DRIVEN)
+        modelled = None if model is None else model.traces[channel] / peak
+        return self.mean[channel] / peak, modelled
+
     def find_model(self, model: str) -> ModelTraces | None:
         """Return what one model says, if it was drawn."""
         return next((item for item in self.models if item.model == model), None)
 
-    def find_residual(self, model: ModelTraces) -> FloatArray:
+    def compute_residual(self, model: ModelTraces) -> FloatArray:
         """Return measured minus model [m/s^2], shape (2, n)."""
         return self.mean - model.traces
+
+
+def find_peak(trace: FloatArray) -> float:
+    """Return the value of largest magnitude of a trace, shape (n,), its sign included.
+
+    Points that are not finite count as nothing; 0 if there are no others.
+    """
+    finite = np.nan_to_num(trace, nan=0.0, posinf=0.0, neginf=0.0)
+    return float(finite[np.argmax(np.abs(finite))])
 
 
 def make_time(start_time: float, sampling_rate: float, count: int) -> FloatArray:
@@ -147,30 +187,24 @@ def sample_traces_from_estimate(estimate: SampleEstimate, mean: MeanHit) -> Samp
     SampleTraces or None
         None: the contact was not determined.
     """
-    if estimate.contact is None:
+    if not estimate.contact_time.is_known:
         return None
     models = [_scale_comparison(comparison) for comparison in estimate.comparisons]
-    models += [
-        ModelTraces(
-            IDENTIFIED,
-            fitted.identification.model,
-            *(
-                100.0 * float(np.mean(np.square(residual / np.abs(trace).max())))
-                for residual, trace in zip(
-                    fitted.identification.residual, fitted.identification.measured, strict=True
-                )
-            ),
+    fitted = estimate.identification
+    if fitted is not None and fitted.identification is not None:
+        found = fitted.identification
+        errors = (
+            100.0 * float(np.mean(np.square(residual / np.abs(trace).max())))
+            for residual, trace in zip(found.residual, found.measured, strict=True)
         )
-        for fitted in estimate.models
-        if fitted.is_preferred
-    ]
+        models.append(ModelTraces(IDENTIFIED, found.model, *errors))
     return SampleTraces(
         name=estimate.name,
         sampling_rate=mean.sampling_rate,
         start_time=-mean.origin / mean.sampling_rate,
         mean=mean.traces,
-        contact_time=estimate.contact.contact_time,
-        half_amplitude_width=estimate.contact.half_amplitude_width,
+        contact_time=estimate.contact_time.value,
+        half_amplitude_width=estimate.half_amplitude_width,
         first_peak_time=estimate.first_peak_time,
         second_peak_time=estimate.second_peak_time,
         models=tuple(models),

@@ -1,15 +1,34 @@
 """What plain traces of other laboratories say, flat: every hit, and the mean of the accepted."""
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import PurePath
 
+from impact_rig.core.estimation.paper_method import CONTACT_TIME, HammerEstimate
+from impact_rig.core.estimation.sample import PEAK, TIME, SampleEstimate
 from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.results.estimates import HammerResults, SampleResults
-from impact_rig.results.results_file import record_to_json
+from impact_rig.core.quantity import UNKNOWN, Quantity
+from impact_rig.results.numbers import (
+    MEGA,
+    MICRO,
+    MISSING,
+    format_count,
+    format_number,
+    format_quantity,
+)
+from impact_rig.results.tables import (
+    Column,
+    Table,
+    make_column,
+    make_optional,
+    make_table,
+    make_text_column,
+)
+from impact_rig.results.wire import Json, to_json
 
 FORMAT_NAME = "impact-rig trace results"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 NAN = math.nan
 
 
@@ -25,15 +44,14 @@ class FileResults:
         The hit is part of the mean.
     reasons : tuple of str
         Every reason against it, ``code: explanation``.
-    half_amplitude_width_s, contact_time_s : float
-        w50 and tau_p [s].
+    half_amplitude_width : float
+        w50 [s].
+    contact_time : Quantity
+        tau_p of this hit, as it was [s]; the next may well differ by more.
     width_ratio : float
         w10 / w50 [-].
-    hammer_peak_m_per_s2, specimen_peak_m_per_s2 : float
+    hammer_peak, specimen_peak : float
         Largest |acceleration| after the low-pass [m/s^2].
-    contact_time_u_s, contact_time_expanded_s : float
-        Standard uncertainty of this hit's tau_p, as it was, and the half-width of its 95 %
-        interval [s]; the next hit may well differ by more.
     best_shape : str
         The pulse shape that leaves least; empty: not determined.
     shape_residual_percent : float
@@ -43,13 +61,11 @@ class FileResults:
     file: str
     accepted: bool
     reasons: tuple[str, ...]
-    half_amplitude_width_s: float = NAN
-    contact_time_s: float = NAN
+    half_amplitude_width: float = field(default=NAN, metadata=TIME)
+    contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)
     width_ratio: float = NAN
-    hammer_peak_m_per_s2: float = NAN
-    specimen_peak_m_per_s2: float = NAN
-    contact_time_u_s: float = NAN
-    contact_time_expanded_s: float = NAN
+    hammer_peak: float = field(default=NAN, metadata=PEAK)
+    specimen_peak: float = field(default=NAN, metadata=PEAK)
     best_shape: str = ""
     shape_residual_percent: float = NAN
 
@@ -60,16 +76,16 @@ class TraceResults:
 
     Attributes
     ----------
-    hammer : HammerResults
+    hammer : HammerEstimate
         k1, c1, as far as they are known.
-    samples : tuple of SampleResults
+    samples : tuple of SampleEstimate
         The sample; none where no hit was accepted.
     hits : tuple of FileResults
         In the order of the files.
     """
 
-    hammer: HammerResults
-    samples: tuple[SampleResults, ...]
+    hammer: HammerEstimate
+    samples: tuple[SampleEstimate, ...]
     hits: tuple[FileResults, ...]
 
 
@@ -79,15 +95,88 @@ def file_results_from_judged(file: str, hit: JudgedHit) -> FileResults:
         file=file,
         accepted=hit.accepted,
         reasons=tuple(str(rejection) for rejection in hit.rejections),
-        half_amplitude_width_s=hit.half_amplitude_width,
-        contact_time_s=hit.contact_time,
+        half_amplitude_width=hit.half_amplitude_width,
+        contact_time=Quantity(hit.contact_time),
         width_ratio=hit.width_ratio,
-        hammer_peak_m_per_s2=hit.hammer_peak,
-        specimen_peak_m_per_s2=hit.specimen_peak,
+        hammer_peak=hit.hammer_peak,
+        specimen_peak=hit.specimen_peak,
     )
 
 
-def trace_results_to_json(results: TraceResults) -> dict[str, Any]:
+def trace_results_to_json(results: TraceResults) -> Json:
     """Return the results as plain dicts, lists, strings and numbers, NaN as None."""
     header = {"format": {"name": FORMAT_NAME, "version": FORMAT_VERSION}}
-    return {**header, **record_to_json(results)}
+    return {**header, **to_json(results)}
+
+
+def tabulate_hits(hits: Sequence[FileResults]) -> Table:
+    """Return what was found in every file; those that were rejected are marked."""
+    columns = [
+        make_text_column("File", _shorten([hit.file for hit in hits])),
+        Column(
+            "τp [µs]",
+            [format_quantity(hit.contact_time, 2, MICRO) for hit in hits],
+            note="±: of the one hit, 95 %.",
+        ),
+        make_text_column(
+            "Verdict", ["accepted" if hit.accepted else "\n".join(hit.reasons) for hit in hits]
+        ),
+        make_optional(
+            "w50 [µs]", [format_number(hit.half_amplitude_width * MICRO, 2) for hit in hits]
+        ),
+        make_optional("w10/w50", [format_number(hit.width_ratio, 3) for hit in hits]),
+        Column(
+            "Best shape",
+            [hit.best_shape or MISSING for hit in hits],
+            is_text=True,
+            is_optional=True,
+        ),
+        make_optional(
+            "leaves [%]",
+            [format_number(hit.shape_residual_percent, 1) for hit in hits],
+            "leaves: RMS of what the best shape leaves, over the peak.",
+        ),
+        make_optional("Peak [m/s²]", [_format_peak(hit.hammer_peak) for hit in hits]),
+    ]
+    wrong = [place for place, hit in enumerate(hits) if not hit.accepted]
+    return make_table("Hits", columns, marked=wrong)
+
+
+def _shorten(files: Sequence[str]) -> Sequence[str]:
+    """Return the names without their folders, where these tell them apart."""
+    names = [PurePath(file).name for file in files]
+    return names if len(set(names)) == len(names) else files
+
+
+def _format_peak(peak: float) -> str:
+    return f"{peak:.4g}" if math.isfinite(peak) else MISSING
+
+
+def tabulate_mean(sample: SampleEstimate, hammer: HammerEstimate) -> Table:
+    """Return what the mean of the accepted hits says, as far as it is known."""
+    rows = [
+        ("contact time τp", sample.contact_time, MICRO, 2, "µs"),
+        ("spread of τp over the hits", Quantity(sample.contact_time_spread), MICRO, 2, "µs"),
+        ("width at half amplitude w50", Quantity(sample.half_amplitude_width), MICRO, 2, "µs"),
+        ("w10/w50", Quantity(sample.width_ratio), 1.0, 3, ""),
+        ("stiffness in contact k_eq", sample.equivalent_stiffness, MEGA, 3, "MN/m"),
+        ("hammer stiffness k1", hammer.stiffness, MEGA, 3, "MN/m"),
+        ("hammer damping coefficient c1", hammer.damping_coefficient, 1.0, 1, "N s/m"),
+        ("stiffness k2", sample.stiffness, MEGA, 3, "MN/m"),
+        ("damping coefficient c2", sample.damping_coefficient, 1.0, 1, "N s/m"),
+        ("damping ratio ζ", sample.damping_ratio, 1.0, 3, ""),
+        ("log decrement Δ", Quantity(sample.log_decrement), 1.0, 3, ""),
+        ("model MSE, hammer", Quantity(sample.mse_hammer_percent), 1.0, 3, "%"),
+        ("model MSE, sample", Quantity(sample.mse_sample_percent), 1.0, 2, "%"),
+    ]
+    known = [row for row in rows if row[1].is_known]
+    columns = [
+        make_text_column("Quantity", [name for name, *_ in known]),
+        make_column(
+            "Value",
+            [format_quantity(found, digits, scale) for _, found, scale, digits, _ in known],
+        ),
+        make_text_column("Unit", [unit for *_, unit in known]),
+    ]
+    title = f"{sample.name}: mean of {format_count(sample.impacts_accepted, 'hit')}"
+    return make_table(title, columns)

@@ -1,5 +1,6 @@
 """What is varied: every case of the study, and how many campaigns it gets."""
 
+import itertools
 import math
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -9,8 +10,7 @@ from impact_rig.core.checks import check_between
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.pulses import PULSE_SHAPES
 from impact_rig.devices.virtual.choices import Plant
-from impact_rig.devices.virtual.digitizer import DigitizerSettings
-from impact_rig.devices.virtual.rig import VirtualRigSettings
+from impact_rig.devices.virtual.rig import DigitizerSettings, VirtualRigSettings
 
 
 class Part(Enum):
@@ -51,7 +51,11 @@ CAMPAIGN_HITS = 10
 PAPER = "paper"
 FREE_DECAY = "free_decay"
 IDENTIFICATION = "identification"
+CONTACT_LAW = "contact_law"
 ESTIMATORS = (PAPER, FREE_DECAY, IDENTIFICATION)
+"""Of what the paper asks for."""
+LAW_ESTIMATORS = (PAPER, CONTACT_LAW)
+"""Of free bodies under a contact law: no k2 or c2 is true of them."""
 
 NOISES = (0.0, 3e-4, 1e-3, 3e-3, 1e-2)
 """Of the sensors, part of full scale [-]."""
@@ -62,6 +66,9 @@ DAMPING_RATIOS = (0.01, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7)
 """Of every sample [-]."""
 NOISE_LEVELS = (2e-4, 5e-4, 1e-3, 3e-3, 1e-2)
 """Of the efficiency part, white, part of each trace's peak [-]."""
+EXPONENTS = (1.0, 1.5, 2.0)
+RESTITUTIONS = (1.0, 0.9, 0.7, 0.5)
+"""Of the contact law [-]."""
 FINEST_BITS = 31
 """A digitizer without quantisation, for what the study can tell."""
 
@@ -154,11 +161,22 @@ class _Axis:
     positions: tuple[float, ...]
     rigs: tuple[VirtualRigSettings, ...]
     damping_ratios: tuple[float, ...] = field(default=())
+    estimators: tuple[str, ...] = ESTIMATORS
 
     def make_cases(self) -> list[Case]:
         ratios = self.damping_ratios or (math.nan,) * len(self.values)
         return [
-            Case(Part.BIAS, self.name, value, position, rig, damping_ratio=ratio, is_exact=True)
+            Case(
+                Part.BIAS,
+                self.name,
+                value,
+                position,
+                rig,
+                damping_ratio=ratio,
+                is_exact=True,
+                estimators=self.estimators,
+                has_control=CONTACT_LAW not in self.estimators,
+            )
             for value, position, rig, ratio in zip(
                 self.values, self.positions, self.rigs, ratios, strict=True
             )
@@ -167,6 +185,7 @@ class _Axis:
 
 def _list_axes() -> tuple[_Axis, ...]:
     default = VirtualRigSettings(plant=Plant.DYNAMICS)
+    laws = list(itertools.product(EXPONENTS, RESTITUTIONS))
 
     def change(**values: Any) -> VirtualRigSettings:
         return replace(default, digitizer=replace(default.digitizer, **values))
@@ -203,12 +222,34 @@ def _list_axes() -> tuple[_Axis, ...]:
             tuple(map(float, range(len(PULSE_SHAPES)))),
             tuple(replace(default, pulse_shape=shape) for shape in PULSE_SHAPES),
         ),
+        _Axis(
+            "contact law",
+            tuple(f"n = {n:g}, e = {e:g}" for n, e in laws),
+            tuple(map(float, range(len(laws)))),
+            tuple(
+                VirtualRigSettings(plant=Plant.CONTACT, contact_exponent=n, restitution=e)
+                for n, e in laws
+            ),
+            estimators=LAW_ESTIMATORS,
+        ),
+        # What the law makes of a contact that is none of its own.
+        _Axis(
+            "read as a law",
+            tuple(shape.name for shape in PULSE_SHAPES),
+            tuple(map(float, range(len(PULSE_SHAPES)))),
+            tuple(replace(default, pulse_shape=shape) for shape in PULSE_SHAPES),
+            estimators=LAW_ESTIMATORS,
+        ),
     )
 
 
 def _list_coverage_cases() -> list[Case]:
     # The published traces are none of the model's, which therefore is not asked there.
-    plants = ((Plant.PUBLISHED, (PAPER, FREE_DECAY)), (Plant.DYNAMICS, ESTIMATORS))
+    plants = (
+        (Plant.PUBLISHED, (PAPER, FREE_DECAY)),
+        (Plant.DYNAMICS, ESTIMATORS),
+        (Plant.CONTACT, LAW_ESTIMATORS),
+    )
     return [
         Case(
             Part.COVERAGE,
@@ -217,6 +258,7 @@ def _list_coverage_cases() -> list[Case]:
             float(index),
             VirtualRigSettings(plant=plant),
             estimators=estimators,
+            has_control=CONTACT_LAW not in estimators,
         )
         for index, (plant, estimators) in enumerate(plants)
     ]
@@ -235,14 +277,19 @@ def _list_efficiency_cases() -> list[Case]:
     return [
         Case(
             Part.EFFICIENCY,
-            "noise of peak",
+            axis,
             f"{100 * level:g} %",
             100 * level,
-            rig,
+            replace(rig, plant=plant),
             hits=1,
             noise_of_peak=level,
             is_exact=True,
             has_control=False,
+            estimators=estimators,
+        )
+        for axis, plant, estimators in (
+            ("noise of peak", Plant.DYNAMICS, ESTIMATORS),
+            ("noise of peak, contact", Plant.CONTACT, (CONTACT_LAW,)),
         )
         for level in NOISE_LEVELS
     ]

@@ -1,18 +1,271 @@
-"""Results of a study as JSON, CSV and figure."""
+"""The files of a study: its results as JSON and CSV, and its figure."""
 
 import csv
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from io import StringIO
+from io import BytesIO, StringIO
 from typing import Any
 
-from impact_rig.study.figure import draw_figure
-from impact_rig.study.folder import StudyFolder, describe_configuration
-from impact_rig.study.goals import judge_goals
-from impact_rig.study.results import StudyResults
+import numpy as np
+
+from impact_rig.study.campaigns import (
+    CONTACT_TIME,
+    DAMPING_COEFFICIENT,
+    DAMPING_RATIO,
+    EXPONENT,
+    RESTITUTION,
+    STIFFNESS,
+)
+from impact_rig.study.cases import (
+    CONTACT_LAW,
+    FREE_DECAY,
+    IDENTIFICATION,
+    PAPER,
+    Part,
+    list_cases,
+)
+from impact_rig.study.results import (
+    COVERAGE_RANGE,
+    ESTIMATOR_NAMES,
+    LARGEST_EFFICIENCY_RATIO,
+    SYMBOLS,
+    Row,
+    StudyResults,
+    find_fraction,
+    judge_goals,
+)
+from impact_rig.study.run import StudyFolder, describe_configuration
 from impact_rig.study.selection import SelectionCount
-from impact_rig.study.statistics import find_fraction
+
+FORMATS = ("svg", "png")
+RESOLUTION = 150
+"""Of the bitmap [dots per inch]."""
+PANEL_SIZE = (3.6, 2.7)
+"""[inch]"""
+COLOURS = {
+    PAPER: "#D55E00",
+    FREE_DECAY: "#009E73",
+    IDENTIFICATION: "#0072B2",
+    CONTACT_LAW: "#CC79A7",
+}
+MARKERS = {PAPER: "o", FREE_DECAY: "^", IDENTIFICATION: "s", CONTACT_LAW: "D"}
+SHIFTS = {PAPER: -0.12, FREE_DECAY: 0.0, IDENTIFICATION: 0.12, CONTACT_LAW: 0.12}
+"""Beside each other rather than over each other, in places of an axis."""
+STYLE: dict[Any, Any] = {
+    "svg.hashsalt": "impact-rig study",  # the same study gives the same file
+    "font.size": 9,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+}
+QUANTITIES = (
+    CONTACT_TIME,
+    STIFFNESS,
+    DAMPING_COEFFICIENT,
+    DAMPING_RATIO,
+    EXPONENT,
+    RESTITUTION,
+)
+LINEAR_RANGE = 0.1
+"""Up to where the bias axis is linear [%]; beyond it is logarithmic."""
+LARGEST_BIAS = 100.0
+"""End of the bias axes, which are all alike [%]."""
+BIAS_TICKS = (-100, -10, -1, -0.1, 0, 0.1, 1, 10, 100)
+LOWEST_COVERAGE = 85.0
+"""Where the coverage axis begins [%]; what lies below is written there."""
+LEGEND_ROOM = 1.4
+"""Height of the efficiency axis over the highest point [-]."""
+LARGEST_RATIO = 20.0
+"""Largest error over its bound that is drawn [-]: beyond, it is all bias."""
+
+
+def draw_figure(results: StudyResults) -> dict[str, bytes]:
+    """Draw the parts that simulate campaigns.
+
+    Returns
+    -------
+    dict of str to bytes
+        The figure by format; empty where no such part was asked.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If there is no matplotlib.
+    """
+    axes = _list_axes(results)
+    summaries = [
+        part
+        for part in (Part.COVERAGE, Part.EFFICIENCY)
+        if any(row.part is part for row in results.rows)
+    ]
+    if not axes and not summaries:
+        return {}
+    # The Figure itself, not pyplot: no screen, no state that outlives the call.
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    columns = max(len(axes), 2 * len(summaries), 2)
+    rows = (len(QUANTITIES) if axes else 0) + bool(summaries)
+    with rc_context(STYLE):
+        figure = Figure(
+            figsize=(PANEL_SIZE[0] * columns, PANEL_SIZE[1] * rows + 0.6), layout="constrained"
+        )
+        grid = figure.add_gridspec(rows, 2 * columns)
+        for place, axis in enumerate(axes):
+            for line, quantity in enumerate(QUANTITIES):
+                panel = figure.add_subplot(grid[line, 2 * place : 2 * place + 2])
+                _draw_bias(panel, results.rows, axis, quantity)
+                if place == 0:
+                    panel.set_ylabel(f"bias of {SYMBOLS[quantity]} [%]")
+                if line == 0:
+                    panel.set_title(axis)
+        for place, part in enumerate(summaries):
+            width = 2 * columns // len(summaries)
+            panel = figure.add_subplot(grid[-1, place * width : (place + 1) * width])
+            draw = _draw_coverage if part is Part.COVERAGE else _draw_efficiency
+            draw(panel, [row for row in results.rows if row.part is part])
+        _add_legend(figure)
+        return {name: _render(figure, name) for name in FORMATS}
+
+
+def _list_axes(results: StudyResults) -> list[str]:
+    return list(dict.fromkeys(row.axis for row in results.rows if row.part is Part.BIAS))
+
+
+def _draw_bias(panel: Any, rows: Sequence[Row], axis: str, quantity: str) -> None:
+    """Points with bars of one standard deviation of a campaign's result."""
+    cases = [case for case in list_cases(Part.BIAS) if case.axis == axis]
+    places = {case.value: place for place, case in enumerate(cases)}
+    for estimator in COLOURS:
+        chosen = [
+            row
+            for row in rows
+            if (row.part, row.axis, row.quantity, row.estimator)
+            == (Part.BIAS, axis, quantity, estimator)
+            and math.isfinite(row.bias.bias)
+        ]
+        if chosen:
+            panel.errorbar(
+                [places[row.value] + SHIFTS[estimator] for row in chosen],
+                [100.0 * row.bias.bias for row in chosen],
+                yerr=[100.0 * np.nan_to_num(row.bias.spread) for row in chosen],
+                **_find_style(estimator),
+            )
+    panel.axhline(0.0, color="black", linewidth=0.8)
+    panel.set_yscale("symlog", linthresh=LINEAR_RANGE)
+    panel.set_ylim(-LARGEST_BIAS, LARGEST_BIAS)
+    panel.set_yticks(BIAS_TICKS, [f"{tick:g}" for tick in BIAS_TICKS])
+    panel.set_xticks(range(len(places)), list(places), rotation=20)
+
+
+def _draw_coverage(panel: Any, rows: Sequence[Row]) -> None:
+    """Part of the intervals that cover the truth, each with its own interval."""
+    low, high = (100.0 * limit for limit in COVERAGE_RANGE)
+    panel.axhspan(low, high, color="0.85")
+    labels = []
+    last = ""
+    for place, row in enumerate(rows):
+        # The plant is named once, below its first quantity.
+        labels.append(SYMBOLS[row.quantity] + ("" if row.value == last else f"\n{row.value}"))
+        last = row.value
+        if not math.isfinite(row.coverage.value):
+            continue
+        value = 100.0 * row.coverage.value
+        if value < LOWEST_COVERAGE:
+            panel.annotate(
+                f"{value:.0f} %",
+                (place, LOWEST_COVERAGE),
+                ha="center",
+                va="bottom",
+                color=COLOURS[row.estimator],
+            )
+            continue
+        panel.errorbar(
+            [place],
+            [value],
+            yerr=[[value - 100.0 * row.coverage.low], [100.0 * row.coverage.high - value]],
+            **_find_style(row.estimator),
+        )
+    panel.set_ylim(LOWEST_COVERAGE, 100.5)
+    panel.set_xlim(-0.5, len(labels) - 0.5)
+    panel.set_xticks(range(len(labels)), labels)
+    panel.set_title("coverage of the 95 % intervals [%]; grey: the goal")
+
+
+def _draw_efficiency(panel: Any, rows: Sequence[Row]) -> None:
+    """Root of the mean squared error over the bound, against noise; lines by quantity."""
+    lines = {
+        CONTACT_TIME: "-",
+        STIFFNESS: "--",
+        DAMPING_COEFFICIENT: ":",
+        DAMPING_RATIO: "-.",
+        EXPONENT: "--",
+        RESTITUTION: ":",
+    }
+    for estimator, colour in COLOURS.items():
+        for quantity, line in lines.items():
+            chosen = [
+                row
+                for row in rows
+                if (row.estimator, row.quantity) == (estimator, quantity)
+                and row.efficiency.value <= LARGEST_RATIO
+            ]
+            if chosen:
+                panel.plot(
+                    [row.position for row in chosen],
+                    [row.efficiency.value for row in chosen],
+                    color=colour,
+                    marker=MARKERS[estimator],
+                    markersize=4,
+                    linestyle=line,
+                    label=f"{SYMBOLS[quantity]}, {ESTIMATOR_NAMES[estimator]}",
+                )
+    panel.axhline(LARGEST_EFFICIENCY_RATIO, color="black", linewidth=0.8)
+    panel.set_xscale("log")
+    ticks = list(dict.fromkeys(row.position for row in rows))
+    panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
+    panel.set_xticks([], minor=True)
+    panel.set_ylim(0.0, LEGEND_ROOM * panel.get_ylim()[1])
+    panel.set_xlabel("white noise [% of each trace's peak]")
+    panel.set_title("RMS error over the Cramér-Rao bound; line: the goal")
+    if panel.get_legend_handles_labels()[0]:
+        panel.legend(fontsize=7, ncols=3, loc="upper center")
+
+
+def _find_style(estimator: str) -> dict[str, Any]:
+    return {
+        "color": COLOURS[estimator],
+        "marker": MARKERS[estimator],
+        "markersize": 4,
+        "linestyle": "none",
+        "capsize": 2,
+        "elinewidth": 1,
+    }
+
+
+def _add_legend(figure: Any) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=COLOURS[name], marker=MARKERS[name], linestyle="none", label=label)
+        for name, label in ESTIMATOR_NAMES.items()
+    ]
+    figure.legend(
+        handles=handles,
+        loc="outside upper center",
+        ncols=len(handles),
+        title="mean of many campaigns, bars: one standard deviation of a campaign's result",
+    )
+
+
+def _render(figure: Any, name: str) -> bytes:
+    content = BytesIO()
+    # Without its date the same study gives the same file.
+    metadata = {"Date": None} if name == "svg" else {}
+    figure.savefig(content, format=name, dpi=RESOLUTION, metadata=metadata)
+    return content.getvalue()
+
 
 RESULTS_NAME = "study.json"
 ROWS_NAME = "study.csv"

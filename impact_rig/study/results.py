@@ -1,24 +1,135 @@
-"""What a study found: one row per case, estimator and quantity; counts of hits; times."""
+"""What a study found: bias, spread, coverage and efficiency, held against goals."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest, chi2
 
 from impact_rig.core.signals.record import FloatArray
-from impact_rig.study.cases import Case, Configuration, Part, list_cases
+from impact_rig.study.campaigns import (
+    CONTACT_TIME,
+    DAMPING_COEFFICIENT,
+    DAMPING_RATIO,
+    EXPONENT,
+    RESTITUTION,
+    STIFFNESS,
+)
+from impact_rig.study.cases import (
+    CONTACT_LAW,
+    FREE_DECAY,
+    IDENTIFICATION,
+    PAPER,
+    Case,
+    Configuration,
+    Part,
+    list_cases,
+)
+from impact_rig.study.run import Unit, plan_units
 from impact_rig.study.selection import SelectionCount
 from impact_rig.study.speed import Speed
-from impact_rig.study.statistics import (
-    Bias,
-    Ratio,
-    estimate_bias,
-    estimate_coverage,
-    estimate_efficiency,
-)
-from impact_rig.study.units import Unit, plan_units
+
+CONFIDENCE = 0.95
+"""Of every interval that the study gives for its own figures [-]."""
+
+
+@dataclass(frozen=True)
+class Bias:
+    """Where estimates lie about the truth; NaN: too few of them.
+
+    Attributes
+    ----------
+    bias : float
+        Mean error [unit of the errors].
+    standard_error : float
+        Of that mean [unit of the errors].
+    spread : float
+        Standard deviation of the errors [unit of the errors].
+    """
+
+    bias: float
+    standard_error: float
+    spread: float
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A figure with its own 95 % interval; NaN: not determined.
+
+    Attributes
+    ----------
+    value, low, high : float
+        [-]
+    """
+
+    value: float
+    low: float
+    high: float
+
+
+UNDETERMINED_RATIO = Ratio(math.nan, math.nan, math.nan)
+
+
+def estimate_bias(errors: FloatArray) -> Bias:
+    """Estimate bias and spread from errors, shape (n,); NaN where n is too small."""
+    count = errors.size
+    bias = float(errors.mean()) if count else math.nan
+    spread = float(errors.std(ddof=1)) if count > 1 else math.nan
+    return Bias(bias, spread / math.sqrt(count) if count > 1 else math.nan, spread)
+
+
+def estimate_coverage(errors: FloatArray, half_widths: FloatArray) -> Ratio:
+    """Estimate how often an interval covers the truth, with Wilson's interval of that figure.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (n,)
+        Estimate less truth.
+    half_widths : ndarray, shape (n,)
+        Expanded uncertainties in the unit of the errors; NaN: there is none, and the estimate
+        does not count.
+    """
+    stated = np.isfinite(half_widths)
+    covered = np.abs(errors[stated]) <= half_widths[stated]
+    return find_fraction(int(np.count_nonzero(covered)), covered.size)
+
+
+def find_fraction(successes: int, count: int) -> Ratio:
+    """Return the fraction of successes with Wilson's 95 % interval; NaN where `count` is 0."""
+    if count == 0:
+        return UNDETERMINED_RATIO
+    interval = binomtest(successes, count).proportion_ci(CONFIDENCE, method="wilson")
+    return Ratio(successes / count, float(interval.low), float(interval.high))
+
+
+def estimate_efficiency(errors: FloatArray, bounds: FloatArray) -> Ratio:
+    """Estimate the root of the mean squared error over the Cramer-Rao bound.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (n,)
+        Estimate less truth; their conditions, and so their bounds, may differ.
+    bounds : ndarray, shape (n,)
+        Least standard deviation of an unbiased estimator, in the unit of the errors; NaN where
+        it is not defined: these do not count.
+
+    Returns
+    -------
+    Ratio
+        1: no unbiased estimator does better. The interval takes the errors over their bounds as
+        normal with zero mean, so that their sum of squares is chi-square of n degrees of freedom.
+    """
+    defined = np.isfinite(bounds)
+    count = int(np.count_nonzero(defined))
+    if count == 0:
+        return UNDETERMINED_RATIO
+    ratio = math.sqrt(float(np.mean(np.square(errors[defined] / bounds[defined]))))
+    tail = (1.0 - CONFIDENCE) / 2.0
+    low, high = (math.sqrt(count / chi2.ppf(part, count)) for part in (1.0 - tail, tail))
+    return Ratio(ratio, ratio * low, ratio * high)
+
 
 Json = dict[str, Any]
 
@@ -178,3 +289,210 @@ def _summarize_case(case: Case, found: list[Json], campaigns: int) -> list[Row]:
 
 def _join(columns: Iterable[list[float | None]]) -> FloatArray:
     return np.array([value for column in columns for value in column], dtype=np.float64)
+
+
+COVERAGE_RANGE = (0.93, 0.97)
+"""Part of the 95 % intervals that cover the truth [-]."""
+LARGEST_EFFICIENCY_RATIO = 1.15
+"""Of the identification's root mean squared error over the Cramer-Rao bound [-]."""
+LARGEST_FALSE_REJECTION = 1e-3
+"""Good hits left out [-]."""
+LONGEST_IDENTIFICATION = 60e-3
+"""Median of one identification on one core [s]."""
+LEAST_SPEED_RATIO = 50.0
+"""How many times faster than the same fit around an integrator [-]."""
+
+COVERAGE_GOALS: dict[str, dict[str, tuple[str, ...]]] = {
+    "published": {
+        PAPER: (CONTACT_TIME, STIFFNESS),
+        FREE_DECAY: (DAMPING_RATIO, DAMPING_COEFFICIENT),
+    },
+    "dynamics": {
+        FREE_DECAY: (DAMPING_RATIO, DAMPING_COEFFICIENT),
+        IDENTIFICATION: (CONTACT_TIME, STIFFNESS, DAMPING_COEFFICIENT),
+    },
+    "contact": {CONTACT_LAW: (CONTACT_TIME, EXPONENT, RESTITUTION)},
+}
+"""Where coverage is asked for: by plant and estimator, for which quantities."""
+EFFICIENCY_GOALS = {
+    IDENTIFICATION: (CONTACT_TIME, STIFFNESS, DAMPING_COEFFICIENT),
+    CONTACT_LAW: (CONTACT_TIME, EXPONENT, RESTITUTION),
+}
+"""Where efficiency is asked for: by estimator, for which quantities."""
+UNDETERMINED = "not determined"
+SYMBOLS = {
+    CONTACT_TIME: "τp",
+    STIFFNESS: "k2",
+    DAMPING_COEFFICIENT: "c2",
+    DAMPING_RATIO: "ζ2",
+    EXPONENT: "n",
+    RESTITUTION: "e",
+}
+ESTIMATOR_NAMES = {
+    PAPER: "paper's method",
+    FREE_DECAY: "free decay",
+    IDENTIFICATION: "identification",
+    CONTACT_LAW: "contact law",
+}
+
+
+@dataclass(frozen=True)
+class JudgedGoal:
+    """One goal.
+
+    Attributes
+    ----------
+    part : str
+        Of the study.
+    subject : str
+        What it is about.
+    goal : str
+        What is asked, in words.
+    found : float or None
+        The figure, in the unit of the goal; None: not determined.
+    low, high : float or None
+        Its 95 % interval, where it has one.
+    text : str
+        The figure as it is printed.
+    is_reached : bool
+        Whether the figure itself is as asked; its interval is for the reader.
+    """
+
+    part: str
+    subject: str
+    goal: str
+    found: float | None
+    low: float | None
+    high: float | None
+    text: str
+    is_reached: bool
+
+
+def judge_goals(results: StudyResults) -> tuple[JudgedGoal, ...]:
+    """Hold the results against every goal of the parts that were asked."""
+    return (
+        *_judge_coverage(results.rows),
+        *_judge_efficiency(results.rows),
+        *_judge_selection(results),
+        *_judge_speed(results),
+    )
+
+
+def _judge_coverage(rows: Sequence[Row]) -> Iterator[JudgedGoal]:
+    low, high = COVERAGE_RANGE
+    for row in rows:
+        if row.part is not Part.COVERAGE:
+            continue
+        if row.quantity not in COVERAGE_GOALS[row.value].get(row.estimator, ()):
+            continue
+        yield _judge_percentage(
+            Part.COVERAGE,
+            f"{SYMBOLS[row.quantity]} by {ESTIMATOR_NAMES[row.estimator]}, {row.value}",
+            f"{100 * low:g} to {100 * high:g} %",
+            row.coverage,
+            is_reached=low <= row.coverage.value <= high,
+        )
+
+
+def _judge_efficiency(rows: Sequence[Row]) -> Iterator[JudgedGoal]:
+    asked = [
+        row
+        for row in rows
+        if row.part is Part.EFFICIENCY and row.quantity in EFFICIENCY_GOALS.get(row.estimator, ())
+    ]
+    for estimator, quantity in dict.fromkeys((row.estimator, row.quantity) for row in asked):
+        mine = [row for row in asked if row.estimator == estimator]
+        # Nothing is worse than what could not be determined.
+        worst = max(
+            (row for row in mine if row.quantity == quantity),
+            key=lambda row: np.nan_to_num(row.efficiency.value, nan=math.inf),
+        )
+        found = worst.efficiency
+        subject = (
+            f"{SYMBOLS[quantity]} by {ESTIMATOR_NAMES[estimator]}, worst at {worst.value} noise"
+        )
+        goal = f"at most {LARGEST_EFFICIENCY_RATIO:g} bounds"
+        part = Part.EFFICIENCY.value
+        if not math.isfinite(found.value):
+            yield JudgedGoal(part, subject, goal, None, None, None, UNDETERMINED, is_reached=False)
+            continue
+        yield JudgedGoal(
+            part=part,
+            subject=subject,
+            goal=goal,
+            found=found.value,
+            low=found.low,
+            high=found.high,
+            text=f"{found.value:.3f} ({found.low:.3f} to {found.high:.3f})",
+            is_reached=found.value <= LARGEST_EFFICIENCY_RATIO
+            and all(row.determined == row.campaigns for row in mine),
+        )
+
+
+def _judge_selection(results: StudyResults) -> Iterator[JudgedGoal]:
+    count = results.selection
+    if count is None:
+        return
+    for fault, total in count.faulty.items():
+        detected = count.detected.get(fault, 0)
+        yield _judge_percentage(
+            Part.SELECTION,
+            f"{fault.replace('_', ' ')}: {detected} of {total} rejected for the right reason",
+            "all",
+            find_fraction(detected, total),
+            is_reached=detected == total,
+        )
+    rejected = find_fraction(count.good_rejected, count.good)
+    yield _judge_percentage(
+        Part.SELECTION,
+        f"good hits: {count.good_rejected} of {count.good} rejected",
+        f"below {100 * LARGEST_FALSE_REJECTION:g} %",
+        rejected,
+        is_reached=rejected.value < LARGEST_FALSE_REJECTION,
+    )
+
+
+def _judge_percentage(
+    part: Part, subject: str, goal: str, found: Ratio, *, is_reached: bool
+) -> JudgedGoal:
+    if not math.isfinite(found.value):
+        return JudgedGoal(
+            part.value, subject, goal, None, None, None, UNDETERMINED, is_reached=False
+        )
+    value, low, high = (100.0 * figure for figure in (found.value, found.low, found.high))
+    return JudgedGoal(
+        part=part.value,
+        subject=subject,
+        goal=goal,
+        found=value,
+        low=low,
+        high=high,
+        text=f"{value:.3g} % ({low:.3g} to {high:.3g})",
+        is_reached=is_reached,
+    )
+
+
+def _judge_speed(results: StudyResults) -> Iterator[JudgedGoal]:
+    speed = results.speed
+    if speed is None:
+        return
+    yield JudgedGoal(
+        part=Part.SPEED.value,
+        subject=f"one identification of two traces of {speed.points} points",
+        goal=f"below {LONGEST_IDENTIFICATION * 1e3:g} ms",
+        found=speed.identification_s * 1e3,
+        low=None,
+        high=None,
+        text=f"{speed.identification_s * 1e3:.1f} ms",
+        is_reached=speed.identification_s < LONGEST_IDENTIFICATION,
+    )
+    yield JudgedGoal(
+        part=Part.SPEED.value,
+        subject="times faster than the same fit around solve_ivp",
+        goal=f"above {LEAST_SPEED_RATIO:g}",
+        found=speed.ratio,
+        low=None,
+        high=None,
+        text=f"{speed.ratio:.0f}",
+        is_reached=speed.ratio > LEAST_SPEED_RATIO,
+    )

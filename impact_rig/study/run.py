@@ -1,19 +1,275 @@
 """Runs the units of a study over the cores, and goes on where an earlier run was stopped."""
 
+import fcntl
+import json
+import math
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
-from typing import Any
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+from zlib import crc32
 
-from impact_rig.core.errors import RigError
-from impact_rig.study.cases import Configuration, Part
-from impact_rig.study.folder import StudyFolder
-from impact_rig.study.units import Unit, plan_units, run_unit
+from impact_rig import __version__
+from impact_rig.core.errors import FileError, NotDeterminedError, RigError
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.study.campaigns import CampaignSource, Outcome, evaluate
+from impact_rig.study.cases import Configuration, Part, find_case, list_cases
+from impact_rig.study.selection import SelectionCount, simulate_series
+from impact_rig.study.speed import measure_speed
+
+UNIT_CAMPAIGNS = 20
+"""Campaigns of one unit [-], our choice: a second or two of work, which Ctrl-C waits for."""
+SELECTION_KEY = "selection/hits/all"
+SPEED_KEY = "speed/identification/all"
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A stretch of campaigns of one case.
+
+    Attributes
+    ----------
+    part : Part
+        It belongs to.
+    key : str
+        Of the case.
+    first, count : int
+        Campaigns, counted from 0.
+    """
+
+    part: Part
+    key: str
+    first: int
+    count: int
+
+    @property
+    def name(self) -> str:
+        """Unique in the study."""
+        return f"{self.key}#{self.first}+{self.count}"
+
+
+def plan_units(configuration: Configuration) -> tuple[Unit, ...]:
+    """Return all units of a study, in the order of its parts."""
+    units: list[Unit] = []
+    for part in configuration.parts:
+        total = configuration.count_campaigns(part)
+        if part is Part.SPEED:
+            units.append(Unit(part, SPEED_KEY, 0, total))
+            continue
+        keys = [case.key for case in list_cases(part)] or [SELECTION_KEY]
+        units += [
+            Unit(part, key, first, min(UNIT_CAMPAIGNS, total - first))
+            for key in keys
+            for first in range(0, total, UNIT_CAMPAIGNS)
+        ]
+    return tuple(units)
+
+
+def run_unit(unit: Unit, seed: int) -> Json:
+    """Do the work of one unit.
+
+    Returns
+    -------
+    dict
+        Plain values, all that is kept of the unit. The same unit and seed give the same values,
+        times apart.
+    """
+    entropy = (seed, crc32(unit.key.encode()))
+    numbers = range(unit.first, unit.first + unit.count)
+    if unit.part is Part.SPEED:
+        return measure_speed(unit.count)
+    if unit.part is Part.SELECTION:
+        counts = (simulate_series(PAPER_SETUP, entropy, number) for number in numbers)
+        return sum(counts, SelectionCount()).to_json()
+    source = CampaignSource(find_case(unit.key), PAPER_SETUP, entropy)
+    outcomes: list[Outcome] = []
+    lost = 0
+    for number in numbers:
+        try:
+            campaign = source.run(number)
+        except NotDeterminedError:
+            lost += 1
+            continue
+        outcomes += evaluate(campaign)
+    return {"lost": lost, "outcomes": _collect(outcomes)}
+
+
+def _collect(outcomes: Iterable[Outcome]) -> dict[str, dict[str, list[float | None]]]:
+    """Return columns of numbers by estimator and quantity; None is NaN."""
+    columns: dict[str, dict[str, list[float | None]]] = {}
+    for outcome in outcomes:
+        column = columns.setdefault(
+            f"{outcome.estimator}/{outcome.quantity}",
+            {"errors": [], "half_widths": [], "bounds": []},
+        )
+        for name, value in (
+            ("errors", outcome.error),
+            ("half_widths", outcome.half_width),
+            ("bounds", outcome.bound),
+        ):
+            column[name].append(value if math.isfinite(value) else None)
+    return columns
+
+
+CONFIGURATION_NAME = "configuration.json"
+UNITS_NAME = "units.jsonl"
+"""One line of JSON per finished unit, in the order they were finished."""
+FORMAT_NAME = "impact-rig study"
+FORMAT_VERSION = 1
+
+
+def describe_configuration(configuration: Configuration) -> Json:
+    """Return what must be the same for a study to go on, as plain values."""
+    return {
+        "format": {"name": FORMAT_NAME, "version": FORMAT_VERSION},
+        "program_version": __version__,
+        "parts": [part.value for part in configuration.parts],
+        "campaigns": configuration.campaigns,
+        "seed": configuration.seed,
+    }
+
+
+class StudyFolder:
+    """A folder that a study owns while it runs; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+        New, empty, or of the same study stopped earlier.
+    configuration : Configuration
+        What is asked.
+
+    Attributes
+    ----------
+    finished : dict of str to dict
+        What each finished unit found, by the unit's name.
+
+    Raises
+    ------
+    FileError
+        If the folder holds another study or something else, is in use, or cannot be written.
+    """
+
+    def __init__(self, path: Path, configuration: Configuration) -> None:
+        self.path = path
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            self._check_configuration(describe_configuration(configuration))
+            self._file = (path / UNITS_NAME).open("a+b")
+        except OSError as error:
+            raise FileError(
+                f"the folder {path} cannot be used: {error.strerror}; choose another --output"
+            ) from None
+        try:
+            self._lock()
+            self.finished = self._read_units()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def __enter__(self) -> Self:
+        """Return the folder."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Let go of the folder."""
+        self._file.close()
+
+    def keep(self, name: str, found: Json) -> None:
+        """Keep what a unit found; once this returns, no kill takes it away."""
+        line = json.dumps({"unit": name, "found": found}, allow_nan=False) + "\n"
+        try:
+            self._file.write(line.encode())
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise FileError(f"{self.path / UNITS_NAME}: {error.strerror}") from None
+        self.finished[name] = found
+
+    def write_text(self, name: str, text: str) -> None:
+        """Write a file whole or not at all."""
+        self.write_bytes(name, text.encode())
+
+    def write_bytes(self, name: str, content: bytes) -> None:
+        """Write a file whole or not at all."""
+        part = self.path / f".{name}.part"
+        try:
+            part.write_bytes(content)
+            part.replace(self.path / name)
+        except OSError as error:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+            raise FileError(f"{self.path / name}: cannot be written ({error.strerror})") from None
+
+    def _check_configuration(self, wanted: Json) -> None:
+        path = self.path / CONFIGURATION_NAME
+        if not path.exists():
+            if any(self.path.iterdir()):
+                raise FileError(
+                    f"the folder {self.path} holds other files and no study: choose another"
+                    " --output"
+                )
+            self.write_text(CONFIGURATION_NAME, json.dumps(wanted, indent=2) + "\n")
+            return
+        try:
+            found = json.loads(path.read_text("utf-8"))
+        except ValueError as error:
+            raise FileError(f"{path}: is not JSON ({error})") from None
+        if not isinstance(found, dict) or found.get("format") != wanted["format"]:
+            raise FileError(f"{path}: is not the configuration of a study of this program")
+        for name, value in wanted.items():
+            if found.get(name) != value:
+                raise FileError(
+                    f"the folder {self.path} holds another study: its {name.replace('_', ' ')} is"
+                    f" {_say(found.get(name))}, here it is {_say(value)}; choose another --output"
+                )
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise FileError(
+                f"the folder {self.path} is in use: another study is running in it"
+            ) from None
+
+    def _read_units(self) -> dict[str, Json]:
+        """Return the finished units; a line that a kill cut short is taken away."""
+        self._file.seek(0)
+        content = self._file.read()
+        whole = content.rfind(b"\n") + 1
+        self._file.truncate(whole)
+        return dict(self._parse_lines(content[:whole].splitlines()))
+
+    def _parse_lines(self, lines: Iterable[bytes]) -> Iterable[tuple[str, Json]]:
+        for number, line in enumerate(lines, start=1):
+            try:
+                entry = json.loads(line)
+                yield entry["unit"], entry["found"]
+            except (ValueError, KeyError, TypeError):
+                raise FileError(
+                    f"{self.path / UNITS_NAME}: line {number} is no finished unit; choose another"
+                    " --output"
+                ) from None
+
+
+def _say(value: object) -> str:
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)
+
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",

@@ -13,8 +13,12 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.choices import Fault, Plant
-from impact_rig.devices.virtual.faults import FaultPlan, ScheduledFault
-from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.devices.virtual.rig import (
+    FaultPlan,
+    ScheduledFault,
+    VirtualRig,
+    VirtualRigSettings,
+)
 from impact_rig.study.campaigns import strike
 
 SERIES_HITS = 12
@@ -107,7 +111,7 @@ def simulate_series(setup: RigSetup, entropy: tuple[int, ...], number: int) -> S
     for impact in range(1, SERIES_HITS + 1):
         label = HitLabel(sample, impact, impact)
         strike(rig, session, label, BLOCK_SIZE, rig.settings.digitizer.sampling_rate)
-    # Estimates select among fellows once more, when all have come.
+    # Estimates select among all hits once more, when all have come.
     return count_verdicts(scheduled, session.find_selection(sample).left_out)
 
 

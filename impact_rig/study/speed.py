@@ -12,11 +12,9 @@ from scipy.integrate import solve_ivp
 
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import FilteredHit
-from impact_rig.core.identification.filtered_noise import find_raw_noise
-from impact_rig.core.identification.fitting import FitProblem
+from impact_rig.core.identification.fitting import FitProblem, compute_raw_noise, find_best_fit
 from impact_rig.core.identification.identification import Identification, identify_model
 from impact_rig.core.identification.measured_model import MeasuredModel
-from impact_rig.core.identification.search import find_best_fit
 from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.session import Session
@@ -130,7 +128,7 @@ def _fit_by_integration(mean: MeanHit) -> FloatArray:
         count=mean.traces.shape[1],
         cutoff_frequency=setup.analysis.cutoff_frequency,
     )
-    problem = FitProblem(mean.traces, find_raw_noise(mean), measured)
+    problem = FitProblem(mean.traces, compute_raw_noise(mean), measured)
     found = find_best_fit(problem, StartingValues())
     return found.values[[measured.names.index(name) for name in COMPARED]]
 

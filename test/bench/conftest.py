@@ -5,14 +5,14 @@ from typing import Any
 
 import pytest
 
-from impact_rig.bench.part import Bench, Extent
-from impact_rig.bench.recordings import Campaign, Campaigns
+from bench.campaigns import Campaign, Campaigns
+from bench.measure import Bench, Extent
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.recording.interfaces.message_encoder import MessageEncoder
-from impact_rig.recording.interfaces.qos_profiles import OfferedQos
-from impact_rig.recording.writing.mcap_writer import McapWriter
+from impact_rig.recordings.messages import MessageEncoder
+from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.writer import McapWriter
 
 HITS = 3
 TIME = 1_700_000_000_000_000_000

@@ -57,6 +57,10 @@ class Terminal:
         size = struct.pack("HHHH", 40, columns, 0, 0)
         fcntl.ioctl(self._master, termios.TIOCSWINSZ, size)
 
+    def write(self, text: str) -> None:
+        """Type something."""
+        os.write(self._master, text.encode())
+
     def read_until(self, is_enough: Callable[[str], bool]) -> None:
         """Read on until the raw text is enough."""
         deadline = time.monotonic() + PATIENCE

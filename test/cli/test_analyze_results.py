@@ -24,7 +24,7 @@ def path(tmp_path: Path, results: Results) -> Path:
 def test_the_tables_of_a_results_file_are_shown(run: Run, path: Path, results: Results) -> None:
     outcome = run("analyze", path)
     assert outcome.exit_code == 0
-    value = results.samples[0].contact_time_s * 1e6
+    value = results.samples[0].contact_time.value * 1e6
     for words in ("Table 2", "Table 4", results.samples[0].name, f"{value:.1f}"):
         assert words in outcome.stdout
     assert "below 0.05 %" not in outcome.stdout

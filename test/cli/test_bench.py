@@ -2,7 +2,6 @@
 
 import json
 import os
-import pkgutil
 import signal
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,13 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bench import PARTS
+from bench import measure as bench_run
+from bench.measure import FULL, Bench, Extent, Figure, Part, at_most
 
-from impact_rig.bench import parts
-from impact_rig.bench import run as bench_run
-from impact_rig.bench.figures import Figure, at_most
-from impact_rig.bench.part import FULL, Bench, Extent, Part
-from impact_rig.bench.part_names import PARTS
-from impact_rig.core.errors import RigError
+from impact_rig.core.errors import FileError, RigError
 
 Run = Callable[..., Any]
 
@@ -42,11 +39,6 @@ def measure(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Any], None]:
 GOOD = Figure("ratio", (1.5, 1.6, 1.7), "", at_most(2.0), "a note")
 BAD = Figure("lost", (3.0,), "blocks", at_most(0))
 FREE = Figure("speed", (1234.5,), "MB/s")
-
-
-def test_every_part_is_known_by_its_name() -> None:
-    modules = {module.name for module in pkgutil.iter_modules(parts.__path__)}
-    assert set(PARTS) == modules
 
 
 def test_the_parts_are_listed(run: Run) -> None:
@@ -220,3 +212,10 @@ def test_sigterm_ends_it_as_ctrl_c_does(run: Run, monkeypatch: pytest.MonkeyPatc
     assert run("bench", "read").exit_code == 128 + signal.SIGTERM
     assert ended == ["every process"]
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_where_the_benchmarks_are_not_installed_it_is_said_where_they_are(tmp_path: Path) -> None:
+    from impact_rig.cli.bench import load_command
+
+    with pytest.raises(FileError, match=r"launch_scripts/rig\.py bench"):
+        load_command(tmp_path).main(["--kills", "3"], standalone_mode=False)

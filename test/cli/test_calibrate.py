@@ -18,11 +18,11 @@ import pytest
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
-from impact_rig.devices.peers.scpi_digitizer import ScpiDigitizer
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
-from impact_rig.recording.interfaces.message_encoder import MessageEncoder
-from impact_rig.recording.interfaces.qos_profiles import OfferedQos
-from impact_rig.recording.writing.mcap_writer import McapWriter
+from impact_rig.recordings.messages import MessageEncoder
+from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.writer import McapWriter
+from impact_rig.testing.peers.scpi_digitizer import ScpiDigitizer
 
 Run = Callable[..., Any]
 G = 9.80665
@@ -93,7 +93,7 @@ def record(path: Path, ratio: float, *, sensors: tuple[Sensor, ...] = (), hits: 
                 ChannelBlock(trace, 1.0, 0.0, 2000.0) for trace in make_pulses(number, ratio)
             )
             stamp = STAMP + number * 1_000_000_000
-            block = Block(HitLabel("block", number, number), 0, RATE, hammer, specimen,
+            block = Block(0, RATE, hammer, specimen, HitLabel("block", number, number),
                           last=True, stamp=stamp)  # fmt: skip
             writer.add_message(blocks, encoder.encode_block(block), stamp, stamp)
     return path

@@ -1,4 +1,4 @@
-"""`impact-rig devices`: the list, one driver, and the devices of a rig file."""
+"""`impact-rig devices`: drivers and what they find, one driver, and the devices of a rig file."""
 
 import json
 from collections.abc import Callable
@@ -7,13 +7,141 @@ from typing import Any
 
 import pytest
 
-from impact_rig.devices.peers.scpi_digitizer import ScpiDigitizer
-from impact_rig.devices.peers.serial_relay import SerialRelayPeer
+from impact_rig.cli.devices import survey_drivers
+from impact_rig.devices.protocols import FoundDevice
+from impact_rig.testing.peers.scpi_digitizer import ScpiDigitizer
+from impact_rig.testing.peers.serial_relay import SerialRelayPeer
 
-from .drivers.conftest import foreign_package  # noqa: F401 - a fixture
+MODULE = '''
+import os, signal, threading
+from impact_rig.core.errors import DeviceError
+from impact_rig.devices.protocols import Acquisition
+from impact_rig.devices.protocols import FoundDevice
+from impact_rig.devices.protocols import HolderState
+
+class Good:
+    description = "a digitizer of somebody else"
+    example = """[source]\\ndriver = "good"\\nport = 7   # its own key\\n"""
+    is_by_hand = False
+
+    def __init__(self, options):
+        options.check_keys("port")
+        self.port = options.take_whole("port", 1, 9, 7)
+
+    @classmethod
+    def find_devices(cls):
+        print("what a vendor's library says")
+        return (FoundDevice("here", "digitizer 3000"), FoundDevice("there"))
+
+    def configure(self, plan=None):
+        if self.port == 8:
+            raise DeviceError("the digitizer at port 8 does not answer: switch it on")
+        if self.port == 9:
+            import library_of_nobody
+        return Acquisition("digitizer 3000", 0.5 * plan.sampling_rate) if plan else "holder 3000"
+
+    def read_state(self):
+        return HolderState.RELEASED if self.port == 6 else HolderState.HOLDING
+
+    def release(self):
+        raise AssertionError("nobody asked for that")
+
+    def close(self):
+        open(f"closed", "a").write(f"{self.port}")
+
+class Crashing(Good):
+    @classmethod
+    def find_devices(cls):
+        os.kill(os.getpid(), signal.SIGSEGV)
+
+class Hanging(Good):
+    @classmethod
+    def find_devices(cls):
+        threading.Event().wait()
+
+class Failing(Good):
+    @classmethod
+    def find_devices(cls):
+        raise KeyError("vendor")
+
+class Bare(Good):
+    @classmethod
+    def find_devices(cls):
+        import serial.nothing_of_the_kind
+
+class Silent(Good):
+    @classmethod
+    def find_devices(cls):
+        raise DeviceError("the vendor's service is not running: start it")
+'''
+SOURCES = ("good", "crashing", "hanging", "failing", "bare", "silent")
+
+
+@pytest.fixture
+def foreign_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Install the package for this process and those that it starts."""
+    folder = tmp_path / "site"
+    info = folder / "bench_drivers-1.0.dist-info"
+    info.mkdir(parents=True)
+    (folder / "bench_drivers.py").write_text(MODULE)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bench-drivers\nVersion: 1.0\n")
+    lines = [f"{name} = bench_drivers:{name.title()}" for name in SOURCES]
+    gone = "gone = bench_drivers:NotThere"
+    (info / "entry_points.txt").write_text(
+        "\n".join(["[impact_rig.acceleration_sources]", *lines, gone,
+                   "[impact_rig.hammer_holders]", "good = bench_drivers:Good",
+                   "hanging = bench_drivers:Good"])
+    )  # fmt: skip
+    monkeypatch.syspath_prepend(str(folder))
+    monkeypatch.setenv("PYTHONPATH", str(folder), prepend=":")
+    monkeypatch.chdir(tmp_path)
+    return folder
+
+
+pytestmark = pytest.mark.usefixtures("foreign_package")
+
+
+def test_a_driver_of_another_package_is_found_with_its_devices() -> None:
+    source, holder = survey_drivers("good")
+    assert (source.kind, holder.kind) == ("source", "holder")
+    assert (source.name, source.package) == ("good", "bench-drivers")
+    assert source.description == "a digitizer of somebody else"
+    assert source.example.startswith('[source]\ndriver = "good"')
+    assert source.devices == (FoundDevice("here", "digitizer 3000"), FoundDevice("there"))
+    assert source.trouble == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("crashing", "it crashed while it searched for devices (signal SIGSEGV)"),
+        ("failing", "its search for devices failed: KeyError: 'vendor'"),
+        ("silent", "the vendor's service is not running: start it"),
+        ("gone", "driver 'gone' of bench-drivers cannot be loaded"),
+    ],
+)
+def test_what_keeps_a_driver_from_searching_is_told(name: str, told: str) -> None:
+    (driver,) = survey_drivers(name)
+    assert told in driver.trouble
+    assert driver.devices == ()
+
+
+def test_a_library_that_is_missing_is_named_with_the_way_to_get_it() -> None:
+    (driver,) = survey_drivers("bare")
+    assert "'serial" in driver.trouble
+    assert "is not installed" in driver.trouble
+    assert driver.advice == 'pip install "pyserial"; all else works without it'
+
+
+def test_a_search_without_end_is_ended_and_the_others_are_heard() -> None:
+    # Generous: of the two that search, only the endless one ever takes so long.
+    source, holder = survey_drivers("hanging", timeout=5.0)
+    assert source.trouble == "its search for devices did not come to an end"
+    assert holder.trouble == ""
+    assert len(holder.devices) == 2
+
 
 Run = Callable[..., Any]
-pytestmark = pytest.mark.usefixtures("foreign_package")
 RIG = """\
 [hammer]
 mass = "0.1 kg"
@@ -121,6 +249,7 @@ def test_a_holder_that_does_not_hold_is_a_fault(run: Run, tmp_path: Path) -> Non
 
 
 def test_a_real_check_holds_the_hammer_and_never_lets_it_go(run: Run, tmp_path: Path) -> None:
+    pytest.importorskip("serial", reason="the extra `serial` is not installed")
     released = []
     digitizer = ScpiDigitizer(5e-4, 5e-4)
     relay = SerialRelayPeer(lambda: released.append(True))

@@ -1,31 +1,165 @@
 """`impact-rig doctor` on this very installation."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-MODULE = (sys.executable, "-m", "impact_rig.cli.main", "doctor")
+from impact_rig.cli import doctor
+from impact_rig.cli.doctor import (
+    Library,
+    Status,
+    check_conversation,
+    check_discovery,
+    check_distribution,
+    check_domain,
+    check_libraries,
+    check_python,
+)
 
 
-def call(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*MODULE, *words],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        env={**os.environ, **environment},
-    )
+@pytest.fixture
+def shelf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder whose modules Python finds."""
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    return tmp_path
+
+
+def test_this_python_will_do() -> None:
+    assert check_python().status is Status.OK
+
+
+def test_what_loads_is_shown_with_its_version() -> None:
+    (finding,) = check_libraries([Library("numpy", ("numpy",), "all", (1, 26))])
+    assert finding.status is Status.OK
+    assert finding.text[0].isdigit()
+
+
+@pytest.mark.parametrize(("is_needed", "status"), [(True, "fault"), (False, "warning")])
+def test_what_is_missing_matters_as_much_as_it_is_needed(is_needed: bool, status: str) -> None:
+    library = Library("absent_here", ("absent-here",), "the view", is_needed=is_needed)
+    (finding,) = check_libraries([library])
+    assert finding.status.value == status
+    assert finding.text == "missing; the view needs it"
+    assert finding.advice
+
+
+def test_what_is_too_old_is_a_fault() -> None:
+    (finding,) = check_libraries([Library("numpy", ("numpy",), "all", (99, 0))])
+    assert finding.status is Status.FAULT
+    assert finding.advice == "install numpy 99.0 or newer"
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        ("raise OSError('no such library: libx.so')", "libx.so"),
+        ("import its_own_dependency", "its_own_dependency"),
+        ("import os; os._exit(102)", "102"),
+    ],
+)
+def test_what_does_not_load_is_a_fault_with_the_reason(
+    shelf: Path, code: str, reason: str
+) -> None:
+    (shelf / "broken_here.py").write_text(code)
+    (finding,) = check_libraries([Library("broken_here", ("broken-here",), "all")])
+    assert finding.status is Status.FAULT
+    assert finding.text.startswith("does not load: ")
+    assert reason in finding.text
+
+
+def test_another_distribution_is_a_fault() -> None:
+    finding = check_distribution({"ROS_DISTRO": "humble"})
+    assert finding.status is Status.FAULT
+    assert "humble" in finding.text
+    assert "Jazzy" in finding.advice
+
+
+@pytest.mark.parametrize(
+    ("domain", "status"),
+    [
+        ("", Status.OK),
+        ("0", Status.OK),
+        ("101", Status.OK),
+        ("102", Status.WARNING),
+        ("232", Status.WARNING),
+        ("233", Status.FAULT),
+        ("-1", Status.FAULT),
+        ("lab", Status.FAULT),
+    ],
+)
+def test_domains_are_whole_numbers_that_leave_room_for_ports(domain: str, status: Status) -> None:
+    finding = check_domain({"ROS_DOMAIN_ID": domain})
+    assert finding.status is status
+    assert bool(finding.advice) == (status is not Status.OK)
+
+
+@pytest.mark.parametrize(
+    ("environment", "status"),
+    [
+        ({}, Status.OK),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, Status.OK),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, Status.FAULT),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "EVERYWHERE"}, Status.FAULT),
+        ({"ROS_LOCALHOST_ONLY": "1"}, Status.WARNING),
+    ],
+)
+def test_discovery_must_reach_this_host(environment: dict[str, str], status: Status) -> None:
+    finding = check_discovery(environment)
+    assert finding.status is status
+    assert bool(finding.advice) == (status is not Status.OK)
+
+
+def test_processes_that_do_not_meet_are_given_up_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    (finding,) = check_conversation(timeout=2.0)
+    assert finding.status is Status.FAULT
+    assert "did not hear each other within 2 s" in finding.text
+    assert finding.advice
+
+
+@pytest.mark.parametrize(
+    ("free", "status"), [(5e9, Status.OK), (1e9, Status.WARNING), (5e7, Status.FAULT)]
+)
+def test_a_campaign_needs_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free: float, status: Status
+) -> None:
+    usage = SimpleNamespace(free=free, total=1e10)
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda _: usage)
+    finding = doctor.check_disk(tmp_path)
+    assert finding.status is status
+    assert bool(finding.advice) == (status is not Status.OK)
+
+
+def test_a_folder_that_cannot_be_written_is_a_fault(tmp_path: Path) -> None:
+    assert doctor.check_disk(tmp_path / "absent").status is Status.FAULT
+
+
+def test_shared_memory_may_be_absent_or_small(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert doctor.check_shared_memory(tmp_path / "absent").status is Status.WARNING
+    assert doctor.check_shared_memory(tmp_path).status is Status.OK
+    usage = SimpleNamespace(free=1e6, total=6.4e7)
+    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda _: usage)
+    finding = doctor.check_shared_memory(tmp_path)
+    assert finding.status is Status.WARNING
+    assert "1 MB of 64 MB" in finding.text
 
 
 @pytest.fixture(scope="module")
 def report() -> subprocess.CompletedProcess[str]:
     """Return what it says here."""
-    return call("--json")
+    return subprocess.run(
+        [sys.executable, "-m", "impact_rig.cli.main", "doctor", "--json"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
 
 
 def test_this_installation_is_healthy(report: subprocess.CompletedProcess[str]) -> None:
@@ -42,21 +176,21 @@ def test_two_processes_really_talk(report: subprocess.CompletedProcess[str]) -> 
     assert found["middleware"]["text"].startswith("rmw_")
 
 
-def test_a_middleware_that_is_not_there_is_found_before_a_node_is_started() -> None:
-    done = call(RMW_IMPLEMENTATION="rmw_of_nobody")
-    assert done.returncode == 1
-    assert "Traceback" not in done.stdout + done.stderr
-    text = " ".join(done.stdout.split())
-    assert "rmw_of_nobody" in text
-    assert "RMW_IMPLEMENTATION must name an installed one" in text
+def test_a_middleware_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_of_nobody")
+    (finding,) = check_conversation()
+    assert finding.status is Status.FAULT
+    assert "rmw_of_nobody" in finding.text
+    assert "RMW_IMPLEMENTATION must name an installed one" in finding.advice
 
 
-def test_without_ros_it_says_so_and_still_reports_the_rest(tmp_path: Path) -> None:
-    # Only this package and the libraries of the command line: no ROS on the path.
-    (tmp_path / "rclpy.py").write_text("raise ModuleNotFoundError(name='rclpy')")
-    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    done = call(PYTHONPATH=path)
-    assert done.returncode == 1
-    assert "Traceback" not in done.stdout + done.stderr
-    for name in ("numpy", "disk", "shared memory"):
-        assert name in done.stdout
+def test_without_ros_it_says_so_and_still_reports_the_rest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(doctor.util, "find_spec", lambda _: None)
+    for finding in (check_distribution({}), *check_conversation()):
+        assert finding.status is Status.FAULT
+        assert "there is no rclpy" in finding.text
+    code = "import sys; import impact_rig.cli.doctor; print('rclpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"

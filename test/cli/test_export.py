@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from impact_rig.core.signals.record import Block, FloatArray
-from impact_rig.devices.virtual.faults import FaultPlan, scheduled_fault_from_text
-from impact_rig.devices.virtual.rig import VirtualRigSettings
-from impact_rig.recording.formats.registry import WRITABLE, read_measurement
-from impact_rig.recording.reading.mcap_reader import read_recording
+from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings, scheduled_fault_from_text
+from impact_rig.recordings.formats.registry import WRITABLE, read_measurement
+from impact_rig.recordings.reader import read_recording
 from impact_rig.results.results_file import format_json, results_to_json
 
 Run = Callable[..., Any]
@@ -92,11 +91,11 @@ def test_the_means_are_those_that_the_results_were_estimated_from(
     hammer, specimen = read_measurement(output).channels
     assert (hammer.name, hammer.unit) == ("steel small/mean hammer", "m/s^2")
     (sample,) = (item for item in recorded.results.samples if item.name == "steel small")
-    assert np.abs(hammer.values).max() == sample.hammer_peak_m_per_s2
-    assert np.abs(specimen.values).max() == sample.specimen_peak_m_per_s2
+    assert np.abs(hammer.values).max() == sample.hammer_peak
+    assert np.abs(specimen.values).max() == sample.specimen_peak
     # Time 0 is the middle of the pulse, near which its peak lies.
     time = hammer.start + np.arange(hammer.values.size) / hammer.sampling_rate
-    assert abs(time[np.abs(hammer.values).argmax()]) < 0.1 * sample.contact_time_s
+    assert abs(time[np.abs(hammer.values).argmax()]) < 0.1 * sample.contact_time.value
 
 
 def test_hits_are_exported_as_recorded_or_filtered(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from impact_rig.core.signals.record import Block
-from impact_rig.recording.reading.mcap_reader import read_recording
+from impact_rig.recordings.reader import read_recording
 
 Run = Callable[..., Any]
 DATA = Path(__file__).parents[1] / "data"

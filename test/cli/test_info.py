@@ -12,9 +12,9 @@ import pytest
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.devices.virtual.rig import VirtualRigSettings
-from impact_rig.recording.interfaces.message_definitions import MessageDefinition
-from impact_rig.recording.interfaces.qos_profiles import OfferedQos
-from impact_rig.recording.writing.mcap_writer import McapWriter
+from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.schemas import MessageDefinition
+from impact_rig.recordings.writer import McapWriter
 
 from .conftest import record_campaigns
 
@@ -50,6 +50,16 @@ def test_the_first_line_is_the_verdict(run: Run, struck: Path) -> None:
     assert max(map(len, outcome.stdout.splitlines())) <= 80
     for words in ("steel small", "/acceleration", "impact_rig_msgs/msg/RigSetup", "chunk"):
         assert words in outcome.stdout
+
+
+def test_losses_that_only_the_health_record_tells_are_told(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "notes.mcap"
+    with McapWriter(path) as writer:
+        writer.add_message(writer.add_channel("/chatter", TEXT, (OfferedQos(),)), HELLO, 1, 1)
+        writer.add_metadata("impact_rig/health", {"reason": "closed", "messages_lost": "1"})
+    text = " ".join(run("info", path).stdout.split())
+    assert "losses 1 message on the way to the recorder" in text
+    assert json.loads(run("info", path, "--json").stdout)["messages_lost_on_the_way"] == 1
 
 
 def test_the_folder_of_a_run_means_its_recording(run: Run, struck: Path) -> None:
@@ -173,7 +183,7 @@ def test_a_running_stream_is_named_with_what_it_lacks(run: Run, tmp_path: Path) 
     from impact_rig_msgs.msg import StreamBlock
     from rclpy.serialization import serialize_message
 
-    from impact_rig.recording.interfaces.message_definitions import find_message_definition
+    from impact_rig.recordings.schemas import find_message_definition
 
     path = tmp_path / "stream.mcap"
     definition = find_message_definition("impact_rig_msgs/msg/StreamBlock")

@@ -4,6 +4,8 @@ import json
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
 Run = Callable[..., Any]
 
 
@@ -38,3 +40,15 @@ def test_the_json_holds_the_same(run: Run) -> None:
     assert content["cells_within_0_5_percent"] == 11
     assert content["misprinted"] == ["brass medium"]
     assert len(content["samples"]) == 12
+    assert content["sizes"][-1]["exponent"] == pytest.approx(0.390, abs=5e-4)
+
+
+def test_the_size_exponent_is_shown_for_each_material_and_for_all(run: Run) -> None:
+    lines = run("paper").stdout.splitlines()
+    assert next(line for line in lines if line.startswith("all ")).split() == [
+        *("all", "0.390", "0.012"),
+        *("1.0", "1.0", "3.6"),
+    ]
+    assert "All: 0.8 standard uncertainties from 2/5, 9.4 from 1/2." in " ".join(
+        " ".join(lines).split()
+    )

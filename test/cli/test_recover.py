@@ -10,7 +10,7 @@ import pytest
 from mcap.reader import make_reader
 
 from impact_rig.core.signals.record import Block
-from impact_rig.recording.reading.mcap_reader import read_recording
+from impact_rig.recordings.reader import read_recording
 
 Run = Callable[..., Any]
 
@@ -71,7 +71,7 @@ def test_json_tells_what_was_lost_by_topic_and_by_hit(
     states = {hit["record"]: hit["state"] for hit in content["found"]["hits"]}
     assert states == {**dict.fromkeys(range(1, 13), "saved"), 6: "lost"}
     topics = content["found"]["topics"]
-    lost = {topic["name"]: topic["lost"] + topic["unverified"] for topic in topics}
+    lost = {topic["name"]: topic["lost"] for topic in topics}
     assert lost == {
         "/acceleration": 5,
         "/impact": 1,
@@ -90,18 +90,6 @@ def test_several_are_recovered_one_by_one(run: Run, damaged: Path, struck: Path)
     assert damaged.with_name("session.recovered.mcap").is_file()
     refused = run("recover", damaged, struck, "-o", "one.mcap")
     assert (refused.exit_code, "--output" in refused.stderr) == (2, True)
-
-
-def test_unverified_messages_are_offered_and_kept_on_demand(run: Run, damaged: Path) -> None:
-    told = " ".join(run("recover", damaged).stdout.split())
-    kept = json.loads(
-        run(
-            "recover", damaged, "--keep-unverified", "-o", damaged.with_name("k.mcap"), "--json"
-        ).stdout
-    )
-    number = sum(len(numbers) for numbers in kept["unverified_kept"].values())
-    assert number == kept["found"]["messages_unverified"]
-    assert ("--keep-unverified" in told) == (number > 0)
 
 
 def test_a_file_that_may_not_be_read_is_one_sentence(

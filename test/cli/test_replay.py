@@ -9,9 +9,8 @@ import sys
 import pytest
 
 from impact_rig.core.setup.paper import CONTROL_SAMPLE
-from impact_rig.devices.virtual.faults import FaultPlan
-from impact_rig.devices.virtual.rig import VirtualRigSettings
-from impact_rig.nodes.domain import reserve_domain
+from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
+from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.results.results_file import format_json, results_to_json
 
 from .conftest import record_campaigns

@@ -11,11 +11,9 @@ import pytest
 
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault, Plant
-from impact_rig.devices.virtual.faults import FaultPlan
-from impact_rig.devices.virtual.rig import VirtualRigSettings
-from impact_rig.reporting.figures.figure import ReportFigure, make_missing_figure
-from impact_rig.reporting.report import comparison_content, run_content
-from impact_rig.reporting.report.pdf import BROWSERS
+from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
+from impact_rig.present.figures.markup import ReportFigure, make_missing_figure
+from impact_rig.present.report.pdf import BROWSERS
 from impact_rig.results.results_file import write_results
 
 Run = Callable[..., Any]
@@ -47,9 +45,10 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
         names = (f"{prefix}{number}" for number in range(4))
         return tuple(make_missing_figure(name, "A figure", "Not here.") for name in names)
 
-    monkeypatch.setattr(run_content, "draw_campaign_figures", miss)
-    monkeypatch.setattr(run_content, "draw_sample_figure", lambda *a, **b: miss()[0])
-    monkeypatch.setattr(comparison_content, "draw_comparison_figure", miss)
+    report = "impact_rig.present.report"
+    monkeypatch.setattr(f"{report}.run.draw_campaign_figures", miss)
+    monkeypatch.setattr(f"{report}.run.draw_sample_figure", lambda *a, **b: miss()[0])
+    monkeypatch.setattr(f"{report}.comparison.draw_comparison_figure", miss)
 
 
 def make_newer(folder: Path) -> Path:
@@ -95,6 +94,14 @@ def test_results_alone_are_reported_without_traces(run: Run, undrawn: None, fold
     assert "They hold no traces" in text
     assert "monday/results.json" in text
     assert "Table 2." in text
+
+
+def test_simulators_have_a_chapter_when_asked_for(run: Run, undrawn: None, folder: Path):
+    (folder / "session.mcap").unlink()
+    assert run("report", folder, "--simulators").exit_code == 0
+    text = read_text(folder / "report.html")
+    assert "In simulators" in text
+    assert "Contacts for PyBullet" in text
 
 
 def test_a_run_that_cannot_be_read_does_not_keep_others_from_being_reported(
@@ -194,7 +201,7 @@ def test_a_run_without_an_accepted_hit_shows_why(
     assert run("report", path).exit_code == 0
     text = read_text(tmp_path / "report.html")
     assert "no hit was accepted, so that nothing is estimated; left out for weak (1)" in text
-    assert "Hits left out: 1" in text
+    assert "Rejected hits: 1" in text
 
 
 def write_one_hit(record: Callable[..., Any], path: Path, hit: Any) -> None:
@@ -222,7 +229,7 @@ def test_without_a_browser_the_html_is_written_all_the_same(
 
 def test_the_pdf_lies_beside_the_html(run: Run, undrawn: None, folder: Path):
     if not any(map(shutil.which, BROWSERS)):
-        pytest.skip("no Chromium: no PDF can be printed")
+        pytest.skip("no browser prints the PDF: on Debian, apt-get install chromium")
     outcome = run("report", folder, "--pdf", "-o", folder / "for you.html")
     assert (outcome.exit_code, outcome.stdout) == (0, "")
     content = (folder / "for you.pdf").read_bytes()

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -113,7 +114,7 @@ def test_the_script_that_is_on_the_path_can_start_processes(tmp_path: Path) -> N
     words = ("study", "selection", "--campaigns", "1", "--output", str(tmp_path / "study"))
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
-        [sys.executable, str(ROOT / "launch_scripts" / "impact-rig"), *words],
+        [str(shutil.which("impact-rig")), *words],
         capture_output=True,
         text=True,
         env=environment,

@@ -31,8 +31,8 @@ for columns in widths:
         print("\\f", end="", flush=True)
 """
 TABLE = """
-from impact_rig.reporting.terminal.columns import Column
-from impact_rig.reporting.terminal.console import ALARM, make_console, print_table
+from impact_rig.results.tables import Column
+from impact_rig.present.terminal.console import ALARM, make_console, print_table
 
 column = Column("Verdict", ("rejected", "accepted"), is_text=True, styles=(ALARM, ""))
 print_table(make_console(), "Hits", [column], ["A note."])

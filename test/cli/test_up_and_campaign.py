@@ -5,14 +5,22 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from rosbags.highlevel import AnyReader
 
-from impact_rig.nodes.domain import reserve_domain
+from impact_rig.cli.main import EXIT_INTERRUPTED
+from impact_rig.cli.up import describe_ready
+from impact_rig.configuration.processes import ACTIVE
+from impact_rig.configuration.rig_file import RigFile
+from impact_rig.configuration.toml_table import TomlTable
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.nodes.discovery import reserve_domain
 
 PATIENCE = 120.0
 """How long anything may take before a test fails [s]."""
+RECORDING = Path("run", "session.mcap")
 
 
 @pytest.fixture
@@ -60,9 +68,28 @@ def run_campaign(environment, folder, *arguments):
 
 
 def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
-    start, environment, tmp_path
+    run, start, environment, tmp_path
 ):
-    rig = start("up", "--output", "run", "--set", "hammer.swing_time=0.01", "--no-visualizer")
+    template = run("up", "--template").stdout
+    source = '\n[source]\ndriver = "virtual"\nseed = 99\n'
+    (tmp_path / "rig.toml").write_text(template + source, "utf-8")
+    rig = start(
+        "up", "--rig-file", "rig.toml", "--output", "run", "--set", "hammer.swing_time=0.01",
+        "--no-visualizer",
+    )  # fmt: skip
+    started = []
+    for line in iter(rig.stdout.readline, ""):
+        started.append(line)
+        if "ready: " in line:
+            break
+    assert len([line for line in started if ACTIVE in line]) == 5
+    assert started[-1].endswith("| " + describe_ready(RigFile(PAPER_SETUP), RECORDING) + "\n")
+    # Whoever closes the terminal leaves no hammer swinging behind, and the rig to others.
+    left = start("campaign", "--impacts", "1000")
+    assert any("sample 1 of 12" in line for line in left.stdout)
+    left.send_signal(signal.SIGHUP)
+    left.communicate(timeout=PATIENCE)
+    assert left.returncode == EXIT_INTERRUPTED
     done = run_campaign(
         environment, tmp_path, "--samples", "aluminium large", "--impacts", "2", "--json",
         "--notes", "new tip, 21 °C",
@@ -82,6 +109,35 @@ def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
     assert notes == ["new tip, 21 °C"]
 
 
+@pytest.mark.parametrize(
+    ("drivers", "arguments", "which", "option"),
+    [
+        (("", ""), {}, "the virtual rig, recording to run/session.mcap", ""),
+        (
+            ("", ""),
+            {"recording": None, "namespace": "rig7"},
+            "the virtual rig, recording nothing here",
+            " --namespace rig7",
+        ),
+        (
+            ("serial", "scpi"),
+            {"recording": None, "only": ("hammer",)},
+            "hammer of the rig (hammer: serial, accelerometers: scpi), recording nothing here",
+            "",
+        ),
+    ],
+)
+def test_the_line_that_ends_the_start_says_which_rig_it_is_and_what_to_call(
+    drivers, arguments, which, option
+):
+    holder, source = (
+        TomlTable({"driver": driver} if driver else {}, "the table") for driver in drivers
+    )
+    rig = RigFile(PAPER_SETUP, holder=holder, source=source)
+    line = describe_ready(rig, **{"recording": RECORDING, **arguments})
+    assert line == f"ready: {which}; in another terminal: impact-rig campaign{option}"
+
+
 def test_nodes_started_by_hand_in_a_namespace_make_the_same_rig(start, environment, tmp_path):
     for node, parameters in (
         ("hammer", ["-p", "swing_time:=0.01"]),
@@ -90,7 +146,7 @@ def test_nodes_started_by_hand_in_a_namespace_make_the_same_rig(start, environme
         ("recorder", ["-p", "output:=hand.mcap"]),
         ("campaign", []),
     ):
-        start("--ros-args", "-r", "__ns:=/rig7", *parameters, module=f"impact_rig.nodes.{node}")
+        start(node, "--ros-args", "-r", "__ns:=/rig7", *parameters, module="impact_rig.nodes")
     done = run_campaign(
         environment, tmp_path, "--namespace", "rig7", "--samples", "aluminium large",
         "--impacts", "2", "--output", "by_hand", "--json",
@@ -103,27 +159,9 @@ def test_nodes_started_by_hand_in_a_namespace_make_the_same_rig(start, environme
     assert (tmp_path / "hand.mcap").stat().st_size > 0
 
 
-def test_without_a_rig_one_sentence_says_what_to_start(environment, tmp_path):
-    done = run_campaign(environment, tmp_path)
-    assert done.returncode == 2
-    assert "impact-rig up" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_the_template_of_a_rig_file_is_one(start, environment, tmp_path):
-    template = subprocess.run(
-        [sys.executable, "-m", "impact_rig.cli.main", "up", "--template"],
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=True,
-    ).stdout
-    (tmp_path / "rig.toml").write_text(template.replace("seed = 1", "seed = 99"), "utf-8")
-    start("up", "--rig-file", "rig.toml", "--no-record", "--no-visualizer", "--output", "run",
-          "--set", "hammer.swing_time=0.01")  # fmt: skip
-    done = run_campaign(
-        environment, tmp_path, "--samples", "aluminium large", "--impacts", "1", "--json"
-    )
-    assert done.returncode == 0, done.stderr
+def test_without_a_rig_one_sentence_says_what_to_start(run, environment, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
+    monkeypatch.setattr("impact_rig.cli.campaign.RIG_TIMEOUT", 0.2)
+    done = run("campaign")
+    assert done.exit_code == 2
+    assert done.stderr.startswith("error: no rig answers in namespace '/' within 0.2 s: start one")

@@ -9,14 +9,17 @@ import textwrap
 import threading
 import time
 import urllib.request
+from dataclasses import replace
 from pathlib import Path
 
 import psutil
 import pytest
 
+from impact_rig.cli.view import list_remarks
 from impact_rig.devices.virtual.rig import VirtualRigSettings
+from impact_rig.present.rerun import viewer_program as program
 from impact_rig.results.results_file import write_results
-from impact_rig.visualization.destinations import program
+from impact_rig.results.traced_campaign import TracedCampaign
 
 rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 
@@ -293,3 +296,26 @@ def test_a_web_page_is_served_to_this_host_until_ctrl_c(recorded, tmp_path):
         process.kill()
         process.communicate()
     assert [path for path in Path(tmp_path).iterdir() if "view" in path.name] == []
+
+
+def test_a_sample_without_a_good_hit_is_named(strike):
+    results = strike(["steel small"], impacts=1, fault_probability=1.0)
+    assert not results.hits[0].accepted
+
+    (remark,) = list_remarks(TracedCampaign(results, (), ()))
+    assert remark.startswith("'steel small' is shown without mean and model: ")
+    assert "none of 1 hits was accepted" in remark
+
+
+def test_a_sample_without_model_is_named(results):
+    sample = replace(results.samples[0], notes=("k1: no control sample",))
+    campaign = TracedCampaign(replace(results, samples=(sample,)), (make_bare_traces(sample),), ())
+
+    (remark,) = list_remarks(campaign)
+    assert remark == f"{sample.name!r} is shown without model: k1: no control sample"
+
+
+def make_bare_traces(sample):
+    from impact_rig.results.sample_traces import SampleTraces
+
+    return SampleTraces(sample.name, 1e6, 0.0, None, 1e-4, 5e-5, 0.0, 0.0, ())

@@ -5,12 +5,44 @@ from datetime import datetime
 import pytest
 
 from impact_rig.configuration.processes import (
+    DISCOVERY,
+    PROFILES,
+    TRANSPORTS,
     RecordingPlan,
     list_rig_processes,
+    make_network_variables,
     make_run_folder_name,
     make_viewer_parameters,
 )
 from impact_rig.core.errors import ParameterError
+
+LARGE_SOCKETS = "DEFAULT?sockets_size=4000000B"
+
+
+def test_a_rig_stays_on_its_computer_unless_told_otherwise():
+    assert make_network_variables({}, network=False) == {DISCOVERY: "LOCALHOST"}
+
+
+def test_between_computers_sockets_hold_a_block_of_the_stream():
+    assert make_network_variables({}, network=True) == {
+        DISCOVERY: "SUBNET",
+        TRANSPORTS: LARGE_SOCKETS,
+    }
+
+
+@pytest.mark.parametrize("network", [True, False])
+@pytest.mark.parametrize(
+    ("chosen", "expected"),
+    [("SUBNET", {TRANSPORTS: LARGE_SOCKETS}), ("LOCALHOST", {}), ("OFF", {})],
+)
+def test_what_the_environment_says_of_the_range_goes_first(chosen, expected, network):
+    assert make_network_variables({DISCOVERY: chosen}, network=network) == expected
+
+
+@pytest.mark.parametrize("name", [TRANSPORTS, *PROFILES])
+def test_transports_that_somebody_has_chosen_are_left_alone(name):
+    assert make_network_variables({name: "own"}, network=True) == {DISCOVERY: "SUBNET"}
+
 
 ADDRESS = "rerun+http://desk:9876/proxy"
 
@@ -20,10 +52,12 @@ def by_name(**options):
 
 
 def test_a_whole_rig_records_and_shows_into_its_folder():
-    nodes = by_name(rig_file="my.toml", virtual={"seed": 3}, swing={"swing_time": 0.3})
+    nodes = by_name(
+        rig_file="my.toml", source={"seed": 3, "plant": "dynamics"}, swing={"swing_time": 0.3}
+    )
     assert nodes == {
         "hammer": {"rig_file": "my.toml", "swing_time": 0.3},
-        "accelerometer": {"rig_file": "my.toml", "seed": 3},
+        "accelerometer": {"rig_file": "my.toml", "source": 'seed = 3\nplant = "dynamics"'},
         "estimator": {},
         "campaign": {"rig_file": "my.toml"},
         "recorder": {"output": "out/session.mcap", "attachments": "my.toml"},
@@ -44,10 +78,7 @@ def test_a_running_stream_is_recorded_where_there_is_one():
     nodes = by_name(continuous=True, recording=plan)
     assert nodes["accelerometer"] == {"mode": "continuous"}
     assert nodes["recorder"] == {"output": "out/session.mcap", "record_stream": True}
-    for options in (
-        {"virtual": {"mode": "continuous"}},
-        {"overrides": {"accelerometer": {"mode": "continuous"}}},
-    ):
+    for options in ({"overrides": {"accelerometer": {"mode": "continuous"}}},):
         assert by_name(recording=plan, **options)["recorder"]["record_stream"]
     with pytest.raises(ParameterError, match="there is no running stream to be recorded"):
         by_name(recording=plan)
@@ -105,8 +136,8 @@ def test_a_viewer_needs_the_node_that_feeds_it():
 
 
 def test_overrides_go_before_everything_else():
-    nodes = by_name(virtual={"seed": 3}, overrides={"accelerometer": {"seed": 4}})
-    assert nodes["accelerometer"]["seed"] == 4
+    nodes = by_name(source={"seed": 3}, overrides={"accelerometer": {"source": "seed = 4"}})
+    assert nodes["accelerometer"]["source"] == "seed = 4"
 
 
 def test_run_folders_sort_by_time():

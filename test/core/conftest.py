@@ -154,7 +154,8 @@ def strike(make_counts: MakeCounts, make_blocks: MakeBlocks) -> Strike:
         place: int = 500,
     ) -> tuple[JudgedHit, ...]:
         hammer = make_counts([(place, height)], 2500, seed=record)
-        answer = [(place, 800.0), (place + 300, 150.0), (place + 600, 28.0)]
+        heights = (800.0, -346.0, 150.0, -65.0, 28.0)
+        answer = [(place + 150 * swing, height) for swing, height in enumerate(heights)]
         specimen = make_counts(answer, 2500, seed=1000 + record)
         blocks = make_blocks(hammer, specimen, [size], label=HitLabel(sample, record))
         return tuple(hit for block in blocks for hit in session.feed(block))

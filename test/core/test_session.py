@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits.reasons import Reason
+from impact_rig.core.quantity import drop_internals
 from impact_rig.core.session import Session
 from impact_rig.core.signals.record import HitLabel
 
@@ -38,8 +39,7 @@ def test_a_rejected_hit_changes_no_estimate(strike: Strike) -> None:
     assert {item.reason for item in hit.rejections} == {Reason.WEAK}
     after = session.estimate_sample("alike")
     assert after.impacts_rejected == 1
-    assert after.body == before.body
-    assert after.contact == before.contact
+    assert repr(drop_internals(replace(after, impacts_rejected=0))) == repr(drop_internals(before))
 
 
 def test_a_sample_measured_before_the_control_sample_gets_its_k2_afterwards(
@@ -48,24 +48,24 @@ def test_a_sample_measured_before_the_control_sample_gets_its_k2_afterwards(
     session = Session(SETUP)
     strike(session, "heavy", 1)
     early = session.estimate_sample("heavy")
-    assert np.isnan(early.body.stiffness)
-    assert early.body.notes == (
+    assert np.isnan(early.stiffness.value)
+    assert early.notes[:2] == (
         "k1: the control sample 'alike' has no accepted hit yet",
         "k2: not determined without k1",
     )
-    assert early.contact is not None
-    assert np.isfinite(early.body.damping_ratio)
+    assert early.contact_time.is_known
+    assert np.isfinite(early.damping_ratio.value)
     strike(session, "alike", 2)
     late = session.estimate_sample("heavy")
-    assert np.isfinite(late.body.stiffness)
-    assert late.contact == early.contact
+    assert np.isfinite(late.stiffness.value)
+    assert late.contact_time == early.contact_time
 
 
 def test_without_a_control_sample_there_is_no_stiffness_and_a_reason(strike: Strike) -> None:
     session = Session(replace(SETUP, samples=replace(SETUP.samples, control_sample="")))
     strike(session, "heavy", 1)
     assert session.estimate_hammer().notes == ("k1: the sample set has no control sample",)
-    assert np.isnan(session.estimate_sample("heavy").body.stiffness)
+    assert np.isnan(session.estimate_sample("heavy").stiffness.value)
 
 
 def test_a_sample_without_an_accepted_hit_says_so(strike: Strike) -> None:
@@ -73,7 +73,7 @@ def test_a_sample_without_an_accepted_hit_says_so(strike: Strike) -> None:
     for record in (1, 2):
         strike(session, "heavy", record, height=150.0)
     (estimate,) = session.estimate_all().samples
-    assert estimate.contact is None
+    assert not estimate.contact_time.is_known
     assert (estimate.impacts_accepted, estimate.impacts_rejected) == (0, 2)
     assert estimate.notes == ("heavy: not determined, none of 2 hits was accepted",)
 
@@ -99,14 +99,7 @@ def get_numbers(session: Session) -> dict[str, tuple[object, ...]]:
     results = session.estimate_all()
     return {
         item.name: (
-            item.contact,
-            item.contact_time_spread,
-            item.body,
-            item.hammer_peak,
-            [
-                (c.hammer.mse_percent, c.specimen.mse_percent, c.hammer.shift, c.specimen.shift)
-                for c in item.comparisons
-            ],
+            repr(drop_internals(item)),
             results.hammer,
         )
         for item in results.samples
@@ -171,11 +164,10 @@ def test_without_masses_contact_times_remain_and_a_note_says_why(strike: Strike)
     session = Session(replace(SETUP, samples=replace(SETUP.samples, samples=samples)))
     strike(session, "heavy", 1)
     (estimate,) = session.estimate_all().samples
-    assert estimate.contact is not None
-    expected = known.estimate_sample("heavy").contact
-    assert expected is not None
-    assert estimate.contact.contact_time == expected.contact_time
-    assert np.isnan(estimate.contact.equivalent_stiffness)
+    assert estimate.contact_time.is_known
+    expected = known.estimate_sample("heavy")
+    assert estimate.contact_time.value == expected.contact_time.value
+    assert np.isnan(estimate.equivalent_stiffness.value)
     assert "k and c: the mass of heavy is not known" in estimate.notes
 
 
@@ -184,16 +176,16 @@ def test_without_the_hammers_mass_the_control_sample_says_nothing_of_it(strike: 
     strike(session, "alike", 1)
     results = session.estimate_all()
     assert results.hammer.notes == ("k1: the mass of hammer is not known",)
-    assert results.samples[0].contact is not None
+    assert results.samples[0].contact_time.is_known
 
 
 def test_a_stated_stiffness_of_the_hammer_takes_the_control_samples_place(strike: Strike) -> None:
     measured = Session(SETUP)
     strike(measured, "alike", 1)
     strike(measured, "heavy", 2)
-    k1 = measured.estimate_hammer().stiffness
+    k1 = measured.estimate_hammer().stiffness.value
     samples = replace(SETUP.samples, control_sample="")
     session = Session(replace(SETUP, samples=samples, hammer_stiffness=k1))
     strike(session, "heavy", 2)
-    expected = measured.estimate_sample("heavy").body.stiffness
-    assert session.estimate_sample("heavy").body.stiffness == pytest.approx(expected, rel=1e-12)
+    expected = measured.estimate_sample("heavy").stiffness.value
+    assert session.estimate_sample("heavy").stiffness.value == pytest.approx(expected, rel=1e-12)

@@ -24,7 +24,7 @@ def describe_rejected(session: Session) -> list[tuple[int, list[Reason]]]:
     ]
 
 
-def test_a_hit_unlike_its_fellows_is_rejected_when_it_comes(strike: Strike) -> None:
+def test_a_hit_unlike_the_others_is_rejected_when_it_comes(strike: Strike) -> None:
     session = Session(SETUP)
     hits = strike_series(strike, session, [900.0] * 9 + [450.0])
     assert [hit.accepted for hit in hits] == [True] * 9 + [False]
@@ -33,14 +33,17 @@ def test_a_hit_unlike_its_fellows_is_rejected_when_it_comes(strike: Strike) -> N
     assert (estimate.impacts_accepted, estimate.impacts_rejected) == (9, 1)
 
 
-def test_an_early_one_is_found_once_there_are_fellows(strike: Strike) -> None:
+def test_an_early_one_is_found_once_there_are_others(strike: Strike) -> None:
     session = Session(SETUP)
     hits = strike_series(strike, session, [450.0] + [900.0] * 9)
     assert all(hit.accepted for hit in hits)
     assert describe_rejected(session) == [(1, [Reason.INCONSISTENT])]
     alone = Session(SETUP)
     strike_series(strike, alone, [900.0] * 9, first=2)
-    assert session.estimate_sample("alike").contact == alone.estimate_sample("alike").contact
+    assert (
+        session.estimate_sample("alike").contact_time
+        == alone.estimate_sample("alike").contact_time
+    )
 
 
 def test_of_more_hits_than_wanted_the_most_consistent_are_kept(strike: Strike) -> None:

@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import pytest
 
+from impact_rig.configuration.processes import format_source
 from impact_rig.configuration.rig_file import parse_rig_file
+from impact_rig.configuration.run import SOURCE, parse_settings
+from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import ParameterError
-from impact_rig.devices.source_table import make_plan
+from impact_rig.devices.source_table import make_plan, make_source, override_source
 
 RIG = """\
 [hammer]
@@ -95,3 +98,41 @@ def test_a_rate_that_is_none_is_refused(rate):
     rig = parse_rig_file(RIG.replace('"2 MHz"', rate) + HAMMER)
     with pytest.raises(ParameterError, match=r"line 9: sampling_rate of \[source\] is"):
         make_plan(rig.source, rig.setup, continuous=False, block_size=1000, depth=400)
+
+
+def test_settings_go_before_the_table_of_the_file():
+    settings = parse_settings(
+        ("source.noise=0.002", "source.plant=dynamics", 'source.faults="weak_hit"')
+    )
+    table = parse_rig_file(RIG.replace("scpi", "virtual") + "seed = 9\nnoise = 0.5\n").source
+    merged = override_source(table, format_source(settings[SOURCE]))
+    assert dict(merged) == {
+        "driver": "virtual", "sampling_rate": "2 MHz", "seed": 9, "noise": 0.002,
+        "plant": "dynamics", "faults": "weak_hit",
+    }  # fmt: skip
+    _, plan = make_source(merged, parse_rig_file(RIG).setup)
+    assert plan.sampling_rate == pytest.approx(2e6)
+
+
+def test_settings_without_a_table_are_those_of_the_virtual_rig():
+    empty = TomlTable({}, "[source]")
+    assert dict(override_source(empty, "seed = 4")) == {"driver": "virtual", "seed": 4}
+    assert override_source(empty, "") == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("seed: 4", "parameter source: this is no TOML"),
+        ("hammer.channel = 2", "'hammer': sensors are described in the rig file only"),
+    ],
+)
+def test_settings_that_cannot_be_meant_are_refused(text, words):
+    with pytest.raises(ParameterError, match=words):
+        override_source(parse_rig_file(RIG).source, text)
+
+
+def test_a_wrong_setting_names_itself_and_no_line_of_the_file():
+    table = parse_rig_file(RIG.replace("scpi", "virtual") + "seed = 9\n").source
+    with pytest.raises(ParameterError, match=r"seed of \[source\] is -1: it must be"):
+        make_source(override_source(table, "seed = -1"), parse_rig_file(RIG).setup)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from impact_rig.nodes.domain import reserve_domain
+from impact_rig.nodes.discovery import reserve_domain
 
 
 @pytest.fixture(scope="module")

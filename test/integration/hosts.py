@@ -55,7 +55,8 @@ def make_two_hosts() -> Iterator[tuple[Host, Host]]:
     """Make two computers for the length of the block; skip the test where that cannot be done."""
     if missing := [tool for tool in TOOLS if shutil.which(tool) is None]:
         pytest.skip(
-            f"two computers in one need {', '.join(missing)}: install iproute2, util-linux"
+            f"two computers in one need {', '.join(missing)}: on Debian,"
+            " apt-get install iproute2 util-linux"
         )
     if os.geteuid() != 0:
         pytest.skip("two computers in one need network namespaces, which only root can make")

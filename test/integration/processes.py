@@ -17,7 +17,7 @@ from typing import Any, Self
 PATIENCE = 60.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""
 COMMAND_LINE = "impact_rig.cli.main"
-RIG_PEER = "impact_rig.devices.peers.rig_peer"
+RIG_PEER = "impact_rig.testing.peers.rig_peer"
 
 
 class TalkingProcess:

@@ -1,6 +1,7 @@
 """The launch files: arguments that explain themselves, and the processes of the command line."""
 
 import ast
+import importlib
 import importlib.util
 from pathlib import Path
 
@@ -33,6 +34,19 @@ def list_read_arguments(path: Path) -> set[str]:
         and isinstance(node.func, ast.Name)
         and node.func.id == "read"
     }
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
+def test_every_name_taken_from_the_package_exists(path):
+    imports = [
+        node
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] == "impact_rig"
+    ]
+    assert imports
+    for statement in imports:
+        module = importlib.import_module(statement.module)
+        assert [name.name for name in statement.names if not hasattr(module, name.name)] == []
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)

@@ -2,8 +2,10 @@
 
 import fcntl
 import signal
+import venv
 
 import pytest
+import workspace_setup
 
 STARTED = "setting up "
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -15,17 +17,6 @@ def nothing_to_install(copy):
     for path in copy.get_requirements("ros", "colcon", "scientific", "rig", "formats", "test"):
         path.write_text("# nothing\n")
     return copy
-
-
-@pytest.fixture
-def heard():
-    """Let no signal be ignored: a runner in the background would hand that on."""
-    ignored = [number for number in SIGNALS if signal.getsignal(number) == signal.SIG_IGN]
-    for number in ignored:
-        signal.signal(number, signal.SIG_DFL)
-    yield
-    for number in ignored:
-        signal.signal(number, signal.SIG_IGN)
 
 
 def test_a_missing_compiler_is_said_before_anything_is_made(copy, run_rig, tmp_path_factory):
@@ -45,6 +36,20 @@ def test_another_ros_distribution_ends_in_one_sentence(copy, run_rig):
     assert len(done.errors.splitlines()) == 1
 
 
+def test_a_colcon_on_path_counts_only_if_the_environment_s_python_has_it(
+    copy, tmp_path, monkeypatch
+):
+    command = tmp_path / "colcon"
+    command.write_text("#!/bin/sh\n")
+    command.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    venv.create(copy.venv)
+    assert not workspace_setup.has_colcon(copy)
+    (copy.site_packages / "colcon_core").mkdir()
+    assert workspace_setup.has_colcon(copy)
+
+
 def test_the_next_call_goes_on_at_the_step_that_failed(nothing_to_install, run_rig):
     first = run_rig("exec", "true")
     assert first.code == 1
@@ -58,7 +63,7 @@ def test_the_next_call_goes_on_at_the_step_that_failed(nothing_to_install, run_r
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-def test_an_interruption_ends_it_without_a_traceback(heard, nothing_to_install, start_rig, number):
+def test_an_interruption_ends_it_without_a_traceback(nothing_to_install, start_rig, number):
     process = start_rig("exec", "true")
     assert process.stderr.readline().startswith(STARTED)
     process.send_signal(number)

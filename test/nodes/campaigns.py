@@ -24,8 +24,7 @@ def start_rig(harness, namespace="", *, campaign=None, hammer=None, **accelerome
         AccelerometerNode,
         namespace=namespace,
         required_subscribers="estimator",
-        trigger_timeout=0.001,
-        **accelerometer,
+        **{"trigger_timeout": 0.2, **accelerometer},
     )
     harness.add(EstimatorNode, namespace=namespace)
     harness.add(CampaignNode, namespace=namespace, **(campaign or {}))

@@ -15,10 +15,11 @@ import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 
-from impact_rig.nodes.domain import reserve_domain
-from impact_rig.nodes.interfaces import Topic
-from impact_rig.nodes.node_executor import NodeExecutor
+from impact_rig.nodes.discovery import reserve_domain
+from impact_rig.nodes.executor import make_executor, spin_until
+from impact_rig.nodes.interfaces import NOT_YET, Topic
 from impact_rig.nodes.rig_node import RigNode
 
 PATIENCE = 60.0
@@ -66,18 +67,17 @@ class Harness:
     def __init__(self, domain: int) -> None:
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain, args=[])
-        self._executor = NodeExecutor(context=self._context)
+        self._executor = make_executor(self._context)
         self.nodes: list[RigNode] = []
         self.peer = Node("peer", context=self._context)
         self._executor.add_node(self.peer)
-        self._stop = threading.Event()
+        self._stop: Future = Future()
         self._thread = threading.Thread(target=self._spin)
         self._thread.start()
 
     def _spin(self) -> None:
         with contextlib.suppress(ExternalShutdownException):
-            while not self._stop.is_set():
-                self._executor.spin_once()
+            spin_until(self._executor, self._stop)
 
     def __enter__(self) -> Self:
         return self
@@ -88,9 +88,7 @@ class Harness:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        # Not shut down while it spins: rclpy would take it to pieces under its thread.
-        self._stop.set()
-        self._executor.create_task(lambda: None)
+        self._stop.set_result(None)
         self._thread.join(PATIENCE)
         self._executor.shutdown(timeout_sec=1.0)
         for node in self.nodes:
@@ -109,13 +107,22 @@ class Harness:
             ],
         )
         self.nodes.append(node)
-        node.autostart()
         self._executor.add_node(node)
+        self.run(node.autostart)
         return node
 
     def run(self, work: Callable[[], Any]) -> Any:
         """Do something where the nodes' callbacks run, none of them being under way."""
-        return self.wait(self._executor.create_task(work))
+        done: Future = Future()
+
+        def run() -> None:
+            try:
+                done.set_result(work())
+            except Exception as error:  # noqa: BLE001 - raised where it was asked for
+                done.set_exception(error)
+
+        self._executor.create_task(run)
+        return self.wait(done)
 
     def close(self, node: RigNode) -> None:
         self.run(node.close)
@@ -136,6 +143,17 @@ class Harness:
         wait_until(client.service_is_ready)
         return self.wait(client.call_async(request or kind.Request()))
 
+    def ask(self, kind: Any, name: str, request: Any) -> Any:
+        """Call a service, again while it answers "not yet", and return its answer."""
+        answers: list[Any] = []
+
+        def is_final() -> bool:
+            answers.append(self.call(kind, name, request))
+            return not answers[-1].message.startswith(NOT_YET)
+
+        wait_until(is_final)
+        return answers[-1]
+
     wait_until = staticmethod(wait_until)
     make_collector = Collector
 
@@ -155,7 +173,7 @@ class NodeProcess:
         for key, value in parameters.items():
             arguments += ["-p", f"{key}:={value}"]
         self._process = subprocess.Popen(
-            [sys.executable, "-m", f"impact_rig.nodes.{name}", *arguments],
+            [sys.executable, "-m", "impact_rig.nodes", name, *arguments],
             env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

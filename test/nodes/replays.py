@@ -11,8 +11,8 @@ from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg, virtual_hit_to_msg
 from impact_rig.nodes.topics import describe_qos, name_type
-from impact_rig.recording.interfaces.message_definitions import find_message_definition
-from impact_rig.recording.writing.mcap_writer import McapWriter
+from impact_rig.recordings.schemas import find_message_definition
+from impact_rig.recordings.writer import McapWriter
 
 PEER = "/peer"
 """The node that listens in these tests, wherever the replayer is."""

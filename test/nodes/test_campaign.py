@@ -32,14 +32,14 @@ def test_every_sample_gets_its_hits_and_its_numbers(harness, start):
     )
     assert answer.status == GoalStatus.STATUS_SUCCEEDED
     assert answer.result.success
-    by_name = {item.sample: item for item in answer.result.samples}
+    by_name = {item.name: item for item in answer.result.samples}
     assert {name: item.impacts_accepted for name, item in by_name.items()} == {
         "steel small": 3,
         CONTROL_SAMPLE: 3,
     }
     # Table 3, with three hits of 0.3 % scatter.
-    assert by_name["steel small"].stiffness == pytest.approx(29.18e6, rel=0.05)
-    assert answer.result.hammer.stiffness == pytest.approx(22.54e6, rel=0.02)
+    assert by_name["steel small"].stiffness.value == pytest.approx(29.18e6, rel=0.05)
+    assert answer.result.hammer.stiffness.value == pytest.approx(22.54e6, rel=0.02)
     steps = [(item.sample, item.impact) for item in feedback.messages if item.impact]
     assert steps == [(name, i) for name in ("steel small", CONTROL_SAMPLE) for i in (1, 2, 3)]
 
@@ -52,7 +52,7 @@ def test_works_in_a_namespace(harness, start):
 def test_a_rejected_hit_is_repeated_and_reported(harness, start):
     answer = run(
         harness,
-        start(scheduled_faults="2:overload, 3:missed_trigger"),
+        start(source='scheduled_faults = "2:overload, 3:missed_trigger"'),
         samples=["brass large"],
         impacts=3,
     )
@@ -65,7 +65,7 @@ def test_a_rejected_hit_is_repeated_and_reported(harness, start):
 def test_gives_up_after_the_limit_and_keeps_what_there_is(harness, start):
     answer = run(
         harness,
-        start(fault_probability=1.0, faults="weak_hit"),
+        start(source='fault_probability = 1.0\nfaults = "weak_hit"'),
         samples=["steel small"],
         impacts=2,
         attempts_per_impact=3,

@@ -8,7 +8,7 @@ from impact_rig_msgs.srv import Arm
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.devices.virtual.source import VirtualSource
+from impact_rig.devices.virtual.drivers import VirtualSource
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode
@@ -101,12 +101,51 @@ def test_a_device_that_was_lost_and_is_back_is_used_again(harness, kind, word):
     client = start_rig(harness, hammer=FOR_GOOD, **FOR_GOOD)
     handle, feedback = begin(harness, client, samples=["steel small"], impacts=MANY)
     wait_for_hit(feedback, 1)
-    for _ in range(3):
+    for _ in range(2):
         lose(harness, kind)
         wait_for_phase(feedback, PAUSED, word)
         bring_back(harness, kind)
         wait_for_more_hits(feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [(EstimatorNode, "estimator"), (AccelerometerNode, "accelerometer")]
+)
+@pytest.mark.parametrize("is_short", [False, True])
+def test_a_node_that_was_deactivated_and_is_active_again_is_used_again(
+    harness, monkeypatch, kind, name, is_short
+):
+    # Within one process a state is there at once.
+    monkeypatch.setattr("impact_rig.nodes.campaign_hits.STATE_TIMEOUT", 0.5)
+    handle, feedback = begin(harness, start_rig(harness), samples=["steel small"], impacts=MANY)
+    wait_for_hit(feedback, 1)
+    node = find_node(harness, kind)
+    harness.run(node.trigger_deactivate)
+    if not is_short:
+        wait_for_phase(feedback, PAUSED, f"the {name} node is not active: activate it")
+    harness.run(node.trigger_activate)
+    wait_for_more_hits(feedback)
+    check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
+
+
+def test_a_hammer_node_that_was_deactivated_is_activated_and_armed_by_a_person(harness):
+    handle, feedback = begin(harness, start_rig(harness), samples=["steel small"], impacts=MANY)
+    wait_for_hit(feedback, 1)
+    node = find_node(harness, HammerNode)
+    harness.run(node.trigger_deactivate)
+    wait_for_phase(
+        feedback,
+        PAUSED,
+        "the hammer node is not active: to go on, activate the hammer node, then call hammer/arm",
+    )
+    harness.run(node.trigger_activate)
+    wait_for_phase(
+        feedback, PAUSED, "is not armed (disarmed when the hammer node was deactivated)"
+    )
+    harness.call(Trigger, interfaces.ARM_HAMMER)
+    wait_for_more_hits(feedback)
+    cancel(harness, handle)
 
 
 def test_a_hit_that_a_loss_has_spoiled_is_struck_again_and_not_held_against_the_rig(

@@ -1,5 +1,6 @@
 """The profile for Fast DDS: it is taken, it has room, and nobody's own is replaced."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -9,14 +10,20 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from impact_rig.configuration.network import DISCOVERY, SOCKET_BUFFER, find_network_variables
+from impact_rig.configuration.processes import DISCOVERY, SOCKET_BUFFER, make_network_variables
 from impact_rig.nodes import discovery
-from impact_rig.nodes.discovery import PROFILE_VARIABLE, offer_profile
+from impact_rig.nodes.discovery import (
+    DOMAINS,
+    FIRST_DOMAIN,
+    PROFILE_VARIABLE,
+    offer_profile,
+    reserve_domain,
+)
 
 LARGEST_BUFFER = Path("/proc/sys/net/core/rmem_max")
 ROOMS = """\
 import os, socket, stat, sys
-from impact_rig.nodes.rig_client import RigClient
+from impact_rig.nodes.client import RigClient
 with RigClient("guest"):
     rooms = []
     for number in map(int, os.listdir("/proc/self/fd")):
@@ -75,7 +82,7 @@ def test_fast_dds_takes_the_profile_and_leaves_sockets_between_hosts_as_they_wer
         **{name: value for name, value in os.environ.items() if name != DISCOVERY},
         "ROS_DOMAIN_ID": str(ros_domain),
     }
-    environment |= find_network_variables(environment, network=network)
+    environment |= make_network_variables(environment, network=network)
     done = subprocess.run(
         [sys.executable, "-c", ROOMS],
         env=environment,
@@ -87,3 +94,43 @@ def test_fast_dds_takes_the_profile_and_leaves_sockets_between_hosts_as_they_wer
     assert (done.returncode, done.stderr) == (0, "")
     # Linux doubles what is asked for, for its own bookkeeping.
     assert int(done.stdout) == 2 * min(size, int(LARGEST_BUFFER.read_text()))
+
+
+HOLDING = """
+import sys
+from impact_rig.nodes.discovery import reserve_domain
+with reserve_domain() as number:
+    print(number, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_nobody_gets_a_domain_that_is_taken_here_or_by_another_process():
+    other = subprocess.Popen(
+        [sys.executable, "-c", HOLDING], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        taken = int(other.stdout.readline())
+        with contextlib.ExitStack() as stack:
+            ours = {stack.enter_context(reserve_domain()) for _ in range(20)}
+        assert len(ours) == 20
+        assert taken not in ours
+        assert all(FIRST_DOMAIN <= number < FIRST_DOMAIN + DOMAINS for number in ours)
+    finally:
+        other.communicate()
+
+
+def test_the_one_that_has_just_become_free_is_rarely_the_next():
+    numbers = []
+    for _ in range(20):
+        with reserve_domain() as number:
+            numbers.append(number)
+    # All alike by chance: once in a hundred to the nineteenth.
+    assert len(set(numbers)) > 1
+
+
+def test_an_error_in_the_block_stays_what_it_is():
+    with pytest.raises(OSError, match="mine"), reserve_domain():
+        raise OSError("mine")
+    with reserve_domain():
+        pass

@@ -9,9 +9,11 @@ from impact_rig_msgs.srv import Release
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import read_template
-from impact_rig.devices.peers.serial_relay import SerialRelayPeer
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.hammer import HammerNode
+from impact_rig.testing.peers.serial_relay import SerialRelayPeer
+
+serial = pytest.importorskip("serial", reason="the extra `serial` is not installed")
 
 CYCLES = 5
 
@@ -72,7 +74,7 @@ def arm(harness):
 
 def release(harness):
     request = Release.Request(record=1, sample="a", impact=1, attempt=1)
-    return harness.call(Release, interfaces.RELEASE_HAMMER, request)
+    return harness.ask(Release, interfaces.RELEASE_HAMMER, request)
 
 
 def test_a_release_moves_the_relay_once_and_it_holds_again(
@@ -138,7 +140,6 @@ def test_a_relay_that_falls_silent_is_lost(harness, board, rig_file, states):
 
 
 def test_a_relay_in_other_hands_is_used_when_it_is_free(harness, board, rig_file, states):
-    serial = pytest.importorskip("serial", reason="the extra `serial` is not installed")
     with serial.Serial(board.port, exclusive=True):
         node = add_hammer(harness, rig_file)
         assert f"{board.port} is in use by" in node.fault

@@ -1,5 +1,8 @@
 """What takes the operator's enable, and what never lets the hammer go."""
 
+import signal
+import threading
+
 import pytest
 from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState
 from impact_rig_msgs.srv import Release
@@ -7,7 +10,8 @@ from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.hammer import HammerNode
+from impact_rig.nodes.hammer import LONGEST_PAUSE, HammerNode
+from impact_rig.nodes.rig_state import ACCELEROMETER, RECORDER
 
 HIT = {"record": 4, "sample": "steel small", "impact": 2, "attempt": 1}
 ARMED = AcquisitionState(state=AcquisitionState.ARMED, record=4, sample="steel small")
@@ -29,16 +33,20 @@ class Rig:
         self.hammer = self._harness.add(HammerNode, **{"swing_time": 0.01, **parameters})
         self.acquisition.publish(ARMED)
         self.recorder.publish(RecorderState(recording=True, uri="a.mcap"))
-        readiness = self.hammer._rig
-        self._harness.wait_until(lambda: None not in (readiness._acquisition, readiness._recorder))
+        self._harness.wait_until(self.has_heard)
         assert self.call(interfaces.ARM_HAMMER).success
+
+    def has_heard(self):
+        """Whether the hammer has heard of accelerometers and recorder."""
+        heard = self.hammer._rig
+        return None not in (heard[ACCELEROMETER].state, heard[RECORDER].state)
 
     def call(self, name):
         return self._harness.call(Trigger, name)
 
     def release(self, **changes):
         request = Release.Request(**{**HIT, **changes})
-        return self._harness.call(Release, interfaces.RELEASE_HAMMER, request)
+        return self._harness.ask(Release, interfaces.RELEASE_HAMMER, request)
 
     def wait(self, condition):
         """Return the first state that fulfils a condition."""
@@ -61,7 +69,7 @@ def test_accelerometers_that_report_a_fault_disarm_the_hammer_until_they_are_bac
     )
     state = rig.wait_for_loss()
     assert not state.armed
-    assert state.message == "the accelerometers are lost: the cable is out"
+    assert state.message == "the accelerometer's device is lost: the cable is out"
     assert "the cable is out" in rig.call(interfaces.ARM_HAMMER).message
     assert "the cable is out" in rig.release().message
     rig.acquisition.publish(AcquisitionState(state=AcquisitionState.IDLE))
@@ -73,7 +81,7 @@ def test_accelerometers_that_report_a_fault_disarm_the_hammer_until_they_are_bac
 def test_a_recorder_that_stops_disarms_the_hammer(rig):
     rig.start()
     rig.recorder.publish(RecorderState(recording=False, message="disk full"))
-    assert "nothing is being recorded any more (disk full)" in rig.wait_for_loss().message
+    assert "the recorder has stopped: disk full" in rig.wait_for_loss().message
 
 
 @pytest.mark.parametrize("name", ["acquisition", "recorder"])
@@ -95,8 +103,8 @@ def test_without_a_recorder_none_is_missed(rig, harness):
 def test_the_normal_end_of_an_arming_is_no_loss(rig, harness):
     rig.start()
     rig.acquisition.publish(AcquisitionState(state=AcquisitionState.IDLE, record=4))
-    readiness = rig.hammer._rig
-    harness.wait_until(lambda: readiness._acquisition.state == AcquisitionState.IDLE)
+    accelerometer = rig.hammer._rig[ACCELEROMETER]
+    harness.wait_until(lambda: accelerometer.state.state == AcquisitionState.IDLE)
     rig.hammer._watch()
     assert rig.states.messages[-1].armed
 
@@ -108,9 +116,15 @@ def test_a_stop_lasts_until_it_is_reset_and_the_hammer_is_armed_anew(rig):
     assert not state.armed
     assert "hammer/reset" in rig.call(interfaces.ARM_HAMMER).message
     assert "hammer/reset" in rig.release().message
-    assert rig.call(interfaces.RESET_HAMMER).success
+    answer = rig.call(interfaces.RESET_HAMMER)
+    assert answer.success
+    assert answer.message == (
+        "the emergency stop is ended; the hammer is not armed: call hammer/arm first"
+    )
     assert "not armed" in rig.release().message
     assert rig.call(interfaces.ARM_HAMMER).success
+    answer = rig.call(interfaces.RESET_HAMMER)
+    assert answer.message == "there was no emergency stop; the hammer is armed"
     assert rig.release().success
 
 
@@ -121,7 +135,10 @@ def test_a_stop_works_in_every_state_of_the_node_and_outlasts_it(rig, harness):
     for transition in (node.trigger_configure, node.trigger_activate, node.trigger_deactivate):
         harness.wait(harness._executor.create_task(transition))
         assert "hammer/reset" in rig.call(interfaces.ARM_HAMMER).message
-    assert rig.call(interfaces.RESET_HAMMER).success
+    assert rig.call(interfaces.RESET_HAMMER).message == (
+        "the emergency stop is ended; the hammer node is not active: activate it, then call"
+        " hammer/arm"
+    )
     assert "not active" in rig.call(interfaces.ARM_HAMMER).message
 
 
@@ -178,3 +195,27 @@ def test_a_swing_takes_as_long_as_was_said(rig):
     rig.start(swing_time=0.02)
     assert rig.release().latest_contact == 0.02
     assert rig.releases.wait_for_count(1)[0].latest_contact == 0.02
+
+
+def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(harness, start_process):
+    acquisition = harness.advertise(interfaces.ACQUISITION_STATE)
+    releases = harness.listen(interfaces.RELEASE)
+    hammer = start_process("hammer", require_recorder=False, swing_time=0.01)
+    states = harness.listen(interfaces.HAMMER_STATE)
+    states.wait(lambda messages: messages[-1].state == HammerState.HELD)
+    harness.wait_until(lambda: acquisition.get_subscription_count() == 1)
+    acquisition.publish(ARMED)
+    assert harness.call(Trigger, interfaces.ARM_HAMMER).success
+    client = harness.peer.create_client(Release, interfaces.RELEASE_HAMMER)
+    harness.wait_until(client.service_is_ready)
+
+    hammer.send_signal(signal.SIGSTOP)
+    answer = client.call_async(Release.Request(**HIT))
+    threading.Event().wait(LONGEST_PAUSE + 0.2)
+    hammer.send_signal(signal.SIGCONT)
+
+    assert "was stopped for a time" in harness.wait(answer).message
+    assert not releases.messages
+    # Whoever still wants it asks again, when all is known again.
+    assert harness.ask(Release, interfaces.RELEASE_HAMMER, Release.Request(**HIT)).success
+    assert len(releases.wait_for_count(1)) == 1

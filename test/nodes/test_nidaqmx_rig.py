@@ -13,13 +13,13 @@ from impact_rig.configuration.rig_file import read_template
 from impact_rig.core.setup.calibration import STANDARD_GRAVITY
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.peers.nidaqmx_server import SENSITIVITY, NidaqmxServer
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
-from impact_rig.recording.interfaces.messages import block_from_msg
+from impact_rig.recordings.messages import block_from_msg
+from impact_rig.testing.peers.nidaqmx_server import SENSITIVITY, NidaqmxServer
 
 SAMPLE = "steel small"
 CYCLES = 5
@@ -78,7 +78,7 @@ def rig(harness, server, tmp_path):
 def arm(harness, impact):
     """Arm the accelerometers; return the number of the record."""
     request = Arm.Request(sample=SAMPLE, impact=impact, attempt=1)
-    answer = harness.call(Arm, interfaces.ARM_ACCELEROMETER, request)
+    answer = harness.ask(Arm, interfaces.ARM_ACCELEROMETER, request)
     assert answer.success, answer.message
     return answer.record
 
@@ -89,7 +89,7 @@ def hit_once(harness, impact):
     record = arm(harness, impact)
     request = Release.Request(record=record, sample=SAMPLE, impact=impact, attempt=1)
     # The hammer has to hear that the source is armed.
-    harness.wait_until(lambda: harness.call(Release, interfaces.RELEASE_HAMMER, request).success)
+    harness.wait_until(lambda: harness.ask(Release, interfaces.RELEASE_HAMMER, request).success)
     return record
 
 

@@ -4,8 +4,12 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
+
+from impact_rig.cli.up import make_command
+from impact_rig.configuration.processes import ACTIVE, LAUNCHER, NodeProcess
 
 PATIENCE = 60.0
 """How long a process may take before the test fails [s]."""
@@ -15,10 +19,10 @@ PATIENCE = 60.0
 def start(ros_domain):
     """Return a function that starts a node as a person would."""
 
-    def run(node, *parameters):
+    def run(node, *parameters, options=()):
         words = [word for parameter in parameters for word in ("-p", parameter)]
         return subprocess.Popen(
-            [sys.executable, "-m", f"impact_rig.nodes.{node}", "--ros-args", *words],
+            [sys.executable, *options, "-m", "impact_rig.nodes", node, "--ros-args", *words],
             env={**os.environ, "ROS_DOMAIN_ID": str(ros_domain)},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -28,17 +32,73 @@ def start(ros_domain):
     return run
 
 
-@pytest.mark.parametrize(
-    ("parameter", "words"),
-    [("seed:=-3", ("seed", "-3")), ("noise:=loud", ("noise", "loud"))],
-)
-def test_an_impossible_parameter_ends_the_process_with_one_sentence(start, parameter, words):
-    process = start("accelerometer", parameter)
-    output, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 2
-    assert errors.startswith("error: ")
-    assert all(word in errors for word in words)
-    assert "Traceback" not in output + errors
+@pytest.fixture
+def run_script(ros_domain):
+    """Return a function that runs a program in a process of its own, to its end."""
+
+    def run(script):
+        return subprocess.run(
+            [sys.executable, "-c", script],
+            env={**os.environ, "ROS_DOMAIN_ID": str(ros_domain)},
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+
+    return run
+
+
+PARAMETERS = {
+    "block_size:=0": ("block_size", "0"),
+    "trigger_timeout:=soon": ("trigger_timeout", "soon"),
+    "mode:=always": ("mode", "always", "must be one of triggered, continuous"),
+}
+
+
+def test_an_impossible_parameter_ends_the_process_with_one_sentence(run_script):
+    process = run_script(f"""
+from impact_rig.nodes.accelerometer import AccelerometerNode
+from impact_rig.nodes.process import run_node
+
+for parameter in {list(PARAMETERS)}:
+    print(run_node(AccelerometerNode, ["--ros-args", "-p", parameter]))
+""")
+    assert process.stdout == "2\n2\n2\n"
+    told = [line for line in process.stderr.splitlines() if line.startswith("error: ")]
+    for line, words in zip(told, PARAMETERS.values(), strict=True):
+        assert all(word in line for word in words)
+    assert "Traceback" not in process.stderr
+
+
+def test_modules_in_the_working_folder_are_none_of_the_rig_s(tmp_path, ros_domain):
+    (tmp_path / "numpy.py").write_text("raise SystemExit('a numpy of the folder')")
+    process = subprocess.Popen(
+        ["sh", "-c", make_command(NodeProcess("hammer", {}))],
+        cwd=tmp_path,
+        env={**os.environ, "ROS_DOMAIN_ID": str(ros_domain)},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert any(ACTIVE in line for line in process.stderr)
+    process.terminate()
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+
+
+def test_a_node_ends_when_its_launcher_is_killed(start, tmp_path, monkeypatch):
+    path = tmp_path / "session.mcap"
+    launcher = subprocess.Popen(["sleep", "1000"])
+    monkeypatch.setenv(LAUNCHER, str(launcher.pid))
+    process = start("recorder", f"output:={path}")
+    for line in process.stderr:
+        if "recording to" in line:
+            break
+    launcher.kill()
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+    assert path.read_bytes().endswith(b"\x89MCAP0\r\n")
+    launcher.wait()
 
 
 def test_a_missing_rig_file_leaves_the_node_up_to_be_configured_again(start):
@@ -51,14 +111,66 @@ def test_a_missing_rig_file_leaves_the_node_up_to_be_configured_again(start):
     assert process.wait(PATIENCE) == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_a_node_with_its_files_closed(start, tmp_path, number):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_while_a_node_ends_change_nothing(start, tmp_path, number):
     path = tmp_path / "session.mcap"
     process = start("recorder", f"output:={path}")
+    lines = []
     for line in process.stderr:
+        lines.append(line)
         if "recording to" in line:
             break
-    process.send_signal(number)
-    process.communicate(timeout=PATIENCE)
+    # As an impatient operator does, from the first that ends it to the last that finds nobody.
+    while process.poll() is None:
+        process.send_signal(number)
+        time.sleep(0.001)
+    output, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
+    assert "Traceback" not in output + errors
+    assert "Exception" not in output + errors
     assert path.read_bytes().endswith(b"\x89MCAP0\r\n")
+
+
+def test_a_node_that_has_ended_leaves_nothing_behind(run_script, tmp_path):
+    """Files that are opened at the end get the lowest numbers that are free: none a signal's.
+
+    Of the middleware there is only the thread that is everybody's: what is left of a node when
+    the process ends may keep it from ending.
+    """
+    process = run_script(f"""
+import os, signal
+from pathlib import Path
+from impact_rig.nodes.hammer import HammerNode
+from impact_rig.nodes.process import run_node
+
+class Ending(HammerNode):
+    def close(self):
+        super().close()
+        files = [open(os.path.join({str(tmp_path)!r}, str(n)), "wb") for n in range(20)]
+        os.kill(os.getpid(), signal.SIGINT)
+
+    def autostart(self):
+        super().autostart()
+        os.kill(os.getpid(), signal.SIGINT)
+
+code = run_node(Ending)
+print(*(name for path in Path("/proc/self/task").glob("*/comm")
+        if (name := path.read_text().strip()).startswith("dds")))
+raise SystemExit(code)
+""")
+    assert process.returncode == 0, process.stderr
+    assert "Traceback" not in process.stderr
+    assert {path.read_bytes() for path in tmp_path.iterdir()} == {b""}
+    assert process.stdout == "dds.shm.wdog\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_node_quietly_that_still_imports(start, number):
+    process = start("hammer", options=("-X", "importtime"))
+    for line in process.stderr:
+        if line.split()[-1:] == ["rclpy.constants"]:
+            break
+    process.send_signal(number)
+    output, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+    assert "Traceback" not in output + errors

@@ -17,7 +17,8 @@ from std_msgs.msg import Empty
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.recorder import RecorderNode
-from impact_rig.recording.writing.record_watch import REMEMBERED
+from impact_rig.recordings.hits import REMEMBERED
+from impact_rig.recordings.source import open_source
 
 POINTS = 1000
 
@@ -139,7 +140,7 @@ def test_a_record_whose_last_block_never_comes_is_stored_when_the_next_begins(ha
 def test_an_arming_that_ends_without_its_last_block_is_stored_as_it_is(
     harness, recorder, monkeypatch
 ):
-    monkeypatch.setattr("impact_rig.nodes.recording.record_storage.SETTLING_TIME", 0.05)
+    monkeypatch.setattr("impact_rig.nodes.recorder_run.SETTLING_TIME", 0.05)
     _, stored, node = recorder()
     armings = connect(harness, interfaces.ACQUISITION_STATE)
 
@@ -162,7 +163,7 @@ def test_an_arming_that_ends_without_its_last_block_is_stored_as_it_is(
 def test_a_record_that_has_ended_is_told_of_once_however_many_follow(
     harness, recorder, monkeypatch
 ):
-    monkeypatch.setattr("impact_rig.nodes.recording.record_storage.SETTLING_TIME", 0.02)
+    monkeypatch.setattr("impact_rig.nodes.recorder_run.SETTLING_TIME", 0.02)
     _, stored, node = recorder()
     states = connect(harness, interfaces.ACQUISITION_STATE)
     blocks = connect(harness)
@@ -174,7 +175,7 @@ def test_a_record_that_has_ended_is_told_of_once_however_many_follow(
         publish(blocks, make_blocks(record))
         stored.wait_for_count(record)
         states.publish(AcquisitionState(state=AcquisitionState.IDLE, record=record))
-    # These get no blocks. When the first is told of, all is quiet; the second is told of later
+    # These get no blocks. When the first is reported, all is quiet; the second is reported later
     # than anything that the others might still cause.
     for record in (count + 1, count + 2):
         states.publish(AcquisitionState(state=AcquisitionState.IDLE, record=record))
@@ -197,9 +198,7 @@ def test_by_the_chunk_nothing_waits_for_the_disk(harness, recorder, tmp_path, mo
     def refuse(_):
         raise AssertionError("it waits for the disk")
 
-    monkeypatch.setattr(
-        "impact_rig.recording.writing.recording_writer.RecordingWriter.sync", refuse
-    )
+    monkeypatch.setattr("impact_rig.recordings.writer.RecordingWriter.sync", refuse)
     _, stored, _ = recorder(sync="chunk", flush_period=0.05)
     publish(connect(harness), [*make_blocks(1), *make_blocks(2)])
     assert [word.record for word in stored.wait_for_count(2)] == [1, 2]
@@ -208,7 +207,7 @@ def test_by_the_chunk_nothing_waits_for_the_disk(harness, recorder, tmp_path, mo
 
 def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder, monkeypatch):
     depth = interfaces.ACCELERATION.qos.depth
-    monkeypatch.setattr("impact_rig.nodes.recording.recorder_topics.QUEUE_DEPTH", depth)
+    monkeypatch.setattr("impact_rig.nodes.recorder_run.QUEUE_DEPTH", depth)
     states, stored, _ = recorder()
     publisher = connect(harness)
     publish(publisher, make_blocks(1))
@@ -251,9 +250,7 @@ def test_a_full_disk_ends_the_recording_cleanly_and_says_so(
     publisher = connect(harness)
     publish(publisher, make_blocks(1))
     stored.wait_for_count(1)
-    monkeypatch.setattr(
-        "impact_rig.recording.writing.disk_file.DiskFile._measure_room", lambda _: 1000
-    )
+    monkeypatch.setattr("impact_rig.recordings.new_file.DiskFile._measure_room", lambda _: 1000)
     # What the writer asks for the disk less often than for each message is not known here.
     record = 1
     while states.messages[-1].recording:
@@ -290,7 +287,7 @@ def test_every_file_of_a_split_recording_says_how_it_ended(harness, recorder, tm
     assert states.messages[-1].uri == str(tmp_path / "session")
     # What else is recorded may begin another file at any moment.
     harness.close(node)
-    files = sorted((tmp_path / "session").glob("*.mcap"))
+    files = open_source(tmp_path / "session").files
     assert len(files) > 2
     metadata = [read_metadata(file) for file in files]
     reasons = [[item["reason"] for item in one["impact_rig/health"]] for one in metadata]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from impact_rig_msgs.msg import Impact
 from impact_rig_msgs.srv import GetResults
 from lifecycle_msgs.msg import State
@@ -9,12 +10,18 @@ from lifecycle_msgs.msg import State
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.choices import Fault
-from impact_rig.devices.virtual.faults import FaultPlan, ScheduledFault
-from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.nodes import interfaces
+from impact_rig.devices.virtual.rig import (
+    FaultPlan,
+    ScheduledFault,
+    VirtualRig,
+    VirtualRigSettings,
+)
+from impact_rig.nodes import interfaces, rig_node, visualizer
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
-from impact_rig.nodes.visualizer import VisualizerNode
+from impact_rig.nodes.rig_node import RateMeter
+from impact_rig.nodes.visualizer import SILENCE, RigHealth, VisualizerNode
+from impact_rig.present.rerun.health import Level
 
 pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 
@@ -72,9 +79,13 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
     estimates.wait_for_count(2)
     harness.wait_until(lambda: node.diagnose()["hits"] == 2)
     harness.wait_until(lambda: node.diagnose()["comparisons"] == 2)
-    # Setup, ten blocks, two verdicts, two estimates, hammer, two comparisons; and from both nodes
-    # what they say of themselves.
-    harness.wait_until(lambda: node.messages_handled >= 20)
+    # Once a second each node says how it is.
+    harness.wait_until(
+        lambda: (
+            {"estimator", "visualizer"}
+            <= {each.name for each in harness.run(node._health.make_health).nodes}
+        )
+    )
     harness.close(node)
 
     reader, chunks = read()
@@ -103,26 +114,6 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
         assert any(part in name for name in drawn)
     # Of two hits one is in the mean.
     assert len({name for name in drawn if "/hammer/hits/" in name}) == 1
-
-
-def test_what_has_come_is_taken_in_the_order_in_which_it_was_sent(harness, tmp_path, monkeypatch):
-    taken = []
-    monkeypatch.setattr(VisualizerNode, "_begin", lambda *_: taken.append("setup"))
-    monkeypatch.setattr(VisualizerNode, "_take_block", lambda *_: taken.append("block"))
-    harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
-    setups, blocks = (
-        harness.advertise(topic) for topic in (interfaces.SETUP, interfaces.ACCELERATION)
-    )
-    harness.wait_until(
-        lambda: all(item.get_subscription_count() == 1 for item in (setups, blocks))
-    )
-    # Sooner than it looks again; topic by topic it would be a set-up and two blocks.
-    block = block_to_msg(strike(1, 1).split(1000, 0)[0])
-    blocks.publish(block)
-    setups.publish(SETUP)
-    blocks.publish(block)
-    harness.wait_until(lambda: len(taken) == 3)
-    assert taken == ["block", "setup", "block"]
 
 
 def test_what_was_said_before_it_came_is_shown_too(harness, tmp_path, read):
@@ -174,7 +165,12 @@ def test_who_comes_late_sees_nothing_of_the_campaign_before(harness, tmp_path):
     node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
     # Set-up, two verdicts, two estimates or more, a hammer, and comparisons: the topics keep all.
     harness.wait_until(lambda: node.messages_handled >= 8 and node.diagnose()["comparisons"] > 0)
-    harness.wait_until(lambda: node._campaign.make_results().hits)
+
+    def has_come():
+        results = node._campaign.make_results()
+        return results.hits and results.samples
+
+    harness.wait_until(has_come)
     results = node._campaign.make_results()
     assert [hit.record for hit in results.hits] == [2]
     assert [sample.impacts_accepted for sample in results.samples] == [1]
@@ -236,3 +232,77 @@ def test_a_view_that_goes_nowhere_fails_to_configure_and_says_what_to_set(
     assert not node.is_active
     assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
     assert expected in node._fault
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Return a clock that only moves when it is told to."""
+
+    class Clock:
+        now = 100.0
+
+        def monotonic(self):
+            return self.now
+
+    made = Clock()
+    monkeypatch.setattr(visualizer, "time", made)
+    monkeypatch.setattr(rig_node, "time", made)
+    return made
+
+
+def say(name, message="active", level=DiagnosticStatus.OK, **values):
+    status = DiagnosticStatus(name=name, message=message, level=level)
+    status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+    array = DiagnosticArray(status=[status])
+    array.header.stamp.sec = 7
+    return array
+
+
+def test_the_last_word_of_each_node_is_kept(clock):
+    health = RigHealth("/lab/rig1")
+    assert health.add(say("/lab/rig1/recorder", gaps="0"))
+    assert health.add(say("/lab/rig1/hammer"))
+    assert health.add(say("/lab/rig1/recorder", "disk full", DiagnosticStatus.ERROR, gaps="2"))
+
+    made = health.make_health()
+    hammer, recorder = made.nodes
+    assert made.stamp == 7 * 10**9
+    assert (hammer.name, hammer.level) == ("hammer", Level.OK)
+    assert (recorder.name, recorder.level, recorder.message) == (
+        "recorder", Level.ERROR, "disk full",
+    )  # fmt: skip
+    assert recorder.values == (("gaps", "2"),)
+
+
+@pytest.mark.parametrize("name", ["/hammer", "/lab/rig2/hammer", "joystick: status", "/lab/rig1"])
+def test_nodes_of_others_are_left_to_others(name):
+    health = RigHealth("/lab/rig1")
+    assert not health.add(say(name))
+    assert health.make_health().nodes == ()
+
+
+def test_without_a_namespace_rigs_in_namespaces_are_others():
+    health = RigHealth("/")
+    assert not health.add(say("/lab/rig1/hammer"))
+    assert health.add(say("/hammer"))
+
+
+def test_a_node_that_says_nothing_any_more_is_marked(clock):
+    health = RigHealth("/")
+    health.add(say("/hammer", "armed"))
+    clock.now += SILENCE + 1.0
+    health.add(say("/recorder"))
+
+    hammer, recorder = health.make_health().nodes
+    assert hammer.level == Level.STALE
+    assert hammer.message == "silent for 6 s; last: armed"
+    assert recorder.level == Level.OK
+
+
+def test_rates_are_counted_from_one_call_to_the_next(clock):
+    meter = RateMeter()
+    rates = []
+    for count in (0, 50, 50):
+        clock.now += 2.0
+        rates.append(meter.measure(count))
+    assert rates == [0.0, 25.0, 0.0]

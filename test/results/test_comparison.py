@@ -6,6 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.results.campaign import Results
 from impact_rig.results.comparison import (
     CONTACT_TIME,
@@ -16,22 +22,13 @@ from impact_rig.results.comparison import (
     compare_runs,
     find_setup_differences,
 )
-from impact_rig.results.estimates import HammerResults, SampleResults
-from impact_rig.results.setup_results import (
-    SampleSetupResults,
-    SensorResults,
-    SettingsResults,
-    SetupResults,
-)
 
-SETUP = SetupResults(hammer_mass_kg=0.1, samples=(SampleSetupResults("disc", mass_kg=0.2),))
+SETUP = RigSetup(SampleSet((Sample("disc", 0.2),), ""), hammer_mass=0.1, impact_speed=0.08)
 
 
-def make_run(contact_time: float, expanded: float, name: str = "disc", **fields: float) -> Results:
-    sample = SampleResults(
-        name, 3, 0, contact_time_s=contact_time, contact_time_expanded_s=expanded, **fields
-    )
-    return Results(SETUP, HammerResults(), (sample,), ())
+def make_run(contact_time: float, expanded: float, name: str = "disc") -> Results:
+    known = Quantity(contact_time, expanded / 2.0, expanded)
+    return Results(SETUP, HammerEstimate(), (SampleEstimate(name, 3, 0, known),), ())
 
 
 def find(compared: tuple[ComparedQuantity, ...], body: str, symbol: str) -> ComparedQuantity:
@@ -77,7 +74,7 @@ def test_a_run_that_lacks_a_sample_leaves_a_hole():
     runs = [make_run(1e-4, 1e-6), make_run(1e-4, 1e-6, name="rod"), make_run(2e-4, 1e-6)]
     (found,) = compare_runs(runs)
     assert found.body == "disc"
-    assert math.isnan(found.values[1])
+    assert math.isnan(found.found[1].value)
     assert not found.changes[0].is_beyond_uncertainty
     assert found.changes[1].is_beyond_uncertainty
 
@@ -103,20 +100,20 @@ def test_differing_masses_and_settings_are_named_with_their_values():
         setup=replace(
             SETUP,
             name="another name alone is no difference",
-            samples=(SampleSetupResults("disc", mass_kg=0.3), SampleSetupResults("rod")),
-            sensors=(SensorResults("hammer", "force", "N", 2e-3),),
-            analysis=SettingsResults(cutoff_frequency_hz=30e3),
+            samples=SampleSet((Sample("disc", 0.3), Sample("rod", math.nan)), ""),
+            sensors=(Sensor("hammer", "force", "N", 2e-3),),
+            analysis=AnalysisSettings(cutoff_frequency=30e3),
         ),
     )
     found = {
         (item.sample, item.field): item.values for item in find_setup_differences([run, other])
     }
-    assert found["", "cutoff_frequency_hz"] == (50e3, 30e3)
-    assert found["disc", "mass_kg"] == (0.2, 0.3)
+    assert found["", "cutoff_frequency"] == (50e3, 30e3)
+    assert found["disc", "mass"] == (0.2, 0.3)
     assert found["rod", "material"] == (None, "")
-    assert found["hammer sensor", "sensitivity_v_per_unit"] == (None, 2e-3)
+    assert found["hammer sensor", "sensitivity"] == (None, 2e-3)
     assert ("", "name") not in found
-    assert ("", "hammer_mass_kg") not in found
+    assert ("", "hammer_mass") not in found
 
 
 def test_what_is_unknown_in_all_runs_does_not_differ():

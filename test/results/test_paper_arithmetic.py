@@ -60,3 +60,16 @@ def test_the_impact_speed_was_rounded_on_the_way() -> None:
     assert PAPER.speed.computed_angular_speed_rad_per_s == pytest.approx(0.312, abs=5e-4)
     assert PAPER.speed.computed_speed_m_per_s == pytest.approx(0.0827, abs=5e-5)
     assert PAPER.speed.printed_speed_m_per_s == 0.0819
+
+
+def test_table_2_goes_with_the_mass_like_a_hertz_contact() -> None:
+    *materials, every = PAPER.sizes
+    assert every.exponent.value == pytest.approx(0.390, abs=5e-4)
+    assert every.exponent.standard == pytest.approx(0.012, abs=5e-4)
+    assert every.hertz_residual_percent == pytest.approx(1.0, abs=0.05)
+    assert every.spring_residual_percent == pytest.approx(3.6, abs=0.05)
+    assert [size.material for size in materials] == ["aluminium", "steel", "bronze", "brass"]
+    # Bronze small and large alone: ln(239.2/188) over ln(m_eq ratio), the middle one lies on it.
+    light, heavy = (0.1 * m / (0.1 + m) for m in (0.07348, 0.35113))
+    by_hand = math.log(239.2 / 188.0) / math.log(heavy / light)
+    assert materials[2].exponent.value == pytest.approx(by_hand, abs=2e-3)

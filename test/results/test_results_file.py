@@ -13,31 +13,37 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import FileError
+from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.results import results_file
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.estimates import HammerResults, SampleResults
 from impact_rig.results.results_file import (
     format_json,
     read_results,
     results_to_json,
     write_results,
 )
-from impact_rig.results.setup_results import SetupResults
 
-SAMPLE = SampleResults("tin", 3, 1, contact_time_s=2e-4, notes=("k2: unknown",))
+SAMPLE = SampleEstimate("tin", 3, 1, contact_time=Quantity(2e-4), notes=("k2: unknown",))
 REJECTED = HitResults("tin", 2, 1, 5, False, ("weak: too weak",), injected_faults=("weak_hit",))
-RESULTS = Results(SetupResults("rig"), HammerResults("tin", 1e7), (SAMPLE,), (REJECTED,))
+RESULTS = Results(
+    PAPER_SETUP, HammerEstimate(Quantity(1e7), control_sample="tin"), (SAMPLE,), (REJECTED,)
+)
 
 
 def test_what_is_written_is_read_again(tmp_path: Path, results: Results) -> None:
     path = tmp_path / "results.json"
     write_results(path, results)
-    assert repr(read_results(path)) == repr(results)
+    found = read_results(path)
+    assert results_to_json(found) == results_to_json(results)
+    assert (found.setup, found.hits) == (results.setup, results.hits)
 
 
 @given(value=st.floats(allow_nan=False, allow_infinity=False))
 def test_every_number_comes_back_bit_by_bit(value: float) -> None:
-    results = replace(RESULTS, samples=(replace(SAMPLE, stiffness_n_per_m=value),))
+    results = replace(RESULTS, samples=(replace(SAMPLE, stiffness=Quantity(value)),))
     content = json.loads(format_json(results_to_json(results)))
     back = content["samples"][0]["stiffness_n_per_m"]
     assert (back, math.copysign(1, back)) == (value, math.copysign(1, value))
@@ -47,7 +53,7 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path: Pat
     path = tmp_path / "results.json"
     write_results(path, RESULTS)
     content = json.loads(path.read_text())
-    assert content["format"] == {"name": "impact-rig results", "version": 3}
+    assert content["format"] == {"name": "impact-rig results", "version": 4}
     assert {"stiffness_n_per_m", "damping_coefficient_n_s_per_m"} <= set(content["hammer"])
     assert {
         "name", "impacts_accepted", "impacts_rejected", "contact_time_s", "stiffness_n_per_m",
@@ -76,7 +82,7 @@ def test_what_is_not_determined_is_null(tmp_path: Path) -> None:
     write_results(path, RESULTS)
     assert "NaN" not in path.read_text()
     assert json.loads(path.read_text())["samples"][0]["stiffness_n_per_m"] is None
-    assert math.isnan(read_results(path).samples[0].stiffness_n_per_m)
+    assert math.isnan(read_results(path).samples[0].stiffness.value)
 
 
 def test_a_new_file_takes_the_place_of_the_old_one_at_once(tmp_path: Path) -> None:
@@ -125,7 +131,7 @@ def _mistype(content: dict[str, Any]) -> None:
 
 
 def _age(content: dict[str, Any]) -> None:
-    content["format"]["version"] = 4
+    content["format"]["version"] = 5
 
 
 def _rename(content: dict[str, Any]) -> None:
@@ -141,7 +147,7 @@ def _flatten(content: dict[str, Any]) -> None:
     [
         (_drop, r"the field samples\[0\].contact_time_s is missing"),
         (_mistype, r"samples\[0\].impacts_accepted is 'three': it must be a whole number"),
-        (_age, "version 4; this program reads version 3"),
+        (_age, "version 5; this program reads versions 3 to 4"),
         (_rename, "is not a results file"),
         (_flatten, "hits must be a list"),
     ],
@@ -171,13 +177,15 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         read_results(tmp_path / "results.json")
 
 
-def test_results_of_older_versions_know_no_sensors(tmp_path: Path) -> None:
+def test_results_of_version_3_are_read(tmp_path: Path) -> None:
     path = tmp_path / "results.json"
-    write_results(path, RESULTS)
-    content = json.loads(path.read_text())
+    content = results_to_json(RESULTS)
+    content["format"]["version"] = 3
     del content["setup"]["sensors"]
+    for inner in (content["samples"][0]["free_decay"], content["hammer"]):
+        del inner["budget"]
     path.write_text(json.dumps(content))
-    assert read_results(path).setup.sensors == ()
+    assert results_to_json(read_results(path)) == results_to_json(RESULTS)
     del content["setup"]["samples"]
     path.write_text(json.dumps(content))
     with pytest.raises(FileError, match=r"the field setup.samples is missing"):

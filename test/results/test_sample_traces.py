@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.quantity import UNKNOWN
 from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
@@ -18,6 +19,7 @@ from impact_rig.results.sample_traces import (
     PRINTED,
     SampleTraces,
     align_hit,
+    find_peak,
     sample_traces_from_estimate,
 )
 
@@ -97,7 +99,9 @@ def test_models_are_drawn_in_the_scale_of_the_measurement(published: SampleTrace
 def test_the_residual_gives_the_mean_square_error(published: SampleTraces) -> None:
     model = published.find_model(DRIVEN)
     assert model is not None
-    residual = published.find_residual(model) / np.abs(published.mean).max(axis=1, keepdims=True)
+    residual = published.compute_residual(model) / np.abs(published.mean).max(
+        axis=1, keepdims=True
+    )
     errors = 100.0 * np.mean(residual**2, axis=1)
     assert errors == pytest.approx([model.mse_hammer_percent, model.mse_sample_percent])
 
@@ -130,5 +134,10 @@ def test_what_has_no_contact_has_no_traces() -> None:
     session, _ = strike(Plant.PUBLISHED)
     estimate, mean = session.estimate_sample(CONTROL), session.find_mean(CONTROL)
     assert mean is not None
-    assert sample_traces_from_estimate(replace(estimate, contact=None), mean) is None
+    assert sample_traces_from_estimate(replace(estimate, contact_time=UNKNOWN), mean) is None
     assert math.isfinite(estimate.first_peak_time)
+
+
+def test_the_peak_has_its_sign_and_nan_is_no_peak():
+    assert find_peak(np.array([1.0, np.nan, -3.0, 2.0])) == -3.0
+    assert find_peak(np.full(3, np.nan)) == 0.0

@@ -6,8 +6,8 @@ import pytest
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.study.cases import Case, Configuration, Part, find_case, list_cases
+from impact_rig.study.run import plan_units
 from impact_rig.study.selection import SERIES_HITS
-from impact_rig.study.units import plan_units
 
 
 def test_the_full_study_is_as_large_as_its_goals_ask():
@@ -26,6 +26,8 @@ def test_the_bias_is_studied_along_every_axis():
         "sampling rate",
         "damping ratio",
         "pulse shape",
+        "contact law",
+        "read as a law",
     }
     ratios = [case.damping_ratio for case in cases if not math.isnan(case.damping_ratio)]
     assert max(ratios) == 0.7

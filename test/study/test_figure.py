@@ -5,11 +5,10 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
+from impact_rig.study.campaigns import ESTIMATED
 from impact_rig.study.cases import ESTIMATORS, Configuration, Part, list_cases
-from impact_rig.study.estimators import ESTIMATED
-from impact_rig.study.figure import draw_figure
-from impact_rig.study.results import Row, StudyResults
-from impact_rig.study.statistics import Bias, Ratio
+from impact_rig.study.files import draw_figure
+from impact_rig.study.results import Bias, Ratio, Row, StudyResults
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 

@@ -1,16 +1,104 @@
-"""From the columns of the units to rows, JSON and CSV."""
+"""Bias, coverage and efficiency against known distributions and published intervals."""
 
 import csv
 import io
 import json
+import math
 
+import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from impact_rig.study.cases import Configuration, Part, list_cases
 from impact_rig.study.files import format_csv, list_selection, results_to_json
-from impact_rig.study.results import summarize
+from impact_rig.study.results import (
+    Bias,
+    Ratio,
+    Row,
+    StudyResults,
+    estimate_bias,
+    estimate_coverage,
+    estimate_efficiency,
+    find_fraction,
+    judge_goals,
+    summarize,
+)
+from impact_rig.study.run import plan_units
 from impact_rig.study.selection import SelectionCount
-from impact_rig.study.units import plan_units
+from impact_rig.study.speed import Speed
+
+NAN = math.nan
+
+
+def test_wilsons_interval_is_that_of_the_textbook():
+    # Newcombe 1998, table I: 81 of 263 gives 0.2553 to 0.3662, 15 of 148 gives 0.0624 to 0.1605.
+    for successes, count, low, high in ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605)):
+        found = find_fraction(successes, count)
+        assert found.value == successes / count
+        assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_no_trial_says_nothing():
+    assert math.isnan(find_fraction(0, 0).value)
+    assert math.isnan(estimate_coverage(np.array([0.1]), np.array([NAN])).value)
+
+
+def test_bias_and_spread_are_those_of_the_distribution():
+    errors = np.random.default_rng(1).normal(0.3, 2.0, 40_000)
+    found = estimate_bias(errors)
+    assert found.standard_error == pytest.approx(0.01, rel=0.02)
+    assert abs(found.bias - 0.3) < 3 * found.standard_error
+    assert found.spread == pytest.approx(2.0, rel=0.02)
+
+
+@pytest.mark.parametrize("errors", [[], [0.5]])
+def test_too_few_errors_have_no_spread(errors):
+    found = estimate_bias(np.array(errors))
+    assert math.isnan(found.spread)
+    assert math.isnan(found.standard_error)
+    assert math.isnan(found.bias) is (not errors)
+
+
+def test_coverage_of_students_intervals_is_what_they_claim():
+    hits = np.random.default_rng(2).normal(size=(20_000, 10))
+    half_widths = student.ppf(0.975, 9) * hits.std(axis=1, ddof=1) / math.sqrt(10)
+    found = estimate_coverage(hits.mean(axis=1), half_widths)
+    assert found.low < 0.95 < found.high
+    # Without Student's t they would claim too much.
+    assert estimate_coverage(hits.mean(axis=1), half_widths * 1.96 / 2.262).high < 0.93
+
+
+def test_an_estimate_without_an_interval_does_not_count():
+    found = estimate_coverage(np.array([0.0, 9.0, 9.0]), np.array([1.0, NAN, NAN]))
+    assert found.value == 1.0
+
+
+def test_efficiency_is_the_rms_error_over_the_bound():
+    generator = np.random.default_rng(3)
+    bounds = generator.uniform(0.1, 10.0, 20_000)
+    found = estimate_efficiency(1.2 * bounds * generator.standard_normal(20_000), bounds)
+    assert found.low < 1.2 < found.high
+    assert found.high / found.low < 1.03
+
+
+def test_bias_counts_against_efficiency():
+    errors = np.array([3.0, 3.0, 3.0])
+    assert estimate_efficiency(errors, np.full(3, 1.5)).value == pytest.approx(2.0)
+
+
+def test_the_interval_of_an_efficiency_covers_in_95_percent():
+    errors = np.random.default_rng(4).standard_normal((2000, 12))
+    found = [estimate_efficiency(row, np.ones(12)) for row in errors]
+    covered = sum(item.low <= 1.0 <= item.high for item in found)
+    # Binomial: 1900 +- 10 standard; four of them.
+    assert abs(covered - 1900) < 40
+
+
+def test_errors_without_a_bound_do_not_count():
+    found = estimate_efficiency(np.array([1.0, 50.0]), np.array([1.0, NAN]))
+    assert found.value == 1.0
+    assert math.isnan(estimate_efficiency(np.array([1.0]), np.array([NAN])).value)
+
 
 COVERAGE = Configuration((Part.COVERAGE,), campaigns=21)
 
@@ -65,3 +153,90 @@ def test_the_selection_has_a_row_for_each_fault_and_one_for_the_good_hits():
     ]
     assert rows[0]["rejected_percent"] == 75.0
     assert rows[0]["rejected_low_percent"] < 75.0 < rows[0]["rejected_high_percent"]
+
+
+UNKNOWN = Ratio(math.nan, math.nan, math.nan)
+
+
+def make_row(part, value, estimator, quantity, *, coverage=math.nan, efficiency=math.nan, lost=0):
+    return Row(
+        part=part,
+        axis="axis",
+        value=value,
+        position=0.0,
+        estimator=estimator,
+        quantity=quantity,
+        campaigns=100,
+        determined=100 - lost,
+        bias=Bias(0.0, 0.0, 0.0),
+        coverage=Ratio(coverage, coverage - 0.01, coverage + 0.01),
+        efficiency=Ratio(efficiency, efficiency - 0.1, efficiency + 0.1),
+    )
+
+
+def judge(**values):
+    return judge_goals(StudyResults(Configuration(), **values))
+
+
+def test_coverage_is_asked_for_between_93_and_97_percent():
+    goals = judge(
+        rows=tuple(
+            make_row(Part.COVERAGE, "published", "paper", "contact_time", coverage=value)
+            for value in (0.929, 0.93, 0.97, 0.971)
+        )
+    )
+    assert [goal.is_reached for goal in goals] == [False, True, True, False]
+    assert goals[0].text == "92.9 % (91.9 to 93.9)"
+
+
+def test_what_is_known_to_be_biased_has_no_goal():
+    row = make_row(Part.COVERAGE, "dynamics", "paper", "damping_ratio", coverage=0.0)
+    assert judge(rows=(row,)) == ()
+
+
+def test_an_interval_that_is_never_there_covers_nothing():
+    row = make_row(Part.COVERAGE, "dynamics", "identification", "stiffness")
+    (goal,) = judge(rows=(row,))
+    assert not goal.is_reached
+    assert (goal.found, goal.text) == (None, "not determined")
+
+
+def test_the_worst_noise_level_counts_for_the_efficiency():
+    rows = [
+        make_row(Part.EFFICIENCY, value, "identification", "stiffness", efficiency=ratio)
+        for value, ratio in (("0.1 %", 1.05), ("1 %", 1.2), ("0.3 %", 1.1))
+    ]
+    (goal,) = judge(rows=tuple(rows))
+    assert not goal.is_reached
+    assert "1 %" in goal.subject
+    (goal,) = judge(rows=(rows[0], rows[2]))
+    assert goal.is_reached
+
+
+def test_each_estimator_has_its_own_worst_noise_level():
+    rows = (
+        make_row(Part.EFFICIENCY, "1 %", "identification", "contact_time", efficiency=1.0),
+        make_row(Part.EFFICIENCY, "1 %", "contact_law", "contact_time", efficiency=1.3),
+    )
+    assert [goal.is_reached for goal in judge(rows=rows)] == [True, False]
+
+
+def test_an_estimator_that_gives_up_is_not_efficient():
+    row = make_row(Part.EFFICIENCY, "1 %", "identification", "stiffness", efficiency=1.0, lost=1)
+    (goal,) = judge(rows=(row,))
+    assert not goal.is_reached
+
+
+def test_every_fault_must_be_found_and_few_good_hits_lost():
+    count = SelectionCount(2000, 2, {"overload": 9, "weak_hit": 9}, {"overload": 9}, {})
+    overload, weak, good = judge(selection=count)
+    assert (overload.is_reached, weak.is_reached, good.is_reached) == (True, False, False)
+    assert "0 of 9" in weak.subject
+    (good,) = judge(selection=SelectionCount(2001, 2))
+    assert good.is_reached
+
+
+def test_speed_is_judged_by_time_and_ratio():
+    goals = judge(speed=Speed(0.02, 0.9, 45.0, 5000, 20, 3, 1e-6))
+    assert [goal.is_reached for goal in goals] == [True, False]
+    assert [goal.text for goal in goals] == ["20.0 ms", "45"]

@@ -5,7 +5,7 @@ from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.choices import Fault
-from impact_rig.devices.virtual.faults import ScheduledFault
+from impact_rig.devices.virtual.rig import ScheduledFault
 from impact_rig.study.selection import (
     RIGHT_REASONS,
     SERIES_HITS,

@@ -9,8 +9,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from impact_rig.core.errors import SignalError
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.model.impact import ImpactModel, ModelVariant, simulate_impact
-from impact_rig.core.signals.filtering import low_pass
-from impact_rig.core.signals.interpolation import interpolate_between
+from impact_rig.core.signals.filtering import interpolate_between, low_pass
 from impact_rig.core.signals.record import FloatArray, make_read_only
 
 LARGEST_SHIFT = 1.0

@@ -1,20 +1,28 @@
 """Free decay and identified model of one sample, with masses, clock and uncertainties."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field, replace
 
-from impact_rig.core.damping.free_decay import FreeDecay, estimate_free_decay
-from impact_rig.core.damping.log_decrement import estimate_damping_ratio_from_coefficient
+from impact_rig.core.damping.free_decay import estimate_free_decay
 from impact_rig.core.errors import RigError
+from impact_rig.core.estimation.paper_method import (
+    CONTACT_TIME,
+    DAMPING_COEFFICIENT,
+    DAMPING_RATIO,
+    NAN,
+    STIFFNESS,
+)
 from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.identification.fitting import MisfitError
 from impact_rig.core.identification.identifiability import GOOD_CHI_SQUARE, LARGEST_RESIDUAL
 from impact_rig.core.identification.identification import Identification, identify_model
-from impact_rig.core.identification.search import MisfitError
 from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import ModelVariant
+from impact_rig.core.quantity import INTERNAL, UNKNOWN, Quantity, describe
 from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.uncertainty.inputs import find_rig_numbers
 from impact_rig.core.uncertainty.propagation import (
-    BodyUncertainties,
+    FittedBody,
+    find_rig_numbers,
     propagate_free_decay,
     propagate_identification,
 )
@@ -28,49 +36,98 @@ NO_MODEL = (
 
 @dataclass(frozen=True)
 class FreeDecayEstimate:
-    """What the decay after the contact says of a sample.
+    """What the decay after the contact says of a sample; NaN: not determined.
 
     Attributes
     ----------
-    decay : FreeDecay
-        As fitted.
-    stiffness : float
+    stiffness : Quantity
         m2 times the natural angular frequency squared [N/m].
-    damping_coefficient : float
-        c2 [N s/m].
-    damping_ratio : float
-        zeta2 [-].
-    uncertainties : BodyUncertainties
-        Of these.
+    damping_ratio, damping_coefficient : Quantity
+        zeta2 [-] and c2 [N s/m].
+    frequency : float
+        Of the damped oscillation [Hz].
+    periods : float
+        Of it that stand out of the noise [-].
+    r_squared : float
+        Part of the tail's variance that the fit explains [-].
+    residual_over_noise : float
+        RMS of what is left over the noise [-]; 1: nothing but noise.
     """
 
-    decay: FreeDecay
-    stiffness: float
-    damping_coefficient: float
-    damping_ratio: float
-    uncertainties: BodyUncertainties
+    stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
+    damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
+    damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
+    frequency: float = field(default=NAN, metadata=describe("Hz", "f", "frequency", shown="kHz"))
+    periods: float = NAN
+    r_squared: float = NAN
+    residual_over_noise: float = NAN
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it is determined."""
+        return self.damping_ratio.is_known
+
+
+NO_DECAY = FreeDecayEstimate()
+"""Where it is not determined."""
 
 
 @dataclass(frozen=True)
 class FittedModel:
     """One variant of the model laid onto both traces of a sample.
 
+    NaN: the model does not describe them, and the nearest parameters of a model that is not this
+    body's are no measurement of it.
+
     Attributes
     ----------
-    identification : Identification
-        As fitted: tau_p, k2, c2 and more.
-    damping_ratio : float
-        zeta2 [-].
-    uncertainties : BodyUncertainties
-        Of tau_p, k2, c2 and zeta2.
+    model : str
+        "driven": equation (4) on the hammer, the sample driven by F(t) alone; "printed":
+        equations (1) and (2) as they stand.
     is_preferred : bool
         It describes both traces, and of all variants that do its criterion is the smallest.
+    criterion : float
+        Bayesian information criterion [-]; ten less is very strong evidence.
+    contact_time, stiffness, damping_ratio, damping_coefficient : Quantity
+        tau_p [s], k2 [N/m], zeta2 [-] and c2 [N s/m].
+    force_balance : float
+        Force on the sample over force on the hammer [-]; 1 by Newton's third law, if masses
+        and calibrations are right and the model holds.
+    residual_hammer_percent, residual_sample_percent : float
+        RMS of what is left, over the trace's peak [%].
+    residual_over_noise : float
+        The same over the noise, both traces together [-]; 1: nothing but noise.
+    parameters : tuple of str
+        Names of all fitted parameters.
+    values : tuple of float
+        Theirs, in SI units.
+    covariance : tuple of float
+        Of one mean trace's noise, row by row, as many rows as parameters.
+    undetermined : tuple of str
+        Which combinations the traces do not determine.
+    notes : tuple of str
+        What else must be known to read the values.
+    identification : Identification or None
+        As fitted, with the traces.
     """
 
-    identification: Identification
-    damping_ratio: float
-    uncertainties: BodyUncertainties
+    model: str
     is_preferred: bool = False
+    criterion: float = NAN
+    contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)
+    stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
+    damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
+    damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
+    force_balance: float = NAN
+    residual_hammer_percent: float = NAN
+    residual_sample_percent: float = NAN
+    residual_over_noise: float = NAN
+    parameters: tuple[str, ...] = ()
+    values: tuple[float, ...] = ()
+    covariance: tuple[float, ...] = ()
+    undetermined: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    identification: Identification | None = field(default=None, metadata=INTERNAL)
 
 
 def estimate_decay(
@@ -97,20 +154,22 @@ def estimate_decay(
     decay = estimate_free_decay(
         mean, SPECIMEN_CHANNEL, contact_time, setup.analysis.cutoff_frequency
     )
-    mass = setup.samples.find_moving_mass(sample)
+    body = propagate_free_decay(
+        f"scatter of the hits on {sample}",
+        decay.hit_values,
+        find_rig_numbers(setup, sample),
+        estimates=(decay.decay_rate, decay.angular_frequency),
+        averaged=mean.count,
+        owner=f"{sample}, free decay",
+    )
     return FreeDecayEstimate(
-        decay=decay,
-        stiffness=decay.find_stiffness(mass),
-        damping_coefficient=decay.find_damping_coefficient(mass),
-        damping_ratio=decay.damping_ratio,
-        uncertainties=propagate_free_decay(
-            f"scatter of the hits on {sample}",
-            decay.hit_values,
-            find_rig_numbers(setup, sample),
-            estimates=(decay.decay_rate, decay.angular_frequency),
-            averaged=mean.count,
-            owner=f"{sample}, free decay",
-        ),
+        stiffness=body.stiffness,
+        damping_ratio=body.damping_ratio,
+        damping_coefficient=body.damping_coefficient,
+        frequency=decay.frequency,
+        periods=decay.periods,
+        r_squared=decay.r_squared,
+        residual_over_noise=decay.residual_over_noise,
     )
 
 
@@ -155,7 +214,7 @@ def fit_models(
     good = [item for item in found if item.describes_traces]
     best = min(good, key=lambda item: item.criterion, default=None)
     models = tuple(
-        add_uncertainties(item, setup, sample, averaged=mean.count, is_preferred=item is best)
+        _describe_model(item, setup, sample, averaged=mean.count, is_preferred=item is best)
         for item in found
     )
     if best is not None:
@@ -164,31 +223,43 @@ def fit_models(
     return models, tuple(dict.fromkeys([*notes, NO_MODEL] if found else notes))
 
 
-def add_uncertainties(
-    found: Identification,
-    setup: RigSetup,
-    sample: str,
-    *,
-    averaged: int = 0,
-    is_preferred: bool = False,
+def _describe_model(
+    found: Identification, setup: RigSetup, sample: str, *, averaged: int, is_preferred: bool
 ) -> FittedModel:
-    """Add damping ratio and uncertainties to a model that was fitted to the hits on `sample`.
+    model = FittedModel(
+        model=found.variant.value,
+        is_preferred=is_preferred,
+        criterion=found.criterion,
+        force_balance=found.force_balance,
+        residual_hammer_percent=found.residual_percent[0],
+        residual_sample_percent=found.residual_percent[1],
+        residual_over_noise=math.sqrt(found.chi_square),
+        parameters=found.names,
+        values=tuple(found.values.tolist()),
+        covariance=tuple(found.covariance.ravel().tolist()),
+        undetermined=found.undetermined,
+        notes=found.notes,
+        identification=found,
+    )
+    if not found.describes_traces:
+        return model
+    body = estimate_fitted_body(found, setup, sample, averaged=averaged)
+    return replace(model, **vars(body))
+
+
+def estimate_fitted_body(
+    found: Identification, setup: RigSetup, sample: str, *, averaged: int = 0
+) -> FittedBody:
+    """Estimate tau_p, k2, zeta2 and c2 by a model that was fitted to the hits on `sample`.
 
     `averaged` is the number of hits in the mean; 0: those that it was fitted to one by one.
     """
     columns = [found.names.index(name) for name in ("tau_p", "k2", "c2")]
-    return FittedModel(
-        identification=found,
-        damping_ratio=estimate_damping_ratio_from_coefficient(
-            found.damping_coefficient, found.stiffness, setup.samples.find_moving_mass(sample)
-        ),
-        uncertainties=propagate_identification(
-            f"scatter of the hits on {sample}",
-            found.hit_values[:, columns],
-            find_rig_numbers(setup, sample),
-            estimates=found.values[columns].tolist(),
-            averaged=averaged,
-            owner=f"{sample}, {found.variant.value} model",
-        ),
-        is_preferred=is_preferred,
+    return propagate_identification(
+        f"scatter of the hits on {sample}",
+        found.hit_values[:, columns],
+        find_rig_numbers(setup, sample),
+        estimates=found.values[columns].tolist(),
+        averaged=averaged,
+        owner=f"{sample}, {found.variant.value} model",
     )

@@ -1,4 +1,4 @@
-"""The paper's method: from mean traces to tau_p, k and c of hammer and sample.
+"""The published method: from mean traces to tau_p, k and c, equations (5) to (8).
 
 Each figure comes with its uncertainty by the GUM. The figures are floats from the formulas of
 `stiffness` and `log_decrement`; the same formulas, given uncertain numbers, carry the
@@ -6,33 +6,170 @@ uncertainties and their correlations.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from impact_rig.core.arithmetic import UncertainNumber
 from impact_rig.core.damping.log_decrement import (
     LogDecrement,
     estimate_damping_coefficient,
     estimate_damping_ratio,
+    estimate_log_decrement,
 )
-from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.mean_reading import MeanReading, read_mean_hit
+from impact_rig.core.errors import NotDeterminedError, RigError
+from impact_rig.core.estimation.contact_law import ContactLaw, compute_shape_error, look_at_law
 from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.hits.pulse_uncertainty import find_quantisation_error
+from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.model.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
     estimate_hammer_stiffness,
     estimate_sample_stiffness,
 )
+from impact_rig.core.quantity import INTERNAL, UNKNOWN, Quantity, describe
 from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.uncertainty.results import (
-    NOT_DETERMINED,
-    Uncertainty,
-    find_uncertainty,
-    make_input,
-    make_undetermined,
+from impact_rig.core.uncertainty.contact import (
+    ContactNumbers,
+    estimate_contact_numbers,
 )
+from impact_rig.core.uncertainty.propagation import RigNumbers, find_rig_numbers
+from impact_rig.core.uncertainty.results import compute_quantity, make_input
+
+DAMPING_NAMES = ("c1", "c2")
+"""Of hammer and sample, for what is said about them."""
+LARGEST_OWN_PART = 0.5
+"""Of a second peak that the other body's trace does not have in proportion [-], up to which it is
+no decay of the body's own, our choice: noise makes a quarter of the least peak."""
+LEAST_SWING = 0.5
+"""Of the trace between both peaks to the other side, over sqrt(U1 U2) [-], our choice: 1 for a
+free decay; a sensor that rings with 5 % of the pulse makes a quarter."""
+
+
+@dataclass(frozen=True)
+class MeanReading:
+    """A mean hit, read once: pulse, peaks of its traces, and what is known of their uncertainty.
+
+    Attributes
+    ----------
+    mean : MeanHit
+        What was read.
+    pulse : PulseWidth
+        Of the hammer.
+    decrements : mapping of int to LogDecrement
+        By channel, where determined.
+    notes : mapping of int to str
+        By channel, where not: why.
+    rig : RigNumbers
+        Masses and clock.
+    numbers : ContactNumbers or None
+        None: the uncertainty is not determined.
+    reason : str
+        Why not.
+    """
+
+    mean: MeanHit
+    pulse: PulseWidth
+    decrements: Mapping[int, LogDecrement]
+    notes: Mapping[int, str]
+    rig: RigNumbers
+    numbers: ContactNumbers | None
+    reason: str
+
+
+def read_mean_hit(
+    mean: MeanHit, setup: RigSetup, sample: str, law: ContactLaw | None = None
+) -> MeanReading:
+    """Read pulse and peaks of the mean hit on `sample`, with their uncertainty.
+
+    The same mean hit and set-up always give the same uncertain inputs. The contact law of this
+    mean hit, which tells how far tau_p may be from the contact's duration, may be given where it
+    is known already.
+
+    Raises
+    ------
+    SignalError
+        If the mean hammer trace has no whole pulse.
+    """
+    pulse = measure_pulse(mean.traces[0])
+    # The hits on the control sample say something of both bodies, correlated; those on another
+    # sample are asked for that sample alone.
+    channels = (0, 1) if sample == setup.samples.control_sample else (1,)
+    decrements: dict[int, LogDecrement] = {}
+    notes: dict[int, str] = {}
+    for channel in channels:
+        if channel >= mean.traces.shape[0]:
+            notes[channel] = "c2: the sample's trace was not measured"
+            continue
+        # Steps that no noise smooths make peaks of their own.
+        step = find_quantisation_error(
+            float(mean.summary.largest_step[channel]),
+            float(mean.summary.least_noise[channel]),
+        )
+        try:
+            peaks = estimate_log_decrement(
+                mean.traces[channel], max(float(mean.noise[channel]), step)
+            )
+            _check_own_decay(mean, channel, peaks)
+            decrements[channel] = peaks
+        except RigError as error:
+            notes[channel] = f"{DAMPING_NAMES[channel]}: {error}"
+    numbers, reason = None, ""
+    contact_time = setup.analysis.pulse_factor * pulse.half_amplitude_width / mean.sampling_rate
+    try:
+        numbers = estimate_contact_numbers(
+            mean,
+            pulse,
+            decrements,
+            setup.analysis,
+            setup.clock_uncertainty,
+            sample,
+            compute_shape_error(law or look_at_law(mean, setup, sample), contact_time),
+        )
+    except NotDeterminedError as error:
+        reason = str(error)
+    rig = find_rig_numbers(setup, sample)
+    return MeanReading(mean, pulse, decrements, notes, rig, numbers, reason)
+
+
+def _check_own_decay(mean: MeanHit, channel: int, peaks: LogDecrement) -> None:
+    """Refuse a second peak that is no decay of the body's own.
+
+    The force on both bodies, by the end of a contact or by a second one, shows on both in
+    proportion; the decay of one does not. A sample that decays from its first peak swings through
+    -sqrt(U1 U2) on the way to the second; noise, a second contact or a sensor's ringing does not.
+
+    Raises
+    ------
+    NotDeterminedError
+        If it is none.
+    """
+    if mean.traces.shape[0] == 1:
+        return
+    ours, other = mean.traces[channel], mean.traces[1 - channel]
+    first, second = peaks.first_index, peaks.second_index
+    shared = ours[first] / other[first] * other[second]
+    if abs(ours[second] - shared) < LARGEST_OWN_PART * peaks.second_peak:
+        raise NotDeterminedError(
+            "no log decrement, since the second peak is no decay of the body: the force on both"
+            " bodies has it, as at the end of a contact or by a second one"
+        )
+    swing = -float(np.min(ours[first:second] * np.sign(ours[first])))
+    if channel and swing < LEAST_SWING * math.sqrt(peaks.first_peak * peaks.second_peak):
+        raise NotDeterminedError(
+            "no log decrement, since the second peak is no decay of the body, which would swing"
+            " to the other side before it: noise, a second contact or a sensor that rings"
+        )
+
 
 NAN = math.nan
+STIFFNESS = describe("N/m", "k", "stiffness", shown="MN/m")
+DAMPING_RATIO = describe("", "ζ", "damping ratio")
+DAMPING_COEFFICIENT = describe("N s/m", "c", "damping coefficient")
+CONTACT_TIME = describe("s", "τp", "contact time", shown="µs")
+"""What several kinds of estimates tell of a body."""
 
 
 @dataclass(frozen=True)
@@ -41,33 +178,45 @@ class BodyEstimate:
 
     Attributes
     ----------
-    stiffness : float
+    stiffness : Quantity
         [N/m]
-    log_decrement, damping_ratio : float
+    damping_ratio : Quantity
         [-]
-    damping_coefficient : float
+    damping_coefficient : Quantity
         [N s/m]
-    peaks : LogDecrement or None
-        U1 and U2 in the mean trace; None: not determined.
+    log_decrement : float
+        [-]
     notes : tuple of str
         What could not be determined, and why.
-    stiffness_uncertainty, damping_ratio_uncertainty, damping_coefficient_uncertainty : Uncertainty
-        Of the values above.
+    peaks : LogDecrement or None
+        U1 and U2 in the mean trace; None: not determined.
     stiffness_number : UncertainNumber or None
         The stiffness with all that it depends on, for what is calculated from it; None: its
         uncertainty is not determined, or none was stated.
     """
 
-    stiffness: float = NAN
-    log_decrement: float = NAN
-    damping_ratio: float = NAN
-    damping_coefficient: float = NAN
-    peaks: LogDecrement | None = None
+    stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
+    damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
+    damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
+    log_decrement: float = field(default=NAN, metadata=describe("", "Δ", "log decrement"))
     notes: tuple[str, ...] = ()
-    stiffness_uncertainty: Uncertainty = NOT_DETERMINED
-    damping_ratio_uncertainty: Uncertainty = NOT_DETERMINED
-    damping_coefficient_uncertainty: Uncertainty = NOT_DETERMINED
-    stiffness_number: UncertainNumber | None = field(default=None, compare=False, repr=False)
+    peaks: LogDecrement | None = field(default=None, metadata=INTERNAL)
+    stiffness_number: UncertainNumber | None = field(
+        default=None, compare=False, repr=False, metadata=INTERNAL
+    )
+
+
+@dataclass(frozen=True)
+class HammerEstimate(BodyEstimate):
+    """What the control experiment says of the hammer: k1, zeta1, c1.
+
+    Attributes
+    ----------
+    control_sample : str
+        Sample of the control experiment; empty: the set has none.
+    """
+
+    control_sample: str = ""
 
 
 @dataclass(frozen=True)
@@ -80,22 +229,18 @@ class ContactEstimate:
         w50 [s].
     width_ratio : float
         w10 / w50 [-]; NaN where the pulse does not come down to a tenth.
-    contact_time : float
+    contact_time : Quantity
         tau_p [s].
-    equivalent_stiffness : float
+    equivalent_stiffness : Quantity
         k_eq [N/m].
-    contact_time_uncertainty, equivalent_stiffness_uncertainty : Uncertainty
-        Of the values above.
     equivalent_stiffness_number : UncertainNumber or None
         k_eq with all that it depends on; None: its uncertainty is not determined.
     """
 
-    half_amplitude_width: float
-    width_ratio: float
-    contact_time: float
-    equivalent_stiffness: float
-    contact_time_uncertainty: Uncertainty = NOT_DETERMINED
-    equivalent_stiffness_uncertainty: Uncertainty = NOT_DETERMINED
+    half_amplitude_width: float = NAN
+    width_ratio: float = NAN
+    contact_time: Quantity = UNKNOWN
+    equivalent_stiffness: Quantity = UNKNOWN
     equivalent_stiffness_number: UncertainNumber | None = field(
         default=None, compare=False, repr=False
     )
@@ -115,29 +260,28 @@ def estimate_contact(mean: MeanHit, setup: RigSetup, sample: str) -> ContactEsti
 def _estimate_contact(series: MeanReading, setup: RigSetup, sample: str) -> ContactEstimate:
     width = series.pulse.half_amplitude_width / series.mean.sampling_rate
     contact_time = setup.analysis.pulse_factor * width
-    equivalent_mass = estimate_equivalent_mass(
-        setup.hammer_mass, setup.samples.find_moving_mass(sample)
-    )
-    estimate = ContactEstimate(
-        half_amplitude_width=width,
-        width_ratio=series.pulse.width_ratio,
-        contact_time=contact_time,
-        equivalent_stiffness=estimate_equivalent_stiffness(equivalent_mass, contact_time),
+    stiffness = estimate_equivalent_stiffness(
+        estimate_equivalent_mass(setup.hammer_mass, setup.samples.find_moving_mass(sample)),
+        contact_time,
     )
     rig, numbers = series.rig, series.numbers
     if numbers is None:
-        missing = make_undetermined(series.reason)
-        return replace(
-            estimate, contact_time_uncertainty=missing, equivalent_stiffness_uncertainty=missing
+        missing = (series.reason,)
+        return ContactEstimate(
+            half_amplitude_width=width,
+            width_ratio=series.pulse.width_ratio,
+            contact_time=Quantity(contact_time, notes=missing),
+            equivalent_stiffness=Quantity(stiffness, notes=missing),
         )
-    stiffness = estimate_equivalent_stiffness(
+    number = estimate_equivalent_stiffness(
         estimate_equivalent_mass(rig.hammer_mass, rig.moving_mass), numbers.contact_time
     )
-    return replace(
-        estimate,
-        contact_time_uncertainty=find_uncertainty(numbers.contact_time),
-        equivalent_stiffness_uncertainty=find_uncertainty(stiffness, rig.notes),
-        equivalent_stiffness_number=stiffness,
+    return ContactEstimate(
+        half_amplitude_width=width,
+        width_ratio=series.pulse.width_ratio,
+        contact_time=compute_quantity(contact_time, numbers.contact_time),
+        equivalent_stiffness=compute_quantity(stiffness, number, rig.notes),
+        equivalent_stiffness_number=number,
     )
 
 
@@ -145,74 +289,80 @@ def _estimate_body(
     series: MeanReading,
     channel: int,
     mass: float,
-    stiffness: float,
+    stiffness: Quantity,
     number: UncertainNumber | None,
 ) -> BodyEstimate:
     """Estimate damping of one body (0: hammer, 1: sample) from its mean trace, given stiffness.
 
-    Mass in kg, stiffness in N/m; NaN: not determined, and then c is neither.
+    Parameters
+    ----------
+    series : MeanReading
+        Of the hits.
+    channel : int
+        Of the body.
+    mass : float
+        Of the body [kg].
+    stiffness : Quantity
+        Of the body; not determined: the damping coefficient is neither.
+    number : UncertainNumber or None
+        The stiffness with all that it depends on; None: the uncertainty is not determined, and
+        that of the damping coefficient is neither.
     """
-    rig, numbers = series.rig, series.numbers
-    stated = NOT_DETERMINED if number is None else find_uncertainty(number, rig.notes)
-    body = BodyEstimate(stiffness, stiffness_uncertainty=stated, stiffness_number=number)
     if channel in series.notes:
-        return replace(body, notes=(series.notes[channel],))
-    peaks = series.decrements[channel]
-    decrement = peaks.log_decrement
-    ratio = estimate_damping_ratio(decrement)
+        return BodyEstimate(stiffness, notes=(series.notes[channel],), stiffness_number=number)
+    peaks, rig, numbers = series.decrements[channel], series.rig, series.numbers
+    ratio = estimate_damping_ratio(peaks.log_decrement)
     coefficient = (
-        NAN if math.isnan(stiffness) else estimate_damping_coefficient(ratio, stiffness, mass)
+        estimate_damping_coefficient(ratio, stiffness.value, mass) if stiffness.is_known else NAN
     )
-    body = replace(
-        body,
-        log_decrement=decrement,
-        damping_ratio=ratio,
-        damping_coefficient=coefficient,
-        peaks=peaks,
-    )
-    if numbers is None:
-        missing = make_undetermined(series.reason)
-        return replace(
-            body, damping_ratio_uncertainty=missing, damping_coefficient_uncertainty=missing
+    if numbers is None or channel in numbers.notes:
+        missing = (series.reason if numbers is None else numbers.notes[channel],)
+        found = Quantity(ratio, notes=missing), Quantity(coefficient, notes=missing)
+    else:
+        uncertain = estimate_damping_ratio(numbers.log_decrements[channel])
+        found = (
+            compute_quantity(ratio, uncertain),
+            Quantity(coefficient, notes=stiffness.notes)
+            if number is None
+            else compute_quantity(
+                coefficient,
+                estimate_damping_coefficient(
+                    uncertain, number, rig.moving_mass if channel else rig.hammer_mass
+                ),
+                rig.notes,
+            ),
         )
-    if channel in numbers.notes:
-        missing = make_undetermined(numbers.notes[channel])
-        return replace(
-            body, damping_ratio_uncertainty=missing, damping_coefficient_uncertainty=missing
-        )
-    uncertain_ratio = estimate_damping_ratio(numbers.log_decrements[channel])
-    body = replace(body, damping_ratio_uncertainty=find_uncertainty(uncertain_ratio))
-    if number is None:
-        return body
-    uncertain_coefficient = estimate_damping_coefficient(
-        uncertain_ratio, number, rig.moving_mass if channel else rig.hammer_mass
-    )
-    return replace(
-        body,
-        damping_coefficient_uncertainty=find_uncertainty(uncertain_coefficient, rig.notes),
+    return BodyEstimate(
+        stiffness, *found, peaks.log_decrement, peaks=peaks, stiffness_number=number
     )
 
 
-def estimate_hammer(control: MeanHit, setup: RigSetup) -> BodyEstimate:
-    """Estimate k1 and c1 from the control experiment: hammer and sample alike, k1 = 2 k_eq."""
+def estimate_hammer(
+    control: MeanHit, setup: RigSetup, law: ContactLaw | None = None
+) -> HammerEstimate:
+    """Estimate k1 and c1 from the control experiment: hammer and sample alike, k1 = 2 k_eq.
+
+    For the law see `read_mean_hit`.
+    """
     sample = setup.samples.control_sample
-    series = read_mean_hit(control, setup, sample)
+    series = read_mean_hit(control, setup, sample, law)
     contact = _estimate_contact(series, setup, sample)
-    number = contact.equivalent_stiffness_number
-    body = _estimate_body(
-        series,
-        0,
-        setup.hammer_mass,
-        estimate_hammer_stiffness(contact.equivalent_stiffness),
-        None if number is None else estimate_hammer_stiffness(number),
-    )
-    if number is None:
-        return replace(body, stiffness_uncertainty=make_undetermined(f"k1: {series.reason}"))
-    return body
+    stiffness = estimate_hammer_stiffness(contact.equivalent_stiffness.value)
+    if contact.equivalent_stiffness_number is None:
+        number, known = None, Quantity(stiffness, notes=(f"k1: {series.reason}",))
+    else:
+        number = estimate_hammer_stiffness(contact.equivalent_stiffness_number)
+        known = compute_quantity(stiffness, number, series.rig.notes)
+    body = _estimate_body(series, 0, setup.hammer_mass, known, number)
+    return HammerEstimate(**vars(body), control_sample=sample)
 
 
 def estimate_bodies(
-    mean: MeanHit, setup: RigSetup, sample: str, hammer: BodyEstimate
+    mean: MeanHit,
+    setup: RigSetup,
+    sample: str,
+    hammer: BodyEstimate,
+    law: ContactLaw | None = None,
 ) -> tuple[ContactEstimate, BodyEstimate]:
     """Estimate the contact with `sample` and the sample itself: tau_p and k_eq, k2 and c2.
 
@@ -227,48 +377,43 @@ def estimate_bodies(
     hammer : BodyEstimate
         Of the control experiment; k1 NaN: not known yet, and then k2 and c2 are neither. Its
         notes come first among the sample's.
+    law : ContactLaw or None
+        Of this mean hit, where it is known already.
 
     Raises
     ------
     SignalError
         If the mean trace has no whole pulse.
     """
-    series = read_mean_hit(mean, setup, sample)
+    series = read_mean_hit(mean, setup, sample, law)
     contact = _estimate_contact(series, setup, sample)
-    moving_mass = setup.samples.find_moving_mass(sample)
-    stiffness, notes = NAN, hammer.notes
+    notes = hammer.notes
     number: UncertainNumber | None = None
-    if math.isnan(hammer.stiffness):
-        reason = "k2: not determined without k1"
-        notes += (reason,)
-        missing = make_undetermined(reason)
+    if not hammer.stiffness.is_known:
+        stiffness = Quantity(notes=("k2: not determined without k1",))
+        notes += stiffness.notes
     else:
         try:
-            stiffness = estimate_sample_stiffness(contact.equivalent_stiffness, hammer.stiffness)
-            number, missing = _find_stiffness_number(contact, hammer)
+            stiffness, number = _estimate_stiffness(contact, hammer, series.rig.notes)
         except NotDeterminedError as error:
-            notes += (str(error),)
-            missing = make_undetermined(str(error))
-    body = _estimate_body(series, 1, moving_mass, stiffness, number)
-    if number is None:
-        body = replace(
-            body, stiffness_uncertainty=missing, damping_coefficient_uncertainty=missing
-        )
+            stiffness = Quantity(notes=(str(error),))
+            notes += stiffness.notes
+    body = _estimate_body(series, 1, setup.samples.find_moving_mass(sample), stiffness, number)
     return contact, replace(body, notes=notes + body.notes)
 
 
-def _find_stiffness_number(
-    contact: ContactEstimate, hammer: BodyEstimate
-) -> tuple[UncertainNumber | None, Uncertainty]:
-    """Return k2 with its uncertainty; or None, and what is said instead."""
+def _estimate_stiffness(
+    contact: ContactEstimate, hammer: BodyEstimate, notes: tuple[str, ...]
+) -> tuple[Quantity, UncertainNumber | None]:
+    """Return k2, with all that it depends on if its uncertainty is determined."""
+    value = estimate_sample_stiffness(contact.equivalent_stiffness.value, hammer.stiffness.value)
     if contact.equivalent_stiffness_number is None:
-        return None, contact.equivalent_stiffness_uncertainty
+        return Quantity(value, notes=contact.equivalent_stiffness.notes), None
     hammer_number = hammer.stiffness_number
     if hammer_number is None:
-        if hammer.stiffness_uncertainty.notes:
-            return None, hammer.stiffness_uncertainty
+        if hammer.stiffness.notes:
+            return Quantity(value, notes=hammer.stiffness.notes), None
         # Given as a plain figure, not measured here: taken as exact.
-        hammer_number = make_input("stiffness of the hammer", hammer.stiffness, 0.0)
-    return estimate_sample_stiffness(
-        contact.equivalent_stiffness_number, hammer_number
-    ), NOT_DETERMINED
+        hammer_number = make_input("stiffness of the hammer", hammer.stiffness.value, 0.0)
+    number = estimate_sample_stiffness(contact.equivalent_stiffness_number, hammer_number)
+    return compute_quantity(value, number, notes), number

@@ -1,22 +1,286 @@
 """Which pulse the hammer's mean trace shows, and what the contact time is if it is that one.
 
-The paper reads tau_p = 2 w50, which belongs to a versed-sine. Under another shape the same width
-means another contact time, and stiffness goes with its inverse square.
+tau_p = 2 w50 belongs to a versed-sine. Under another shape the same width means another contact
+time, and stiffness goes with its inverse square. Each shape is laid onto the top of the trace by
+least squares, low-passed as the trace was.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import CubicSpline
+from scipy.optimize import leastsq
 
 from impact_rig.core.checks import check_not_negative
-from impact_rig.core.estimation.pulse_fit import PulseFit, PulseWindow, cut_window, fit_pulse
+from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.hits.averaging import MeanHit
-from impact_rig.core.hits.pulse_width import PulseWidth, find_crossing, measure_pulse
-from impact_rig.core.model.pulses import PULSE_SHAPES, VERSED_SINE, PulseShape
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.hits.pulse_width import TENTH_LEVEL, PulseWidth, find_crossing, measure_pulse
+from impact_rig.core.model.pulses import (
+    LARGEST_ASYMMETRY,
+    PULSE_SHAPES,
+    VERSED_SINE,
+    PulseShape,
+    differentiate_pulse,
+)
+from impact_rig.core.quantity import INTERNAL, describe
+from impact_rig.core.signals.filtering import (
+    HIGHEST_RELATIVE_CUTOFF,
+    MINIMUM_POINTS,
+    low_pass,
+)
+from impact_rig.core.signals.record import FloatArray, make_read_only
 
+FITTED = 5
+"""Parameters of a fit: start, duration, asymmetry, amplitude and offset."""
+FEWEST_POINTS = FITTED + 3
+"""In the window of a pulse [-], our choice."""
+MARGIN_BEFORE = 0.5
+"""Baseline in the window before the pulse is at a tenth of its peak, in w50 [-], our choice: the
+slow foot of a versed-sine takes 0.2 of it, the rest holds the offset."""
+MARGIN_AFTER = 0.1
+"""The same after the pulse [-], our choice: the foot, but not the ringing behind it."""
+POINTS_PER_WIDTH = 96
+"""Points of the model in w50, where the trace has so many [-], our choice: every second is
+compared."""
+KERNEL_REACH = 1.5
+"""Half length of the low-pass's kernel, in periods of the cutoff [-], our choice: 1e-3 of it lies
+outside."""
+REMEMBERED_MATRICES = 4
+"""Of the low-pass [-], our choice: the hits of a sample need one or two, of a megabyte or so."""
+SHORTEST_DURATION = 0.5
+"""Of a pulse, in w50 [-]: none is shorter than its own half-amplitude width."""
+TOLERANCE = 1e-5
+"""Relative change of sum of squares and of parameters that ends a fit [-], our choice: the contact
+time is then within 5e-6 of its best value, a hundredth of what noise and scatter make of it."""
+MOST_EVALUATIONS = 16
+"""Of the model [-], our choice: a pulse needs four to seven; what is none runs out of all bounds,
+and what it leaves no longer changes by more than a hundredth."""
+
+
+@dataclass(frozen=True)
+class PulseWindow:
+    """What a pulse shape is fitted to: of unit height, in units of w50.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        From the middle of the pulse [w50].
+    measured : ndarray, shape (n,)
+        Over the peak [-].
+    model_time : ndarray, shape (m,)
+        Where the model is computed before it is filtered [w50].
+    smoothing : ndarray, shape (n, m), or None
+        The low-pass, from `model_time` to `time`; None: no filter that matters.
+    step : int
+        Points of the trace from one of `time` to the next.
+    points : slice
+        Which points of the trace are `measured`.
+    """
+
+    time: FloatArray
+    measured: FloatArray
+    model_time: FloatArray
+    smoothing: FloatArray | None
+    step: int
+    points: slice
+
+
+@dataclass(frozen=True)
+class PulseFit:
+    """One shape on one window.
+
+    Attributes
+    ----------
+    is_inside : bool
+        False: the fit ended where no pulse is, and its parameters mean nothing.
+    start, duration : float
+        [w50]; the start counts from the middle of the pulse.
+    asymmetry : float
+        See `compute_pulse` [-].
+    amplitude, offset : float
+        Over the peak [-].
+    fitted : ndarray, shape (n,)
+        The fit, filtered.
+    residual : float
+        Standard deviation of what is left, over the peak [-].
+    """
+
+    is_inside: bool
+    start: float
+    duration: float
+    asymmetry: float
+    amplitude: float
+    offset: float
+    fitted: FloatArray
+    residual: float
+
+
+def cut_window(
+    upright: FloatArray,
+    peak_index: int,
+    middle: float,
+    width: float,
+    relative_cutoff: float,
+    margins: tuple[float, float] = (MARGIN_BEFORE, MARGIN_AFTER),
+) -> PulseWindow:
+    """Cut the pulse out of a trace, and prepare the low-pass for its model.
+
+    Parameters
+    ----------
+    upright : ndarray, shape (n,)
+        Trace of a positive pulse of unit peak.
+    peak_index : int
+        Its highest point.
+    middle, width : float
+        Of the pulse at half amplitude, in points.
+    relative_cutoff : float
+        Of the low-pass that the trace went through, over the sampling rate [-]; 0: none.
+    margins : tuple of float
+        How much lies before and behind where the pulse is at a tenth of its peak [w50].
+
+    Returns
+    -------
+    PulseWindow
+
+    Raises
+    ------
+    NotDeterminedError
+        If the trace does not come down to a tenth of the peak on both sides, or the pulse has too
+        few points for a fit.
+    """
+    low, high = (find_crossing(upright, peak_index, TENTH_LEVEL, side) for side in (-1, 1))
+    if math.isnan(low) or math.isnan(high):
+        raise NotDeterminedError(
+            "pulse shape: the trace does not come down to a tenth of the peak on both sides;"
+            " record more"
+        )
+    fine = max(1, int(width / POINTS_PER_WIDTH))
+    step = fine if width < POINTS_PER_WIDTH else 2 * fine
+    first = max(0, math.ceil(low - margins[0] * width))
+    last = min(upright.size, math.floor(high + margins[1] * width) + 1)
+    points = np.arange(first, last, step)
+    if points.size < FEWEST_POINTS:
+        raise NotDeterminedError(
+            f"pulse shape: {points.size} points on the pulse do not tell it, {FEWEST_POINTS} may;"
+            " sample faster"
+        )
+    model_points, smoothing = points, None
+    # Above, the low-pass is shorter than a fortieth of the width.
+    if 0.0 < relative_cutoff * fine <= HIGHEST_RELATIVE_CUTOFF:
+        reach = _find_reach(relative_cutoff * fine)
+        model_points = np.arange(first - fine * reach, points[-1] + fine * reach + 1, fine)
+        smoothing = _make_smoothing(relative_cutoff * fine, points.size, step // fine)
+    return PulseWindow(
+        time=np.asarray((points - middle) / width, dtype=np.float64),
+        measured=upright[points],
+        model_time=np.asarray((model_points - middle) / width, dtype=np.float64),
+        smoothing=smoothing,
+        step=step,
+        points=slice(first, int(points[-1]) + 1, step),
+    )
+
+
+def _find_reach(relative_cutoff: float) -> int:
+    """Return how far the low-pass reaches to either side [points]."""
+    return max(math.ceil(KERNEL_REACH / relative_cutoff), MINIMUM_POINTS)
+
+
+@lru_cache(maxsize=REMEMBERED_MATRICES)
+def _make_smoothing(relative_cutoff: float, count: int, stride: int) -> FloatArray:
+    """Return the low-pass as a matrix of `count` rows: each reads `stride` points further."""
+    reach = _find_reach(relative_cutoff)
+    impulse = np.zeros(4 * reach + 1)
+    impulse[2 * reach] = 1.0
+    half = low_pass(impulse, relative_cutoff, 1.0)[2 * reach : 3 * reach + 1]
+    kernel = np.concatenate((half[:0:-1], half))
+    margin = np.zeros((count - 1) * stride)
+    padded = np.concatenate((margin, kernel / kernel.sum(), margin))
+    rows = sliding_window_view(padded, kernel.size + margin.size)
+    return make_read_only(np.ascontiguousarray(rows[::-stride][:count]))
+
+
+def fit_pulse(window: PulseWindow, shape: PulseShape) -> PulseFit:
+    """Fit start, duration, asymmetry, amplitude and offset of one shape."""
+    problem = _PulseProblem(window, shape)
+    duration = shape.pulse_factor
+    # MINPACK itself: what `least_squares` puts around it takes longer than these fits.
+    found = leastsq(
+        problem.compute_residual,
+        np.array([-duration / 2.0, duration, 0.0, 1.0, 0.0]),
+        Dfun=problem.compute_jacobian,
+        full_output=True,
+        col_deriv=True,
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        maxfev=MOST_EVALUATIONS,
+    )[0]
+    residual = problem.compute_residual(found)
+    start, duration, asymmetry, amplitude, offset = (float(value) for value in found)
+    is_inside = duration > SHORTEST_DURATION and abs(asymmetry) < LARGEST_ASYMMETRY
+    return PulseFit(
+        is_inside=is_inside,
+        start=start,
+        duration=duration,
+        asymmetry=asymmetry,
+        amplitude=amplitude,
+        offset=offset,
+        fitted=window.measured + residual,
+        residual=float(np.sqrt(residual @ residual / (residual.size - FITTED))),
+    )
+
+
+class _PulseProblem:
+    """Residual and Jacobian of one shape; keeps the last evaluation."""
+
+    def __init__(self, window: PulseWindow, shape: PulseShape) -> None:
+        self._window = window
+        self._shape = shape
+        self._at = b""
+        self._residual = self._jacobian = window.measured
+
+    def compute_residual(self, parameters: FloatArray) -> FloatArray:
+        """Return fitted minus measured, shape (n,)."""
+        self._evaluate(parameters)
+        return self._residual
+
+    def compute_jacobian(self, parameters: FloatArray) -> FloatArray:
+        """Return its derivatives, shape (5, n)."""
+        self._evaluate(parameters)
+        return self._jacobian
+
+    def _evaluate(self, parameters: FloatArray) -> None:
+        if self._at == parameters.tobytes():
+            return
+        self._at = parameters.tobytes()
+        start, duration, asymmetry, amplitude, offset = parameters.tolist()
+        # What is no pulse at all may lead a step astray: it ends at the border.
+        duration = max(duration, SHORTEST_DURATION)
+        asymmetry = min(max(asymmetry, -LARGEST_ASYMMETRY), LARGEST_ASYMMETRY)
+        rows = self._smooth_pulse(start, duration, asymmetry, amplitude)
+        self._residual = amplitude * rows[3] + offset - self._window.measured
+        self._jacobian = np.concatenate((rows, np.ones((1, rows.shape[1]))))
+
+    def _smooth_pulse(
+        self, start: float, duration: float, asymmetry: float, amplitude: float
+    ) -> FloatArray:
+        """Return derivatives in start, duration, asymmetry and amplitude, shape (4, n)."""
+        times, smoothing = self._window.model_time, self._window.smoothing
+        part = slice(None)
+        if smoothing is not None:
+            # What is zero need not be filtered.
+            part = slice(*np.searchsorted(times, (start, start + duration)))
+        pulse, derivatives = differentiate_pulse(
+            times[part] - start, duration, self._shape, asymmetry
+        )
+        rows = np.concatenate((amplitude * derivatives, pulse[np.newaxis]))
+        return rows if smoothing is None else rows @ smoothing[:, part].T
+
+
+NAN = math.nan
 TOP_LEVELS = (0.5, 0.9, 9)
 """First, last and number of the levels, over the peak [-], our choice: above, noise moves the
 crossings."""
@@ -43,78 +307,78 @@ class ShapeFit:
 
     Attributes
     ----------
-    shape : PulseShape
-        Which.
-    contact_time : float
-        tau_p, the duration of the fit [s].
-    contact_time_from_width : float
-        F w50 with the shape's own F, blind to asymmetry and low-pass [s].
-    start_time : float
-        Of the fit, from the middle of the pulse at half amplitude [s].
-    asymmetry : float
-        The rise takes (1 + asymmetry) / 2 of the contact [-].
-    amplitude, offset : float
-        Signed [m/s^2].
+    shape : str
+        Its name.
     residual_percent : float
         Standard deviation of what is left over the pulse, over the peak [%].
+    contact_time : float
+        F w50 with the shape's own F, blind to asymmetry and low-pass [s].
+    stiffness : float
+        k2 with this contact time, and k1 read in the same way [N/m].
+    duration : float
+        tau_p of the fit [s].
+    asymmetry : float
+        Of the fit [-]: the rise takes (1 + asymmetry) / 2 of its duration.
+    start_time : float
+        Of the fit, from the middle of the pulse at half amplitude [s].
+    amplitude, offset : float
+        Of the fit, signed [m/s^2].
     """
 
-    shape: PulseShape
-    contact_time: float
-    contact_time_from_width: float
-    start_time: float
-    asymmetry: float
-    amplitude: float
-    offset: float
-    residual_percent: float
-
-    @property
-    def name(self) -> str:
-        """Of the shape."""
-        return self.shape.name
+    shape: str
+    residual_percent: float = NAN
+    contact_time: float = field(default=NAN, metadata=describe("s", "F w50", shown="µs"))
+    stiffness: float = field(default=NAN, metadata=describe("N/m", "k", shown="MN/m"))
+    duration: float = field(default=NAN, metadata=describe("s", "τp", shown="µs"))
+    asymmetry: float = NAN
+    start_time: float = field(default=NAN, metadata=INTERNAL)
+    amplitude: float = field(default=NAN, metadata=INTERNAL)
+    offset: float = field(default=NAN, metadata=INTERNAL)
 
 
 @dataclass(frozen=True)
 class PulseShapeEstimate:
-    """What the mean hammer pulse looks like.
+    """What the mean hammer pulse looks like; NaN, or empty: not determined.
 
     Attributes
     ----------
-    width_ratio : float
-        w10 / w50 [-].
+    best_shape : str
+        Name of the shape that leaves least.
+    is_told_apart : bool
+        The next best shape leaves clearly more than the best.
     fall_over_rise : float
         Time from the peak down to half of it over the time up to the peak [-]; NaN: the pulse
         has no one peak.
-    noise_percent : float
-        Standard deviation of the trace's noise, over the peak [%].
     fits : tuple of ShapeFit
         One for each of `PULSE_SHAPES`, in their order.
-    is_told_apart : bool
-        The next best shape leaves clearly more than the best.
+    width_ratio : float
+        w10 / w50 [-].
+    noise_percent : float
+        Standard deviation of the trace's noise, over the peak [%].
     warning : str
-        Why the paper's versed-sine does not describe the pulse; empty: it does.
+        Why a versed-sine does not describe the pulse; empty: it does.
     """
 
-    width_ratio: float
-    fall_over_rise: float
-    noise_percent: float
-    fits: tuple[ShapeFit, ...]
-    is_told_apart: bool
-    warning: str
+    best_shape: str = ""
+    is_told_apart: bool = False
+    fall_over_rise: float = NAN
+    fits: tuple[ShapeFit, ...] = ()
+    width_ratio: float = field(default=NAN, metadata=INTERNAL)
+    noise_percent: float = field(default=NAN, metadata=INTERNAL)
+    warning: str = field(default="", metadata=INTERNAL)
 
     @property
-    def best_fit(self) -> ShapeFit:
+    def best_fit(self) -> ShapeFit | None:
         """The fit that leaves least."""
-        return min(self.fits, key=lambda fit: fit.residual_percent)
+        return self.find_fit(self.best_shape)
 
-    @property
-    def best_shape(self) -> str:
-        """Name of the shape that leaves least."""
-        return self.best_fit.name
+    def find_fit(self, shape: str) -> ShapeFit | None:
+        """Return the fit of the shape called so, if there is one."""
+        return next((fit for fit in self.fits if fit.shape == shape), None)
 
-    def find_fit(self, shape: PulseShape) -> ShapeFit:
-        """Return the fit of one of `PULSE_SHAPES`."""
-        return self.fits[PULSE_SHAPES.index(shape)]
+
+NO_SHAPE = PulseShapeEstimate()
+"""Where it is not determined."""
 
 
 def estimate_pulse_shape(mean: MeanHit, cutoff_frequency: float) -> PulseShapeEstimate:
@@ -157,16 +421,17 @@ def estimate_pulse_shape(mean: MeanHit, cutoff_frequency: float) -> PulseShapeEs
     # What even the best shape leaves makes the others' differences less telling.
     level = white * max(1.0, best.residual / noise) if noise > 0.0 else best.residual
     return PulseShapeEstimate(
+        best_shape=shape_fits[order[0]].shape,
         width_ratio=pulse.width_ratio,
         fall_over_rise=_compare_sides(upright, pulse),
         noise_percent=100.0 * noise,
         fits=shape_fits,
-        is_told_apart=_is_worse(fits[order[1]], best, level, window),
+        is_told_apart=is_worse(fits[order[1]], best, level, window),
         warning=_find_warning(
             shape_fits[order[0]],
             shape_fits[PULSE_SHAPES.index(VERSED_SINE)],
             noise,
-            told_apart=_is_worse(versed, best, level, window),
+            told_apart=is_worse(versed, best, level, window),
         ),
     )
 
@@ -174,9 +439,9 @@ def estimate_pulse_shape(mean: MeanHit, cutoff_frequency: float) -> PulseShapeEs
 def _scale_fit(fit: PulseFit, shape: PulseShape, width: float, peak: float) -> ShapeFit:
     known = 1.0 if fit.is_inside else math.nan
     return ShapeFit(
-        shape=shape,
-        contact_time=known * fit.duration * width,
-        contact_time_from_width=shape.pulse_factor * width,
+        shape=shape.name,
+        contact_time=shape.pulse_factor * width,
+        duration=known * fit.duration * width,
         start_time=known * fit.start * width,
         asymmetry=known * fit.asymmetry,
         amplitude=known * fit.amplitude * peak,
@@ -214,10 +479,31 @@ def _compare_sides(upright: FloatArray, pulse: PulseWidth) -> float:
     return float((fall[0] - peak) / (peak - rise[0]))
 
 
-def _is_worse(other: PulseFit, best: PulseFit, level: float, window: PulseWindow) -> bool:
+class FittedPulse(Protocol):
+    """What a fit to a window leaves, and the trace that it makes."""
+
+    @property
+    def residual(self) -> float:
+        """Standard deviation of what is left, over the peak [-]."""
+
+    @property
+    def fitted(self) -> FloatArray:
+        """The fit, filtered, shape (n,)."""
+
+
+def is_worse(other: FittedPulse, best: FittedPulse, level: float, window: PulseWindow) -> bool:
     """Tell whether `other` leaves more than noise makes of two models that differ as these do.
 
     The difference of two sums of squares has the standard deviation 2 sigma |m1 - m2|.
+
+    Parameters
+    ----------
+    other, best : FittedPulse
+        On the same window.
+    level : float
+        sigma of white noise, over the peak [-].
+    window : PulseWindow
+        What they were fitted to.
     """
     degrees = window.time.size
     excess = (other.residual**2 - best.residual**2) * degrees
@@ -229,15 +515,15 @@ def _find_warning(best: ShapeFit, versed: ShapeFit, noise: float, *, told_apart:
     doubtful = max(LARGEST_RESIDUAL, RESIDUAL_OVER_NOISE * noise)
     if best.residual_percent > 100.0 * max(POOR_RESIDUAL, RESIDUAL_OVER_NOISE * noise):
         return (
-            f"no known shape describes the pulse: the best, {best.name}, leaves"
+            f"no known shape describes the pulse: the best, {best.shape}, leaves"
             f" {best.residual_percent:.2g} % of the peak, so that the contact time depends on how"
             " it is read"
         )
-    if told_apart and best.contact_time > 0.0 and versed.residual_percent > 100.0 * doubtful:
+    if told_apart and best.duration > 0.0 and versed.residual_percent > 100.0 * doubtful:
         return (
             f"the pulse is no versed-sine, which leaves {versed.residual_percent:.2g} % of the"
-            f" peak: {best.name} leaves {best.residual_percent:.2g} %, and makes the contact time"
-            f" {best.contact_time * 1e6:.4g} us where the width times 2 gives"
-            f" {versed.contact_time_from_width * 1e6:.4g} us"
+            f" peak: {best.shape} leaves {best.residual_percent:.2g} %, and makes the contact time"
+            f" {best.duration * 1e6:.4g} us where the width times 2 gives"
+            f" {versed.contact_time * 1e6:.4g} us"
         )
     return ""

@@ -1,13 +1,12 @@
 """Mean traces of one sample: accepted hits aligned on the middle of the hammer pulse.
 
 Hits are added to a sum as they come, in single precision: at full scale that is finer than the
-steps of any converter. A mean needs nothing of its hits but this sum; those that are kept one by
-one show the scatter, and can be left out again.
+steps of any converter.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -35,8 +34,7 @@ class AveragedHit:
     pulse : PulseWidth
         Of the hammer.
     noise, raw_noise, resolution : tuple of float
-        As in `FilteredHit`, one for each channel [m/s^2]: of numpy's arrays, small ones that stay
-        among large ones that come and go leave holes in the memory.
+        As in `FilteredHit`, one for each channel [m/s^2].
     baseline_points : int
         Points of the baseline that was removed.
     """
@@ -86,31 +84,21 @@ class HitSummary:
         Points of the baseline that all hits have, counted from the origin: 0 ends there.
     """
 
-    count: int
-    least_noise: FloatArray
-    largest_step: FloatArray
-    square_steps: FloatArray
-    baseline_points: float
+    count: int = 0
+    least_noise: FloatArray = field(default_factory=lambda: np.array(np.inf))
+    largest_step: FloatArray = field(default_factory=lambda: np.array(0.0))
+    square_steps: FloatArray = field(default_factory=lambda: np.array(0.0))
+    baseline_points: float = math.inf
 
-
-NO_HITS = HitSummary(0, np.array(np.inf), np.array(0.0), np.array(0.0), np.inf)
-"""What no hits have in common."""
-
-
-def summarize_hits(hits: Sequence[AveragedHit], others: HitSummary = NO_HITS) -> HitSummary:
-    """Return what hits have in common, with each other and with others before them."""
-    if not hits:
-        return others
-    noise = np.array([hit.raw_noise for hit in hits])
-    steps = np.array([hit.resolution for hit in hits])
-    baseline = min(hit.baseline_points - hit.origin for hit in hits)
-    return HitSummary(
-        count=others.count + len(hits),
-        least_noise=np.minimum(others.least_noise, noise.min(axis=0)),
-        largest_step=np.maximum(others.largest_step, steps.max(axis=0)),
-        square_steps=others.square_steps + np.square(steps).sum(axis=0),
-        baseline_points=min(others.baseline_points, baseline),
-    )
+    def add(self, hit: AveragedHit) -> Self:
+        """Return the summary with one more hit."""
+        return type(self)(
+            count=self.count + 1,
+            least_noise=np.minimum(self.least_noise, hit.raw_noise),
+            largest_step=np.maximum(self.largest_step, hit.resolution),
+            square_steps=self.square_steps + np.square(hit.resolution),
+            baseline_points=min(self.baseline_points, hit.baseline_points - hit.origin),
+        )
 
 
 @dataclass(frozen=True)
@@ -131,10 +119,10 @@ class MeanHit:
         The same before the low-pass: white noise of this size would do the same below the
         cutoff [m/s^2].
     hits : tuple of AveragedHit
-        Those in the mean that are kept one by one, in the order of arrival: they show the
-        scatter.
-    settled : HitSummary
-        What the others had in common.
+        Hits in the mean that show the scatter, in the order of arrival: all of them, or some that
+        lie evenly over a long series.
+    summary : HitSummary
+        What all hits in the mean have in common.
     """
 
     traces: FloatArray
@@ -143,17 +131,12 @@ class MeanHit:
     noise: FloatArray
     raw_noise: FloatArray
     hits: tuple[AveragedHit, ...]
-    settled: HitSummary = NO_HITS
+    summary: HitSummary = field(default_factory=HitSummary)
 
     @property
     def count(self) -> int:
-        """Hits in the mean, kept one by one or not."""
-        return self.settled.count + len(self.hits)
-
-    @cached_property
-    def summary(self) -> HitSummary:
-        """What all hits in the mean have in common."""
-        return summarize_hits(self.hits, self.settled)
+        """Hits in the mean."""
+        return self.summary.count
 
     @property
     def baseline_points(self) -> int:
@@ -179,8 +162,8 @@ class HitSum:
 
     Attributes
     ----------
-    count : int
-        Hits in the sum.
+    summary : HitSummary
+        What all hits in the sum have in common.
     total : ndarray, shape (channels, n)
         Sum of their traces, as long as what all have in common [m/s^2].
     origin : int
@@ -192,7 +175,7 @@ class HitSum:
         belong together.
     """
 
-    count: int = 0
+    summary: HitSummary = field(default_factory=HitSummary)
     total: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     origin: int = 0
     variance: FloatArray = field(default_factory=lambda: np.zeros(1))
@@ -202,7 +185,7 @@ class HitSum:
 
     def add(self, hit: AveragedHit) -> Self:
         """Return the sum with one more hit."""
-        if not self.count:
+        if not self.summary.count:
             total, origin = hit.traces.astype(np.float64), hit.origin
         elif hit.traces.shape[0] != self.total.shape[0]:
             total, origin = self.total, self.origin
@@ -215,7 +198,7 @@ class HitSum:
             )
         return replace(
             self,
-            count=self.count + 1,
+            summary=self.summary.add(hit),
             total=total,
             origin=origin,
             variance=self.variance + np.square(hit.noise),
@@ -224,15 +207,8 @@ class HitSum:
             channels=self.channels | {hit.traces.shape[0]},
         )
 
-    def make_mean(self, hits: Sequence[AveragedHit], settled: HitSummary = NO_HITS) -> MeanHit:
-        """Return the mean.
-
-        Parameters
-        ----------
-        hits : sequence of AveragedHit
-            Those in the sum that are kept one by one, in the order of arrival.
-        settled : HitSummary
-            Of all others.
+    def make_mean(self, hits: Sequence[AveragedHit]) -> MeanHit:
+        """Return the mean, its scatter shown by `hits`, in the order of arrival.
 
         Raises
         ------
@@ -241,7 +217,8 @@ class HitSum:
         SignalError
             If the hits do not belong together.
         """
-        if not self.count:
+        count = self.summary.count
+        if not count:
             raise NotDeterminedError("mean trace: no hit was accepted")
         if len(self.rates) > 1 or len(self.channels) > 1:
             raise SignalError(
@@ -249,13 +226,13 @@ class HitSum:
                 " cannot be averaged: all hits of a sample need the same"
             )
         return MeanHit(
-            traces=make_read_only(self.total / self.count),
+            traces=make_read_only(self.total / count),
             sampling_rate=next(iter(self.rates)),
             origin=self.origin,
-            noise=make_read_only(np.sqrt(self.variance) / self.count),
-            raw_noise=make_read_only(np.sqrt(self.raw_variance) / self.count),
+            noise=make_read_only(np.sqrt(self.variance) / count),
+            raw_noise=make_read_only(np.sqrt(self.raw_variance) / count),
             hits=tuple(hits),
-            settled=settled,
+            summary=self.summary,
         )
 
 

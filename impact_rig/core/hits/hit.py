@@ -1,4 +1,4 @@
-"""One hit from raw record to verdict: baseline, low-pass, pulse, reasons."""
+"""One hit from raw record to verdict: baseline, low-pass, pulse, alignment, reasons."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from impact_rig.core.errors import SignalError
-from impact_rig.core.hits.alignment import align_traces
 from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.hits.verdict import (
@@ -18,8 +17,33 @@ from impact_rig.core.hits.verdict import (
     check_strength,
 )
 from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.filtering import check_cutoff, low_pass
+from impact_rig.core.signals.filtering import check_cutoff, interpolate_between, low_pass
 from impact_rig.core.signals.record import FloatArray, HitLabel, Record
+
+
+def align_traces(traces: FloatArray, middle: float) -> tuple[FloatArray, int]:
+    """Shift traces by a part of a point so that `middle` falls onto a point.
+
+    Parameters
+    ----------
+    traces : ndarray, shape (channels, n)
+        Filtered, so that cubic splines follow them.
+    middle : float
+        In points, fractional.
+
+    Returns
+    -------
+    traces : ndarray, shape (channels, n - 1 or n)
+        By cubic splines; exact where the shift is zero.
+    origin : int
+        The point of the middle.
+    """
+    origin = int(np.floor(middle))
+    fraction = middle - origin
+    if fraction == 0.0:
+        return traces, origin
+    return interpolate_between(traces, fraction), origin
+
 
 BASELINE_PART = 0.7
 """Part of what precedes the detected pulse that is baseline [-], our choice: the pulse starts
@@ -65,7 +89,7 @@ class FilteredHit:
         return align_traces(self.traces, self.pulse.middle)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class JudgedHit:
     """One hit with its verdict.
 
@@ -90,7 +114,7 @@ class JudgedHit:
     filtered : FilteredHit or None
         The traces of a hit whose pulse could be measured, rejected or not.
     overruled : tuple of Rejection
-        Reasons that a person has set aside; empty: nobody has.
+        Reasons that were set aside by hand; empty: none.
     """
 
     label: HitLabel

@@ -1,4 +1,4 @@
-"""A person's word on single hits, which goes before that of the analysis."""
+"""Hits accepted or rejected by hand, whatever the analysis says of them."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from impact_rig.core.signals.record import HitLabel
 
 @dataclass(frozen=True)
 class Overrules:
-    """Hits that a person accepts or rejects.
+    """Hits accepted or rejected by hand.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Overrules:
 
 
 NO_OVERRULES = Overrules()
-"""Nobody has said anything."""
+"""No hit is accepted or rejected by hand."""
 
 
 def describe_label(label: HitLabel) -> str:
@@ -40,7 +40,7 @@ def describe_label(label: HitLabel) -> str:
 
 
 def find_label(name: str, labels: Collection[HitLabel]) -> HitLabel:
-    """Find the hit that a person means.
+    """Find a hit by name.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def find_label(name: str, labels: Collection[HitLabel]) -> HitLabel:
 def make_overrules(
     accept: Sequence[str], reject: Sequence[str], labels: Collection[HitLabel]
 ) -> Overrules:
-    """Return what a person said of hits by name; see `find_label` and `Overrules` for errors."""
+    """Return overrules of hits by name; see `find_label` and `Overrules` for errors."""
     return Overrules(
         frozenset(find_label(name, labels) for name in accept),
         frozenset(find_label(name, labels) for name in reject),
@@ -82,7 +82,7 @@ def make_overrules(
 
 
 def overrule_hit(hit: JudgedHit, overrules: Overrules) -> JudgedHit:
-    """Return a hit with a person's word on it.
+    """Return a hit as it is accepted or rejected by hand.
 
     Raises
     ------

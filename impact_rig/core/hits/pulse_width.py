@@ -75,6 +75,28 @@ def find_crossing(trace: FloatArray, peak_index: int, level: float, step: int) -
     return peak_index + step * (index - 1 + (inner - level) / (inner - outer))
 
 
+def measure_rise(trace: FloatArray) -> float:
+    """Return how long the largest pulse of a trace takes from a tenth to nine tenths of its peak.
+
+    Parameters
+    ----------
+    trace : ndarray, shape (n,)
+        Its baseline is zero; either polarity.
+
+    Returns
+    -------
+    float
+        In points; NaN if the trace begins within the rise.
+    """
+    upright = np.abs(trace)
+    peak_index = int(upright.argmax())
+    low, high = (
+        find_crossing(upright, peak_index, level * float(upright[peak_index]), -1)
+        for level in (TENTH_LEVEL, 1.0 - TENTH_LEVEL)
+    )
+    return high - low
+
+
 def measure_pulse(trace: FloatArray) -> PulseWidth:
     """Measure the largest pulse of a trace whose baseline is zero.
 

@@ -26,7 +26,7 @@ class CramerRaoBound:
     names: tuple[str, ...]
     covariance: FloatArray
 
-    def find_standard_deviation(self, name: str) -> float:
+    def compute_standard_deviation(self, name: str) -> float:
         """Return the smallest standard deviation of one parameter [its SI unit]."""
         index = self.names.index(name)
         return float(np.sqrt(self.covariance[index, index]))

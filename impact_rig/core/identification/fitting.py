@@ -1,20 +1,104 @@
-"""One least-squares problem: the low-passed model on thinned, weighted mean traces."""
+"""Least squares of the low-passed model on thinned, weighted mean traces.
+
+Each search sees R of the QR decomposition of all derivatives and the residual: its last column
+stands for the residual and the others for the derivatives, and lengths and angles are what they
+were. It begins at several starts on few points, and ends on all points from the best.
+"""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import islice
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import fftconvolve
 
-from impact_rig.core.errors import RigError
+from impact_rig.core.errors import NotDeterminedError, RigError
+from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.pulse_width import measure_pulse
-from impact_rig.core.identification.filtered_noise import find_noise_correlation
+from impact_rig.core.identification.identifiability import GOOD_CHI_SQUARE, LARGEST_RESIDUAL
 from impact_rig.core.identification.measured_model import MeasuredModel
-from impact_rig.core.identification.rotation import RotatedProblem
+from impact_rig.core.identification.starting_values import StartingValues, find_starts
+from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.model.pulses import VERSED_SINE
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.signals.filtering import low_pass
+from impact_rig.core.signals.record import FloatArray, make_read_only
+
+CORRELATION_REACH = 5.0
+"""How far filtered noise is correlated, over 1 / cutoff [-]: beyond, less than e^-20 is left."""
+
+
+def compute_raw_noise(mean: MeanHit) -> FloatArray:
+    """Return the mean's raw noise [m/s^2], at least that of the converters' steps, shape (2,)."""
+    if not mean.count:
+        return np.asarray(mean.raw_noise)
+    steps = np.sqrt(mean.summary.square_steps / 12.0)
+    return np.asarray(np.maximum(mean.raw_noise, steps / mean.count))
+
+
+@lru_cache(maxsize=16)
+def compute_noise_correlation(
+    cutoff_frequency: float, sampling_rate: float, step: int = 1
+) -> FloatArray:
+    """Compute what the low-pass makes of white noise of 1.
+
+    Parameters
+    ----------
+    cutoff_frequency, sampling_rate : float
+        Of the low-pass [Hz].
+    step : int
+        Points between those that are looked at.
+
+    Returns
+    -------
+    ndarray, shape (2 k + 1,)
+        Autocovariance from -k to k steps, its variance in the middle [-]; read-only.
+    """
+    if cutoff_frequency == 0.0:
+        return make_read_only(np.ones(1))
+    reach = math.ceil(CORRELATION_REACH * sampling_rate / cutoff_frequency)
+    impulse = np.zeros(4 * reach + 1)
+    impulse[2 * reach] = 1.0
+    # The low-pass is symmetric in time, so that its autocorrelation is to apply it twice.
+    for _ in range(2):
+        impulse = low_pass(impulse, cutoff_frequency, sampling_rate)
+    most = reach // step * step
+    return make_read_only(impulse[2 * reach - most : 2 * reach + most + 1 : step])
+
+
+class RotatedProblem:
+    """What a search sees of a problem.
+
+    Parameters
+    ----------
+    evaluate : callable
+        Takes parameters, shape (p,), and returns the derivatives in them and, as the last row,
+        the residual: shape (p + 1, m).
+    """
+
+    def __init__(self, evaluate: Callable[[FloatArray], FloatArray]) -> None:
+        self._evaluate = evaluate
+        self._parameters: FloatArray = np.empty(0)
+        self._rotated: FloatArray = np.empty((0, 0))
+
+    def compute_residual(self, parameters: FloatArray) -> FloatArray:
+        """Return the residual, shape (p + 1,)."""
+        return self._rotate(parameters)[:, -1]
+
+    def compute_jacobian(self, parameters: FloatArray) -> FloatArray:
+        """Return its derivatives, shape (p + 1, p)."""
+        return self._rotate(parameters)[:, :-1]
+
+    def _rotate(self, parameters: FloatArray) -> FloatArray:
+        """Return R; the last one is kept, since residual and derivatives are asked for apart."""
+        if not np.array_equal(self._parameters, parameters):
+            rows = self._evaluate(parameters)
+            self._rotated = np.asarray(np.linalg.qr(rows.T, mode="r"))
+            self._parameters = parameters.copy()
+        return self._rotated
+
 
 EDGE = 1.5
 """Left out at both ends of the record, over 1 / cutoff [-]: the low-pass's padding disturbs them,
@@ -104,7 +188,7 @@ class FitProblem:
         self.points = slice(edge, count - edge, thinning)
         self.independent_points = independent * (count - 2 * edge)
         self.noise = np.maximum(noise, SMALLEST_NOISE * self.peaks)
-        variance = find_noise_correlation(cutoff, rate)
+        variance = compute_noise_correlation(cutoff, rate)
         self.filtered_noise = self.noise * math.sqrt(variance[variance.size // 2])
         self._last: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
@@ -178,9 +262,9 @@ class FitProblem:
         rotated = RotatedProblem(evaluate)
         try:
             found = least_squares(
-                rotated.find_residual,
+                rotated.compute_residual,
                 np.clip(start, low, high) / scales,
-                jac=rotated.find_jacobian,
+                jac=rotated.compute_jacobian,
                 method="trf" if bounded else "lm",
                 bounds=(low / scales, high / scales) if bounded else (-np.inf, np.inf),
                 x_scale="jac",
@@ -225,12 +309,12 @@ class FitProblem:
         table = np.array([ranges[name] for name in self.measured.names])
         return table[:, 0], table[:, 1], table[:, 2]
 
-    def find_residual_rms(self, values: FloatArray) -> FloatArray:
+    def compute_residual_rms(self, values: FloatArray) -> FloatArray:
         """Return the RMS residual of both traces over the fitted points [m/s^2], shape (2,)."""
         residual = self.traces[:, self.points] - self.evaluate(values)[0]
         return np.asarray(np.sqrt(np.mean(residual**2, axis=1)))
 
-    def find_covariance(self, values: FloatArray, factors: FloatArray) -> FloatArray:
+    def compute_covariance(self, values: FloatArray, factors: FloatArray) -> FloatArray:
         """Compute the covariance of the parameters for white noise that went through the low-pass.
 
         Parameters
@@ -249,7 +333,7 @@ class FitProblem:
         lengths = np.sqrt(np.sum(weighted**2, axis=(0, 2)))
         weighted /= lengths[:, np.newaxis]
         measured = self.measured
-        correlation = find_noise_correlation(
+        correlation = compute_noise_correlation(
             measured.cutoff_frequency, measured.sampling_rate, self.points.step
         )
         # Least squares is (J^T J)^-1 J^T r, and r has the covariance C of filtered noise.
@@ -281,3 +365,100 @@ class FitProblem:
         inverse = np.linalg.pinv(jacobian / lengths)
         steps = [inverse @ self.weigh(hit[:, self.points] - traces) / lengths for hit in hits]
         return np.asarray(values + np.array(steps).reshape(-1, values.size))
+
+
+STARTS = {ModelVariant.DRIVEN: 4, ModelVariant.PRINTED: 4}
+"""Starts that are tried at most [-], our choice."""
+FIRST_EVALUATIONS = 15
+"""Evaluations of the model from each start [-], our choice: a good one needs some ten."""
+MOST_EVALUATIONS = 50
+"""The same when the search goes on from the best [-], our choice."""
+ROUGH_TOLERANCE = 1e-4
+"""Relative change of cost or parameters at which the search on few points ends [-], our choice:
+the one on all points goes on from there."""
+HOPELESS_RESIDUAL = 2.0 * LARGEST_RESIDUAL
+"""RMS residual over the peak that no search goes on from [-], our choice: of traces that a model
+describes, a few steps from one of the starts leave less."""
+EQUAL_COST = 1e-3
+"""Relative difference of cost below which two minima are one [-], our choice."""
+GOOD_RESIDUAL = 0.02
+"""RMS residual over the peak below which no other start is tried [-], our choice: a minimum that
+is not the lowest leaves several times that."""
+
+
+class MisfitError(NotDeterminedError):
+    """The search found no parameters that come near the traces."""
+
+
+def find_best_fit(problem: FitProblem, given: StartingValues) -> FitSolution:
+    """Search on every few points from several starts, then on all from the best.
+
+    Parameters
+    ----------
+    problem : FitProblem
+        What is fitted.
+    given : StartingValues
+        What is believed.
+
+    Raises
+    ------
+    MisfitError
+        If the search does not converge.
+    SignalError
+        If the hammer's trace has no whole pulse.
+    """
+    coarse = problem.thin()
+    starts = find_starts(coarse.measured, coarse.traces, given)
+    solution = _search(coarse, islice(starts, STARTS[problem.measured.variant]))
+    if coarse is problem:
+        return solution
+    refined = problem.solve(solution.values, MOST_EVALUATIONS)
+    if refined is None or not refined.converged:
+        raise MisfitError(_describe_failure(problem, refined))
+    return refined
+
+
+def _search(problem: FitProblem, starts: Iterable[FloatArray]) -> FitSolution:
+    """Look a few steps from several starts, and go on from the best."""
+    best: FitSolution | None = None
+    for values in starts:
+        found = problem.solve(values, FIRST_EVALUATIONS, ROUGH_TOLERANCE)
+        if found is None:
+            continue
+        if best is None or found.cost < (1.0 - EQUAL_COST) * best.cost:
+            best = found
+        elif found.converged and found.cost < (1.0 + EQUAL_COST) * best.cost:
+            # Two ways lead to the same place.
+            break
+        if _is_good(problem, best):
+            return best
+    if best is not None and not best.converged and not _is_hopeless(problem, best):
+        best = problem.solve(best.values, MOST_EVALUATIONS, ROUGH_TOLERANCE)
+    if best is None or not best.converged:
+        raise MisfitError(_describe_failure(problem, best))
+    return best
+
+
+def _is_hopeless(problem: FitProblem, solution: FitSolution) -> bool:
+    """Whether the model is too far from a trace to come near it."""
+    rms = problem.compute_residual_rms(solution.values)
+    return bool(np.any(rms > HOPELESS_RESIDUAL * problem.peaks))
+
+
+def _describe_failure(problem: FitProblem, last: FitSolution | None) -> str:
+    text = f"identification: the search for the {problem.measured.variant.value} model "
+    if last is None:
+        return text + "failed from every start"
+    left = 100.0 * problem.compute_residual_rms(last.values) / problem.peaks
+    return (
+        f"{text}did not converge, and leaves {left[0]:.2g} % of the hammer's and"
+        f" {left[1]:.2g} % of the sample's peak"
+    )
+
+
+def _is_good(problem: FitProblem, solution: FitSolution) -> bool:
+    """Whether no other start can do much better."""
+    rms = problem.compute_residual_rms(solution.values)
+    by_peak = rms < GOOD_RESIDUAL * problem.peaks
+    by_noise = rms**2 < GOOD_CHI_SQUARE * problem.filtered_noise**2
+    return solution.converged and not solution.at_bounds and bool(np.all(by_peak | by_noise))

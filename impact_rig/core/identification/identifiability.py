@@ -13,9 +13,9 @@ choice: beyond it the 95 % interval reaches zero."""
 MEMBER_PART = 0.3
 """Least part in a combination, over the largest part, that makes a parameter a member [-], our
 choice."""
-SMALLEST_SINGULAR_VALUE = 1e-9
+SMALLEST_SINGULAR_VALUE = 1e-6
 """Singular value over the largest, of derivatives scaled to unit length, below which they count
-as dependent [-], our choice: the derivatives' own rounding is some 1e-12."""
+as dependent [-], our choice: the derivatives are good to some 1e-7."""
 
 LARGEST_RESIDUAL = 0.05
 """RMS residual over the peak above which the model does not describe a trace [-], our choice: over

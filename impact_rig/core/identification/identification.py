@@ -2,7 +2,7 @@
 
 The low-passed model is laid onto the low-passed mean traces, each weighted by its noise. Since
 the low-pass takes from the noise what the derivatives do not have, this is as good as white noise
-allows, up to the Cramer-Rao bound. The derivatives are closed forms.
+allows, up to the Cramer-Rao bound.
 """
 
 import math
@@ -12,8 +12,13 @@ import numpy as np
 
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.hits.averaging import MeanHit
-from impact_rig.core.identification.filtered_noise import find_raw_noise
-from impact_rig.core.identification.fitting import SMALLEST_NOISE, FitProblem, FitSolution
+from impact_rig.core.identification.fitting import (
+    SMALLEST_NOISE,
+    FitProblem,
+    FitSolution,
+    compute_raw_noise,
+    find_best_fit,
+)
 from impact_rig.core.identification.identifiability import (
     LARGEST_RESIDUAL,
     check_independence,
@@ -22,7 +27,6 @@ from impact_rig.core.identification.identifiability import (
     find_undetermined,
 )
 from impact_rig.core.identification.measured_model import OFFSETS, MeasuredModel
-from impact_rig.core.identification.search import find_best_fit
 from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.setup.samples import RigSetup
@@ -180,7 +184,7 @@ def identify_model(
         # In the printed model the sample pushes the hammer back; the driven one has F0 signed.
         hammer_polarity=-polarity if variant is ModelVariant.PRINTED else 1.0,
     )
-    problem = FitProblem(mean.traces, find_raw_noise(mean), measured)
+    problem = FitProblem(mean.traces, compute_raw_noise(mean), measured)
     solution = find_best_fit(problem, start or StartingValues())
     return _report(problem, solution, mean)
 
@@ -189,12 +193,12 @@ def _report(problem: FitProblem, solution: FitSolution, mean: MeanHit) -> Identi
     values, names = solution.values, problem.measured.names
     traces = problem.measured.simulate(values)
     check_independence(names, problem.weigh(problem.evaluate(values)[1]).T)
-    rms = problem.find_residual_rms(values)
+    rms = problem.compute_residual_rms(values)
     total = 2.0 * problem.independent_points
     freedom = max(total - len(names), 1.0)
     squares = (rms / problem.filtered_noise) ** 2 * total / freedom
     factors = np.sqrt(np.maximum(squares, 1.0))
-    covariance = problem.find_covariance(values, factors)
+    covariance = problem.compute_covariance(values, factors)
     if not np.all(np.isfinite(covariance)):
         raise NotDeterminedError("identification: the covariance is no finite number")
     hits = [hit.astype(np.float64) for hit in mean.cut_hits()]

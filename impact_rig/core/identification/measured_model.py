@@ -6,10 +6,9 @@ import numpy as np
 
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant
 from impact_rig.core.model.sensitivities import (
-    DRIVEN_PARAMETERS,
     Sensitivities,
     compute_sensitivities,
-    find_parameter_names,
+    list_parameters,
 )
 from impact_rig.core.signals.filtering import low_pass
 from impact_rig.core.signals.record import FloatArray
@@ -18,13 +17,12 @@ OFFSETS = ("hammer offset", "sample offset")
 SENSOR_PARAMETERS = ("sample gain", *OFFSETS)
 """What the sensors add: gain of the sample's channel, signed [-], and both offsets [m/s^2]."""
 
-FORCE = DRIVEN_PARAMETERS.index("F0")
 ALL_POINTS = slice(None)
 
 
 def name_parameters(variant: ModelVariant) -> tuple[str, ...]:
     """Return what is identified: the model's parameters, then the sensors'."""
-    return (*find_parameter_names(variant), *SENSOR_PARAMETERS)
+    return (*list_parameters(variant), *SENSOR_PARAMETERS)
 
 
 @dataclass(frozen=True)
@@ -113,14 +111,9 @@ class MeasuredModel:
         """
         gain = float(values[-3])
         bodies = self._find_sensitivities(values)
-        if self.variant is ModelVariant.DRIVEN:
-            # Its traces are F0 times their derivatives in F0.
-            rows = self.low_pass(bodies.derivatives, points)
-            traces = float(values[FORCE]) * rows[:, FORCE]
-        else:
-            together = np.concatenate([bodies.derivatives, bodies.traces[:, np.newaxis]], axis=1)
-            filtered = self.low_pass(together, points)
-            rows, traces = filtered[:, :-1], filtered[:, -1]
+        together = np.concatenate([bodies.derivatives, bodies.traces[:, np.newaxis]], axis=1)
+        filtered = self.low_pass(together, points)
+        rows, traces = filtered[:, :-1], filtered[:, -1]
         derivatives = np.zeros((2, len(self.names), traces.shape[1]))
         derivatives[0, :-3] = self.hammer_polarity * rows[0]
         derivatives[1, :-3] = gain * rows[1]

@@ -20,7 +20,7 @@ from impact_rig.core.signals.record import FloatArray
 NAN = math.nan
 FREQUENCIES = np.geomspace(0.8, 16.0, 6)
 """Natural frequencies of the sample that are tried, times tau_p [rad], our choice: neighbours are
-near enough for the search to go on from; the paper's samples lie between 2.9 and 3.8."""
+near enough for the search to go on from; the published samples lie between 2.9 and 3.8."""
 DAMPING_RATIOS = (0.1, 0.5)
 """Damping ratios that are tried [-], our choice."""
 PRINTED_DURATIONS = (1.0, 1.6, 2.4)
@@ -29,13 +29,13 @@ its hammer trace is no versed-sine."""
 PRINTED_STIFFNESSES = (0.5, 1.0, 2.0)
 """k1 of the printed model that are tried, over 2 k_eq [-], our choice."""
 PRINTED_DAMPING_RATIOS = (0.2, 0.6)
-"""Damping ratios of the hammer that are tried [-], our choice: the paper's is 0.64."""
+"""Damping ratios of the hammer that are tried [-], our choice: Table 4 means 0.64."""
 SPECIMEN_STIFFNESSES = (1.5, 4.0)
 """k2 that is tried with the printed model, over k_eq [-], our choice."""
 TYPICAL_DAMPING_RATIO = 0.3
-"""Of a sample of which nothing is known [-], our choice: in the middle of the paper's."""
+"""Of a sample of which nothing is known [-], our choice: in the middle of the published ones."""
 TYPICAL_FREQUENCY = 3.3
-"""Natural frequency of such a sample, times tau_p [rad]: in the middle of the paper's."""
+"""Natural frequency of such a sample, times tau_p [rad]: in the middle of the published ones."""
 RINGING_DAMPING_RATIOS = (0.01, 0.05, 0.2)
 """Damping ratios that are tried at the frequency at which the sample rings [-], our choice: the
 longer it rings, the better the frequency must be known from the start."""

@@ -1,40 +1,197 @@
-"""The two-body model of the paper in closed form.
+"""The two-body model, equations (1) and (2), in closed form.
 
-While the bodies touch, the model is one linear system without input, y(t) = e^(At) y(0), with the
-force in its state; afterwards each body is a damped oscillator. That is exact for every damping
-and every pulse, critical damping and resonance included, where eigenvectors or a particular
-solution would fail. Nothing is stepped through time, and many impacts are calculated at once.
+While the bodies touch, the model is one linear system without input, dz/dn = A z, where n counts
+points: F(t) = F0 sin^2(pi t / tau_p) is a constant and a cosine, and both are solutions of linear
+equations themselves, so that they are part of the state. Afterwards each body is a damped
+oscillator. That is exact for every damping and every pulse, critical damping and resonance
+included, where eigenvectors or a particular solution would fail. Nothing is stepped through time,
+and many impacts are calculated at once.
+
+With w = 2 pi / tau_p and d = w dt, the angle from point to point, positions count as x w^2 / d,
+velocities as x' w / d, and forces over the sample's mass and d. All entries of A are then numbers
+times d, and rows of it are accelerations, too [m/s^2].
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
 from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.model.contact import (
-    ANGLE,
-    C1,
-    C2,
-    DRIVEN,
-    FULL_TURN,
-    K1,
-    K2,
-    PRINTED,
-    simulate_contacts,
-)
 from impact_rig.core.model.oscillator import (
     FreeOscillator,
     find_padding,
     simulate_free_oscillators,
 )
-from impact_rig.core.model.propagation import Moments
+from impact_rig.core.model.propagation import Moments, simulate_linear_systems
 from impact_rig.core.model.stiffness import estimate_equivalent_mass
-from impact_rig.core.model.time_grid import find_contact
 from impact_rig.core.signals.record import FloatArray
+
+
+class ContactSpan(NamedTuple):
+    """The points in the contact.
+
+    Attributes
+    ----------
+    first, free : int
+        The first point in the contact, and the first one beyond it; the number of points, if
+        there is none.
+    begin : float
+        Time of `first`, counted from the start of the contact [s].
+    late : float
+        Time of `free`, counted from the end of the contact [s].
+    """
+
+    first: int
+    free: int
+    begin: float
+    late: float
+
+
+def find_contact(
+    start: float, contact_time: float, sampling_rate: float, count: int
+) -> ContactSpan:
+    """Find the points with 0 <= t <= tau_p.
+
+    Parameters
+    ----------
+    start : float
+        Time of the first point, counted from the start of the contact [s].
+    contact_time : float
+        tau_p [s].
+    sampling_rate : float
+        [Hz]
+    count : int
+        Number of points.
+    """
+    first = _find_point(start, 0.0, sampling_rate, count)
+    beyond = math.nextafter(contact_time, math.inf)
+    free = _find_point(start, beyond, sampling_rate, count)
+    begin, late = start + first / sampling_rate, start + free / sampling_rate - contact_time
+    # Where the grid has no such point, a harmless time.
+    return ContactSpan(first, free, min(max(begin, 0.0), contact_time), max(late, 0.0))
+
+
+def _find_point(start: float, time: float, sampling_rate: float, count: int) -> int:
+    """Return the first point at a time or after it; `count`: there is none."""
+    place = (time - start) * sampling_rate
+    if not -1.0 < place < count + 1.0:
+        return 0 if place < 0.0 else count
+    point = math.ceil(place)
+    # The grid is start + n / rate as rounded, which may be one point aside.
+    if start + (point - 1) / sampling_rate >= time:
+        point -= 1
+    elif start + point / sampling_rate < time:
+        point += 1
+    return min(max(point, 0), count)
+
+
+FULL_TURN = 2.0 * np.pi
+"""phi at the end of the contact [rad]."""
+
+K1, K12, K2, C1, C12, C2, MASSES, ANGLE, SPEED, FORCE = range(10)
+"""Numbers of a model. d [rad] times k1 / m1, k1 / m2 and k2 / m2 over w^2, times c1 / m1, c1 / m2
+and c2 / m2 over w, times m2 / m1, and d itself; and what drives it [m/s^2]: the hammer's v1 w / d,
+and the force's F0 / (2 m2 d)."""
+NUMBERS = 10
+
+
+@dataclass(frozen=True)
+class ContactSystem:
+    """How one variant of the model moves during the contact.
+
+    The state is positions, velocities, and the force's constant, cosine and sine.
+
+    Attributes
+    ----------
+    moving : slice
+        The bodies in the state, of hammer and sample.
+    size : int
+        Of the state, d.
+    entries : ndarray, shape (10, (d + 3) d)
+        A model's numbers times these are A, below it the readout of the accelerations of hammer
+        and sample, and the state at the start.
+    """
+
+    moving: slice
+    size: int
+    entries: FloatArray
+
+    @staticmethod
+    def make(moving: slice, readout: FloatArray) -> "ContactSystem":
+        """Complete A, of which accelerations are rows, shape (10, 2, d)."""
+        size = readout.shape[2]
+        bodies = (size - 3) // 2
+        entries = np.zeros((NUMBERS, size + 3, size))
+        for body in range(bodies):
+            entries[ANGLE, body, bodies + body] = 1.0
+        entries[:, bodies : 2 * bodies] = readout[:, moving]
+        entries[ANGLE, size - 2, size - 1], entries[ANGLE, size - 1, size - 2] = -1.0, 1.0
+        entries[:, size:-1] = readout
+        entries[SPEED, -1, bodies] = entries[FORCE, -1, -3] = entries[FORCE, -1, -2] = 1.0
+        return ContactSystem(moving, size, entries.reshape(NUMBERS, -1))
+
+
+def _make_printed() -> ContactSystem:
+    """Couple both bodies, with the force on the second and a minus before it: equation (1)."""
+    readout = np.zeros((NUMBERS, 2, 7))
+    for on_first, on_second, own, places in ((K1, K12, K2, (0, 1)), (C1, C12, C2, (2, 3))):
+        readout[on_first, 0, places] = -1.0, 1.0
+        readout[on_second, 1, places] = 1.0, -1.0
+        readout[own, 1, places[1]] = -1.0
+    readout[ANGLE, 1, 4:6] = -1.0, 1.0
+    return ContactSystem.make(slice(0, 2), readout)
+
+
+def _make_driven() -> ContactSystem:
+    """Let the hammer show the force, and rest afterwards; the sample alone is driven by it."""
+    readout = np.zeros((NUMBERS, 2, 5))
+    readout[MASSES, 0, 2:4] = -1.0, 1.0
+    readout[K2, 1, 0] = readout[C2, 1, 1] = -1.0
+    readout[ANGLE, 1, 2:4] = 1.0, -1.0
+    return ContactSystem.make(slice(1, 2), readout)
+
+
+PRINTED, DRIVEN = _make_printed(), _make_driven()
+
+
+def simulate_contacts(
+    system: ContactSystem,
+    numbers: Sequence[tuple[float, ...]],
+    moments: Sequence[Moments],
+    count: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Compute accelerations during the contact, and what moves at its end.
+
+    Parameters
+    ----------
+    system : ContactSystem
+        How the bodies are driven.
+    numbers : sequence of tuple of float
+        Of each model: `K1` to `FORCE`.
+    moments : sequence of Moments
+        Of each model: its first point and the end of the contact, from the start of the contact.
+    count : int
+        Number of points, one or more; those beyond the contact mean nothing.
+
+    Returns
+    -------
+    accelerations : ndarray, shape (models, 2, count)
+        x1'' and x2'' [m/s^2].
+    state : ndarray, shape (models, 2 * bodies)
+        x w^2 / d, then x' w / d of the bodies that move, at the end of the contact [m/s^2].
+    """
+    size = system.size
+    entries = (np.array(numbers) @ system.entries).reshape(-1, size + 3, size)
+    values, ends = simulate_linear_systems(
+        entries[:, :size], entries[:, -1], entries[:, size:-1], moments, count
+    )
+    return values, ends[:, : size - 3]
+
 
 OSCILLATORS: tuple[tuple[int, int], ...] = ((K1, C1), (K2, C2))
 """Which numbers of a model are those of hammer and sample left alone."""
@@ -167,8 +324,17 @@ def simulate_impacts(
     *,
     start: float | FloatArray = 0.0,
     variant: ModelVariant = ModelVariant.PRINTED,
+    places_steps: bool = False,
 ) -> FloatArray:
     """Simulate many impacts at once; parameters as `simulate_impact`, one start or one each.
+
+    Parameters
+    ----------
+    places_steps : bool
+        The two points beside each step of the printed model carry its place between them: they
+        are the means of the trace over a triangle two points wide, which keeps the step's area
+        and centre. Without that a step jumps from point to point as tau_p or t0 move, and no
+        difference of traces is a derivative.
 
     Returns
     -------
@@ -190,7 +356,8 @@ def simulate_impacts(
     result = np.zeros((len(models), 2, count + find_padding(count)))
     for first in range(0, len(models), BATCH):
         part = slice(first, first + BATCH)
-        _simulate(models[part], sampling_rate, starts[part], variant, count, result[part])
+        chosen = models[part], sampling_rate, starts[part], variant, count
+        _simulate(*chosen, result[part], places_steps=places_steps)
     return result[:, :, :count]
 
 
@@ -201,6 +368,8 @@ def _simulate(
     variant: ModelVariant,
     count: int,
     out: FloatArray,
+    *,
+    places_steps: bool,
 ) -> None:
     """Fill `out`, shape (models, 2, count and more), which is zero."""
     is_printed = variant is ModelVariant.PRINTED
@@ -234,6 +403,40 @@ def _simulate(
             records.append(out[number, system.moving, free:])
     if records:
         simulate_free_oscillators(oscillators, longest, records)
+    if not (places_steps and is_printed):
+        return
+    for number, (span, end) in enumerate(zip(spans, ends.tolist(), strict=True)):
+        at_start, at_end = _compute_jumps(numbers[number], end)
+        place = -starts[number] * sampling_rate
+        _place_step(out[number, :, :count], place, span.first, at_start)
+        place += models[number].contact_time * sampling_rate
+        _place_step(out[number, :, :count], place, span.free, at_end)
+
+
+def _compute_jumps(
+    numbers: Sequence[float], end: Sequence[float]
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return how far the traces of hammer and sample jump at t = 0 and at tau_p [m/s^2].
+
+    Of a printed model's numbers and its state at the end of the contact.
+    """
+    x1, x2, v1, v2 = end
+    hammer = numbers[K1] * x2 + numbers[C1] * v2
+    specimen = numbers[K12] * (x1 - x2) + numbers[C12] * (v1 - v2)
+    speed = numbers[SPEED]
+    return (-numbers[C1] * speed, numbers[C12] * speed), (-hammer, -specimen)
+
+
+def _place_step(
+    traces: FloatArray, place: float, follower: int, jumps: tuple[float, float]
+) -> None:
+    """Let the two points beside a step carry its place [points]; `follower` comes after it."""
+    for point, sign in ((follower - 1, 0.5), (follower, -0.5)):
+        reach = 1.0 - abs(point - place)
+        if reach > 0.0 and 0 <= point < traces.shape[1]:
+            weight = sign * reach * reach
+            for body, jump in enumerate(jumps):
+                traces[body, point] += weight * jump
 
 
 def _describe(model: ImpactModel, sampling_rate: float, *, is_printed: bool) -> tuple[float, ...]:

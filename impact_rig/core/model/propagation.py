@@ -47,18 +47,12 @@ class Moments(NamedTuple):
     end: float
 
 
-def find_room(count: int) -> int:
-    """Return on how many points `simulate_linear_systems` works at most: whole blocks."""
-    return -(-count // LONGEST_BLOCK) * LONGEST_BLOCK
-
-
 def simulate_linear_systems(
     matrices: FloatArray,
     initial: FloatArray,
     readout: FloatArray,
     moments: Sequence[Moments],
     count: int,
-    out: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Compute C e^(At) y on a uniform grid, and e^(At) y at one time more.
 
@@ -74,9 +68,6 @@ def simulate_linear_systems(
         One for each system.
     count : int
         Number of points, one or more.
-    out : ndarray, shape (systems, r, m), optional
-        Where to put the values: m is `find_room` of `count` or more, and of so many points those
-        beyond `count` mean nothing.
 
     Returns
     -------
@@ -100,17 +91,16 @@ def simulate_linear_systems(
     if any(skipped):
         begin = _skip(to_block, begin, np.array(skipped))
     states = _propagate(to_block, begin, blocks)
-    if out is None:
-        out = np.empty((systems, outputs, blocks * block))
+    values = np.empty((systems, outputs, blocks, block))
     np.matmul(
         states[:, np.newaxis],
         rows.transpose(0, 2, 3, 1),
-        out=out[..., : blocks * block].reshape(systems, outputs, blocks, block),
+        out=values,
     )
     before_end = states.reshape(-1, size, 1).take(
         [number * blocks + place for number, place in enumerate(last)], axis=0
     )
-    return out[..., :count], (to_end @ before_end)[..., 0]
+    return values.reshape(systems, outputs, -1)[..., :count], (to_end @ before_end)[..., 0]
 
 
 def _find_reach(matrices: FloatArray) -> int:

@@ -1,6 +1,6 @@
 """Contact force pulses of unit peak, and what reading them at half amplitude gives.
 
-The paper calls the pulse a versed-sine (4), yet its equation (5) is the half period of an
+The published pulse is a versed-sine (4), yet equation (5) is the half period of an
 undamped spring-mass pair, whose force is a half-sine. The factor F in tau_p = F * w50 tells them
 apart.
 """

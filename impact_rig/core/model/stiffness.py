@@ -4,7 +4,7 @@ import math
 
 from impact_rig.core.arithmetic import (
     Quantity,
-    find_square_root,
+    compute_square_root,
     get_value,
 )
 from impact_rig.core.checks import check_positive
@@ -29,7 +29,7 @@ def estimate_contact_time(equivalent_mass: Quantity, equivalent_stiffness: Quant
     """Return tau_p = pi sqrt(m_eq / k_eq) [s], equation (5), from kg and N/m."""
     check_positive("equivalent mass", get_value(equivalent_mass), "kg")
     check_positive("equivalent stiffness", get_value(equivalent_stiffness), "N/m")
-    return math.pi * find_square_root(equivalent_mass / equivalent_stiffness)
+    return math.pi * compute_square_root(equivalent_mass / equivalent_stiffness)
 
 
 def estimate_hammer_stiffness(control_equivalent_stiffness: Quantity) -> Quantity:

@@ -21,7 +21,7 @@ HAMMER_STIFFNESS = 22.54e6
 HAMMER_DAMPING_COEFFICIENT = 1909.0
 """c1, Table 4 [N s/m]."""
 PULSE_NAME = "versed-sine"
-"""What the paper calls its contact force, equation (4)."""
+"""What equation (4) is called."""
 CONTROL_SAMPLE = "aluminium large"
 
 

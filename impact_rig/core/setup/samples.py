@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from impact_rig.core.checks import check_mass_uncertainty, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.quantity import INLINE, describe
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.setup.settings import AnalysisSettings
 
@@ -33,17 +34,23 @@ class Sample:
     """
 
     name: str
-    mass: float
+    mass: float = field(metadata=describe("kg"))
     material: str = ""
-    reference_contact_time: float = math.nan
-    reference_stiffness: float = math.nan
-    reference_damping_coefficient: float = math.nan
-    mass_uncertainty: float = 0.0
+    reference_contact_time: float = field(default=math.nan, metadata=describe("s"))
+    reference_stiffness: float = field(default=math.nan, metadata=describe("N/m"))
+    reference_damping_coefficient: float = field(default=math.nan, metadata=describe("N s/m"))
+    mass_uncertainty: float = field(default=0.0, metadata=describe("kg", written="mass_u"))
 
     def __post_init__(self) -> None:
         """Refuse a nameless sample and impossible numbers."""
         if not self.name.strip():
             raise ParameterError("a sample has an empty name: every sample needs its own name")
+        for what, text in (("name", self.name), ("material", self.material)):
+            # Progress and logs show it as it is: it must not steer a terminal.
+            if not text.isprintable():
+                raise ParameterError(
+                    f"the {what} of a sample is {text!r}: it must be of letters that can be shown"
+                )
         if not math.isnan(self.mass):
             check_positive(f"mass of sample {self.name!r}", self.mass, "kg")
         check_mass_uncertainty(
@@ -77,8 +84,10 @@ class SampleSet:
 
     samples: tuple[Sample, ...]
     control_sample: str
-    accelerometer_mass: float = 0.0
-    accelerometer_mass_uncertainty: float = 0.0
+    accelerometer_mass: float = field(default=0.0, metadata=describe("kg"))
+    accelerometer_mass_uncertainty: float = field(
+        default=0.0, metadata=describe("kg", written="accelerometer_mass_u")
+    )
 
     def __post_init__(self) -> None:
         """Refuse an empty set, double names and a control sample that is not in the set."""
@@ -151,16 +160,20 @@ class RigSetup:
         Of the channels, as far as they are known; one each at most.
     """
 
-    samples: SampleSet
-    hammer_mass: float
-    impact_speed: float
+    samples: SampleSet = field(metadata=INLINE)
+    hammer_mass: float = field(metadata=describe("kg"))
+    impact_speed: float = field(metadata=describe("m/s"))
     analysis: AnalysisSettings = field(default_factory=AnalysisSettings)
     name: str = ""
     description: str = ""
-    hammer_mass_uncertainty: float = 0.0
-    clock_uncertainty: float = DEFAULT_CLOCK_UNCERTAINTY
-    hammer_stiffness: float = math.nan
-    sensors: tuple[Sensor, ...] = ()
+    hammer_mass_uncertainty: float = field(
+        default=0.0, metadata=describe("kg", written="hammer_mass_u")
+    )
+    clock_uncertainty: float = field(
+        default=DEFAULT_CLOCK_UNCERTAINTY, metadata=describe(written="clock_u")
+    )
+    hammer_stiffness: float = field(default=math.nan, metadata=describe("N/m"))
+    sensors: tuple[Sensor, ...] = field(default=(), metadata=describe(since=4))
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""

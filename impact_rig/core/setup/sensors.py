@@ -1,16 +1,20 @@
-"""The sensors behind the channels, by their calibration sheets."""
+"""The sensors behind the channels, by their calibration sheets, and which channel is which."""
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from impact_rig.core.checks import check_not_negative
+from impact_rig.core.checks import check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.quantity import describe
 from impact_rig.core.setup.calibration import (
     ACCELERATIONS,
     FORCES,
+    UNITS,
+    VOLTAGES,
     Sensitivity,
     find_scale,
+    list_units,
     normalize_unit,
 )
 
@@ -46,7 +50,7 @@ class Sensor:
     channel: str
     quantity: str = "acceleration"
     unit: str = "m/s^2"
-    sensitivity: float = math.nan
+    sensitivity: float = field(default=math.nan, metadata=describe("V per unit"))
     full_scale: float = 0.0
     serial_number: str = ""
     calibration_date: str = ""
@@ -129,3 +133,104 @@ class Sensor:
         if self.calibration_date:
             known.append(f"calibrated {self.calibration_date}")
         return ", ".join(known)
+
+
+ROLES = ("time", "hammer", "specimen", "skip")
+"""What a column may hold: time [s], the hammer's or the sample's signal, or nothing of use."""
+
+
+@dataclass(frozen=True)
+class ChannelUse:
+    """What is known of one body's channel beside its file.
+
+    Attributes
+    ----------
+    channel : str
+        Its name in the file, or its number there, counted from 1; empty: by its place.
+    unit : str
+        One of `UNITS`; empty: as the file states it.
+    sensitivity : Sensitivity or None
+        Of the sensor, for a channel in V.
+    full_scale : float
+        Largest value that the channel can show, either sign; 0: not known.
+    full_scale_unit : str
+        One of `UNITS`.
+    """
+
+    channel: str = ""
+    unit: str = ""
+    sensitivity: Sensitivity | None = None
+    full_scale: float = 0.0
+    full_scale_unit: str = "m/s^2"
+
+    def __post_init__(self) -> None:
+        """Refuse unknown units, and a sensitivity of what is no voltage."""
+        for what, unit in (("", self.unit), ("full scale: ", self.full_scale_unit)):
+            if unit and normalize_unit(unit) not in UNITS:
+                raise ParameterError(
+                    f"{what}unit {unit!r} is unknown: a channel is in {list_units()}"
+                )
+        check_not_negative("full scale", self.full_scale, self.full_scale_unit)
+        if self.sensitivity and self.unit and normalize_unit(self.unit) not in VOLTAGES:
+            raise ParameterError(
+                f"a channel in {self.unit} has no use for a sensitivity: that is for channels in V"
+            )
+
+
+@dataclass(frozen=True)
+class ChannelPlan:
+    """Which channels of the files are what.
+
+    Attributes
+    ----------
+    hammer, specimen : ChannelUse
+        Of both bodies.
+    columns : tuple of str or None
+        Role of each channel in its place, one of `ROLES`; None: by the names in `hammer` and
+        `specimen`, or by their number.
+    sampling_rate : float
+        Of files that do not state it and have no time column [Hz]; NaN: not given.
+    """
+
+    hammer: ChannelUse = field(default_factory=ChannelUse)
+    specimen: ChannelUse = field(default_factory=ChannelUse)
+    columns: tuple[str, ...] | None = None
+    sampling_rate: float = math.nan
+
+    def __post_init__(self) -> None:
+        """Refuse roles that contradict each other."""
+        if not math.isnan(self.sampling_rate):
+            check_positive("sampling rate", self.sampling_rate, "Hz")
+        if self.columns is not None:
+            self._check_columns(self.columns)
+        if normalize_unit(self.specimen.unit) in FORCES:
+            raise ParameterError(
+                f"the sample's channel is in {self.specimen.unit}: it must be an acceleration,"
+                " or a voltage of one"
+            )
+        if self.specimen.channel and not self.hammer.channel:
+            raise ParameterError(
+                f"the sample's channel is {self.specimen.channel!r}, and the hammer's is not"
+                " named: its pulse is what is measured"
+            )
+        if self.hammer.channel and self.hammer.channel == self.specimen.channel:
+            raise ParameterError(
+                f"channel {self.hammer.channel!r} is the hammer's and the sample's: name two"
+            )
+
+    def _check_columns(self, columns: tuple[str, ...]) -> None:
+        for role in columns:
+            if role not in ROLES:
+                raise ParameterError(f"column role {role!r} is unknown: it is {', '.join(ROLES)}")
+            if role != "skip" and columns.count(role) > 1:
+                raise ParameterError(f"column role {role!r} is given twice")
+        if "hammer" not in columns:
+            raise ParameterError("no column has the role 'hammer': its pulse is what is measured")
+        if self.hammer.channel or self.specimen.channel:
+            raise ParameterError(
+                "channels are told by the roles of all columns or by name: one of the two"
+            )
+        if "time" in columns and not math.isnan(self.sampling_rate):
+            raise ParameterError(
+                "the sampling rate comes from a time column or is given: one of the two"
+            )

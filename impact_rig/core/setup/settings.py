@@ -1,10 +1,15 @@
 """How hits are cut out, judged and evaluated: one record, stored with every recording."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 
 from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.quantity import INTERNAL, describe
 
+CONTACT_EXPONENTS = (0.6, 3.9)
+"""Least and largest n of a contact law that is given [-], our choice: 1 is a linear spring, 3/2
+Hertz; the family ends a little beyond."""
 MOST_KEPT_HITS = 1_000_000
 """Largest `keep_hits` [-], our choice: more than any campaign strikes."""
 
@@ -16,14 +21,14 @@ class AnalysisSettings:
     Attributes
     ----------
     cutoff_frequency : float
-        -3 dB frequency of the zero-phase low-pass [Hz]; 0 switches it off. The paper's 50 kHz.
+        -3 dB frequency of the zero-phase low-pass [Hz]; 0 switches it off. 50 kHz as published.
     pulse_factor : float
-        F in tau_p = F * w50 [-]; the paper's 2 belongs to a versed-sine.
+        F in tau_p = F * w50 [-]; the published 2 belongs to a versed-sine.
     pre_trigger : float
         Kept before the impact, and the source of the baseline [s]. Our choice: a tenth of the
         record.
     record_duration : float
-        Length of a hit's record [s]; the paper's 2 ms.
+        Length of a hit's record [s]; 2 ms as published.
     detection_level : float
         Hammer acceleration that starts a hit, part of full scale [-]. Our choice: well above
         12-bit noise, well below the weakest acceptable hit.
@@ -40,18 +45,22 @@ class AnalysisSettings:
     keep_hits : int
         How many accepted hits of a sample are averaged at most, the most consistent ones [-]; 0:
         all.
+    contact_exponent : float
+        n of the contact law where it is known [-]; NaN: it is fitted. For an analysis of files: a
+        live rig is not told.
     """
 
-    cutoff_frequency: float = 50e3
+    cutoff_frequency: float = field(default=50e3, metadata=describe("Hz"))
     pulse_factor: float = 2.0
-    pre_trigger: float = 0.2e-3
-    record_duration: float = 2e-3
+    pre_trigger: float = field(default=0.2e-3, metadata=describe("s"))
+    record_duration: float = field(default=2e-3, metadata=describe("s"))
     detection_level: float = 0.03
     minimum_peak: float = 0.15
     maximum_peak: float = 0.95
     overload_run: int = 3
     double_hit_level: float = 0.05
     keep_hits: int = 0
+    contact_exponent: float = field(default=math.nan, metadata=INTERNAL)
 
     def __post_init__(self) -> None:
         """Refuse values that cannot be meant."""
@@ -74,6 +83,8 @@ class AnalysisSettings:
             )
         check_between("overload_run", self.overload_run, 1, 1000)
         check_between("double_hit_level", self.double_hit_level, 1e-3, 1.0)
+        if not math.isnan(self.contact_exponent):
+            check_between("contact_exponent", self.contact_exponent, *CONTACT_EXPONENTS)
         check_between("keep_hits", self.keep_hits, 0, MOST_KEPT_HITS)
         if self.keep_hits != int(self.keep_hits):
             raise ParameterError(f"keep_hits is {self.keep_hits!r}: it must be whole")

@@ -1,25 +1,155 @@
 """Impacts found in a stream of blocks, and cut out with pre-trigger.
 
-A stream may have gaps: they are found, named and never bridged. What a gap cuts off is still
-handed out, with the gap named, so that no hit vanishes without a word.
+A pulse begins where the hammer's raw output leaves its baseline. A stream may have gaps: what one
+cuts off is still handed out, with the gap named, so that no hit is lost unseen.
 """
 
+import math
 import sys
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.continuity import Continuity, Gap
-from impact_rig.core.signals.pulse_search import (
-    PulseSearch,
-    count_window_points,
-    find_median,
-    find_relative_level,
-    to_acceleration,
-)
-from impact_rig.core.signals.record import Block, FloatArray, RawArray, Record, Trace
-from impact_rig.core.signals.stretch import Stretch
+from impact_rig.core.signals.record import Block, ChannelBlock, FloatArray, RawArray, Record, Trace
+from impact_rig.core.signals.segment import Continuity, Gap, Segment
+
+RELATIVE_LEVEL = 0.1
+"""Where full scale is unknown, the part of the largest deviation that starts a pulse [-], our
+choice: a hit recorded as a whole always has one."""
+PULSE_NOISE = 6.0
+"""Least height of a pulse, in standard deviations of the noise [-], our choice: noise alone
+reaches it in one record of 100 000."""
+SPREAD_OF_MEDIAN = 1.4826
+"""Standard deviation over median absolute deviation of normal noise [-]."""
+
+
+class PulseSearch:
+    """Finds the next pulse in a segment of the stream.
+
+    Baseline and level are numbers of the raw output, and whole blocks are held against them by
+    their largest and smallest count: nothing is converted where there is no pulse.
+
+    Parameters
+    ----------
+    settings : AnalysisSettings
+        `detection_level` is used.
+    """
+
+    def __init__(self, settings: AnalysisSettings) -> None:
+        self._settings = settings
+        self._noise = 0.0
+
+    def learn(self, quiet: RawArray) -> float:
+        """Take the noise from what holds no pulse, and return its baseline."""
+        baseline = compute_median(quiet)
+        self._noise = SPREAD_OF_MEDIAN * compute_median(np.abs(quiet - baseline))
+        return baseline
+
+    def find(self, segment: Segment, baseline: float, last: int) -> int | None:
+        """Find the first pulse that is not searched yet, up to the point `last`.
+
+        Parameters
+        ----------
+        segment : Segment
+            Searched from its `searched` on, which is not changed.
+        baseline : float
+            Of the hammer's raw output.
+        last : int
+            Behind the last point to be looked at.
+
+        Returns
+        -------
+        int or None
+            The first point at or above the level; None: there is none.
+        """
+        channel = segment.block.hammer
+        if channel.full_scale > 0.0:
+            level = self._settings.detection_level * abs(channel.full_scale / channel.scale)
+        else:
+            # Without a full scale the level is a part of the largest pulse: of the whole segment.
+            level = compute_relative_level(np.abs(segment.read(segment.start, last)[0] - baseline))
+        level = max(level, PULSE_NOISE * self._noise, channel.resolution / abs(channel.scale))
+        for start, output in segment.read_hammer(segment.searched, last):
+            index = _find_departure(output, baseline, level)
+            if index is not None:
+                return start + index
+        return None
+
+
+def count_window_points(settings: AnalysisSettings, sampling_rate: float) -> tuple[int, int]:
+    """Return pre-trigger and length of a hit's window [points] at a rate [Hz]."""
+    before, length = settings.pre_trigger * sampling_rate, settings.record_duration * sampling_rate
+    return max(round(before), 1), max(round(length), 1)
+
+
+def to_acceleration(channel: ChannelBlock, output: RawArray) -> FloatArray:
+    """Return raw output of a channel as acceleration [m/s^2], read-only."""
+    acceleration: FloatArray = np.multiply(channel.scale, output, dtype=np.float64)
+    acceleration += channel.offset
+    acceleration.setflags(write=False)
+    return acceleration
+
+
+def compute_median(values: NDArray[Any]) -> float:
+    """Return what `numpy.median` does, of short arrays in a third of its time.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Of at least one number.
+    """
+    low, high = (values.size - 1) // 2, values.size // 2
+    ordered = np.partition(values, (low, high, values.size - 1))
+    largest = float(ordered[-1])
+    # Numbers that are none lie at the end, and leave no median.
+    return largest if math.isnan(largest) else (float(ordered[low]) + float(ordered[high])) / 2
+
+
+def find_quietest(output: RawArray, count: int) -> RawArray:
+    """Return that part of `count` points in which least happens; all, if there are no more.
+
+    Parameters
+    ----------
+    output : ndarray, shape (n,)
+        Cut into parts from its beginning on; what is left over at its end is left out.
+    count : int
+        Points of a part.
+    """
+    parts = output.size // count
+    if not parts:
+        return output
+    split = output[: parts * count].reshape(parts, count)
+    # Counts of 32 bits may lie further apart than 32 bits hold.
+    span = np.subtract(split.max(axis=1), split.min(axis=1), dtype=np.float64)
+    # Where numbers are none, much happens.
+    quietest: RawArray = split[int(np.nan_to_num(span, nan=np.inf).argmin())]
+    return quietest
+
+
+def compute_relative_level(deviation: FloatArray) -> float:
+    """Return what a pulse must reach where full scale is unknown [unit of the deviation].
+
+    Infinite: nothing stands out of the noise.
+    """
+    largest = float(deviation.max())
+    noise = SPREAD_OF_MEDIAN * float(np.median(deviation))
+    return RELATIVE_LEVEL * largest if largest > PULSE_NOISE * noise else np.inf
+
+
+def _find_departure(output: RawArray, baseline: float, level: float) -> int | None:
+    """Find the first point that deviates from the baseline by `level` or more."""
+    if output.dtype == np.int32:
+        # Of whole numbers these differences are exact, as those of the points below are.
+        top, bottom = int(np.maximum.reduce(output)), int(np.minimum.reduce(output))
+        if top - baseline < level and baseline - bottom < level:
+            return None
+    above = np.abs(output - baseline) >= level
+    index = int(above.argmax())
+    return index if above[index] else None
+
 
 EMPTY = np.empty(0)
 QUIET_RECORDS = 10
@@ -48,7 +178,7 @@ class ImpactDetector:
     def _reset(self) -> None:
         self._continuity = Continuity(expected=0)
         self._search = PulseSearch(self._settings)
-        self._stretch: Stretch | None = None
+        self._segment: Segment | None = None
         self._is_broken = False
         self._before = self._length = 0
         self._resume = 0
@@ -71,13 +201,13 @@ class ImpactDetector:
             records += self._cut(end=True)
             self._is_broken = True
         if block.hammer.output.size:
-            if self._stretch is None or self._is_broken:
+            if self._segment is None or self._is_broken:
                 self._is_broken = False
-                self._stretch = Stretch(block, search_from=self._resume)
+                self._segment = Segment(block, search_from=self._resume)
                 self._before, self._length = count_window_points(
                     self._settings, block.sampling_rate
                 )
-            self._stretch.append(block)
+            self._segment.append(block)
         records += self._cut(end=block.last)
         if block.last:
             records += self._finish(block)
@@ -98,61 +228,61 @@ class ImpactDetector:
     def _cut(self, *, end: bool) -> list[Record]:
         """Cut out every hit whose window is complete; at the `end`, what there is of it."""
         records: list[Record] = []
-        stretch = self._stretch
-        while stretch is not None:
+        segment = self._segment
+        while segment is not None:
             if self._pulse is None:
-                self._pulse = self._find_pulse(stretch, end=end)
+                self._pulse = self._find_pulse(segment, end=end)
             if self._pulse is None:
                 break
             wanted = self._pulse - self._before
-            first = max(wanted, stretch.start)
+            first = max(wanted, segment.start)
             last = first + self._length
-            if stretch.stop < last and not end:
+            if segment.stop < last and not end:
                 break
             gaps = [gap for gap in self._gaps if gap.high > wanted and gap.low < last]
-            hammer, specimen = stretch.read(first, min(last, stretch.stop))
-            overloads = stretch.find_overloads(first, last)
-            records.append(self._make_hit(stretch, first, hammer, specimen, gaps, overloads))
-            if stretch.stop >= last:
+            hammer, specimen = segment.read(first, min(last, segment.stop))
+            overloads = segment.find_overloads(first, last)
+            records.append(self._make_hit(segment, first, hammer, specimen, gaps, overloads))
+            if segment.stop >= last:
                 self._hit = hammer
             # Where a gap cut the hit off, the rest of its window still belongs to it.
-            stretch.searched = self._resume = last
+            segment.searched = self._resume = last
             self._found = True
             self._pulse = None
         return records
 
-    def _find_pulse(self, stretch: Stretch, *, end: bool) -> int | None:
-        if stretch.stop <= stretch.searched:
+    def _find_pulse(self, segment: Segment, *, end: bool) -> int | None:
+        if segment.stop <= segment.searched:
             return None
         before = self._before
-        is_long = stretch.stop - stretch.start >= before
-        complete = is_long and stretch.block.hammer.full_scale > 0.0
+        is_long = segment.stop - segment.start >= before
+        complete = is_long and segment.block.hammer.full_scale > 0.0
         if not (complete or end):
             return None
         if self._hit is not None:
-            self._baseline, self._hit = find_median(self._hit), None
+            self._baseline, self._hit = compute_median(self._hit), None
         baseline = self._baseline
         if baseline is None:
-            quiet = stretch.read(stretch.start, stretch.start + before)[0]
+            quiet = segment.read(segment.start, segment.start + before)[0]
             baseline = self._search.learn(quiet)
             self._baseline = baseline if complete else None
-        pulse = self._search.find(stretch, baseline, stretch.stop)
+        pulse = self._search.find(segment, baseline, segment.stop)
         if pulse is None:
-            stretch.searched = stretch.stop
+            segment.searched = segment.stop
             keep = max(before, 0 if self._found else QUIET_RECORDS * self._length)
-            stretch.forget(stretch.stop - keep)
+            segment.forget(segment.stop - keep)
         return pulse
 
     def _make_hit(
         self,
-        stretch: Stretch,
+        segment: Segment,
         first: int,
         hammer: RawArray,
         specimen: RawArray,
         gaps: Iterable[Gap],
         overloads: tuple[bool, bool],
     ) -> Record:
-        block = stretch.block
+        block = segment.block
         return self._make_record(
             block,
             hammer=to_acceleration(block.hammer, hammer),
@@ -160,18 +290,18 @@ class ImpactDetector:
             pulse_index=None if self._pulse is None else self._pulse - first,
             gaps=gaps,
             overloads=overloads,
-            delay=round((first - stretch.start) / block.sampling_rate * 1e9),
+            delay=round((first - segment.start) / block.sampling_rate * 1e9),
         )
 
     def _cut_quiet(self, block: Block) -> Record:
         """Make one record of an arming without a pulse."""
-        stretch = self._stretch
-        if stretch is None:
+        segment = self._segment
+        if segment is None:
             return self._make_record(block, gaps=self._gaps)
-        first = max(stretch.start, stretch.stop - QUIET_RECORDS * self._length)
-        hammer, specimen = stretch.read(first, stretch.stop)
-        overloads = stretch.find_overloads(first, stretch.stop)
-        return self._make_hit(stretch, first, hammer, specimen, self._gaps, overloads)
+        first = max(segment.start, segment.stop - QUIET_RECORDS * self._length)
+        hammer, specimen = segment.read(first, segment.stop)
+        overloads = segment.find_overloads(first, segment.stop)
+        return self._make_hit(segment, first, hammer, specimen, self._gaps, overloads)
 
     @staticmethod
     def _make_record(
@@ -227,7 +357,7 @@ def find_pulse_start(trace: Trace, settings: AnalysisSettings) -> int | None:
     above = deviation >= (
         settings.detection_level * trace.full_scale
         if trace.full_scale > 0.0
-        else find_relative_level(deviation)
+        else compute_relative_level(deviation)
     )
     index = int(np.argmax(above))
     return index if above[index] else None

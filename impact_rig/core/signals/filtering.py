@@ -1,14 +1,57 @@
-"""The zero-phase low-pass, the same for measurement and model."""
+"""The zero-phase low-pass, the same for measurement and model, and shifts by part of a point."""
 
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.ndimage import spline_filter1d
 from scipy.signal import butter, lfilter, lfilter_zi
 
-from impact_rig.core.checks import check_not_negative, check_positive
+from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError, SignalError
 from impact_rig.core.signals.record import FloatArray
+
+
+def interpolate_between(traces: FloatArray, fraction: float) -> FloatArray:
+    """Return what lies by a part of a point behind every point but the last.
+
+    By cubic splines on equidistant points: since the part is the same everywhere, four
+    coefficients stand with the same weights behind every value. At the ends the traces are taken
+    as mirrored, which reaches some ten points inside.
+
+    Parameters
+    ----------
+    traces : ndarray, shape (..., n)
+        Along the last axis; two points or more.
+    fraction : float
+        0 to 1 [points].
+
+    Returns
+    -------
+    ndarray, shape (..., n - 1)
+
+    Raises
+    ------
+    ParameterError
+        If the part is not between 0 and 1.
+    """
+    check_between("part of a point", fraction, 0.0, 1.0)
+    spline = spline_filter1d(traces, order=3, axis=-1, mode="mirror")
+    spline = np.concatenate((spline[..., 1:2], spline, spline[..., -2:-1]), axis=-1)
+    rest = 1.0 - fraction
+    # Cubic B-splines, at two points on either side.
+    weights = (
+        rest**3 / 6.0,
+        2.0 / 3.0 - fraction**2 * (1.0 - fraction / 2.0),
+        2.0 / 3.0 - rest**2 * (1.0 - rest / 2.0),
+        fraction**3 / 6.0,
+    )
+    count = spline.shape[-1] - 3
+    between = weights[0] * spline[..., :count]
+    for place, weight in enumerate(weights[1:], start=1):
+        between += weight * spline[..., place : place + count]
+    return np.asarray(between)
+
 
 FILTER_ORDER = 2
 """Butterworth order of one pass [-], our choice: with the pass back the roll-off is 24 dB per
@@ -20,6 +63,9 @@ answer to a step all but 1e-7 is over after three."""
 HIGHEST_RELATIVE_CUTOFF = 0.4
 """Highest cutoff over the sampling rate [-], our choice: nearer to one half the design's
 bilinear transform bends the roll-off."""
+LOWEST_RELATIVE_CUTOFF = 1e-8
+"""Lowest cutoff over the sampling rate [-], our choice: below 1e-11 the filter cannot be told from
+an integrator in double precision."""
 MINIMUM_POINTS = 16
 """Shortest trace that can be filtered [-]: longer than the filter's padding."""
 
@@ -61,7 +107,7 @@ def check_cutoff(cutoff_frequency: float, sampling_rate: float) -> None:
     Raises
     ------
     ParameterError
-        If the sampling rate is too low.
+        If the sampling rate is too low, or absurdly high.
     """
     check_not_negative("cutoff frequency", cutoff_frequency, "Hz")
     check_positive("sampling rate", sampling_rate, "Hz")
@@ -71,6 +117,12 @@ def check_cutoff(cutoff_frequency: float, sampling_rate: float) -> None:
             f" {cutoff_frequency / 1e3:g} kHz low-pass: sample at"
             f" {cutoff_frequency / HIGHEST_RELATIVE_CUTOFF / 1e3:g} kHz or more, set a cutoff of"
             f" {HIGHEST_RELATIVE_CUTOFF * sampling_rate / 1e3:g} kHz or less, or switch it off"
+        )
+    if cutoff_frequency < LOWEST_RELATIVE_CUTOFF * sampling_rate and cutoff_frequency:
+        raise ParameterError(
+            f"a sampling rate of {sampling_rate:g} Hz is too high for the"
+            f" {cutoff_frequency / 1e3:g} kHz low-pass: it must be"
+            f" {cutoff_frequency / LOWEST_RELATIVE_CUTOFF:g} Hz or less"
         )
 
 

@@ -1,7 +1,8 @@
 """What the accelerometers deliver: blocks of raw output, and records of one hit in m/s^2."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ def _freeze(values: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
     return array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class HitLabel:
     """Which hit something belongs to.
 
@@ -55,7 +56,7 @@ class HitLabel:
 
 
 NOT_ARMED = HitLabel("", record=0, impact=0, attempt=0)
-"""Of a stretch of a running stream that belongs to no arming."""
+"""Of a segment of a running stream that belongs to no arming."""
 
 
 @dataclass(frozen=True)
@@ -113,31 +114,33 @@ class ChannelBlock:
 
 @dataclass(frozen=True)
 class Block:
-    """A contiguous stretch of both channels.
+    """A contiguous segment of both channels: what a device delivers, and all that comes of it.
 
     Attributes
     ----------
-    label : HitLabel
-        The arming it belongs to; `NOT_ARMED` in a running stream: none.
     first_sample : int
-        Index of the first point, counted since arming; in a running stream since that began.
+        Index of the first point, counted since arming; in a running stream since that began. It
+        never goes back; a jump is a gap: what device or driver has lost.
     sampling_rate : float
         [Hz]
     hammer, specimen : ChannelBlock
         Of equal length; the specimen's without points: not measured.
+    label : HitLabel
+        The arming it belongs to; `NOT_ARMED`: none, or it is not known yet, as to a device.
     triggered : bool
         False: the arming ended without a trigger and the block is empty.
     last : bool
         This block ends the record; in a running stream, the arming, or of no arming the stream.
     stamp : int
-        Time of the first point, nanoseconds since the epoch; carried along, never computed with.
+        Time of the first point, nanoseconds since the epoch, as well as it is known; 0: it is
+        not. Carried along, never computed with.
     """
 
-    label: HitLabel
     first_sample: int
     sampling_rate: float
     hammer: ChannelBlock
     specimen: ChannelBlock
+    label: HitLabel = NOT_ARMED
     triggered: bool = True
     last: bool = False
     stamp: int = 0
@@ -161,6 +164,29 @@ class Block:
     def ends_stream(self) -> bool:
         """Whether nothing more comes of a running stream: its last block, of no arming."""
         return self.last and self.label.record == NOT_ARMED.record
+
+    def cut(self, start: int, stop: int) -> "Block":
+        """Return its points from `start` to before `stop`; its end goes with its last point."""
+        count = self.hammer.output.size
+        if start == 0 and stop >= count:
+            return self
+        hammer, specimen = (
+            replace(channel, output=channel.output[start:stop])
+            for channel in (self.hammer, self.specimen)
+        )
+        return replace(
+            self,
+            first_sample=self.first_sample + start,
+            hammer=hammer,
+            specimen=specimen,
+            last=self.last and stop >= count,
+            stamp=self.stamp + round(start / self.sampling_rate * 1e9) if self.stamp else 0,
+        )
+
+    def split(self, size: int) -> Iterator["Block"]:
+        """Yield it in pieces of `size` points at most, or as it is if it is no longer."""
+        for start in range(0, max(self.hammer.output.size, 1), size):
+            yield self.cut(start, start + size)
 
 
 @dataclass(frozen=True)

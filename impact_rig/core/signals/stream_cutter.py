@@ -1,19 +1,209 @@
 """Impacts found in a running stream, and cut out of it as a trigger would have done."""
 
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 from impact_rig.core.errors import SignalError
 from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.armings import Armings
-from impact_rig.core.signals.continuity import Continuity, Gap
-from impact_rig.core.signals.kept_stream import KeptStream, Window
-from impact_rig.core.signals.pulse_search import (
+from impact_rig.core.signals.detection import (
     PulseSearch,
     count_window_points,
     find_quietest,
 )
-from impact_rig.core.signals.record import Block
-from impact_rig.core.signals.stretch import Stretch
+from impact_rig.core.signals.record import NOT_ARMED, Block, HitLabel
+from impact_rig.core.signals.segment import Continuity, Gap, Segment
+
+
+@dataclass
+class Arming:
+    """A part of the stream with one label; it may be that of no arming.
+
+    Attributes
+    ----------
+    label : HitLabel
+        Of its blocks.
+    start : int
+        Its first point.
+    stop : int or None
+        Behind its last point; None: it goes on.
+    is_complete : bool
+        It ended by itself, and was not given up.
+    has_hit : bool
+        Its hit was found.
+    lost : tuple of Block
+        What to hand out if the hit may have been lost in a gap.
+    """
+
+    label: HitLabel
+    start: int
+    stop: int | None = None
+    is_complete: bool = False
+    has_hit: bool = False
+    lost: tuple[Block, ...] = ()
+
+    @property
+    def wants_hit(self) -> bool:
+        """Whether an impact in it is its hit."""
+        return not self.has_hit and self.label.record != NOT_ARMED.record
+
+
+class Armings:
+    """The armings of a running stream that have not been dealt with, in their order."""
+
+    def __init__(self) -> None:
+        self._armings: deque[Arming] = deque()
+        self._answered = NOT_ARMED
+
+    @property
+    def current(self) -> Arming | None:
+        """The part of the stream that goes on; None: the last one has ended."""
+        last = self._armings[-1] if self._armings else None
+        return last if last is not None and last.stop is None else None
+
+    def follow(self, block: Block) -> None:
+        """Take the labels of the next block of the stream."""
+        current, start = self.current, block.first_sample
+        if current is None or current.label != block.label:
+            if current is not None:
+                current.stop = start
+            # An end alone is that of an arming before: its hit may have been found.
+            is_end = not block.hammer.output.size
+            current = Arming(block.label, start, has_hit=is_end and block.label == self._answered)
+            self._armings.append(current)
+        if block.last:
+            current.stop = start + block.hammer.output.size
+            current.is_complete = True
+
+    def answer(self, arming: Arming) -> None:
+        """Note that the hit of an arming was found."""
+        arming.has_hit, self._answered = True, arming.label
+
+    def rewind(self, point: int) -> None:
+        """Let what is known reach back to where points are repeated, or counted anew."""
+        for arming in self._armings:
+            arming.start = min(arming.start, point)
+            if arming.stop is not None:
+                arming.stop = min(arming.stop, point)
+
+    def find(self, point: int) -> Arming:
+        """Return what a point belongs to."""
+        return next(
+            (item for item in reversed(self._armings) if item.start <= point), self._armings[0]
+        )
+
+    def take_ended(self, point: int) -> Iterator[Arming]:
+        """Yield, and forget, those that ended before a point."""
+        while self._armings and (stop := self._armings[0].stop) is not None and stop <= point:
+            yield self._armings.popleft()
+
+
+@dataclass(frozen=True)
+class Window:
+    """What is to be cut out.
+
+    Attributes
+    ----------
+    label : HitLabel
+        Whose hit it is.
+    first, last : int
+        First point, and the one behind the last.
+    pulse : int
+        The point for whose sake it is cut out.
+    """
+
+    label: HitLabel
+    first: int
+    pulse: int
+    last: int
+
+
+class StreamBuffer:
+    """The newest segments of a stream, as far as a hit may still need them."""
+
+    def __init__(self) -> None:
+        self._segments: deque[Segment] = deque()
+
+    @property
+    def newest(self) -> Segment | None:
+        """The segment that goes on; None: nothing has come."""
+        return self._segments[-1] if self._segments else None
+
+    @property
+    def interrupted(self) -> Segment:
+        """The segment before the newest; there must be one."""
+        return self._segments[-2]
+
+    def begin(self, block: Block, search_from: int) -> Segment:
+        """Return a new segment for a block and those after it, see `Segment`."""
+        self._segments.append(Segment(block, search_from))
+        return self._segments[-1]
+
+    def keep_newest(self) -> None:
+        """Forget all segments but the newest."""
+        self._segments = deque([self._segments[-1]])
+
+    def forget(self, point: int) -> None:
+        """Forget what lies before a point, as far as it came in one piece."""
+        while len(self._segments) > 1 and self._segments[0].stop <= point:
+            self._segments.popleft()
+        self._segments[-1].forget(point)
+
+    def read(self, window: Window) -> tuple[Block, ...]:
+        """Return a block for each segment that has a part in a window, or ends it by a gap."""
+        blocks: list[Block] = []
+        for segment in self._segments:
+            block = segment.block
+            first = max(segment.start, window.first)
+            last = min(segment.stop, window.last)
+            if first < last:
+                hammer, specimen = segment.read(first, last)
+                overloads = segment.find_overloads(first, last)
+            elif blocks:
+                # Nothing of the window, but it says where the stream goes on: the gap shows.
+                hammer, specimen = block.hammer.output[:0], block.specimen.output[:0]
+                overloads = (False, False)
+            else:
+                continue
+            blocks.append(
+                Block(
+                    label=window.label,
+                    first_sample=first - window.first,
+                    sampling_rate=block.sampling_rate,
+                    hammer=replace(block.hammer, output=hammer, overloaded=overloads[0]),
+                    specimen=replace(block.specimen, output=specimen, overloaded=overloads[1]),
+                    stamp=segment.find_time(first),
+                )
+            )
+            if segment.stop >= window.last:
+                break
+        return (*blocks[:-1], replace(blocks[-1], last=True)) if blocks else ()
+
+    def read_cut_off(self, window: Window) -> tuple[Block, ...]:
+        """Return the same of a window whose end will not come: it ends by a gap."""
+        *others, final = self.read(window)
+        end = replace(
+            self.make_empty(window.label, window.last),
+            first_sample=window.last - window.first,
+            triggered=True,
+        )
+        return (*others, replace(final, last=False), end)
+
+    def make_empty(self, label: HitLabel, point: int) -> Block:
+        """Return the block of an arming that ends at a point without a trigger."""
+        segment = self._segments[-1]
+        block = segment.block
+        return replace(
+            block,
+            label=label,
+            first_sample=0,
+            hammer=replace(block.hammer, output=block.hammer.output[:0]),
+            specimen=replace(block.specimen, output=block.specimen.output[:0]),
+            triggered=False,
+            last=True,
+            stamp=segment.find_time(point),
+        )
+
 
 QUIET_LEAD = 2
 """What a cut holds before its impact, in pre-triggers [-], our choice: one for the record, and one
@@ -77,7 +267,7 @@ class StreamCutter:
         self._search = PulseSearch(settings)
         self._baseline: float | None = None
         self._next_baseline = 0
-        self._kept = KeptStream()
+        self._buffer = StreamBuffer()
         self._armings = Armings()
         self._window: Window | None = None
 
@@ -100,44 +290,44 @@ class StreamCutter:
         self.flow.points += count
         gap = self._continuity.follow(block)
         cuts: list[Block] = []
-        stretch = self._kept.newest
+        segment = self._buffer.newest
         if gap is not None:
             self._count(gap)
-            cuts += self._finish(stretch)
-        if gap is not None or stretch is None:
-            stretch = self._begin_stretch(block, gap)
+            cuts += self._finish(segment)
+        if gap is not None or segment is None:
+            segment = self._begin_segment(block, gap)
         if count:
-            stretch.append(block)
+            segment.append(block)
         if gap is not None:
             self._note_loss(block, gap)
         self._armings.follow(block)
         if gap is not None and gap.is_backward:
             # Nothing more will come of what was before.
             cuts += self._cut()
-            self._kept.keep_newest()
-        cuts += self._search_on(stretch, is_over=block.ends_stream)
+            self._buffer.keep_newest()
+        cuts += self._search_on(segment, is_over=block.ends_stream)
         if block.ends_stream and self._window is not None:
             window, self._window = self._window, None
-            cuts += self._kept.read_cut_off(window)
-        self._forget(stretch)
+            cuts += self._buffer.read_cut_off(window)
+        self._forget(segment)
         return tuple(cuts)
 
-    def _search_on(self, stretch: Stretch, *, is_over: bool) -> list[Block]:
+    def _search_on(self, segment: Segment, *, is_over: bool) -> list[Block]:
         """Hand out the hits whose windows have come, and what has ended without one."""
         cuts: list[Block] = []
-        while window := self._find_window(stretch, is_over=is_over):
+        while window := self._find_window(segment, is_over=is_over):
             cuts += self._end_armings(window.pulse)
-            if stretch.stop < window.last:
+            if segment.stop < window.last:
                 return cuts
             cuts += self._cut()
-        return [*cuts, *self._end_armings(stretch.searched)]
+        return [*cuts, *self._end_armings(segment.searched)]
 
-    def _finish(self, stretch: Stretch | None) -> list[Block]:
+    def _finish(self, segment: Segment | None) -> list[Block]:
         """Search what a gap has cut off; of less than an opening no baseline is kept."""
-        if stretch is None:
+        if segment is None:
             return []
         is_opening = self._baseline is None
-        cuts = self._search_on(stretch, is_over=True)
+        cuts = self._search_on(segment, is_over=True)
         if is_opening:
             self._baseline = None
         return cuts
@@ -147,14 +337,14 @@ class StreamCutter:
         if not gap.is_backward:
             self.flow.missing_points += gap.high - gap.low
 
-    def _begin_stretch(self, block: Block, gap: Gap | None) -> Stretch:
+    def _begin_segment(self, block: Block, gap: Gap | None) -> Segment:
         """Go on behind a gap; its baseline still holds, unless another stream has begun."""
-        before, start = self._kept.newest, block.first_sample
+        before, start = self._buffer.newest, block.first_sample
         is_same = gap is not None and not gap.is_backward and gap.high > gap.low
         if not is_same:
             self._baseline = None
         searched = before.searched if before is not None and is_same else start
-        return self._kept.begin(block, search_from=searched)
+        return self._buffer.begin(block, search_from=searched)
 
     def _note_loss(self, block: Block, gap: Gap) -> None:
         """Keep what leads to a gap, in case that the hit of the arming lies in it."""
@@ -164,21 +354,21 @@ class StreamCutter:
         if arming is None or arming.lost or not arming.wants_hit:
             return
         before, _ = count_window_points(self._settings, block.sampling_rate)
-        interrupted = self._kept.interrupted
+        interrupted = self._buffer.interrupted
         first = max(interrupted.stop - before, interrupted.start)
         # One point more than there is: the window ends behind the gap.
         window = Window(arming.label, first, interrupted.stop, interrupted.stop + 1)
-        arming.lost = self._kept.read(window)
+        arming.lost = self._buffer.read(window)
 
-    def _find_window(self, stretch: Stretch, *, is_over: bool) -> Window | None:
+    def _find_window(self, segment: Segment, *, is_over: bool) -> Window | None:
         """Search on until an impact is found that is to be cut out; return its window."""
         while self._window is None:
-            pulse = self._find_pulse(stretch, is_over=is_over)
+            pulse = self._find_pulse(segment, is_over=is_over)
             if pulse is None:
                 return None
-            before, length = count_window_points(self._settings, stretch.block.sampling_rate)
+            before, length = count_window_points(self._settings, segment.block.sampling_rate)
             last = pulse - before + length
-            stretch.searched = self._next_baseline = last
+            segment.searched = self._next_baseline = last
             arming = self._armings.find(pulse)
             if not arming.wants_hit:
                 self.flow.other_impacts += 1
@@ -187,33 +377,33 @@ class StreamCutter:
             self._window = Window(arming.label, pulse - QUIET_LEAD * before, pulse, last)
         return self._window
 
-    def _find_pulse(self, stretch: Stretch, *, is_over: bool) -> int | None:
+    def _find_pulse(self, segment: Segment, *, is_over: bool) -> int | None:
         """Return the next pulse; the baseline is read at points that no block border moves."""
-        before, length = count_window_points(self._settings, stretch.block.sampling_rate)
+        before, length = count_window_points(self._settings, segment.block.sampling_rate)
         if self._baseline is None:
-            count = stretch.stop - stretch.start
+            count = segment.stop - segment.start
             if count < length and not (is_over and count):
                 return None
-            opening = stretch.read(stretch.start, stretch.start + length)[0]
+            opening = segment.read(segment.start, segment.start + length)[0]
             self._baseline = self._search.learn(find_quietest(opening, before))
-            self._next_baseline = stretch.start + BASELINE_RECORDS * length
-        while stretch.searched < stretch.stop:
-            if stretch.searched >= self._next_baseline:
-                if stretch.searched - before >= stretch.start:
-                    quiet = stretch.read(stretch.searched - before, stretch.searched)[0]
+            self._next_baseline = segment.start + BASELINE_RECORDS * length
+        while segment.searched < segment.stop:
+            if segment.searched >= self._next_baseline:
+                if segment.searched - before >= segment.start:
+                    quiet = segment.read(segment.searched - before, segment.searched)[0]
                     self._baseline = self._search.learn(quiet)
-                self._next_baseline = stretch.searched + BASELINE_RECORDS * length
-            end = min(stretch.stop, self._next_baseline)
-            pulse = self._search.find(stretch, self._baseline, end)
+                self._next_baseline = segment.searched + BASELINE_RECORDS * length
+            end = min(segment.stop, self._next_baseline)
+            pulse = self._search.find(segment, self._baseline, end)
             if pulse is not None:
                 return pulse
-            stretch.searched = end
+            segment.searched = end
         return None
 
     def _cut(self) -> tuple[Block, ...]:
         """Hand out the window."""
         window, self._window = self._window, None
-        return () if window is None else self._kept.read(window)
+        return () if window is None else self._buffer.read(window)
 
     def _end_armings(self, searched: int) -> tuple[Block, ...]:
         """Hand out what there is of armings that have ended without a hit."""
@@ -224,13 +414,13 @@ class StreamCutter:
             if arming.lost:
                 cuts += arming.lost
             elif arming.is_complete:
-                cuts += (self._kept.make_empty(arming.label, arming.stop or arming.start),)
+                cuts += (self._buffer.make_empty(arming.label, arming.stop or arming.start),)
         return cuts
 
-    def _forget(self, stretch: Stretch) -> None:
+    def _forget(self, segment: Segment) -> None:
         """Keep what the next hit may still need."""
-        before, _ = count_window_points(self._settings, stretch.block.sampling_rate)
-        needed = min(stretch.searched, stretch.stop) - QUIET_LEAD * before
+        before, _ = count_window_points(self._settings, segment.block.sampling_rate)
+        needed = min(segment.searched, segment.stop) - QUIET_LEAD * before
         if self._window is not None:
             needed = self._window.first
-        self._kept.forget(needed)
+        self._buffer.forget(needed)

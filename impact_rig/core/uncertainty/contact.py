@@ -25,15 +25,10 @@ from impact_rig.core.hits.pulse_uncertainty import (
     find_trend,
 )
 from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
+from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import FloatArray
-from impact_rig.core.uncertainty.results import (
-    Uncertainty,
-    find_uncertainty,
-    make_ensemble,
-    make_input,
-    make_undetermined,
-)
+from impact_rig.core.uncertainty.results import compute_quantity, make_ensemble, make_input
 
 LEAST_HITS = 2
 """Hits that have a scatter [-]."""
@@ -41,6 +36,8 @@ ONE_HIT = (
     "uncertainty: not determined, since one accepted hit shows no scatter; it takes"
     f" {LEAST_HITS} or more"
 )
+PULSE_SHAPE = "shape of the pulse"
+"""Source of what another shape than the paper's makes of tau_p."""
 LARGEST_STEP = 0.1
 """Quantisation error of the second peak, part of it, up to which its logarithm is taken as linear
 [-], our choice: without noise to smooth the converter's steps, a peak of three counts."""
@@ -72,6 +69,7 @@ def estimate_contact_numbers(
     settings: AnalysisSettings,
     clock_uncertainty: float,
     sample: str,
+    shape_error: tuple[float, float] = (0.0, 0.0),
 ) -> ContactNumbers:
     """Estimate tau_p and log decrements of a mean hit with their uncertainties.
 
@@ -89,6 +87,9 @@ def estimate_contact_numbers(
         Relative standard uncertainty of the sampling rate [-].
     sample : str
         Name of the sample.
+    shape_error : tuple of float
+        Standard uncertainty of tau_p by the shapes that the pulse may have, signed, and that of
+        this sample's own contact [s].
 
     Raises
     ------
@@ -111,6 +112,10 @@ def estimate_contact_numbers(
         mean.traces[0], pulse, _describe_mean(mean, 0, settings.cutoff_frequency)
     )
     contact_time = contact_time + _make_common_errors(errors, factor, sample)
+    if any(shape_error):
+        # The same law on all samples makes the same error on all.
+        contact_time = contact_time + shape_error[0] * make_input(PULSE_SHAPE, 0.0, 1.0)
+        contact_time = contact_time + make_input(PULSE_SHAPE, 0.0, shape_error[1], sample)
     clock = make_input("sampling clock", 1.0, clock_uncertainty)
     numbers: dict[int, UncertainNumber] = {}
     notes: dict[int, str] = {}
@@ -125,12 +130,16 @@ def estimate_contact_numbers(
     return ContactNumbers(contact_time * clock, numbers, notes)
 
 
-def estimate_contact_time_uncertainty(
-    mean: MeanHit, settings: AnalysisSettings, clock_uncertainty: float, sample: str
-) -> Uncertainty:
-    """Estimate the uncertainty of tau_p of a mean hit [s] where no mass is known.
+def estimate_contact_time(
+    mean: MeanHit,
+    settings: AnalysisSettings,
+    clock_uncertainty: float,
+    sample: str,
+    shape_error: tuple[float, float] = (0.0, 0.0),
+) -> Quantity:
+    """Estimate tau_p of a mean hit [s] where no mass is known.
 
-    Parameters as in `estimate_contact_numbers`; not determined, with a note, for one hit.
+    Parameters as in `estimate_contact_numbers`; of one hit its uncertainty is not determined.
 
     Raises
     ------
@@ -138,17 +147,20 @@ def estimate_contact_time_uncertainty(
         If the mean trace has no whole pulse.
     """
     pulse = measure_pulse(mean.traces[0])
+    value = settings.pulse_factor * (pulse.half_amplitude_width / mean.sampling_rate)
     try:
-        numbers = estimate_contact_numbers(mean, pulse, {}, settings, clock_uncertainty, sample)
+        numbers = estimate_contact_numbers(
+            mean, pulse, {}, settings, clock_uncertainty, sample, shape_error
+        )
     except NotDeterminedError as error:
-        return make_undetermined(str(error))
-    return find_uncertainty(numbers.contact_time)
+        return Quantity(value, notes=(str(error),))
+    return compute_quantity(value, numbers.contact_time)
 
 
-def estimate_hit_uncertainty(
+def estimate_hit_contact_time(
     hit: FilteredHit, settings: AnalysisSettings, clock_uncertainty: float
-) -> Uncertainty:
-    """Estimate the uncertainty of tau_p of one hit [s], as it was; the next may well differ.
+) -> Quantity:
+    """Estimate tau_p of one hit [s], as it was; the next may well differ by more.
 
     Parameters
     ----------
@@ -172,7 +184,10 @@ def estimate_hit_uncertainty(
     number = factor * hit.pulse.half_amplitude_width + _make_common_errors(errors, factor, "hit")
     number = number + make_input("noise", 0.0, factor * errors.noise, "hit")
     number = number + make_input("zero of the baseline", 0.0, factor * errors.zero, "hit")
-    return find_uncertainty(number * make_input("sampling clock", 1.0, clock_uncertainty))
+    return compute_quantity(
+        settings.pulse_factor * (hit.pulse.half_amplitude_width / hit.sampling_rate),
+        number * make_input("sampling clock", 1.0, clock_uncertainty),
+    )
 
 
 def _make_common_errors(errors: PulseErrors, factor: float, owner: str) -> UncertainNumber:

@@ -1,4 +1,7 @@
-"""Uncertainty of what follows from parameters that were fitted to hits."""
+"""Uncertainty of what follows from parameters that were fitted to hits.
+
+What the rig states about itself, masses and clock, enters as uncertain numbers.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,20 +10,86 @@ import numpy as np
 
 from impact_rig.core.arithmetic import (
     UncertainNumber,
-    find_square_root,
+    compute_square_root,
 )
 from impact_rig.core.damping.log_decrement import estimate_damping_ratio_from_coefficient
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.quantity import UNKNOWN, Quantity
+from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.core.uncertainty.contact import LEAST_HITS, ONE_HIT
-from impact_rig.core.uncertainty.inputs import RigNumbers
-from impact_rig.core.uncertainty.results import (
-    NOT_DETERMINED,
-    Uncertainty,
-    find_uncertainty,
-    make_ensemble,
-    make_undetermined,
-)
+from impact_rig.core.uncertainty.results import compute_quantity, make_ensemble, make_input
+
+
+@dataclass(frozen=True)
+class RigNumbers:
+    """Uncertain inputs that a rig shares among all its hits on one sample.
+
+    The same set-up always gives the same inputs, so that two samples know of their common
+    hammer, accelerometer and clock.
+
+    Attributes
+    ----------
+    hammer_mass : UncertainNumber
+        m1 [kg].
+    moving_mass : UncertainNumber
+        m2, sample and accelerometer [kg].
+    clock : UncertainNumber
+        Factor on every measured time [-], 1 with the uncertainty of the sampling rate: times go
+        with it, rates against it.
+    notes : tuple of str
+        Which masses state no uncertainty.
+    """
+
+    hammer_mass: UncertainNumber
+    moving_mass: UncertainNumber
+    clock: UncertainNumber
+    notes: tuple[str, ...] = ()
+
+
+def find_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
+    """Return masses and clock of the hits on `sample` with their stated uncertainties.
+
+    Raises
+    ------
+    ParameterError
+        If the set has no such sample.
+    """
+    struck, samples = setup.samples.find(sample), setup.samples
+    hammer_mass = make_input(
+        "mass of the hammer", setup.hammer_mass, setup.hammer_mass_uncertainty
+    )
+    accelerometer_mass = make_input(
+        "mass of the accelerometer",
+        samples.accelerometer_mass,
+        samples.accelerometer_mass_uncertainty,
+    )
+    sample_mass = make_input(f"mass of {sample}", struck.mass, struck.mass_uncertainty)
+    unstated = [
+        name
+        for name, mass, uncertainty in (
+            ("the hammer", setup.hammer_mass, setup.hammer_mass_uncertainty),
+            (
+                "the accelerometer",
+                samples.accelerometer_mass,
+                samples.accelerometer_mass_uncertainty,
+            ),
+            (sample, struck.mass, struck.mass_uncertainty),
+        )
+        if mass > 0.0 and uncertainty == 0.0
+    ]
+    notes = (
+        (f"uncertainty of k and c: none is stated for the mass of {' and '.join(unstated)}",)
+        if unstated
+        else ()
+    )
+    return RigNumbers(
+        hammer_mass=hammer_mass,
+        moving_mass=sample_mass + accelerometer_mass,
+        clock=make_input("sampling clock", 1.0, setup.clock_uncertainty),
+        notes=notes,
+    )
+
 
 Formula = Callable[[Sequence[UncertainNumber], RigNumbers], Sequence[UncertainNumber]]
 """Fitted parameters, masses and clock to results; written with + - * / ** and
@@ -37,7 +106,7 @@ def propagate_parameters(
     noise_covariance: FloatArray | None = None,
     averaged: int = 0,
     owner: str = "",
-) -> tuple[Uncertainty, ...]:
+) -> tuple[Quantity, ...]:
     """Propagate the scatter of fitted parameters, masses and clock to results.
 
     The covariance of the estimates is that of the hits over their number, n - 1 degrees of
@@ -67,9 +136,8 @@ def propagate_parameters(
 
     Returns
     -------
-    tuple of Uncertainty
-        One for each result of `formula`. Not determined, with a note, for one hit only: then
-        how many results there are is found from the formula, too.
+    tuple of Quantity
+        One for each result of `formula`; of one hit only the uncertainty is not determined.
 
     Raises
     ------
@@ -90,35 +158,36 @@ def propagate_parameters(
     best = values.mean(axis=0).tolist() if estimates is None else [float(x) for x in estimates]
     if hits < LEAST_HITS:
         exact = make_ensemble(source, best, np.zeros((count, count)), np.inf, owner)
-        return tuple(make_undetermined(ONE_HIT) for _ in formula(exact, rig))
+        return tuple(Quantity(float(x.x), notes=(ONE_HIT,)) for x in formula(exact, rig))
     scatter = np.atleast_2d(np.cov(values, rowvar=False, ddof=1)) / (averaged or hits)
     parameters = make_ensemble(source, best, scatter, hits - 1, owner)
     if noise_covariance is not None:
         errors = make_ensemble("noise of the fit", [0.0] * count, noise_covariance, np.inf, owner)
         parameters = tuple(a + b for a, b in zip(parameters, errors, strict=True))
-    return tuple(find_uncertainty(number, rig.notes) for number in formula(parameters, rig))
+    numbers = formula(parameters, rig)
+    return tuple(compute_quantity(float(number.x), number, rig.notes) for number in numbers)
 
 
 @dataclass(frozen=True)
-class BodyUncertainties:
-    """Uncertainties of what was fitted to one body.
+class FittedBody:
+    """What was fitted to one body.
 
     Attributes
     ----------
-    damping_ratio : Uncertainty
-        Of zeta [-].
-    damping_coefficient : Uncertainty
-        Of c [N s/m].
-    stiffness : Uncertainty
-        Of k [N/m].
-    contact_time : Uncertainty
-        Of tau_p [s], where it was fitted too.
+    damping_ratio : Quantity
+        zeta [-].
+    damping_coefficient : Quantity
+        c [N s/m].
+    stiffness : Quantity
+        k [N/m].
+    contact_time : Quantity
+        tau_p [s], where it was fitted too.
     """
 
-    damping_ratio: Uncertainty
-    damping_coefficient: Uncertainty
-    stiffness: Uncertainty
-    contact_time: Uncertainty = NOT_DETERMINED
+    damping_ratio: Quantity
+    damping_coefficient: Quantity
+    stiffness: Quantity
+    contact_time: Quantity = UNKNOWN
 
 
 def propagate_free_decay(
@@ -130,7 +199,7 @@ def propagate_free_decay(
     noise_covariance: FloatArray | None = None,
     averaged: int = 0,
     owner: str = "",
-) -> BodyUncertainties:
+) -> FittedBody:
     """Propagate (a, omega_d) of a sample's free decay to zeta, c = 2 m a, k = m (a^2 + omega_d^2).
 
     Parameters
@@ -140,7 +209,7 @@ def propagate_free_decay(
     per_hit : ndarray, shape (n_hits, 2)
         Decay rate a [1/s] and damped angular frequency omega_d [rad/s] of every hit.
     """
-    return BodyUncertainties(
+    return FittedBody(
         *propagate_parameters(
             source,
             per_hit,
@@ -163,7 +232,7 @@ def propagate_identification(
     noise_covariance: FloatArray | None = None,
     averaged: int = 0,
     owner: str = "",
-) -> BodyUncertainties:
+) -> FittedBody:
     """Propagate identified (tau_p, k2, c2) to themselves and zeta, with mass and clock.
 
     Traces of accelerations determine k2 / m2 and c2 / m2, so that both go with the mass that was
@@ -176,7 +245,7 @@ def propagate_identification(
     per_hit : ndarray, shape (n_hits, 3)
         tau_p [s], k2 [N/m] and c2 [N s/m] of every hit, at the stated mass.
     """
-    return BodyUncertainties(
+    return FittedBody(
         *propagate_parameters(
             source,
             per_hit,
@@ -196,7 +265,7 @@ def _find_decaying_body(
     decay, frequency = (rate / rig.clock for rate in parameters)
     square = decay * decay + frequency * frequency
     return (
-        decay / find_square_root(square),
+        decay / compute_square_root(square),
         2.0 * rig.moving_mass * decay,
         rig.moving_mass * square,
     )

@@ -1,4 +1,4 @@
-"""Uncertainty by the GUM: what is reported, and the uncertain numbers that lead to it.
+"""Uncertainty by the GUM: from uncertain numbers to what is reported.
 
 The GUM is JCGM 100:2008. Uncertain numbers are GTC's: they know on which inputs they depend, so
 that an input that enters twice, like the hammer's mass through k_eq and k1, is counted once,
@@ -7,7 +7,6 @@ with its sign.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import GTC
@@ -16,6 +15,7 @@ import numpy as np
 from impact_rig.core.arithmetic import UncertainNumber
 from impact_rig.core.checks import check_not_negative
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.signals.record import FloatArray
 
 COVERAGE_PERCENT = 95.0
@@ -33,62 +33,6 @@ SINGULAR_PART = 1e-14
 choice: rounding."""
 
 
-@dataclass(frozen=True)
-class BudgetLine:
-    """What one input contributes to an uncertainty.
-
-    Attributes
-    ----------
-    source : str
-        The input, in words.
-    kind : str
-        "A": evaluated from repeated hits, "B": by other means (GUM 2.3.2, 2.3.3).
-    contribution : float
-        |sensitivity| times standard uncertainty, in the unit of the result.
-    share : float
-        Of the variance [-]; the shares of a budget add up to 1.
-    """
-
-    source: str
-    kind: str
-    contribution: float
-    share: float
-
-
-@dataclass(frozen=True)
-class Uncertainty:
-    """Uncertainty of one result, in the unit of the result; NaN: not determined, see the notes.
-
-    Attributes
-    ----------
-    standard : float
-        Combined standard uncertainty u (GUM 5).
-    expanded : float
-        U = k u, for a coverage of 95 %, k from Student's t (GUM G.4).
-    degrees_of_freedom : float
-        Effective ones by Welch and Satterthwaite [-]; infinite where type B alone counts.
-    budget : tuple of BudgetLine
-        Largest first; empty where nothing contributes.
-    notes : tuple of str
-        Why it is not determined, or what it leaves out.
-    """
-
-    standard: float = math.nan
-    expanded: float = math.nan
-    degrees_of_freedom: float = math.nan
-    budget: tuple[BudgetLine, ...] = ()
-    notes: tuple[str, ...] = ()
-
-    @property
-    def is_determined(self) -> bool:
-        """Whether there are figures."""
-        return math.isfinite(self.standard)
-
-
-NOT_DETERMINED = Uncertainty()
-"""Of what is not determined itself, or was never asked for."""
-
-
 @lru_cache(maxsize=REMEMBERED_INPUTS)
 def make_input(
     source: str,
@@ -103,7 +47,7 @@ def make_input(
     source : str
         In words, for the budget.
     value : float
-        Best estimate.
+        Best estimate; NaN: not known.
     standard : float
         Standard uncertainty, in its unit; 0: exact.
     owner : str
@@ -116,7 +60,11 @@ def make_input(
         If the uncertainty is not a finite number of zero or more.
     """
     check_not_negative(f"standard uncertainty of {source}", standard, "")
-    number: UncertainNumber = GTC.ureal(value, standard, label=_make_label(source, math.inf))
+    number: UncertainNumber = (
+        GTC.constant(value)
+        if math.isnan(value)
+        else GTC.ureal(value, standard, label=make_label(source, math.inf))
+    )
     return number
 
 
@@ -179,38 +127,51 @@ def _make_errors(
     """
     if count == 0:
         return ()
-    labels = [_make_label(source, degrees_of_freedom)] * count
+    labels = [make_label(source, degrees_of_freedom)] * count
     return tuple(GTC.multiple_ureal([0.0] * count, [1.0] * count, degrees_of_freedom, labels))
 
 
-def _make_label(source: str, degrees_of_freedom: float) -> str:
+def make_label(source: str, degrees_of_freedom: float) -> str:
     """Name an input, so that its contribution can be told from others of other freedom."""
     return f"{degrees_of_freedom!r} {source}"
 
 
-def find_uncertainty(number: UncertainNumber, notes: tuple[str, ...] = ()) -> Uncertainty:
-    """Return standard and expanded uncertainty of a number, with its budget.
+def compute_quantity(
+    value: float, number: UncertainNumber, notes: tuple[str, ...] = ()
+) -> Quantity:
+    """Return a value with standard and expanded uncertainty of a number, and its budget.
 
     Inputs of one source make one line: their variances are added. All sums are exact before they
     are rounded, so that the order in which inputs were made, which differs between a live rig and
     its recording, changes no bit.
     """
     if not math.isfinite(float(number.u)):
-        return make_undetermined("uncertainty: not determined, it has no finite value")
+        return Quantity(value, notes=("uncertainty: not determined, it has no finite value",))
+    return make_quantity(value, list_variances(number), notes)
+
+
+def list_variances(number: UncertainNumber) -> dict[str, float]:
+    """Return what each source adds to the variance of a number, by its label."""
     parts: dict[str, list[float]] = {}
     for influence in GTC.reporting.budget(number, trim=0.0):
         parts.setdefault(influence.label, []).append(influence.u**2)
-    variances = {label: math.fsum(squares) for label, squares in parts.items()}
+    return {label: math.fsum(squares) for label, squares in parts.items()}
+
+
+def make_quantity(
+    value: float, variances: dict[str, float], notes: tuple[str, ...] = ()
+) -> Quantity:
+    """Return a value whose variance is the sum of independent parts, by `make_label`."""
     total = math.fsum(variances.values())
     if total == 0.0:
-        return Uncertainty(0.0, 0.0, math.inf, (), notes)
+        return Quantity(value, 0.0, 0.0, math.inf, (), notes)
     standard = math.sqrt(total)
-    freedom = _find_effective_freedom(variances, total)
+    freedom = _compute_effective_freedom(variances, total)
     factor = float(GTC.reporting.k_factor(freedom, COVERAGE_PERCENT))
-    return Uncertainty(standard, factor * standard, freedom, _make_budget(variances), notes)
+    return Quantity(value, standard, factor * standard, freedom, _make_budget(variances), notes)
 
 
-def _find_effective_freedom(variances: dict[str, float], total: float) -> float:
+def _compute_effective_freedom(variances: dict[str, float], total: float) -> float:
     """Return the effective degrees of freedom by Welch and Satterthwaite (GUM G.4.1)."""
     spread = math.fsum(
         (variance / total) ** 2 / float(label.partition(" ")[0])
@@ -234,8 +195,3 @@ def _make_budget(variances: dict[str, float]) -> tuple[BudgetLine, ...]:
         kind = "A" if math.isfinite(float(freedom)) else "B"
         lines.append(BudgetLine(source, kind, math.sqrt(variance), variance / total))
     return tuple(lines)
-
-
-def make_undetermined(*reasons: str) -> Uncertainty:
-    """Return an uncertainty that is not determined, and the sentences why."""
-    return Uncertainty(notes=reasons)

@@ -9,6 +9,7 @@ class Plant(Enum):
     PUBLISHED = "published"
     DYNAMICS = "dynamics"
     DYNAMICS_PRINTED = "dynamics_printed"
+    CONTACT = "contact"
 
 
 class Fault(Enum):

@@ -1,11 +1,14 @@
-"""The virtual rig: one call, one hit, repeatable by its seed."""
+"""The virtual rig: one call, one hit, repeatable by its seed; its digitizer and its faults."""
 
+import math
 from dataclasses import dataclass, field, replace
 from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from impact_rig.core.checks import check_between, check_not_negative
+from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.impact import ImpactModel
 from impact_rig.core.model.pulses import VERSED_SINE, PulseShape
@@ -13,14 +16,226 @@ from impact_rig.core.setup.paper import HAMMER_DAMPING_COEFFICIENT
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block, ChannelBlock, FloatArray, HitLabel
 from impact_rig.devices.virtual.choices import Fault, Plant
-from impact_rig.devices.virtual.digitizer import DigitizerSettings, digitize, find_scale
-from impact_rig.devices.virtual.faults import FaultPlan
+from impact_rig.devices.virtual.contact import HERTZ_EXPONENT, make_nominal_contact
 from impact_rig.devices.virtual.plants import (
     HitPhysics,
     check_pulse_shape,
-    find_nominal_model,
+    make_nominal_model,
     simulate_plant,
 )
+
+
+def fault_from_name(name: str) -> Fault:
+    """Return the fault called `name`; raises `ParameterError` for an unknown one."""
+    try:
+        return Fault(name)
+    except ValueError:
+        known = ", ".join(fault.value for fault in Fault)
+        raise ParameterError(f"unknown fault {name!r}: the virtual rig knows {known}") from None
+
+
+@dataclass(frozen=True)
+class ScheduledFault:
+    """A fault ordered for one hit, at its first attempt.
+
+    Attributes
+    ----------
+    fault : Fault
+        What.
+    impact : int
+        Impact of the series, counted from 1.
+    sample : str
+        Name of the sample; empty: every sample.
+    """
+
+    fault: Fault
+    impact: int
+    sample: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse an impossible impact number."""
+        check_between("impact number of a fault", self.impact, 1, 1_000_000)
+
+
+def scheduled_fault_from_text(text: str) -> ScheduledFault:
+    """Read ``3:double_hit`` or ``steel small/3:double_hit``.
+
+    Raises
+    ------
+    ParameterError
+        If the text has another form, or the fault is unknown.
+    """
+    place, colon, name = text.rpartition(":")
+    sample, _, impact = place.rpartition("/")
+    if not colon or not impact.isdecimal():
+        raise ParameterError(
+            f"scheduled fault {text!r}: write IMPACT:FAULT or SAMPLE/IMPACT:FAULT, for example"
+            " 3:double_hit"
+        )
+    return ScheduledFault(fault_from_name(name), int(impact), sample)
+
+
+@dataclass(frozen=True)
+class FaultPlan:
+    """When which fault is injected.
+
+    Attributes
+    ----------
+    probability : float
+        Of each of `faults`, drawn for each hit on its own [-].
+    faults : tuple of Fault
+        Those that are drawn.
+    scheduled : tuple of ScheduledFault
+        Those ordered for one hit.
+    """
+
+    probability: float = 0.0
+    faults: tuple[Fault, ...] = tuple(Fault)
+    scheduled: tuple[ScheduledFault, ...] = field(default_factory=tuple)
+
+    def __post_init__(self) -> None:
+        """Refuse a probability that is none."""
+        check_between("fault probability", self.probability, 0.0, 1.0)
+
+    def draw(self, label: HitLabel, generator: np.random.Generator) -> tuple[Fault, ...]:
+        """Return the faults of one hit; takes the same number of draws whatever comes."""
+        drawn = generator.random(len(Fault))
+        chosen = {
+            fault
+            for fault, value in zip(Fault, drawn, strict=True)
+            if fault in self.faults and value < self.probability
+        }
+        chosen.update(
+            item.fault
+            for item in self.scheduled
+            if item.impact == label.impact
+            and label.attempt == 1
+            and item.sample in ("", label.sample)
+        )
+        return tuple(fault for fault in Fault if fault in chosen)
+
+
+CountArray = NDArray[np.int32]
+
+SHORTEST_RECORD = 100
+"""Least points of a record [-], our choice: fewer show no pulse and its baseline."""
+
+
+@dataclass(frozen=True)
+class DigitizerSettings:
+    """The virtual acquisition chain; the paper's digitizer by default.
+
+    Attributes
+    ----------
+    sampling_rate : float
+        [Hz]
+    record_duration : float
+        [s]
+    pre_trigger : float
+        Time from the first point to the contact, jitter apart [s].
+    bits : int
+        Resolution.
+    hammer_full_scale, specimen_full_scale : float
+        Largest acceleration of each channel [m/s^2]. Our choice: the paper's hits reach 22 to
+        53 % and 8 to 45 % of them.
+    noise : float
+        White noise, standard deviation as part of full scale [-]. Our choice: two steps.
+    offset : float
+        Unknown offset, part of full scale [-].
+    drift : float
+        Change of the offset over one record, part of full scale [-].
+    coupling_frequency : float
+        -3 dB of the AC coupling [Hz]; 0: DC coupled.
+    trigger_jitter : float
+        Standard deviation of the trigger's position [s].
+    """
+
+    sampling_rate: float = 2.5e6
+    record_duration: float = 2e-3
+    pre_trigger: float = 0.2e-3
+    bits: int = 12
+    hammer_full_scale: float = 2000.0
+    specimen_full_scale: float = 4000.0
+    noise: float = 1e-3
+    offset: float = 2e-3
+    drift: float = 0.0
+    coupling_frequency: float = 0.1
+    trigger_jitter: float = 1e-6
+
+    def __post_init__(self) -> None:
+        """Refuse impossible numbers."""
+        check_positive("sampling rate", self.sampling_rate, "Hz")
+        check_positive("record duration", self.record_duration, "s")
+        if self.count < SHORTEST_RECORD:
+            raise ParameterError(
+                f"record duration is {self.record_duration:g} s, which is {self.count} points at"
+                f" {self.sampling_rate:g} Hz: a record needs {SHORTEST_RECORD}"
+            )
+        check_between("pre-trigger", self.pre_trigger, 0.0, self.record_duration)
+        check_between("bits", self.bits, 4, 31)
+        check_positive("hammer full scale", self.hammer_full_scale, "m/s^2")
+        check_positive("sample full scale", self.specimen_full_scale, "m/s^2")
+        for name in ("noise", "offset", "drift"):
+            check_between(name, getattr(self, name), 0.0, 1.0)
+        check_not_negative("coupling frequency", self.coupling_frequency, "Hz")
+        check_not_negative("trigger jitter", self.trigger_jitter, "s")
+
+    @property
+    def count(self) -> int:
+        """Points in one record."""
+        return round(self.sampling_rate * self.record_duration)
+
+
+def find_scale(full_scale: float, bits: int) -> float:
+    """Return the acceleration of one count [m/s^2]."""
+    return full_scale / 2.0 ** (bits - 1)
+
+
+def digitize(
+    acceleration: FloatArray,
+    full_scale: float,
+    settings: DigitizerSettings,
+    generator: np.random.Generator,
+) -> CountArray:
+    """Couple, offset, add noise, quantise and clip one channel.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n,)
+        True acceleration [m/s^2].
+    full_scale : float
+        Of the channel [m/s^2].
+    settings : DigitizerSettings
+        The chain.
+    generator : numpy.random.Generator
+        Source of the noise.
+
+    Returns
+    -------
+    ndarray of int32, shape (n,)
+        Counts within the converter's range.
+    """
+    signal = couple(acceleration, settings.coupling_frequency, settings.sampling_rate)
+    count = signal.size
+    signal = signal + full_scale * (
+        settings.offset
+        + settings.drift * np.arange(count) / count
+        + settings.noise * generator.standard_normal(count)
+    )
+    largest = 2 ** (settings.bits - 1)
+    counts = np.rint(signal / find_scale(full_scale, settings.bits))
+    return np.clip(counts, -largest, largest - 1).astype(np.int32)
+
+
+def couple(signal: FloatArray, coupling_frequency: float, sampling_rate: float) -> FloatArray:
+    """High-pass a signal, shape (n,), at rest before its first point, by one RC stage."""
+    if coupling_frequency == 0.0:
+        return signal
+    pole = math.exp(-2.0 * math.pi * coupling_frequency / sampling_rate)
+    gain = (1.0 + pole) / 2.0
+    coupled: FloatArray = lfilter([gain, -gain], [1.0, -pole], signal)
+    return coupled
+
 
 OVERLOAD_RANGE = (1.2, 2.0)
 """Peak of an overloaded hit over the hammer's full scale [-]."""
@@ -45,9 +260,13 @@ class VirtualRigSettings:
     contact_time_scatter : float
         Standard deviation of tau_p from hit to hit, relative [-].
     amplitude_scatter : float
-        Standard deviation of F0 from hit to hit, relative [-].
+        Standard deviation of F0 from hit to hit, on the plant `contact` of v, relative [-].
     pulse_shape : PulseShape
         Of the contact force.
+    contact_exponent : float
+        n of the plant `contact` [-].
+    restitution : float
+        e of the plant `contact` [-]; 0: the material's.
     asymmetry : float
         Of the contact pulse [-], see `HitPhysics`.
     hammer_damping : float
@@ -64,6 +283,8 @@ class VirtualRigSettings:
     amplitude_scatter: float = 2e-2
     pulse_shape: PulseShape = VERSED_SINE
     asymmetry: float = 0.02
+    contact_exponent: float = HERTZ_EXPONENT
+    restitution: float = 0.0
     hammer_damping: float = HAMMER_DAMPING_COEFFICIENT
     digitizer: DigitizerSettings = field(default_factory=DigitizerSettings)
     faults: FaultPlan = field(default_factory=FaultPlan)
@@ -76,6 +297,8 @@ class VirtualRigSettings:
         check_between("amplitude scatter", self.amplitude_scatter, 0.0, 0.2)
         check_pulse_shape(self.plant, self.pulse_shape)
         check_between("asymmetry", self.asymmetry, -0.5, 0.5)
+        check_between("contact exponent", self.contact_exponent, 0.5, 4.0)
+        check_between("restitution", self.restitution or 1.0, 0.1, 1.0)
         check_not_negative("hammer damping coefficient", self.hammer_damping, "N s/m")
 
 
@@ -126,31 +349,48 @@ class VirtualHit:
         """
         if block_size < 1:
             raise ParameterError(f"block size is {block_size} points: it must be 1 or more")
+        whole = Block(
+            0, self.sampling_rate, self.hammer, self.specimen, self.label, last=True, stamp=stamp
+        )
         if Fault.MISSED_TRIGGER in self.faults:
-            return (self._cut(0, 0, stamp, triggered=False, last=True),)
-        count = self.hammer.output.size
-        starts = list(range(0, count, block_size))
-        blocks = [
-            self._cut(start, min(start + block_size, count), stamp, last=start == starts[-1])
-            for start in starts
-        ]
+            return (replace(whole.cut(0, 0), triggered=False, last=True),)
+        blocks = list(whole.split(block_size))
         if Fault.LOST_BLOCK in self.faults and len(blocks) > 1:
             del blocks[(len(blocks) - 1) // 2]
         return tuple(blocks)
 
-    def _cut(
-        self, start: int, stop: int, stamp: int, *, triggered: bool = True, last: bool = False
-    ) -> Block:
-        return Block(
-            label=self.label,
-            first_sample=start,
-            sampling_rate=self.sampling_rate,
-            hammer=replace(self.hammer, output=self.hammer.output[start:stop]),
-            specimen=replace(self.specimen, output=self.specimen.output[start:stop]),
-            triggered=triggered,
-            last=last,
-            stamp=stamp + round(start / self.sampling_rate * 1e9),
+
+def make_nominal_physics(setup: RigSetup, sample: str, settings: VirtualRigSettings) -> HitPhysics:
+    """Return a hit on `sample` without scatter.
+
+    Raises
+    ------
+    ParameterError
+        If the sample or the control sample lacks what the plant needs.
+    """
+    if settings.plant is Plant.CONTACT:
+        contact = make_nominal_contact(
+            setup, sample, settings.contact_exponent, settings.restitution
         )
+        return HitPhysics(contact.make_model(), contact=contact)
+    model = make_nominal_model(setup, sample, settings.hammer_damping)
+    return HitPhysics(model, settings.pulse_shape, settings.asymmetry)
+
+
+def _scatter_physics(nominal: HitPhysics, duration: float, force: float) -> HitPhysics:
+    """Return a hit with the contact time and the force, or the speed, times these factors."""
+    if nominal.contact is not None:
+        contact = nominal.contact.scatter(duration, force)
+        return replace(nominal, model=contact.make_model(), contact=contact)
+    model = nominal.model
+    return replace(
+        nominal,
+        model=replace(
+            model,
+            contact_time=model.contact_time * duration,
+            peak_force=model.peak_force * force,
+        ),
+    )
 
 
 class VirtualRig:
@@ -170,7 +410,7 @@ class VirtualRig:
 
     def check_sample(self, name: str) -> None:
         """Raise `ParameterError` if the sample is unknown or lacks a reference value."""
-        find_nominal_model(self.setup, name, self.settings.hammer_damping)
+        make_nominal_physics(self.setup, name, self.settings)
 
     def strike(self, label: HitLabel) -> VirtualHit:
         """Simulate one hit.
@@ -189,19 +429,19 @@ class VirtualRig:
             np.random.default_rng(np.random.SeedSequence((settings.seed, *key, stream)))
             for stream in (0, 1)
         )
-        nominal = find_nominal_model(self.setup, label.sample, settings.hammer_damping)
+        nominal = make_nominal_physics(self.setup, label.sample, settings)
         scatter = physics_source.standard_normal(2)
-        model = replace(
+        physics = _scatter_physics(
             nominal,
-            contact_time=nominal.contact_time * (1 + settings.contact_time_scatter * scatter[0]),
-            peak_force=nominal.peak_force * (1 + settings.amplitude_scatter * scatter[1]),
+            1 + settings.contact_time_scatter * scatter[0],
+            1 + settings.amplitude_scatter * scatter[1],
         )
         faults = settings.faults.draw(label, fault_source)
-        hammer, specimen = self._simulate(model, faults, physics_source, fault_source)
+        hammer, specimen = self._simulate(physics, faults, physics_source, fault_source)
         return VirtualHit(
             label=label,
             faults=faults,
-            model=model,
+            model=physics.model,
             hammer=self._make_channel(
                 hammer, settings.digitizer.hammer_full_scale, physics_source
             ),
@@ -213,7 +453,7 @@ class VirtualRig:
 
     def _simulate(
         self,
-        model: ImpactModel,
+        physics: HitPhysics,
         faults: tuple[Fault, ...],
         physics_source: np.random.Generator,
         fault_source: np.random.Generator,
@@ -222,7 +462,6 @@ class VirtualRig:
         start = -digitizer.pre_trigger + digitizer.trigger_jitter * float(
             physics_source.standard_normal()
         )
-        physics = HitPhysics(model, self.settings.pulse_shape, self.settings.asymmetry)
 
         def simulate(first: float) -> FloatArray:
             return np.stack(
@@ -234,7 +473,7 @@ class VirtualRig:
         traces = simulate(start)
         if Fault.DOUBLE_HIT in faults:
             height = fault_source.uniform(*DOUBLE_HEIGHT_RANGE)
-            delay = fault_source.uniform(*DOUBLE_DELAY_RANGE) * model.contact_time
+            delay = fault_source.uniform(*DOUBLE_DELAY_RANGE) * physics.model.contact_time
             traces = traces + height * simulate(start - delay)
         hammer_peak = float(np.max(np.abs(traces[0])))
         if Fault.OVERLOAD in faults:

@@ -53,7 +53,7 @@ def test_noise_below_the_second_peak_does_little() -> None:
 
 def test_a_second_peak_within_the_noise_is_not_invented() -> None:
     trace = make_decay(0.7)  # U2 = 0.002 U1
-    with pytest.raises(NotDeterminedError, match=r"no second peak .* noise \(4 % of the first\)"):
+    with pytest.raises(NotDeterminedError, match=r"no second peak .* noise \(5 % of the first\)"):
         estimate_log_decrement(trace, noise=0.01)
 
 

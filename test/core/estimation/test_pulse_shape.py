@@ -8,9 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
-from impact_rig.core.estimation.pulse_fit import cut_window, fit_pulse
-from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate, estimate_pulse_shape
-from impact_rig.core.hits.averaging import MeanHit, shift_hit
+from impact_rig.core.estimation.pulse_shape import (
+    PulseShapeEstimate,
+    cut_window,
+    estimate_pulse_shape,
+    fit_pulse,
+)
+from impact_rig.core.hits.averaging import HitSummary, MeanHit, shift_hit
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.model.pulses import (
@@ -49,7 +53,10 @@ def make_mean(
     levels = np.array([disturbance.std()])
     pulse = measure_pulse(traces[0])
     hit = FilteredHit(traces, rate, pulse, levels, np.array([noise]), np.zeros(1), 100)
-    return MeanHit(traces, rate, round(pulse.middle), levels, np.array([noise]), (shift_hit(hit),))
+    shifted = shift_hit(hit)
+    summary = HitSummary().add(shifted)
+    raw = np.array([noise])
+    return MeanHit(traces, rate, round(pulse.middle), levels, raw, (shifted,), summary)
 
 
 def strike(
@@ -80,13 +87,13 @@ def test_every_shape_is_known_again(
     shape: PulseShape, asymmetry: float, tau: float, start: float, sign: float
 ) -> None:
     found = estimate(sign * strike(shape, asymmetry, tau=tau, start=start))
-    fit = found.find_fit(shape)
+    fit = found.find_fit(shape.name)
     assert found.best_shape == shape.name
     assert found.best_fit is fit
     assert found.is_told_apart
     # The trace is filtered point by point, the model on every second or fourth.
     assert fit.residual_percent < 0.05
-    assert fit.contact_time == pytest.approx(tau, rel=5e-4)
+    assert fit.duration == pytest.approx(tau, rel=5e-4)
     assert fit.asymmetry == pytest.approx(asymmetry, abs=2e-3)
     assert fit.amplitude == pytest.approx(sign * PEAK, rel=1e-3)
     assert fit.offset == pytest.approx(0.0, abs=1e-3 * PEAK)
@@ -95,8 +102,8 @@ def test_every_shape_is_known_again(
 @every_shape
 def test_without_a_low_pass_the_fit_is_exact(shape: PulseShape) -> None:
     found = estimate_pulse_shape(make_mean(strike(shape, 0.05), cutoff=0.0), 0.0)
-    assert found.find_fit(shape).contact_time == pytest.approx(TAU, rel=1e-6)
-    assert found.find_fit(shape).residual_percent < 1e-4
+    assert found.find_fit(shape.name).duration == pytest.approx(TAU, rel=1e-6)
+    assert found.find_fit(shape.name).residual_percent < 1e-4
 
 
 @every_shape
@@ -110,7 +117,7 @@ def test_fall_over_rise_is_that_of_the_two_halves(shape: PulseShape, asymmetry: 
 def test_noise_moves_neither_contact_time_nor_sides_to_one_side() -> None:
     hammer = strike(VERSED_SINE, 0.02)
     found = [estimate(hammer, 4.0, seed) for seed in range(60)]
-    times = np.array([item.find_fit(VERSED_SINE).contact_time for item in found])
+    times = np.array([item.find_fit(VERSED_SINE.name).duration for item in found])
     sides = np.array([item.fall_over_rise for item in found])
     for values, true in ((times, TAU), (sides, 0.98 / 1.02)):
         # Within four standard errors; the low-pass itself widens by some 1e-4.
@@ -165,8 +172,8 @@ def test_a_half_sine_is_warned_of_with_its_contact_time() -> None:
     assert "no versed-sine, which leaves 3.2 % of the peak: half-sine leaves" in found.warning
     assert "contact time 200 us where the width times 2 gives 266.6 us" in found.warning
     # Equation (5): stiffness goes with the inverse square, and F = 2 gives 0.5625 of it.
-    read = found.find_fit(VERSED_SINE).contact_time_from_width
-    assert (found.best_fit.contact_time / read) ** 2 == pytest.approx(0.5625, rel=2e-3)
+    read = found.find_fit(VERSED_SINE.name).contact_time
+    assert (found.best_fit.duration / read) ** 2 == pytest.approx(0.5625, rel=2e-3)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.5, 4.0])
@@ -188,7 +195,7 @@ def test_a_fit_that_ends_at_a_border_gives_no_contact_time() -> None:
     found = estimate(PEAK * np.where(points > 500, np.exp(-(points - 500) / 200), 0.0), 0.5)
     assert found.warning.startswith("no known shape")
     assert all(
-        np.isnan(fit.contact_time) or (abs(fit.asymmetry) < 0.9 and fit.contact_time > 0)
+        np.isnan(fit.duration) or (abs(fit.asymmetry) < 0.9 and fit.duration > 0)
         for fit in found.fits
     )
 
@@ -211,7 +218,7 @@ def test_five_points_above_half_still_tell_versed_sine_from_half_sine(start: flo
         mean = make_mean(hammer, noise=0.5, cutoff=0.0, rate=25.6e3)
         found = estimate_pulse_shape(mean, 0.0)
         assert found.best_shape == shape.name
-        assert found.best_fit.contact_time == pytest.approx(tau, rel=0.02)
+        assert found.best_fit.duration == pytest.approx(tau, rel=0.02)
         assert found.fall_over_rise == pytest.approx(1.0, abs=0.2)
 
 
@@ -223,7 +230,7 @@ def test_a_real_force_hammer_falls_slower_than_it_rises(number: int) -> None:
     )
     assert 1.5 < found.fall_over_rise < 3.0
     assert found.warning.startswith("no known shape describes the pulse")
-    assert found.find_fit(VERSED_SINE).asymmetry < -0.3
+    assert found.find_fit(VERSED_SINE.name).asymmetry < -0.3
 
 
 def test_a_real_drop_is_nearest_to_a_versed_sine() -> None:
@@ -232,7 +239,7 @@ def test_a_real_drop_is_nearest_to_a_versed_sine() -> None:
     found = estimate_pulse_shape(make_mean(table, cutoff=0.0, rate=rate), 0.0)
     assert found.best_shape == "versed-sine"
     assert found.best_fit.residual_percent < 3.0
-    assert 400e-6 < found.best_fit.contact_time < 480e-6
+    assert 400e-6 < found.best_fit.duration < 480e-6
 
 
 def test_too_few_points_are_named() -> None:
@@ -247,6 +254,6 @@ def test_a_pulse_that_does_not_come_down_is_named() -> None:
     mean = make_mean(strike())
     with pytest.raises(ParameterError, match="cutoff frequency is -1"):
         estimate_pulse_shape(mean, -1.0)
-    flat = MeanHit(0 * mean.traces, RATE, 700, mean.noise, mean.raw_noise, mean.hits)
+    flat = MeanHit(0 * mean.traces, RATE, 700, mean.noise, mean.raw_noise, mean.hits, mean.summary)
     with pytest.raises(SignalError, match="no pulse"):
         estimate_pulse_shape(flat, CUTOFF)

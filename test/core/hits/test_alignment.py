@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.core.hits.alignment import align_traces
+from impact_rig.core.hits.hit import align_traces
 
 POINTS = np.arange(1000)
 

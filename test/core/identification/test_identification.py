@@ -23,7 +23,7 @@ from impact_rig.core.setup.paper import (
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.filtering import low_pass
 from impact_rig.core.signals.record import HitLabel, Record, Trace
-from impact_rig.devices.virtual.plants import find_nominal_model
+from impact_rig.devices.virtual.plants import make_nominal_model
 
 RATE = 2.5e6
 COUNT = 5000
@@ -38,7 +38,7 @@ MAIN = ("tau_p", "k2", "c2")
 
 
 def find_truth(sample: str) -> ImpactModel:
-    return find_nominal_model(PAPER_SETUP, sample, HAMMER_DAMPING_COEFFICIENT)
+    return make_nominal_model(PAPER_SETUP, sample, HAMMER_DAMPING_COEFFICIENT)
 
 
 def find_true_values(model: ImpactModel) -> dict[str, float]:
@@ -237,7 +237,7 @@ def test_the_standard_uncertainty_is_the_cramer_rao_bound(sample: str, noise: fl
     for name in MAIN:
         # Both ends of the record are left out, and the residual has its say: some 2 %, at
         # most 10 % by chance.
-        ratio = standard(found, name) / bound.find_standard_deviation(name)
+        ratio = standard(found, name) / bound.compute_standard_deviation(name)
         assert 0.98 < ratio < 1.12, name
 
 
@@ -299,7 +299,7 @@ def test_without_low_pass_the_noise_is_white_and_the_bound_still_holds() -> None
     found = identify_model(average_hits([hit]), setup, SAMPLE)
     bound = compute_model_bound(model, RATE, COUNT, START, tuple(hit.raw_noise))
     for name in MAIN:
-        ratio = standard(found, name) / bound.find_standard_deviation(name)
+        ratio = standard(found, name) / bound.compute_standard_deviation(name)
         assert ratio == pytest.approx(1.0, abs=0.06)
         error = found.find(name) - find_true_values(model)[name]
         assert abs(error) < 4 * standard(found, name)

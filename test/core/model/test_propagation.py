@@ -8,7 +8,6 @@ from impact_rig.core.model.propagation import (
     LARGEST_NORM,
     LONGEST_BLOCK,
     Moments,
-    find_room,
     simulate_linear_systems,
 )
 
@@ -104,16 +103,3 @@ def test_a_system_at_rest_stays() -> None:
     )
     np.testing.assert_array_equal(found[0], np.repeat(initial.T, 300, axis=1))
     np.testing.assert_array_equal(states, initial)
-
-
-@pytest.mark.parametrize("count", COUNTS)
-def test_output_is_put_where_it_is_wanted(count: int) -> None:
-    system = (0.05 * make_oscillator(1.0, 0.3)[np.newaxis], np.array([[1.0, -2.0]]))
-    readout, moments = np.eye(2)[np.newaxis], [Moments(0.0, 0.0)]
-    wanted = np.zeros((1, 2, 3 + find_room(count) + 1))
-    found, _ = simulate_linear_systems(*system, readout, moments, count, wanted[:, :, 3:])
-    np.testing.assert_array_equal(wanted[:, :, 3 : 3 + count], found)
-    assert not wanted[:, :, :3].any()
-    assert not wanted[:, :, -1].any()
-    expected, _ = simulate_linear_systems(*system, readout, moments, count)
-    np.testing.assert_array_equal(found, expected)

@@ -5,7 +5,7 @@ import pytest
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup.calibration import Sensitivity, find_scale, normalize_unit
-from impact_rig.core.setup.channel_plan import ChannelPlan, ChannelUse
+from impact_rig.core.setup.sensors import ChannelPlan, ChannelUse
 
 
 @pytest.mark.parametrize(

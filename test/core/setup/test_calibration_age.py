@@ -1,4 +1,4 @@
-"""A calibration that is too old is told of on the day on which the sensor is used."""
+"""A calibration that is too old is named on the day on which the sensor is used."""
 
 from dataclasses import replace
 from datetime import date, timedelta

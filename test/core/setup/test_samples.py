@@ -19,6 +19,14 @@ def test_a_set_keeps_its_order_and_finds_its_samples() -> None:
     assert samples.find("brass") is BRASS
 
 
+@pytest.mark.parametrize("text", ["steel\x1b]0;mine\x07", "two\nlines", "\ud800"])
+def test_a_name_or_material_that_would_steer_a_terminal_is_refused(text: str) -> None:
+    with pytest.raises(ParameterError, match=r"the name of a sample .* letters that can be shown"):
+        Sample(text, 0.05)
+    with pytest.raises(ParameterError, match="the material of a sample"):
+        Sample("steel", 0.05, text)
+
+
 @given(mass=st.floats(1e-6, 100), accelerometer=st.floats(0, 1))
 def test_what_moves_is_sample_and_accelerometer(mass: float, accelerometer: float) -> None:
     samples = SampleSet((Sample("x", mass),), "", accelerometer)

@@ -63,7 +63,7 @@ def test_an_impossible_calibration_is_refused(changes: dict[str, float], message
 
 def test_channels_of_a_block_are_equally_long() -> None:
     with pytest.raises(SignalError) as error:
-        Block(LABEL, 100, 1e6, make_channel(4), make_channel(5))
+        Block(100, 1e6, make_channel(4), make_channel(5), LABEL)
     assert str(error.value) == (
         "block at point 100 of record 7 has 4 hammer points and 5 sample points: both channels"
         " must be equally long"
@@ -73,7 +73,7 @@ def test_channels_of_a_block_are_equally_long() -> None:
 @pytest.mark.parametrize("rate", [0.0, -1e6, np.nan])
 def test_a_rate_is_above_zero(rate: float) -> None:
     with pytest.raises(ParameterError, match=r"sampling rate is .* Hz"):
-        Block(LABEL, 0, rate, make_channel(), make_channel())
+        Block(0, rate, make_channel(), make_channel())
     with pytest.raises(ParameterError, match=r"sampling rate is .* Hz"):
         Record(LABEL, rate, Trace(np.zeros(4)), None, None)
 

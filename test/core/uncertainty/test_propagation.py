@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
-from impact_rig.core.uncertainty.inputs import find_rig_numbers
 from impact_rig.core.uncertainty.propagation import (
-    BodyUncertainties,
+    FittedBody,
+    find_rig_numbers,
     propagate_free_decay,
     propagate_identification,
     propagate_parameters,
 )
-from impact_rig.core.uncertainty.results import Uncertainty
 
 RIG = find_rig_numbers(PAPER_SETUP, "steel medium")
 DECAY, FREQUENCY = 3456.0, 15900.0
 
 
-def list_results(found: BodyUncertainties) -> list[Uncertainty]:
+def list_results(found: FittedBody) -> list[Quantity]:
     return [found.damping_ratio, found.damping_coefficient, found.stiffness]
 
 
@@ -128,7 +128,7 @@ def test_one_hit_determines_no_uncertainty_and_says_so() -> None:
     found = list_results(propagate_free_decay("hits", draw_hits(1), RIG))
     assert len(found) == 3
     for item in found:
-        assert not item.is_determined
+        assert not item.has_uncertainty
         assert item.budget == ()
         assert "one accepted hit shows no scatter" in item.notes[0]
 

@@ -8,10 +8,10 @@ pytest.importorskip("grpc", reason="the drivers need the Python package grpcio")
 from impact_rig.configuration.rig_file import parse_rig_file, read_template
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
-from impact_rig.devices.nidaqmx.source import NidaqmxSource
-from impact_rig.devices.peers.nidaqmx_server import NidaqmxServer
+from impact_rig.devices.nidaqmx.drivers import NidaqmxSource
 from impact_rig.devices.source_table import make_plan
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.testing.peers.nidaqmx_server import NidaqmxServer
 
 HAMMER_SENSITIVITY = 0.010 / 9.80665
 SPECIMEN_SENSITIVITY = -0.005 / 9.80665

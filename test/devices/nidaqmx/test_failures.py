@@ -18,14 +18,13 @@ from nidaqmx.errors import DaqError, DaqReadError, DaqWarning, RpcError
 from impact_rig.configuration.rig_file import parse_rig_file, read_template
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
-from impact_rig.devices.contract.driver_contract import check_sentence
 from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
-from impact_rig.devices.nidaqmx import errors
-from impact_rig.devices.nidaqmx import source as source_module
-from impact_rig.devices.nidaqmx.errors import report_errors
-from impact_rig.devices.nidaqmx.session import Session
-from impact_rig.devices.nidaqmx.source import NidaqmxSource
+from impact_rig.devices.nidaqmx import drivers as source_module
+from impact_rig.devices.nidaqmx import session as errors
+from impact_rig.devices.nidaqmx.drivers import NidaqmxSource
+from impact_rig.devices.nidaqmx.session import Session, report_errors
 from impact_rig.devices.source_table import make_plan
+from impact_rig.testing.contract import check_sentence
 
 from .conftest import SOURCE
 
@@ -219,13 +218,13 @@ def test_an_answer_that_does_not_fit_is_refused(server, open_source, hit, spoil)
 
 
 def test_a_server_of_another_kind_is_no_device(impatient, write_rig, open_source, server):
-    with socket.create_server(("127.0.0.1", 0)) as stranger:
-        address = f"127.0.0.1:{stranger.getsockname()[1]}"
+    with socket.create_server(("127.0.0.1", 0)) as other_server:
+        address = f"127.0.0.1:{other_server.getsockname()[1]}"
 
         def answer():
             while True:
                 try:
-                    connection, _ = stranger.accept()
+                    connection, _ = other_server.accept()
                 except OSError:
                     return
                 with connection:
@@ -239,15 +238,15 @@ def test_a_server_of_another_kind_is_no_device(impatient, write_rig, open_source
                 source.configure(plan)
             check_sentence(found.value)
         finally:
-            stranger.shutdown(socket.SHUT_RDWR)
+            other_server.shutdown(socket.SHUT_RDWR)
             thread.join(TIMEOUT)
 
 
 def test_a_port_that_takes_connections_and_says_nothing_is_given_up(
     impatient, write_rig, open_source, server
 ):
-    with socket.create_server(("127.0.0.1", 0)) as stranger:
-        address = f"127.0.0.1:{stranger.getsockname()[1]}"
+    with socket.create_server(("127.0.0.1", 0)) as other_server:
+        address = f"127.0.0.1:{other_server.getsockname()[1]}"
         source, plan = open_source(write_rig(replace={server.address: address}))
         begin = time.monotonic()
         with pytest.raises(DeviceError, match=r"cannot be reached|does not answer"):
@@ -323,7 +322,7 @@ def test_a_process_ends_at_once_with_a_source_that_nobody_closed(server):
     code = """
 import sys
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.devices.nidaqmx.holder import NidaqmxHolder
+from impact_rig.devices.nidaqmx.drivers import NidaqmxHolder
 holder = NidaqmxHolder(TomlTable({"line": "Dev1/port0/line0", "server": sys.argv[1]}))
 print(holder.configure())
 """

@@ -10,11 +10,11 @@ from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.acceleration_source import AcquisitionPlan, SourceChannel
 from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
-from impact_rig.devices.peers.scpi_digitizer import ScpiDigitizer
+from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
 from impact_rig.devices.scpi.source import ScpiSource
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
+from impact_rig.testing.peers.scpi_digitizer import ScpiDigitizer
 
 SENSITIVITIES = {"hammer": 5e-4, "specimen": -2.5e-4}
 """[V per m/s^2]: one count of a hit is a whole number of the instrument's."""

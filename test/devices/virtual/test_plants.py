@@ -24,11 +24,11 @@ from impact_rig.core.model.pulses import (
 from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.setup.samples import Sample, SampleSet
 from impact_rig.devices.virtual.choices import Plant
-from impact_rig.devices.virtual.driven_sample import simulate_driven
 from impact_rig.devices.virtual.plants import (
     HitPhysics,
-    find_nominal_model,
+    make_nominal_model,
     pulse_shape_from_name,
+    simulate_driven,
     simulate_plant,
 )
 
@@ -46,7 +46,7 @@ def find_damping(body: Body) -> tuple[float, float]:
 
 @pytest.mark.parametrize("cell", PUBLISHED_SAMPLES, ids=lambda cell: cell.name)
 def test_the_nominal_hit_has_the_papers_numbers(cell) -> None:
-    model = find_nominal_model(PAPER_SETUP, cell.name, 1909.0)
+    model = make_nominal_model(PAPER_SETUP, cell.name, 1909.0)
     assert model.contact_time == cell.contact_time
     assert model.hammer.mass == 0.1
     # 22.54 MN/m is printed with four digits; 212.0 us gives 22.535.
@@ -62,7 +62,7 @@ def test_the_nominal_hit_has_the_papers_numbers(cell) -> None:
 
 @given(name=names, shape=st.sampled_from([VERSED_SINE, HALF_SINE, HERTZ]))
 def test_the_published_hammer_is_the_pulse_and_a_tail(name: str, shape: PulseShape) -> None:
-    model = find_nominal_model(PAPER_SETUP, name, 1909.0)
+    model = make_nominal_model(PAPER_SETUP, name, 1909.0)
     physics = HitPhysics(model, shape=shape)
     hammer, _ = simulate_plant(Plant.PUBLISHED, physics, 4 * RATE, 4 * COUNT, START)
     time = START + np.arange(4 * COUNT) / (4 * RATE)
@@ -83,7 +83,7 @@ def test_the_published_hammer_is_the_pulse_and_a_tail(name: str, shape: PulseSha
 def test_the_published_sample_rises_with_the_pulse_and_decays_freely(
     name: str, asymmetry: float
 ) -> None:
-    model = find_nominal_model(PAPER_SETUP, name, 1909.0)
+    model = make_nominal_model(PAPER_SETUP, name, 1909.0)
     physics = HitPhysics(model, asymmetry=asymmetry)
     _, specimen = simulate_plant(Plant.PUBLISHED, physics, RATE, COUNT, START)
     time = START + np.arange(COUNT) / RATE
@@ -105,7 +105,7 @@ def test_the_published_sample_rises_with_the_pulse_and_decays_freely(
 
 @pytest.mark.parametrize("ratio", [1.0, 1.7])
 def test_a_body_that_does_not_swing_just_comes_back(ratio: float) -> None:
-    model = find_nominal_model(PAPER_SETUP, "steel small", 1909.0)
+    model = make_nominal_model(PAPER_SETUP, "steel small", 1909.0)
 
     def damp(body: Body) -> Body:
         return replace(body, damping_coefficient=2 * ratio * math.sqrt(body.mass * body.stiffness))
@@ -128,7 +128,7 @@ def test_a_body_that_does_not_swing_just_comes_back(ratio: float) -> None:
     [(Plant.DYNAMICS, ModelVariant.DRIVEN), (Plant.DYNAMICS_PRINTED, ModelVariant.PRINTED)],
 )
 def test_dynamics_is_the_model_itself(plant: Plant, variant: ModelVariant) -> None:
-    model = find_nominal_model(PAPER_SETUP, "steel medium", 1909.0)
+    model = make_nominal_model(PAPER_SETUP, "steel medium", 1909.0)
     ours = simulate_plant(plant, HitPhysics(model), RATE, COUNT, START)
     theirs = simulate_impact(model, RATE, COUNT, start=START, variant=variant)
     np.testing.assert_array_equal(ours, theirs)
@@ -139,7 +139,7 @@ def test_dynamics_is_the_model_itself(plant: Plant, variant: ModelVariant) -> No
 def test_the_driven_sample_obeys_its_equation_under_every_pulse(
     shape: PulseShape, ratio: float
 ) -> None:
-    model = find_nominal_model(PAPER_SETUP, "steel small", 1909.0)
+    model = make_nominal_model(PAPER_SETUP, "steel small", 1909.0)
     body = model.specimen
     damping = 2 * ratio * math.sqrt(body.mass * body.stiffness)
     model = replace(model, specimen=replace(body, damping_coefficient=damping))
@@ -170,7 +170,7 @@ def test_the_driven_sample_obeys_its_equation_under_every_pulse(
 
 
 def test_a_driven_versed_sine_is_the_closed_form() -> None:
-    model = find_nominal_model(PAPER_SETUP, "brass large", 1909.0)
+    model = make_nominal_model(PAPER_SETUP, "brass large", 1909.0)
     ours = simulate_driven(model, VERSED_SINE, RATE, COUNT, START)
     theirs = simulate_impact(model, RATE, COUNT, start=START, variant=ModelVariant.DRIVEN)
     peak = model.peak_force / model.specimen.mass
@@ -178,13 +178,15 @@ def test_a_driven_versed_sine_is_the_closed_form() -> None:
 
 
 def test_dynamics_takes_every_pulse_and_the_printed_model_its_own() -> None:
-    model = find_nominal_model(PAPER_SETUP, "steel medium", 1909.0)
+    model = make_nominal_model(PAPER_SETUP, "steel medium", 1909.0)
     physics = HitPhysics(model, HERTZ)
     hammer, _ = simulate_plant(Plant.DYNAMICS, physics, RATE, COUNT, START)
     ours = simulate_driven(model, HERTZ, RATE, COUNT, START)
     np.testing.assert_array_equal(hammer, ours[0])
     with pytest.raises(ParameterError, match="'Hertz' is not for the plant dynamics_printed"):
         simulate_plant(Plant.DYNAMICS_PRINTED, physics, RATE, COUNT, START)
+    with pytest.raises(ParameterError, match="'Hertz' is not for the plant contact"):
+        simulate_plant(Plant.CONTACT, physics, RATE, COUNT, START)
 
 
 def test_pulse_shapes_are_found_by_name() -> None:
@@ -199,14 +201,14 @@ def test_what_the_virtual_rig_cannot_strike_is_named() -> None:
     known = Sample("known", 0.1, "", 200e-6, 20e6, 500.0)
     bare = Sample("bare", 0.1)
     setup = replace(PAPER_SETUP, samples=SampleSet((known, bare), "known"))
-    assert find_nominal_model(setup, "known", 0.0).contact_time == 200e-6
+    assert make_nominal_model(setup, "known", 0.0).contact_time == 200e-6
     with pytest.raises(ParameterError, match="sample 'bare' has no reference contact time"):
-        find_nominal_model(setup, "bare", 0.0)
+        make_nominal_model(setup, "bare", 0.0)
     with pytest.raises(
         ParameterError, match="unknown sample 'other': the set has 'known', 'bare'"
     ):
-        find_nominal_model(setup, "other", 0.0)
+        make_nominal_model(setup, "other", 0.0)
     for control, message in (("bare", "'bare' has no reference contact"), ("", "needs a control")):
         changed = replace(setup, samples=replace(setup.samples, control_sample=control))
         with pytest.raises(ParameterError, match=message):
-            find_nominal_model(changed, "known", 0.0)
+            make_nominal_model(changed, "known", 0.0)

@@ -1,7 +1,9 @@
 """The virtual rig hit by hit: repeatable, and faulty on request."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,13 +14,213 @@ from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.model.pulses import HERTZ, PULSE_SHAPES, PulseShape
-from impact_rig.core.session import Session
-from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.quantity import drop_internals
+from impact_rig.core.session import Session, SessionResults
+from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual import rig as virtual_rig
 from impact_rig.devices.virtual.choices import Fault, Plant
-from impact_rig.devices.virtual.faults import FaultPlan
-from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
+from impact_rig.devices.virtual.rig import (
+    DigitizerSettings,
+    FaultPlan,
+    ScheduledFault,
+    VirtualHit,
+    VirtualRig,
+    VirtualRigSettings,
+    couple,
+    digitize,
+    fault_from_name,
+    find_scale,
+    scheduled_fault_from_text,
+)
+
+CLEAN = DigitizerSettings(noise=0.0, offset=0.0, coupling_frequency=0.0)
+
+
+def make_random() -> np.random.Generator:
+    return np.random.default_rng(1)
+
+
+def test_the_paper_is_the_default() -> None:
+    settings = DigitizerSettings()
+    assert (settings.sampling_rate, settings.bits, settings.count) == (2.5e6, 12, 5000)
+
+
+@given(bits=st.integers(4, 24), full_scale=st.floats(1, 1e5), seed=st.integers(0, 99))
+def test_quantisation_is_off_by_half_a_step_at_most(
+    bits: int, full_scale: float, seed: int
+) -> None:
+    settings = DigitizerSettings(bits=bits, noise=0.0, offset=0.0, coupling_frequency=0.0)
+    step = find_scale(full_scale, bits)
+    largest = full_scale - step
+    signal = np.random.default_rng(seed).uniform(-full_scale, largest, 500)
+    counts = digitize(signal, full_scale, settings, make_random())
+    assert counts.dtype == np.int32
+    assert np.abs(counts * step - signal).max() <= step / 2 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("bits", [8, 12, 16])
+def test_what_does_not_fit_stands_at_the_rails(bits: int) -> None:
+    settings = DigitizerSettings(bits=bits, noise=0.0, offset=0.0, coupling_frequency=0.0)
+    counts = digitize(np.array([-1e9, -101.0, 101.0, 1e9]), 100.0, settings, make_random())
+    low, high = -(2 ** (bits - 1)), 2 ** (bits - 1) - 1
+    np.testing.assert_array_equal(counts, [low, low, high, high])
+
+
+def test_noise_offset_and_drift_are_parts_of_full_scale() -> None:
+    settings = DigitizerSettings(
+        bits=24, noise=1e-3, offset=2e-3, drift=0.1, coupling_frequency=0.0
+    )
+    counts = digitize(np.zeros(20_000), 2000.0, settings, make_random())
+    signal = counts * find_scale(2000.0, 24)
+    slope, start = np.polyfit(np.arange(20_000) / 20_000, signal, 1)
+    # 20 000 points of noise 2: means within 0.03, slopes within 0.1.
+    assert start == pytest.approx(4.0, abs=0.15)
+    assert slope == pytest.approx(200.0, abs=0.4)
+    noise = signal - start - slope * np.arange(20_000) / 20_000
+    assert noise.std() == pytest.approx(2.0, rel=0.03)
+
+
+def test_the_same_source_gives_the_same_noise() -> None:
+    one, other = (
+        digitize(np.zeros(1000), 2000.0, DigitizerSettings(), make_random()) for _ in range(2)
+    )
+    np.testing.assert_array_equal(one, other)
+
+
+def test_coupling_answers_a_step_as_an_rc_stage_does() -> None:
+    time = np.arange(5000) / 2.5e6
+    answer = couple(np.ones(5000), 500.0, 2.5e6)
+    # The bilinear design is half a point early: 0.06 % at this corner.
+    np.testing.assert_allclose(answer, np.exp(-2 * np.pi * 500.0 * time), rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("frequency", [100.0, 500.0, 5000.0])
+def test_coupling_passes_half_the_power_at_its_corner(frequency: float) -> None:
+    time = np.arange(200_000) / 2.5e6
+    wave = np.sin(2 * np.pi * 500.0 * time)
+    answer = couple(wave, frequency, 2.5e6)[100_000:]
+    gain = np.sqrt(2.0) * answer.std()
+    assert gain == pytest.approx(1 / np.hypot(1, frequency / 500.0), rel=5e-3)
+
+
+def test_dc_coupling_passes_everything() -> None:
+    signal = make_random().standard_normal(100)
+    np.testing.assert_array_equal(couple(signal, 0.0, 2.5e6), signal)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"sampling_rate": 0.0}, "sampling rate is 0.0 Hz"),
+        ({"record_duration": -1.0}, "record duration is -1.0 s"),
+        ({"record_duration": 1e-6}, "which is 2 points at 2.5e+06 Hz: a record needs 100"),
+        ({"pre_trigger": 1.0}, "pre-trigger is 1.0: it must lie between 0 and 0.002"),
+        ({"bits": 2}, "bits is 2: it must lie between 4 and 31"),
+        ({"hammer_full_scale": 0.0}, "hammer full scale is 0.0 m/s^2"),
+        ({"specimen_full_scale": -1.0}, "sample full scale is -1.0 m/s^2"),
+        ({"noise": 2.0}, "noise is 2.0"),
+        ({"offset": -0.1}, "offset is -0.1"),
+        ({"drift": float("nan")}, "drift is nan"),
+        ({"coupling_frequency": -1.0}, "coupling frequency is -1.0 Hz"),
+        ({"trigger_jitter": -1.0}, "trigger jitter is -1.0 s"),
+    ],
+)
+def test_an_impossible_digitizer_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError) as error:
+        DigitizerSettings(**changes)
+    assert message in str(error.value)
+
+
+LABEL = HitLabel("steel small", record=1, impact=3, attempt=1)
+
+
+def draw(plan: FaultPlan, label: HitLabel = LABEL, seed: int = 1) -> tuple[Fault, ...]:
+    return plan.draw(label, np.random.default_rng(seed))
+
+
+def test_by_default_nothing_goes_wrong() -> None:
+    assert all(draw(FaultPlan(), seed=seed) == () for seed in range(50))
+
+
+def test_certainty_brings_every_fault_that_is_asked_for() -> None:
+    assert draw(FaultPlan(1.0)) == tuple(Fault)
+    asked = (Fault.OVERLOAD, Fault.DOUBLE_HIT)
+    assert set(draw(FaultPlan(1.0, asked))) == set(asked)
+
+
+def test_each_fault_comes_with_its_probability() -> None:
+    random = np.random.default_rng(1)
+    drawn = [FaultPlan(0.1).draw(LABEL, random) for _ in range(4000)]
+    for fault in Fault:
+        share = sum(fault in faults for faults in drawn) / 4000
+        # Three standard deviations of 4000 draws.
+        assert share == pytest.approx(0.1, abs=3 * np.sqrt(0.1 * 0.9 / 4000))
+
+
+@given(probability=st.floats(0, 1), faults=st.sets(st.sampled_from(Fault)))
+def test_a_draw_takes_the_same_from_its_source_whatever_comes(
+    probability: float, faults: set[Fault]
+) -> None:
+    # So that what is drawn afterwards does not depend on the plan.
+    random, reference = np.random.default_rng(5), np.random.default_rng(5)
+    FaultPlan(probability, tuple(faults)).draw(LABEL, random)
+    FaultPlan().draw(LABEL, reference)
+    assert random.random() == reference.random()
+
+
+@pytest.mark.parametrize(
+    ("sample", "impact", "attempt", "comes"),
+    [
+        ("", 3, 1, True),
+        ("steel small", 3, 1, True),
+        ("brass large", 3, 1, False),
+        ("", 4, 1, False),
+        ("", 3, 2, False),
+    ],
+)
+def test_an_ordered_fault_comes_once(sample: str, impact: int, attempt: int, comes: bool) -> None:
+    plan = FaultPlan(scheduled=(ScheduledFault(Fault.WEAK_HIT, impact, sample),))
+    label = HitLabel("steel small", record=9, impact=3, attempt=attempt)
+    assert draw(plan, label) == ((Fault.WEAK_HIT,) if comes else ())
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("3:double_hit", ScheduledFault(Fault.DOUBLE_HIT, 3)),
+        ("steel small/12:weak_hit", ScheduledFault(Fault.WEAK_HIT, 12, "steel small")),
+        ("a/b:c/1:overload", ScheduledFault(Fault.OVERLOAD, 1, "a/b:c")),
+    ],
+)
+def test_orders_are_read_from_text(text: str, expected: ScheduledFault) -> None:
+    assert scheduled_fault_from_text(text) == expected
+
+
+@pytest.mark.parametrize(
+    "text", ["", "3", "double_hit", "x:double_hit", "-1:overload", "1.5:weak"]
+)
+def test_another_form_is_refused_with_an_example(text: str) -> None:
+    with pytest.raises(ParameterError) as error:
+        scheduled_fault_from_text(text)
+    assert repr(text) in str(error.value)
+    assert "for example 3:double_hit" in str(error.value)
+
+
+def test_impossible_orders_are_refused() -> None:
+    with pytest.raises(ParameterError, match="impact number of a fault is 0: it must lie between"):
+        scheduled_fault_from_text("0:overload")
+    with pytest.raises(ParameterError, match="unknown fault 'earthquake': the virtual rig knows"):
+        scheduled_fault_from_text("3:earthquake")
+    with pytest.raises(ParameterError, match=r"fault probability is 1\.5: it must lie between"):
+        FaultPlan(1.5)
+
+
+def test_names_are_read() -> None:
+    assert [fault_from_name(fault.value) for fault in Fault] == list(Fault)
+    with pytest.raises(ParameterError, match="double_hit, overload, weak_hit, missed_trigger"):
+        fault_from_name("double hit")
+
 
 BLOCK_SIZE = 1000
 NAMES = PAPER_SETUP.samples.names
@@ -233,3 +435,102 @@ def test_an_unknown_sample_cannot_be_struck() -> None:
 def test_a_pulse_shape_that_the_plant_cannot_have_is_refused() -> None:
     with pytest.raises(ParameterError, match="'Hertz' is not for the plant dynamics_printed"):
         VirtualRigSettings(plant=Plant.DYNAMICS_PRINTED, pulse_shape=HERTZ)
+
+
+def run_campaign(
+    rig: VirtualRig, impacts: int = 10, names: Iterable[str] = NAMES
+) -> tuple[SessionResults, list[tuple[VirtualHit, JudgedHit]]]:
+    """Strike every sample until it has its impacts; return results, and every hit with verdict."""
+    session = Session(PAPER_SETUP)
+    hits: list[tuple[VirtualHit, JudgedHit]] = []
+    for name in names:
+        for impact in range(1, impacts + 1):
+            for attempt in range(1, 100):
+                hit = rig.strike(HitLabel(name, len(hits) + 1, impact, attempt))
+                blocks = hit.split(BLOCK_SIZE, stamp=0)
+                (judged,) = (item for block in blocks for item in session.feed(block))
+                hits.append((hit, judged))
+                if judged.accepted:
+                    break
+    return session.estimate_all(), hits
+
+
+def check_tables(results: SessionResults) -> None:
+    """Hold Tables 2 to 4 and Fig. 6 against what was measured, within what is asked for."""
+    assert [item.name for item in results.samples] == list(NAMES)
+    for found, cell in zip(results.samples, PUBLISHED_SAMPLES, strict=True):
+        assert found.contact_time.is_known
+        assert found.contact_time.value == pytest.approx(cell.contact_time, rel=5e-3)
+        assert found.stiffness.value == pytest.approx(cell.stiffness, rel=15e-3)
+        assert found.damping_coefficient.value == pytest.approx(cell.damping_coefficient, rel=5e-2)
+        assert found.mse_hammer_percent < 0.25
+        assert found.mse_sample_percent < 5.0
+        # Read as a versed-sine, for it is one.
+        assert found.width_ratio == pytest.approx(1.59, abs=0.01)
+    assert results.hammer.stiffness.value == pytest.approx(22.54e6, rel=15e-3)
+    assert results.hammer.damping_coefficient.value == pytest.approx(1909.0, rel=5e-2)
+
+
+@pytest.fixture(scope="module")
+def paper_campaign() -> tuple[SessionResults, list[tuple[VirtualHit, JudgedHit]]]:
+    return run_campaign(VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1)))
+
+
+def get_numbers(results: SessionResults, names: Iterable[str] = NAMES) -> list[str]:
+    """Every number of some samples of a campaign and of its hammer, to the last bit."""
+    samples = [item for item in results.samples if item.name in names]
+    return [repr(drop_internals(item)) for item in (*samples, results.hammer)]
+
+
+class TestCampaign:
+    """Twelve samples, ten impacts each."""
+
+    def test_gives_the_papers_tables_back(self, paper_campaign) -> None:
+        results, hits = paper_campaign
+        check_tables(results)
+        assert len(hits) == 120
+        assert all(item.impacts_accepted == 10 for item in results.samples)
+
+    def test_gives_the_same_bits_again_in_any_order_of_samples(self, paper_campaign) -> None:
+        names = [NAMES[-1], CONTROL_SAMPLE, NAMES[0]]
+        again, hits = run_campaign(
+            VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1)), names=names
+        )
+        assert len(hits) == 30
+        assert set(get_numbers(again, names)) <= set(get_numbers(paper_campaign[0]))
+        assert len(get_numbers(again, names)) == 4
+
+    def test_with_another_seed_and_every_fault_at_ten_percent_still_holds(self) -> None:
+        plan = FaultPlan(probability=0.1)
+        results, hits = run_campaign(
+            VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=7, faults=plan))
+        )
+        check_tables(results)
+        assert all(item.impacts_accepted == 10 for item in results.samples)
+        # A hit is rejected if, and only if, something was made to go wrong.
+        assert all(judged.accepted == (not hit.faults) for hit, judged in hits)
+        rejected = [judged.label for _, judged in hits if not judged.accepted]
+        assert [judged.label for judged in results.rejected] == rejected
+        assert len(rejected) > 30  # of some 230 attempts nearly half are faulty
+
+    def test_on_the_driven_model_finds_its_truth(self) -> None:
+        rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1, plant=Plant.DYNAMICS))
+        results, _ = run_campaign(rig, impacts=5)
+        for found, cell in zip(results.samples, PUBLISHED_SAMPLES, strict=True):
+            assert found.contact_time.is_known
+            assert found.contact_time.value == pytest.approx(cell.contact_time, rel=5e-3)
+            # U1 lies inside the forced contact: the paper's damping is biased by up to 15 %.
+            assert found.damping_coefficient.value == pytest.approx(
+                cell.damping_coefficient, rel=0.2
+            )
+            # The model is the truth here: what is left is the damping's bias and noise.
+            assert found.mse_sample_percent < 0.1
+
+    def test_has_an_ordered_fault_at_its_hit(self) -> None:
+        plan = FaultPlan(scheduled=(ScheduledFault(Fault.OVERLOAD, 2, "steel small"),))
+        rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(faults=plan))
+        _, hits = run_campaign(rig, impacts=3, names=["steel small", "brass small"])
+        assert [(hit.label.sample, hit.label.impact) for hit, _ in hits if hit.faults] == [
+            ("steel small", 2)
+        ]
+        assert len(hits) == 7

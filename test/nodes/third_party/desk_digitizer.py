@@ -2,11 +2,10 @@
 
 import threading
 from collections import deque
-from dataclasses import replace
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.devices.acceleration_source import AcquiredBlock, Acquisition
-from impact_rig.devices.found_device import FoundDevice
+from impact_rig.core.signals.record import Block
+from impact_rig.devices.protocols import Acquisition, FoundDevice
 
 
 class Desk:
@@ -83,7 +82,7 @@ class DeskSource:
         DESK.check()
         DESK.calls.append("arm")
 
-    def read(self, timeout) -> AcquiredBlock | None:
+    def read(self, timeout) -> Block | None:
         return DESK.read(timeout)
 
     def disarm(self):
@@ -95,14 +94,3 @@ class DeskSource:
 
     def close(self):
         DESK.calls.append("close")
-
-
-def cut(block, start, stop, *, last=False):
-    """Return a part of a block."""
-    return replace(
-        block,
-        first_sample=block.first_sample + start,
-        hammer=replace(block.hammer, output=block.hammer.output[start:stop]),
-        specimen=replace(block.specimen, output=block.specimen.output[start:stop]),
-        last=last,
-    )

@@ -1,1 +1,0 @@
-"""The parts of the bench, one module each, which offers it as `PART`."""

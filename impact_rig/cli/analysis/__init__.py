@@ -1,1 +1,0 @@
-"""What `analyze` and `import` are made of."""

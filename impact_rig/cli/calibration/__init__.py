@@ -1,1 +1,0 @@
-"""How the command line takes hits for a calibration, and what it shows of it."""

@@ -1,1 +1,0 @@
-"""Drivers of devices as the command line shows and tries them."""

@@ -1,1 +1,0 @@
-"""What `info`, `recover` and `export` are made of."""

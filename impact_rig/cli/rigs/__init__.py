@@ -1,1 +1,0 @@
-"""Rigs and replays run by a command: processes, progress, questions."""

@@ -1,0 +1,159 @@
+"""A value with its uncertainty, and how the fields of a result are called where they are shown.
+
+What leaves the rig (messages, results.json, tables) follows from the fields of the dataclasses
+and from what `describe` says of them: see `impact_rig.results.wire`.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+Record = TypeVar("Record")
+_KEY = "impact_rig"
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a field of a result is.
+
+    Attributes
+    ----------
+    unit : str
+        SI unit; empty: none.
+    symbol, label : str
+        In equations and in words, for tables.
+    shown : str
+        Unit that tables show it in; empty: the SI unit.
+    written : str
+        Its name in files without the unit; empty: that of the field.
+    since : int
+        Version of results.json that has it; an older file may lack it.
+    is_inline : bool
+        The fields of this record stand among those of its owner.
+    is_internal : bool
+        It stays where it was made.
+    """
+
+    unit: str = ""
+    symbol: str = ""
+    label: str = ""
+    shown: str = ""
+    written: str = ""
+    since: int = 0
+    is_inline: bool = False
+    is_internal: bool = False
+
+
+def describe(
+    unit: str = "",
+    symbol: str = "",
+    label: str = "",
+    *,
+    shown: str = "",
+    written: str = "",
+    since: int = 0,
+) -> Mapping[str, Description]:
+    """Return the metadata of a dataclass field, see `Description`."""
+    return {_KEY: Description(unit, symbol, label, shown, written, since)}
+
+
+INLINE: Mapping[str, Description] = {_KEY: Description(is_inline=True)}
+"""Metadata of a record whose fields stand among those of its owner."""
+INTERNAL: Mapping[str, Description] = {_KEY: Description(is_internal=True)}
+"""Metadata of a field that stays where it was made: traces, uncertain numbers."""
+_PLAIN = Description()
+
+
+def read_description(item: "Field[Any]") -> Description:
+    """Return what is said of a field of a dataclass."""
+    found: Description = item.metadata.get(_KEY, _PLAIN)
+    return found
+
+
+def list_stored(record: Any) -> dict[str, Any]:
+    """Return what of a dataclass, or of its instance, is stored: fields that are not internal."""
+    return {
+        item.name: getattr(record, item.name, item.default)
+        for item in fields(record)
+        if not read_description(item).is_internal
+    }
+
+
+@dataclass(frozen=True)
+class BudgetLine:
+    """What one input contributes to an uncertainty.
+
+    Attributes
+    ----------
+    source : str
+        The input, in words.
+    kind : str
+        "A": evaluated from repeated hits, "B": by other means (GUM 2.3.2, 2.3.3).
+    contribution : float
+        |sensitivity| times standard uncertainty, in the unit of the result.
+    share : float
+        Of the variance [-]; the shares of a budget add up to 1.
+    """
+
+    source: str
+    kind: str
+    contribution: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A value with its uncertainty by the GUM; NaN: not determined, see the notes.
+
+    Attributes
+    ----------
+    value : float
+        Best estimate, in its SI unit, as are the uncertainties.
+    standard : float
+        Combined standard uncertainty u (GUM 5).
+    expanded : float
+        U = k u, for a coverage of 95 %, k from Student's t (GUM G.4).
+    degrees_of_freedom : float
+        Effective ones by Welch and Satterthwaite [-]; infinite where type B alone counts.
+    budget : tuple of BudgetLine
+        Largest first; empty where nothing contributes.
+    notes : tuple of str
+        Why the uncertainty is not determined, or what it leaves out.
+    """
+
+    value: float = math.nan
+    standard: float = math.nan
+    expanded: float = math.nan
+    degrees_of_freedom: float = math.nan
+    budget: tuple[BudgetLine, ...] = ()
+    notes: tuple[str, ...] = field(default=(), metadata=INTERNAL)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there is a value."""
+        return math.isfinite(self.value)
+
+    @property
+    def has_uncertainty(self) -> bool:
+        """Whether its uncertainty is determined."""
+        return math.isfinite(self.standard)
+
+
+UNKNOWN = Quantity()
+"""What is not determined."""
+
+
+def drop_internals(record: Record) -> Record:
+    """Return a dataclass without what is to stay where it was made, in all records within it."""
+    changes: dict[str, Any] = {}
+    for item in fields(record):  # type: ignore[arg-type]
+        value = getattr(record, item.name)
+        if read_description(item).is_internal:
+            if item.default is not MISSING:
+                changes[item.name] = item.default
+        elif is_dataclass(value):
+            changes[item.name] = drop_internals(value)
+        elif isinstance(value, tuple) and value and is_dataclass(value[0]):
+            changes[item.name] = tuple(map(drop_internals, value))
+    return replace(record, **changes) if changes else record  # type: ignore[type-var]

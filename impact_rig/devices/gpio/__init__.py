@@ -1,1 +1,0 @@
-"""A hammer holder on a pin of the computer itself."""

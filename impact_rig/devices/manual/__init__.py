@@ -1,1 +1,0 @@
-"""An operator who holds the hammer and lets it go."""

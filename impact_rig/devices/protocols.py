@@ -1,0 +1,364 @@
+"""What a driver of accelerometers, and one of a hammer's holder, must do and is given."""
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
+
+from impact_rig.configuration.toml_table import TomlTable
+from impact_rig.core.checks import check_between, check_positive
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.signals.record import Block, HitLabel
+
+if TYPE_CHECKING:
+    from impact_rig.devices.virtual.rig import VirtualHit
+
+
+@dataclass(frozen=True)
+class FoundDevice:
+    """A device that a driver could use.
+
+    Attributes
+    ----------
+    address : str
+        As the rig file names it: "Dev1", "/dev/ttyUSB0".
+    identity : str
+        Model and serial number, as far as they are known without opening it.
+    """
+
+    address: str
+    identity: str = ""
+
+
+@dataclass(frozen=True)
+class SourceChannel:
+    """One channel of a device, and the sensor that is plugged into it.
+
+    Attributes
+    ----------
+    name : str
+        What the device calls the channel: "Dev1/ai0", "1".
+    sensor : Sensor
+        By its calibration sheet.
+    moving_mass : float
+        Of the body that a force acts on [kg]; NaN: the sensor measures no force.
+    options : TomlTable
+        What else the rig file says of the channel: the driver's own keys.
+    """
+
+    name: str
+    sensor: Sensor
+    moving_mass: float = math.nan
+    options: TomlTable = field(default_factory=lambda: TomlTable({}))
+
+    def find_scale(self) -> float:
+        """Return the acceleration of one volt [m/s^2 per V]; errors as `Sensor.find_scale`."""
+        return self.sensor.find_scale(self.moving_mass)
+
+    def find_full_scale(self, input_range: float) -> float:
+        """Return the largest acceleration that sensor and input can show [m/s^2].
+
+        Parameters
+        ----------
+        input_range : float
+            Largest voltage of the device's input, either sign [V].
+        """
+        electrical = abs(self.find_scale()) * input_range
+        mechanical = self.sensor.find_full_scale(self.moving_mass)
+        return min(electrical, mechanical) if mechanical else electrical
+
+
+@dataclass(frozen=True)
+class AcquisitionPlan:
+    """What a source is asked to do.
+
+    Attributes
+    ----------
+    sampling_rate : float
+        [Hz]
+    record_duration : float
+        Of one triggered record [s].
+    pre_trigger : float
+        Part of it before the trigger [s].
+    trigger_level : float
+        Acceleration of the hammer that triggers, either sign [m/s^2].
+    continuous : bool
+        Everything that comes, without a trigger; else one record for each arming.
+    block_size : int
+        Points per block, at most.
+    depth : int
+        Blocks that may wait in the device's or driver's buffer before the oldest are lost.
+    hammer : SourceChannel
+        Inside the hammer.
+    specimen : SourceChannel or None
+        On the sample; None: not measured.
+    """
+
+    sampling_rate: float
+    record_duration: float
+    pre_trigger: float
+    trigger_level: float
+    hammer: SourceChannel
+    specimen: SourceChannel | None
+    continuous: bool = False
+    block_size: int = 1000
+    depth: int = 400
+
+    def __post_init__(self) -> None:
+        """Refuse impossible numbers."""
+        check_positive("sampling rate", self.sampling_rate, "Hz")
+        check_positive("record duration", self.record_duration, "s")
+        check_between("pre-trigger", self.pre_trigger, 0.0, self.record_duration)
+        check_positive("trigger level", self.trigger_level, "m/s^2")
+        if self.block_size < 1 or self.depth < 1:
+            raise ParameterError(
+                f"block size is {self.block_size} points, depth {self.depth} blocks: each must be"
+                " 1 or more"
+            )
+
+    @property
+    def points(self) -> int:
+        """Points of one triggered record."""
+        return round(self.sampling_rate * self.record_duration)
+
+    @property
+    def pre_trigger_points(self) -> int:
+        """Points of it before the trigger."""
+        return round(self.sampling_rate * self.pre_trigger)
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """What a configured source is, and really does.
+
+    Attributes
+    ----------
+    identity : str
+        Maker, model, serial number and address, as far as the device tells.
+    sampling_rate : float
+        [Hz]
+    """
+
+    identity: str
+    sampling_rate: float
+
+
+class AccelerationSource(Protocol):
+    """Delivers what the accelerometers see: one object for one device.
+
+    The life of a source: `configure`, then any number of times `arm`, `read` ..., `disarm`, then
+    `close`, after which it may be configured again; `check` now and then while it is not armed.
+    All of it happens in one thread at a time.
+    Whatever goes wrong with the device (gone, silent, in other hands, another one than expected,
+    nonsense or half an answer) is a `DeviceError` whose sentence names device, what it did, and
+    what would be right; nothing blocks for longer than its time-out. A library that is not
+    installed may raise `ModuleNotFoundError`. After an error only `close` and `configure` are
+    called.
+
+    A driver is a class, found by the entry point group `impact_rig.acceleration_sources` and
+    called with its options: the table `[source]` of the rig file without the keys that all sources
+    share. It checks them with `options.check_keys` and touches no device yet.
+
+    Attributes
+    ----------
+    description : str
+        What the driver is for, in a few words.
+    example : str
+        Table `[source]` of a rig file to copy, with the driver's own keys explained.
+    """
+
+    description: ClassVar[str]
+    example: ClassVar[str]
+
+    def __init__(self, options: TomlTable) -> None: ...
+
+    @classmethod
+    def find_devices(cls) -> tuple[FoundDevice, ...]:
+        """Return what can be found without touching a setting; empty where nothing can be.
+
+        Raises
+        ------
+        DeviceError, ModuleNotFoundError
+            If the vendor's software is missing.
+        """
+        ...
+
+    def configure(self, plan: AcquisitionPlan) -> Acquisition:
+        """Open the device, see that it is the right one, and set it up.
+
+        Raises
+        ------
+        DeviceError
+            If it is not there, held by another program, another one, or does not obey.
+        ParameterError
+            If it cannot do what the plan says: channel, range, rate.
+        """
+        ...
+
+    def arm(self) -> None:
+        """Wait for one trigger; in continuous mode begin the stream. Points count from 0 again."""
+        ...
+
+    def read(self, timeout: float) -> Block | None:
+        """Return the next block; None if there is none within `timeout` seconds.
+
+        Its channels are calibrated, with the device's overload flag; whose hit it is, the device
+        does not know. The block that completes a record is its `last`, after which there is none
+        until the next `arm`; a continuous stream has no last one.
+        """
+        ...
+
+    def disarm(self) -> None:
+        """Stop, and forget what has not been read; nothing happens if it is not armed."""
+        ...
+
+    def check(self) -> None:
+        """See that the device is still there; asked now and then while it is not armed.
+
+        It changes nothing, and takes as short as can be: an arming waits for it.
+
+        Raises
+        ------
+        DeviceError
+            If the device is gone, or another one.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let the device go, whatever state it is in; never raises, safe to call twice."""
+        ...
+
+
+@runtime_checkable
+class SimulatedSource(AccelerationSource, Protocol):
+    """A source that no hammer strikes: it is told when one would.
+
+    These methods come from another thread than the others.
+    """
+
+    def take_setup(self, setup: RigSetup) -> None:
+        """Take masses and samples."""
+        ...
+
+    def check_sample(self, name: str) -> None:
+        """Raise `RigError` if the sample cannot be struck."""
+        ...
+
+    def strike(self, label: HitLabel, swing_time: float) -> "VirtualHit | None":
+        """Let the hammer of an armed record be on its way, `swing_time` seconds from contact.
+
+        Returns
+        -------
+        VirtualHit or None
+            The truth behind what `read` will deliver; None: nobody knows it.
+        """
+        ...
+
+
+class HolderState(Enum):
+    """What a holder does."""
+
+    HOLDING = "holding"
+    RELEASED = "released"
+
+
+class HammerHolder(Protocol):
+    """Holds the hammer at its release angle, and lets it go: one object for one device.
+
+    All calls come from one thread. Whatever goes wrong with the device is a `DeviceError` as with
+    an `AccelerationSource`; no call takes longer than half a second. A holder never lets go by
+    itself: not when it is configured, not when it is closed, not after an error, as far as its
+    device lets it choose.
+
+    A driver is a class, found by the entry point group `impact_rig.hammer_holders` and called
+    with the table `[holder]` of the rig file without the keys that all holders share.
+
+    Attributes
+    ----------
+    description : str
+        What the driver is for, in a few words.
+    example : str
+        Table `[holder]` of a rig file to copy, with the driver's own keys explained.
+    is_by_hand : bool
+        An operator lets the hammer go: `release` only says that he may. How long he may take
+        from then to the contact is the holder's attribute `patience` [s].
+    """
+
+    description: ClassVar[str]
+    example: ClassVar[str]
+    is_by_hand: ClassVar[bool]
+
+    def __init__(self, options: TomlTable) -> None: ...
+
+    @classmethod
+    def find_devices(cls) -> tuple[FoundDevice, ...]:
+        """Return what can be found without touching it; as `AccelerationSource.find_devices`."""
+        ...
+
+    def configure(self) -> str:
+        """Open the device, and hold; return what it is, as far as it tells.
+
+        Raises
+        ------
+        DeviceError
+            If it is not there, held by another program, or does not obey.
+        """
+        ...
+
+    def hold(self) -> None:
+        """Hold, or go on holding."""
+        ...
+
+    def release(self) -> None:
+        """Let go."""
+        ...
+
+    def read_state(self) -> HolderState:
+        """Ask the device, where it can tell, else return what it was told last.
+
+        Raises
+        ------
+        DeviceError
+            If it is gone, or contradicts what it was told.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let the device go as it is, holding or not; never raises, safe to call twice."""
+        ...
+
+
+class ToldHolder:
+    """What holders share that do what they were told last.
+
+    By itself a holder without a device, which nothing can go wrong with.
+    """
+
+    is_by_hand: ClassVar[bool] = False
+    told = HolderState.HOLDING
+
+    @classmethod
+    def find_devices(cls) -> tuple[FoundDevice, ...]:
+        """Return nothing: there is no device."""
+        return ()
+
+    def hold(self) -> None:
+        """Hold, or go on holding."""
+        self.tell(HolderState.HOLDING)
+
+    def release(self) -> None:
+        """Let go."""
+        self.tell(HolderState.RELEASED)
+
+    def tell(self, state: HolderState) -> None:
+        """Bring the device into a state; raises `DeviceError` if it does not obey."""
+        self.told = state
+
+    def read_state(self) -> HolderState:
+        """Return what it was told last."""
+        return self.told
+
+    def close(self) -> None:
+        """Do nothing: there is nothing to let go of."""

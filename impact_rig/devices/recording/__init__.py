@@ -1,1 +1,0 @@
-"""A recording in place of accelerometers: its hits come again."""

@@ -1,1 +1,0 @@
-"""A hammer holder that a relay on a serial port switches."""

@@ -1,0 +1,415 @@
+"""Sound cards and USB digitizers with IEPE inputs that appear as such: the driver `sound`."""
+
+import math
+import re
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from impact_rig.configuration.toml_table import REQUIRED, TomlTable
+from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.devices.protocols import AcquisitionPlan, FoundDevice, SourceChannel
+from impact_rig.devices.streaming import CountScale, StreamCapture, StreamedSource, Streaming
+
+_NAME = re.compile(
+    r"(?:333D|485B|633A|SDC0)..."
+    r"(?:(?P<format>1)(?P<serial>.{6})(?P<a>\d{5})(?P<b>\d{5})(?P<date>\d{6})"
+    r"|(?P<wide>[23]).{6}(?P<wide_a>\d{7})(?P<wide_b>\d{7})\d{6})"
+)
+_FULL_COUNT = 2**23
+"""Counts of the sensitivity at full scale [-]."""
+_FACTORS = {"2": 1, "3": 20}
+
+
+@dataclass(frozen=True)
+class NameCalibration:
+    """Of one channel.
+
+    Attributes
+    ----------
+    unit : str
+        "m/s^2" or "V".
+    full_scale : float
+        At the largest count [unit].
+    """
+
+    unit: str
+    full_scale: float
+
+
+def parse_name_calibrations(name: str) -> tuple[NameCalibration, ...]:
+    """Return what a device's name says of its channels; empty: nothing."""
+    match = _NAME.search(name)
+    if match is None:
+        return ()
+    if match["format"]:
+        unit, sensitivities = "m/s^2", (int(match["a"]), int(match["b"]))
+    else:
+        factor = _FACTORS[match["wide"]]
+        unit = "V"
+        sensitivities = (factor * int(match["wide_a"]), factor * int(match["wide_b"]))
+    if not all(sensitivities):
+        return ()
+    return tuple(NameCalibration(unit, _FULL_COUNT / value) for value in sensitivities)
+
+
+FULL_COUNT = 2**31
+"""Counts of PortAudio at full scale [-]: fewer bits stand at the upper end of its 32."""
+RAIL_COUNT = FULL_COUNT - 2**16
+"""From here on a channel is overloaded [-]: the largest count of a converter of 16 bits, which is
+3e-5 below full scale; those of more bits reach it, too."""
+
+
+def compute_count_scale(channel: SourceChannel, known: NameCalibration | None) -> CountScale:
+    """Return what a count of a channel stands for.
+
+    A sensor with a sensitivity gives a voltage, and its channel needs the voltage at full scale,
+    `input_range`. One without gives its acceleration, and `full_scale` is that at the largest
+    count. What the rig file does not say is taken from the device's name.
+
+    Parameters
+    ----------
+    channel : SourceChannel
+        As the rig file describes it.
+    known : NameCalibration or None
+        What the device's name says of this channel.
+
+    Raises
+    ------
+    ParameterError
+        If neither tells it.
+    """
+    options, sensor = channel.options, channel.sensor
+    options.check_keys("input_range")
+    if not math.isnan(sensor.sensitivity):
+        is_known = known is not None and known.unit == "V"
+        voltage = options.take_quantity(
+            "input_range",
+            "V",
+            "1.4 V",
+            known.full_scale if known is not None and is_known else REQUIRED,
+            low=1e-6,
+            high=1e6,
+        )
+        scale = channel.find_scale() * voltage / FULL_COUNT
+        return CountScale(scale, channel.find_full_scale(voltage), -RAIL_COUNT, RAIL_COUNT)
+    full_scale = sensor.find_full_scale(channel.moving_mass)
+    if not full_scale and known is not None and known.unit == "m/s^2":
+        full_scale = known.full_scale
+    if not full_scale:
+        raise options.make_error(
+            "full_scale",
+            f"{options.place} says neither sensitivity nor full_scale, and nor does the device's"
+            ' name: give sensitivity = "10 mV/g" and input_range = "1.4 V" for a sensor at a'
+            ' sound card, or full_scale = "20 g", the acceleration of the largest count',
+        )
+    return CountScale(full_scale / FULL_COUNT, full_scale, -RAIL_COUNT, RAIL_COUNT)
+
+
+NO_SUCH_CHANNELS = -9998
+NO_SUCH_RATE = -9997
+"""Codes of PortAudio's errors that a setting is to blame for."""
+
+_streams: set[Any] = set()
+"""Those of this process that are open: PortAudio looks for devices only while there is none."""
+
+
+@dataclass(frozen=True)
+class SoundInput:
+    """A device that records.
+
+    Attributes
+    ----------
+    number : int
+        By which PortAudio knows it, until devices come or go.
+    name, interface : str
+        Of the device, and of what reaches it: "ALSA", "Core Audio", "Windows WASAPI".
+    channels : int
+        That it has at most.
+    sampling_rate : float
+        That it prefers [Hz].
+    """
+
+    number: int
+    name: str
+    interface: str
+    channels: int
+    sampling_rate: float
+
+    @property
+    def full_name(self) -> str:
+        """Name and interface."""
+        return f"{self.name}, {self.interface}"
+
+
+def load_port_audio() -> Any:
+    """Return the module `sounddevice`.
+
+    Raises
+    ------
+    DeviceError
+        If PortAudio itself is not installed.
+    ModuleNotFoundError
+        If the Python package is not installed.
+    """
+    try:
+        import sounddevice
+    except OSError:
+        raise DeviceError(
+            "the driver 'sound' needs the library PortAudio, which is not installed: on Debian and"
+            " Ubuntu it is the package libportaudio2"
+        ) from None
+    return sounddevice
+
+
+def list_inputs() -> tuple[SoundInput, ...]:
+    """Return all devices that record, those that were plugged in just now, too.
+
+    Raises
+    ------
+    DeviceError, ModuleNotFoundError
+        As `load_port_audio`, or if PortAudio cannot look for them.
+    """
+    sound = load_port_audio()
+    try:
+        if not _streams:
+            # It looks for devices when it begins, and never again.
+            if sound._initialized:  # noqa: SLF001
+                sound._terminate()  # noqa: SLF001
+            sound._initialize()  # noqa: SLF001
+        interfaces = sound.query_hostapis()
+        return tuple(
+            SoundInput(
+                device["index"],
+                device["name"],
+                interfaces[device["hostapi"]]["name"],
+                device["max_input_channels"],
+                device["default_samplerate"],
+            )
+            for device in sound.query_devices()
+            if device["max_input_channels"] > 0
+        )
+    except sound.PortAudioError as error:
+        raise DeviceError(f"PortAudio cannot look for sound devices: {tell(error)}") from None
+
+
+def open_stream(**settings: Any) -> Any:
+    """Open a stream that records, as `sounddevice.RawInputStream`, and start it.
+
+    Raises
+    ------
+    sounddevice.PortAudioError
+        If that fails.
+    """
+    stream = load_port_audio().RawInputStream(**settings)
+    _streams.add(stream)
+    try:
+        stream.start()
+    except BaseException:
+        close_stream(stream)
+        raise
+    return stream
+
+
+def close_stream(stream: Any) -> None:
+    """Close a stream, whatever state it is in."""
+    stream.close(ignore_errors=True)
+    _streams.discard(stream)
+
+
+def tell(error: Exception) -> str:
+    """Return what an error of PortAudio says, in one line."""
+    return " ".join(str(error.args[0]).split()).rstrip(".")
+
+
+class SoundCapture(StreamCapture):
+    """Records from the moment it is made until it is closed.
+
+    Points that PortAudio reports as lost are a gap, whose length it does not tell: it is estimated
+    from the time of the blocks.
+
+    Parameters
+    ----------
+    device : SoundInput
+        Of which to record.
+    sampling_rate : float
+        [Hz]
+    columns : sequence of int
+        The device's channels to keep, counted from 0, in this order.
+    capacity : int
+        Points to keep at least.
+
+    Raises
+    ------
+    ParameterError
+        If the device does not know the rate.
+    DeviceError
+        If it is in other hands, or gone.
+    """
+
+    def __init__(
+        self, device: SoundInput, sampling_rate: float, columns: Sequence[int], capacity: int
+    ) -> None:
+        super().__init__(f"sound device {device.full_name}", sampling_rate, capacity)
+        self._device = device
+        self._columns = list(columns)
+        self._last_block: tuple[float, int] | None = None
+        self._clock_offset = 0.0
+        self._stream = self._open()
+        self.sampling_rate = float(self._stream.samplerate)
+        # PortAudio's clock may begin anywhere.
+        self._clock_offset = time.time() - self._stream.time
+
+    def close(self) -> None:
+        """Stop recording; never raises."""
+        close_stream(self._stream)
+
+    def _open(self) -> Any:
+        sound = load_port_audio()
+        try:
+            return open_stream(
+                device=self._device.number,
+                samplerate=self.sampling_rate,
+                channels=max(self._columns) + 1,
+                dtype="int32",
+                callback=self._take_block,
+                finished_callback=lambda: self.end("it has stopped"),
+            )
+        except sound.PortAudioError as error:
+            code = error.args[1] if len(error.args) > 1 else 0
+            if code in (NO_SUCH_RATE, NO_SUCH_CHANNELS):
+                raise ParameterError(
+                    f"{self.name} cannot record {max(self._columns) + 1} channels at"
+                    f" {self.sampling_rate:g} Hz: {tell(error)}; it prefers"
+                    f" {self._device.sampling_rate:g} Hz"
+                ) from None
+            raise DeviceError(
+                f"{self.name} cannot be opened, because it is gone or another program has it:"
+                f" {tell(error)}"
+            ) from None
+
+    def _take_block(self, data: Any, frames: int, times: Any, status: Any) -> None:
+        """Take what has come; called by PortAudio's own thread."""
+        counts = np.frombuffer(data, np.int32).reshape(frames, -1)[:, self._columns]
+        taken = float(times.inputBufferAdcTime)
+        lost = self._estimate_loss(taken) if status.input_overflow else 0
+        # Some interfaces do not tell the time.
+        since_epoch = taken + self._clock_offset if taken else time.time()
+        self._last_block = (taken, frames)
+        self.take(counts, round(since_epoch * 1e9), lost)
+
+    def _estimate_loss(self, taken: float) -> int:
+        """Return about how many points were lost before a block: PortAudio does not tell."""
+        if not (taken and self._last_block):
+            return 1
+        before, frames = self._last_block
+        return max(round((taken - before) * self.sampling_rate) - frames, 1)
+
+
+class SoundSource(StreamedSource):
+    """Records a sound card all the time, and cuts the hits out of what it delivers."""
+
+    description: ClassVar[str] = "sound cards and USB accelerometers that look like one"
+    example: ClassVar[str] = """\
+[source]
+driver = "sound"
+device = "USB Audio"         # a part of its name, or its number; impact-rig devices lists them
+sampling_rate = "192 kHz"
+record_duration = "20 ms"
+
+[source.hammer]
+channel = 1                  # counted from 1: the left one
+sensitivity = "10 mV/g"
+input_range = "1.4 V"        # voltage of the largest count
+full_scale = "500 g"
+
+[source.specimen]
+channel = 2
+full_scale = "500 g"         # without a sensitivity: acceleration of the largest count
+"""
+
+    def __init__(self, options: TomlTable) -> None:
+        super().__init__()
+        options.check_keys("device")
+        self._options = options
+        self._device = _take_device(options)
+
+    @classmethod
+    def find_devices(cls) -> tuple[FoundDevice, ...]:
+        """Return all devices that record.
+
+        Raises
+        ------
+        DeviceError, ModuleNotFoundError
+            If PortAudio or `sounddevice` is missing.
+        """
+        return tuple(
+            FoundDevice(
+                device.name,
+                f"{device.interface}, {device.channels} inputs, {device.sampling_rate:g} Hz",
+            )
+            for device in list_inputs()
+        )
+
+    def open_device(self, plan: AcquisitionPlan, capacity: int) -> Streaming:
+        """Open the sound card, and begin to record.
+
+        Raises
+        ------
+        DeviceError
+            If it is not there, or another program has it.
+        ParameterError
+            If it has no such channel or rate, or nobody says what its counts stand for.
+        """
+        device = self._choose(list_inputs())
+        channels = [plan.hammer] if plan.specimen is None else [plan.hammer, plan.specimen]
+        columns = [_parse_column(channel, device) for channel in channels]
+        known = dict(enumerate(parse_name_calibrations(device.name)))
+        scales = tuple(
+            compute_count_scale(channel, known.get(column))
+            for channel, column in zip(channels, columns, strict=True)
+        )
+        return Streaming(SoundCapture(device, plan.sampling_rate, columns, capacity), scales)
+
+    def _choose(self, inputs: Sequence[SoundInput]) -> SoundInput:
+        wanted = self._device
+        found = [
+            device for device in inputs if wanted in (device.number, device.name, device.full_name)
+        ] or [
+            device
+            for device in inputs
+            if isinstance(wanted, str) and wanted.lower() in device.full_name.lower()
+        ]
+        if len(found) == 1:
+            return found[0]
+        names = ", ".join(repr(device.full_name) for device in found or inputs)
+        if found:
+            text = f"device {wanted!r} may be each of {names}: name one of them"
+        else:
+            text = f"there is no sound device {wanted!r}: this computer has {names or 'none'}"
+        raise DeviceError(str(self._options.make_error("device", text)))
+
+
+def _take_device(options: TomlTable) -> str | int:
+    value = options.get("device")
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value
+    name = options.take_text("device", REQUIRED, "USB Audio")
+    if not name.strip():
+        raise options.refuse("device", "a part of its name in quotes, or its number")
+    return name
+
+
+def _parse_column(channel: SourceChannel, device: SoundInput) -> int:
+    """Return which of a device's channels is meant, counted from 0."""
+    number = int(channel.name) if channel.name.isdecimal() else 0
+    if not 1 <= number <= device.channels:
+        raise channel.options.make_error(
+            "channel",
+            f"channel of {channel.options.place} is {channel.name!r}: sound device"
+            f" {device.full_name} has 1 to {device.channels}",
+        )
+    return number - 1

@@ -1,1 +1,0 @@
-"""Sound cards and accelerometers that look like one, by PortAudio."""

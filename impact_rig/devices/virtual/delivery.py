@@ -1,0 +1,359 @@
+"""When and how the virtual digitizer delivers: a record for each trigger, or a running stream."""
+
+import math
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass, replace
+from zlib import crc32
+
+import numpy as np
+
+from impact_rig.core.checks import check_between, check_positive
+from impact_rig.core.signals.record import Block, ChannelBlock, RawArray
+from impact_rig.devices.virtual.choices import Fault
+from impact_rig.devices.virtual.rig import (
+    CountArray,
+    DigitizerSettings,
+    VirtualHit,
+    VirtualRigSettings,
+    digitize,
+    find_scale,
+)
+
+
+class BlockClock:
+    """The sampling clock of a digitizer, with a buffer of limited depth behind it.
+
+    It counts blocks, and is told the time: what is not fetched before the buffer is full is lost,
+    the oldest first.
+
+    Parameters
+    ----------
+    period : float
+        Between two blocks [s].
+    depth : int
+        Blocks that may wait.
+    now : float
+        Time at which the first point is taken [s].
+
+    Attributes
+    ----------
+    next_block : int
+        First block that has not been fetched yet.
+    dropped : int
+        Blocks that the buffer has lost.
+    delay : float
+        How long the oldest block waited that was fetched last [s].
+
+    Raises
+    ------
+    ParameterError
+        If the period is not positive or the depth below one block.
+    """
+
+    def __init__(self, period: float, depth: int, now: float) -> None:
+        check_positive("block period", period, "s")
+        check_between("stream depth", depth, 1, 1_000_000)
+        self._period = period
+        self._depth = depth
+        self._start = now
+        self.next_block = 0
+        self.dropped = 0
+        self.delay = 0.0
+
+    def fetch(self, now: float) -> range:
+        """Return the numbers of the blocks that are complete by `now` and not lost."""
+        stop = max(int((now - self._start) / self._period), self.next_block)
+        lost = max(stop - self._depth - self.next_block, 0)
+        self.dropped += lost
+        first = self.next_block + lost
+        self.next_block = stop
+        if first < stop:
+            self.delay = now - self.find_time(first + 1)
+        return range(first, stop)
+
+    def find_time(self, number: int) -> float:
+        """Return when a block begins [s]."""
+        return self._start + number * self._period
+
+
+MOST_NOISE_BLOCKS = 50
+"""Different blocks of noise [-], our choice: drawn once and handed out in turn, so that a fast
+stream costs no more than handing them out. What a recorder compresses at a time holds none
+twice."""
+MOST_NOISE_POINTS = 2_500_000
+"""The same in points per channel, where blocks are long: 20 MB in all."""
+FEWEST_NOISE_BLOCKS = 2
+
+
+@dataclass(frozen=True)
+class _LaidHit:
+    """A hit's record in the stream, from a point on."""
+
+    point: int
+    hit: VirtualHit
+
+    @property
+    def stop(self) -> int:
+        return self.point + self.hit.hammer.output.size
+
+
+class VirtualStream:
+    """What the digitizer delivers, block by block, whether anything happens or not.
+
+    Blocks are counted from 0 and may be asked for in rising order only: a hit is forgotten when
+    the stream has passed it.
+
+    Parameters
+    ----------
+    settings : DigitizerSettings
+        The acquisition chain; `drift`, which belongs to a record, is left out between hits.
+    block_size : int
+        Points per block.
+    seed : int
+        Of the noise.
+
+    Raises
+    ------
+    ParameterError
+        If the block size is below one point.
+    """
+
+    def __init__(self, settings: DigitizerSettings, block_size: int, seed: int) -> None:
+        check_between("stream block size", block_size, 1, 10_000_000)
+        self.block_size = block_size
+        self._settings = replace(settings, drift=0.0)
+        fitting = max(MOST_NOISE_POINTS // block_size, FEWEST_NOISE_BLOCKS)
+        generator = np.random.default_rng(np.random.SeedSequence((seed, crc32(b"stream"))))
+        self.noise = tuple(
+            tuple(
+                self._draw_noise(full_scale, generator)
+                for full_scale in (settings.hammer_full_scale, settings.specimen_full_scale)
+            )
+            for _ in range(min(fitting, MOST_NOISE_BLOCKS))
+        )
+        """Blocks without a hit, hammer and sample: block `n` of the stream is `n` modulo their
+        number."""
+        self._hits: list[_LaidHit] = []
+
+    def _draw_noise(self, full_scale: float, generator: np.random.Generator) -> ChannelBlock:
+        rest = np.zeros(self.block_size)
+        counts = digitize(rest, full_scale, self._settings, generator)
+        counts.setflags(write=False)
+        return ChannelBlock(counts, find_scale(full_scale, self._settings.bits), 0.0, full_scale)
+
+    def lay(self, hit: VirtualHit, point: int) -> None:
+        """Let the record of a hit begin at a point of the stream; one without a trigger has none.
+
+        Parameters
+        ----------
+        hit : VirtualHit
+            As the virtual rig struck it.
+        point : int
+            Where its record begins, not before what has been handed out.
+        """
+        if Fault.MISSED_TRIGGER not in hit.faults:
+            self._hits.append(_LaidHit(point, hit))
+
+    def has_hit(self, number: int) -> bool:
+        """Return whether a block holds a part of a hit; forget hits that lie before it."""
+        if not self._hits:
+            return False
+        first = number * self.block_size
+        self._hits = [laid for laid in self._hits if laid.stop > first]
+        return any(laid.point < first + self.block_size for laid in self._hits)
+
+    def is_lost(self, number: int) -> bool:
+        """Return whether a block is lost on its way: the one with the middle of such a hit."""
+        return any(
+            Fault.LOST_BLOCK in laid.hit.faults
+            and (laid.point + laid.stop) // 2 // self.block_size == number
+            for laid in self._hits
+        )
+
+    def read(self, number: int) -> tuple[ChannelBlock, ChannelBlock]:
+        """Return hammer and sample of a block, with the hits in it."""
+        hammer, specimen = self.noise[number % len(self.noise)]
+        if not self.has_hit(number):
+            return hammer, specimen
+        first = number * self.block_size
+        return (
+            _lay_into(hammer, [(laid.point - first, laid.hit.hammer) for laid in self._hits]),
+            _lay_into(specimen, [(laid.point - first, laid.hit.specimen) for laid in self._hits]),
+        )
+
+
+def _lay_into(noise: ChannelBlock, records: list[tuple[int, ChannelBlock]]) -> ChannelBlock:
+    """Return a block of noise with records, each from its own point on, in place of it."""
+    counts: CountArray = np.array(noise.output, dtype=np.int32)
+    for point, record in records:
+        low, high = max(point, 0), min(point + record.output.size, counts.size)
+        if low < high:
+            part: RawArray = record.output[low - point : high - point]
+            counts[low:high] = part
+    counts.setflags(write=False)
+    return replace(noise, output=counts)
+
+
+SHORTEST_TURN = 5e-3
+"""Least time from one look at the clock to the next [s], our choice: of shorter blocks several are
+fetched at a time, since each look costs as much as handing a block on."""
+
+
+class StreamingDigitizer:
+    """Delivers noise, and the hits that are laid into it.
+
+    `lay` may come from another thread than the others.
+
+    Parameters
+    ----------
+    settings : VirtualRigSettings
+        Digitizer and seed are used.
+    block_size : int
+        Points per block.
+    depth : int
+        Blocks that its buffer holds.
+    """
+
+    def __init__(self, settings: VirtualRigSettings, block_size: int, depth: int) -> None:
+        self._settings = settings
+        self._block_size = block_size
+        self._depth = depth
+        self._period = block_size / settings.digitizer.sampling_rate
+        self._lock = threading.Lock()
+        self._stream: VirtualStream | None = None
+        self._clock = BlockClock(self._period, depth, time.monotonic())
+        self._start_stamp = 0
+        self._fetched: deque[int] = deque()
+        self._next_look = 0.0
+
+    def arm(self) -> None:
+        """Begin the stream."""
+        stream = VirtualStream(self._settings.digitizer, self._block_size, self._settings.seed)
+        with self._lock:
+            self._stream = stream
+            self._fetched.clear()
+            self._start_stamp, now = time.time_ns(), time.monotonic()
+            self._clock = BlockClock(self._period, self._depth, now)
+            self._next_look = now
+
+    def disarm(self) -> None:
+        """End it."""
+        with self._lock:
+            self._stream = None
+            self._fetched.clear()
+
+    def lay(self, hit: VirtualHit, contact: float) -> None:
+        """Let a hit's contact be seen at a time of the monotonic clock [s]."""
+        digitizer = self._settings.digitizer
+        with self._lock:
+            if self._stream is None:
+                return
+            begin = contact - self._clock.find_time(0) - digitizer.pre_trigger
+            unsent = self._clock.next_block * self._block_size
+            self._stream.lay(hit, max(round(begin * digitizer.sampling_rate), unsent))
+
+    def read(self, timeout: float) -> Block | None:
+        """Return the next block; None: there is none within so many seconds."""
+        deadline = time.monotonic() + timeout
+        while True:
+            block = self._take()
+            if block is not None:
+                return block
+            now = time.monotonic()
+            if now >= deadline:
+                return None
+            time.sleep(max(min(self._compute_next_look(), deadline) - now, 0.0))
+
+    def _compute_next_look(self) -> float:
+        """Return when a block may be there [s]."""
+        if self._stream is None:
+            return math.inf
+        return max(self._next_look, self._clock.find_time(self._clock.next_block + 1))
+
+    def _take(self) -> Block | None:
+        """Return the next block that has been fetched, or is due."""
+        with self._lock:
+            if self._stream is None:
+                return None
+            now = time.monotonic()
+            if not self._fetched and now >= self._next_look:
+                self._fetched.extend(self._clock.fetch(now))
+                self._next_look = now + SHORTEST_TURN
+            while self._fetched:
+                number = self._fetched.popleft()
+                if not (self._stream.has_hit(number) and self._stream.is_lost(number)):
+                    return self._read(self._stream, number)
+            return None
+
+    def _read(self, stream: VirtualStream, number: int) -> Block:
+        hammer, specimen = stream.read(number)
+        return Block(
+            first_sample=number * self._block_size,
+            sampling_rate=self._settings.digitizer.sampling_rate,
+            hammer=hammer,
+            specimen=specimen,
+            stamp=self._start_stamp + round(number * self._period * 1e9),
+        )
+
+
+NANO = 1e-9
+
+
+class TriggeredDigitizer:
+    """Holds the record of a hit back until the hammer has struck.
+
+    `lay` may come from another thread than the others.
+
+    Parameters
+    ----------
+    block_size : int
+        Points per block.
+    """
+
+    def __init__(self, block_size: int) -> None:
+        self._block_size = block_size
+        self._changed = threading.Condition()
+        self._is_armed = False
+        self._blocks: deque[Block] = deque()
+        self._due = 0.0
+
+    def arm(self) -> None:
+        """Wait for one hit."""
+        with self._changed:
+            self._blocks.clear()
+            self._is_armed = True
+
+    def disarm(self) -> None:
+        """Forget the hit."""
+        with self._changed:
+            self._blocks.clear()
+            self._is_armed = False
+
+    def lay(self, hit: VirtualHit, contact: float) -> None:
+        """Let a hit trigger at a time of the monotonic clock [s]; unless its trigger is missed."""
+        if Fault.MISSED_TRIGGER in hit.faults:
+            return
+        stamp = time.time_ns() + round((contact - time.monotonic()) / NANO)
+        blocks = hit.split(self._block_size, stamp)
+        with self._changed:
+            if not self._is_armed:
+                return
+            self._is_armed = False
+            self._blocks.extend(blocks)
+            self._due = contact
+            self._changed.notify()
+
+    def read(self, timeout: float) -> Block | None:
+        """Return the next block of the record; None: it has not come within so many seconds."""
+        deadline = time.monotonic() + timeout
+        with self._changed:
+            while True:
+                now = time.monotonic()
+                if self._blocks and now >= self._due:
+                    return self._blocks.popleft()
+                until = min(deadline, self._due) if self._blocks else deadline
+                if now >= until:
+                    return None
+                self._changed.wait(until - now)

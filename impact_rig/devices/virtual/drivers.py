@@ -1,0 +1,347 @@
+"""The virtual rig as a source and a holder: drivers like any other, without a device."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import ClassVar, TypeVar
+
+from impact_rig.configuration.toml_table import TomlTable
+from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.model.pulses import PULSE_SHAPES
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.devices.protocols import (
+    Acquisition,
+    AcquisitionPlan,
+    FoundDevice,
+    SourceChannel,
+    ToldHolder,
+)
+from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.devices.virtual.delivery import StreamingDigitizer, TriggeredDigitizer
+from impact_rig.devices.virtual.plants import pulse_shape_from_name
+from impact_rig.devices.virtual.rig import (
+    DigitizerSettings,
+    FaultPlan,
+    VirtualHit,
+    VirtualRig,
+    VirtualRigSettings,
+    fault_from_name,
+    scheduled_fault_from_text,
+)
+
+T = TypeVar("T")
+IDENTITY = "virtual rig"
+LARGEST_SEED = 2**62
+DIGITIZER_QUANTITIES = {
+    "sampling_rate": ("Hz", "2.5 MHz"),
+    "record_duration": ("s", "2 ms"),
+    "pre_trigger": ("s", "200 us"),
+    "hammer_full_scale": ("m/s^2", "2000 m/s^2"),
+    "specimen_full_scale": ("m/s^2", "4000 m/s^2"),
+    "coupling_frequency": ("Hz", "0.1 Hz"),
+    "trigger_jitter": ("s", "1 us"),
+}
+KEYS = (
+    "plant", "seed", "contact_time_scatter", "amplitude_scatter", "pulse_shape", "asymmetry",
+    "contact_exponent", "restitution", "hammer_damping", "fault_probability", "faults",
+    "scheduled_faults", "hammer_full_scale", "specimen_full_scale", "noise", "offset",
+    "drift", "coupling_frequency", "trigger_jitter", "bits",
+)  # fmt: skip
+"""Of the table [source], beside those that all sources have."""
+EXAMPLE = f"""\
+[source]
+driver = "virtual"                # every other key may be left out
+# plant = "published"             # or {", ".join(item.value for item in Plant)}
+# seed = 1                        # the same seed gives the same hits
+# sampling_rate = "2.5 MHz"
+# record_duration = "2 ms"
+# pre_trigger = "200 us"
+# noise = 1e-3                    # as offset and drift a part of full scale
+# offset = 2e-3
+# drift = 0.0                     # of the offset over a record
+# bits = 12
+# hammer_full_scale = "2000 m/s^2"
+# specimen_full_scale = "4000 m/s^2"
+# coupling_frequency = "0.1 Hz"   # -3 dB of the AC coupling
+# trigger_jitter = "1 us"
+# contact_time_scatter = 3e-3     # from hit to hit, a part of tau_p
+# amplitude_scatter = 2e-2        # the same of the force
+# pulse_shape = "versed-sine"
+# asymmetry = 0.02                # rise of the pulse over its fall, a part of its length
+# contact_exponent = 1.5          # n of the plant contact; there the material gives the
+# restitution = 0.0               # stiffness, and the restitution too unless one is given here
+# hammer_damping = "{VirtualRigSettings().hammer_damping:g} N*s/m"
+# fault_probability = 0.0         # of each of `faults`, for each hit
+# faults = "overload, weak_hit"   # those drawn, by default all of
+#                                 # {", ".join(item.value for item in Fault)}
+# scheduled_faults = "3:double_hit, steel small/1:overload"    # at the first attempt
+"""
+TRIGGER_LEVEL = 0.02
+"""Part of the hammer's full scale that would trigger [-], our choice; the simulation knows when a
+hit comes."""
+
+
+class VirtualSource:
+    """Simulates what the accelerometers see of each release, triggered or in a running stream.
+
+    Parameters
+    ----------
+    options : TomlTable
+        Plant, scatter, faults and digitizer, see `read_virtual_rig`.
+
+    Raises
+    ------
+    ParameterError
+        If there is an unknown key, or a value cannot be meant.
+    """
+
+    description: ClassVar[str] = "the virtual rig: hits are simulated, no device is needed"
+    example: ClassVar[str] = EXAMPLE
+
+    def __init__(self, options: TomlTable) -> None:
+        options.check_keys(*KEYS)
+        self._settings = read_virtual_rig(options)
+        self._setup: RigSetup | None = None
+        self._rig: VirtualRig | None = None
+        self._digitizer: TriggeredDigitizer | StreamingDigitizer | None = None
+        self._has_specimen = True
+
+    @classmethod
+    def find_devices(cls) -> tuple[FoundDevice, ...]:
+        """Return the one that is always there."""
+        return (FoundDevice("virtual", IDENTITY),)
+
+    def configure(self, plan: AcquisitionPlan) -> Acquisition:
+        """Make the digitizer that the plan describes.
+
+        Raises
+        ------
+        ParameterError
+            If the record is too short.
+        """
+        self._settings = replace(
+            self._settings, digitizer=_follow_plan(self._settings.digitizer, plan)
+        )
+        self._has_specimen = plan.specimen is not None
+        self._digitizer = (
+            StreamingDigitizer(self._settings, plan.block_size, plan.depth)
+            if plan.continuous
+            else TriggeredDigitizer(plan.block_size)
+        )
+        self._make_rig()
+        return Acquisition(IDENTITY, plan.sampling_rate)
+
+    def arm(self) -> None:
+        """Wait for one hit; in continuous mode begin the stream."""
+        self._get_digitizer().arm()
+
+    def read(self, timeout: float) -> Block | None:
+        """Return the next block; None if there is none within `timeout` seconds."""
+        block = self._get_digitizer().read(timeout)
+        if block is None or self._has_specimen:
+            return block
+        return replace(block, specimen=replace(block.specimen, output=block.specimen.output[:0]))
+
+    def disarm(self) -> None:
+        """Stop, and forget what has not been read."""
+        if self._digitizer is not None:
+            self._digitizer.disarm()
+
+    def check(self) -> None:
+        """See that it is configured; raises `DeviceError`."""
+        self._get_digitizer()
+
+    def close(self) -> None:
+        """Let the digitizer go."""
+        self._digitizer = None
+
+    def take_setup(self, setup: RigSetup) -> None:
+        """Take masses and samples."""
+        self._setup = setup
+        self._make_rig()
+
+    def check_sample(self, name: str) -> None:
+        """Raise `RigError` if the sample is unknown or lacks a reference value."""
+        self._get_rig().check_sample(name)
+
+    def strike(self, label: HitLabel, swing_time: float) -> VirtualHit:
+        """Simulate the hit while the hammer swings; it comes when the swing is over.
+
+        Raises
+        ------
+        RigError
+            If no set-up has been taken, or the sample cannot be struck.
+        """
+        contact = time.monotonic() + swing_time
+        hit = self._get_rig().strike(label)
+        self._get_digitizer().lay(hit, contact)
+        return hit
+
+    def _make_rig(self) -> None:
+        if self._setup is not None:
+            self._rig = VirtualRig(self._setup, self._settings)
+
+    def _get_rig(self) -> VirtualRig:
+        if self._rig is None:
+            raise DeviceError("the virtual rig has no set-up: start the campaign node first")
+        return self._rig
+
+    def _get_digitizer(self) -> TriggeredDigitizer | StreamingDigitizer:
+        if self._digitizer is None:
+            raise DeviceError("the virtual rig is closed: configure it first")
+        return self._digitizer
+
+
+def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
+    """Return what a table [source] says of the virtual rig; what it leaves out is the default.
+
+    Raises
+    ------
+    ParameterError
+        If a value cannot be meant; the message names its line.
+    """
+    rig = VirtualRigSettings()
+
+    def take(key: str, low: float, high: float) -> float:
+        return table.take_number(key, low, high, getattr(rig, key))
+
+    digitizer = read_digitizer(table)
+    try:
+        return VirtualRigSettings(
+            plant=Plant(
+                table.take_choice("plant", [item.value for item in Plant], rig.plant.value)
+            ),
+            seed=table.take_whole("seed", 0, LARGEST_SEED, rig.seed),
+            contact_time_scatter=take("contact_time_scatter", 0.0, 0.2),
+            amplitude_scatter=take("amplitude_scatter", 0.0, 0.2),
+            pulse_shape=pulse_shape_from_name(
+                table.take_choice(
+                    "pulse_shape", [shape.name for shape in PULSE_SHAPES], rig.pulse_shape.name
+                )
+            ),
+            asymmetry=take("asymmetry", -0.5, 0.5),
+            contact_exponent=take("contact_exponent", 0.5, 4.0),
+            restitution=take("restitution", 0.0, 1.0),
+            hammer_damping=table.take_quantity(
+                "hammer_damping", "N*s/m", "1170 N*s/m", rig.hammer_damping, low=0.0
+            ),
+            digitizer=digitizer,
+            faults=FaultPlan(
+                probability=table.take_number("fault_probability", 0.0, 1.0, 0.0),
+                faults=tuple(_take_each(table, "faults", fault_from_name)) or tuple(Fault),
+                scheduled=tuple(_take_each(table, "scheduled_faults", scheduled_fault_from_text)),
+            ),
+        )
+    except ParameterError as error:
+        if str(error).startswith("line "):
+            raise
+        raise table.locate(error) from None
+
+
+def read_digitizer(table: TomlTable) -> DigitizerSettings:
+    """Return what a table [source] says of the virtual digitizer; errors as `read_virtual_rig`."""
+    default = DigitizerSettings()
+    quantities = {
+        key: table.take_quantity(key, unit, example, getattr(default, key), low=0.0)
+        for key, (unit, example) in DIGITIZER_QUANTITIES.items()
+    }
+    parts = {
+        key: table.take_number(key, 0.0, 1.0, getattr(default, key))
+        for key in ("noise", "offset", "drift")
+    }
+    bits = table.take_whole("bits", 4, 31, default.bits)
+    try:
+        return DigitizerSettings(bits=bits, **quantities, **parts)
+    except ParameterError as error:
+        raise table.locate(error) from None
+
+
+def _take_each(table: TomlTable, key: str, parse: Callable[[str], T]) -> Iterator[T]:
+    """Parse what stands between the commas of a text."""
+    for name in table.take_text(key).split(","):
+        if name.strip():
+            try:
+                yield parse(name.strip())
+            except ParameterError as error:
+                raise table.make_error(key, str(error)) from None
+
+
+def make_virtual_plan(
+    table: TomlTable, *, continuous: bool, block_size: int, depth: int
+) -> AcquisitionPlan:
+    """Return the plan that asks of a simulated source what its table [source] says.
+
+    Parameters
+    ----------
+    table : TomlTable
+        With rate, record and full scales, or without.
+    continuous : bool
+        Without a trigger.
+    block_size, depth : int
+        As in `AcquisitionPlan`.
+
+    Raises
+    ------
+    ParameterError
+        If a value cannot be meant; the message names its line.
+    """
+    digitizer = read_digitizer(table)
+    hammer, specimen = (
+        SourceChannel(name, Sensor(name, full_scale=scale))
+        for name, scale in (
+            ("hammer", digitizer.hammer_full_scale),
+            ("specimen", digitizer.specimen_full_scale),
+        )
+    )
+    return AcquisitionPlan(
+        sampling_rate=digitizer.sampling_rate,
+        record_duration=digitizer.record_duration,
+        pre_trigger=digitizer.pre_trigger,
+        trigger_level=TRIGGER_LEVEL * digitizer.hammer_full_scale,
+        hammer=hammer,
+        specimen=specimen,
+        continuous=continuous,
+        block_size=block_size,
+        depth=depth,
+    )
+
+
+def _follow_plan(digitizer: DigitizerSettings, plan: AcquisitionPlan) -> DigitizerSettings:
+    hammer = plan.hammer.sensor.find_full_scale(plan.hammer.moving_mass)
+    specimen = plan.specimen.sensor.find_full_scale() if plan.specimen else 0.0
+    return replace(
+        digitizer,
+        sampling_rate=plan.sampling_rate,
+        record_duration=plan.record_duration,
+        pre_trigger=plan.pre_trigger,
+        hammer_full_scale=hammer or digitizer.hammer_full_scale,
+        specimen_full_scale=specimen or digitizer.specimen_full_scale,
+    )
+
+
+class VirtualHolder(ToldHolder):
+    """Holds the virtual rig's hammer.
+
+    Parameters
+    ----------
+    options : TomlTable
+        Has no keys.
+
+    Raises
+    ------
+    ParameterError
+        If it has any.
+    """
+
+    description: ClassVar[str] = "the virtual rig's holder"
+    example: ClassVar[str] = '[holder]\ndriver = "virtual"\n'
+
+    def __init__(self, options: TomlTable) -> None:
+        options.check_keys()
+
+    def configure(self) -> str:
+        """Hold."""
+        self.hold()
+        return IDENTITY

@@ -1,1 +1,0 @@
-"""What the accelerometer node is made of."""

@@ -1,1 +1,0 @@
-"""What the estimator is made of."""

@@ -1,0 +1,56 @@
+"""What runs the callbacks of a node: rclpy's events executor, or its default one without it."""
+
+import contextlib
+import inspect
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.task import Future
+
+try:
+    from rclpy.experimental import EventsExecutor
+except ImportError:
+    # Before rclpy 7.1.4 there was none; the default one costs three times as much a message.
+    EventsExecutor = SingleThreadedExecutor
+
+LONGEST_SPIN = 3600.0
+"""How long is spun at a time [s]. Without a limit the events executor of rclpy's wheels neither
+sleeps nor lets another thread give it work: their C++ library waits for the end of time in a
+loop."""
+
+
+def make_executor(context: Context | None = None) -> Executor:
+    """Return an executor for the nodes of a context, the default one if none is given."""
+    # It turns on the fault handler, which wants a standard error that is a file.
+    with contextlib.redirect_stderr(sys.__stderr__):
+        return EventsExecutor(context=context)
+
+
+def spin_until(executor: Executor, stop: Future) -> None:
+    """Run callbacks until `stop` is done, in whichever thread that happens.
+
+    Raises
+    ------
+    ExternalShutdownException
+        If the context has been shut down.
+    """
+    while executor.context.ok() and not stop.done():
+        executor.spin_until_future_complete(stop, timeout_sec=LONGEST_SPIN)
+
+
+def accept_message_info(
+    callback: Callable[[Any, Mapping[str, Any]], None],
+) -> Callable[..., None]:
+    """Return a subscription's callback that is given a message and what is known of it.
+
+    The events executor before rclpy 7.1.7 calls one of two arguments with a pair.
+    """
+
+    def take(*arguments: Any) -> None:
+        callback(*(arguments if len(arguments) > 1 else arguments[0]))
+
+    take.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
+    return take

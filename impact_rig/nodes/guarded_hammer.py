@@ -1,0 +1,242 @@
+"""The hammer with its interlock: the one place where a holder is told to let go.
+
+It knows no clock, no messages and no other node, so that its promise can be tested by itself: the
+holder lets go when a release was accepted, and never else.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Any
+
+from impact_rig.core.errors import DeviceError
+from impact_rig.devices.protocols import HammerHolder, HolderState
+
+
+class HammerPlace(IntEnum):
+    """Where the hammer is, numbered as in the message `HammerState`."""
+
+    HELD = 0
+    SWINGING = 1
+    FAULT = 2
+    AWAY = 3
+
+
+class Disarming(IntEnum):
+    """What took the enable, numbered as in the message `HammerState`."""
+
+    OPERATOR = 0
+    LOSS = 1
+    EMERGENCY_STOP = 2
+
+
+_AWAY = "put it back and call hammer/confirm_held"
+
+
+@dataclass(frozen=True)
+class HammerCondition:
+    """What everybody may know of the hammer.
+
+    Attributes
+    ----------
+    place : HammerPlace
+        Where it is.
+    is_armed : bool
+        The operator's enable is given.
+    disarmed_by : Disarming
+        Who or what took it last; `OPERATOR` while it is given, and before it ever was.
+    message : str
+        In words.
+    """
+
+    place: HammerPlace = HammerPlace.HELD
+    is_armed: bool = False
+    disarmed_by: Disarming = Disarming.OPERATOR
+    message: str = "held, not armed"
+
+
+class GuardedHammer:
+    """Lets the hammer go when it is held and armed, and nothing else forbids it.
+
+    At first, and whenever a holder has been taken, it is disarmed. An emergency stop lasts until
+    it is reset, whatever happens to the holder meanwhile. When a method raises `DeviceError`, the
+    holder does not do what it should: it is to be lost and dropped.
+
+    Parameters
+    ----------
+    tell : callable
+        Called with every new condition.
+    """
+
+    def __init__(self, tell: Callable[[HammerCondition], None]) -> None:
+        self._tell = tell
+        self._condition = HammerCondition()
+        self._holder: HammerHolder | None = None
+        self._fault = ""
+        self._is_known_held = True
+
+    @property
+    def condition(self) -> HammerCondition:
+        """What everybody may know of it."""
+        return self._condition
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether an emergency stop lasts."""
+        return self._condition.disarmed_by is Disarming.EMERGENCY_STOP
+
+    def take(self, holder: HammerHolder, *, confirm_return: bool) -> None:
+        """Use a holder that has been configured: the hammer is held and disarmed.
+
+        Parameters
+        ----------
+        holder : HammerHolder
+            Holds.
+        confirm_return : bool
+            A hammer that left its last holder, or may have while that was lost, is away until
+            somebody confirms that it is back.
+        """
+        self._holder, self._fault = holder, ""
+        self._is_known_held = self._is_known_held or not confirm_return
+        if self._is_known_held:
+            self._change(place=HammerPlace.HELD, is_armed=False, message="held, not armed")
+        else:
+            self._change(place=HammerPlace.AWAY, is_armed=False, message=_AWAY)
+
+    def drop(self) -> None:
+        """Close the holder, which goes on holding as far as its device lets it."""
+        if self._holder is not None:
+            self._holder.close()
+            self._holder = None
+
+    def lose(self, reason: str) -> None:
+        """Note that the holder is lost: the hammer may be anywhere."""
+        self._fault, self._is_known_held = reason, False
+        # Whoever had taken the enable before, a person above all, has still taken it.
+        taker = Disarming.LOSS if self._condition.is_armed else self._condition.disarmed_by
+        self._change(place=HammerPlace.FAULT, is_armed=False, disarmed_by=taker, message=reason)
+
+    def arm(self) -> str:
+        """Take the operator's enable; return why it is refused, empty: it is given."""
+        reason = self._describe_stop() or self._describe_fault()
+        if not reason:
+            self._change(
+                is_armed=True, disarmed_by=Disarming.OPERATOR, message="armed by the operator"
+            )
+        return reason
+
+    def disarm(self, message: str) -> None:
+        """Take the enable back, because somebody wants it."""
+        taker = Disarming.EMERGENCY_STOP if self.is_stopped else Disarming.OPERATOR
+        self._change(is_armed=False, disarmed_by=taker, message=message)
+
+    def note_loss(self, reason: str) -> None:
+        """Take the enable back because a hit could not be recorded; empty: nothing is lost."""
+        if reason and self._condition.is_armed:
+            self._change(is_armed=False, disarmed_by=Disarming.LOSS, message=reason)
+
+    def stop(self) -> None:
+        """Take the enable back until `reset`, and see that the holder holds."""
+        self._change(
+            is_armed=False, disarmed_by=Disarming.EMERGENCY_STOP, message="emergency stop"
+        )
+        if self._holder is not None:
+            self._holder.hold()
+
+    def reset(self) -> None:
+        """End an emergency stop; the hammer is disarmed."""
+        if self.is_stopped:
+            self._change(disarmed_by=Disarming.OPERATOR, message="emergency stop ended, not armed")
+
+    def describe_obstacle(self) -> str:
+        """Return why the hammer itself may not go now; empty: it may."""
+        if reason := self._describe_stop() or self._describe_fault():
+            return reason
+        condition = self._condition
+        if not condition.is_armed:
+            why = f" ({condition.message})" if condition.disarmed_by is Disarming.LOSS else ""
+            return f"the hammer is not armed{why}: call hammer/arm first"
+        if condition.place is HammerPlace.AWAY:
+            return f"the hammer is not in its holder: {_AWAY}"
+        if condition.place is HammerPlace.SWINGING:
+            return "the hammer is not in its holder: wait for the swing to end"
+        return ""
+
+    def release(self, obstacle: str) -> str:
+        """Let the hammer go, if nothing forbids it.
+
+        Parameters
+        ----------
+        obstacle : str
+            Why the rest of the rig could not record the hit; empty: it could.
+
+        Returns
+        -------
+        str
+            Why it was refused; empty: the hammer goes.
+        """
+        reason = self.describe_obstacle() or obstacle
+        if reason or self._holder is None:
+            return reason
+        # Whatever comes of it: nobody knows where the hammer is.
+        self._is_known_held = False
+        self._holder.release()
+        message = "the operator may let go" if self._holder.is_by_hand else "released"
+        self._change(place=HammerPlace.SWINGING, message=message)
+        return ""
+
+    def end_swing(self, message: str, *, confirm_return: bool) -> None:
+        """Hold again after a swing, if there was one.
+
+        Parameters
+        ----------
+        message : str
+            What ended it.
+        confirm_return : bool
+            The hammer is away until somebody confirms that it is back.
+        """
+        if self._holder is None or self._condition.place is not HammerPlace.SWINGING:
+            return
+        self._holder.hold()
+        self._is_known_held = not confirm_return
+        if confirm_return:
+            self._change(place=HammerPlace.AWAY, message=_AWAY)
+        else:
+            self._change(place=HammerPlace.HELD, message=message)
+
+    def confirm_held(self) -> str:
+        """Hear from a person that the hammer is back; return why that is refused, or nothing."""
+        if self._holder is None or self._fault:
+            return self._describe_fault()
+        if self._condition.place is HammerPlace.SWINGING:
+            return "the hammer swings: wait for the swing to end"
+        self._holder.hold()
+        self._is_known_held = True
+        if self._condition.place is HammerPlace.AWAY:
+            self._change(place=HammerPlace.HELD, message="put back into the holder")
+        return ""
+
+    def check(self) -> None:
+        """Ask the holder what it does; raises `DeviceError` if it is lost or has let go."""
+        if self._holder is None:
+            return
+        state = self._holder.read_state()
+        if state is HolderState.RELEASED and self._condition.place is not HammerPlace.SWINGING:
+            raise DeviceError("the holder has let go though nobody told it to")
+
+    def _describe_stop(self) -> str:
+        return "an emergency stop lasts: call hammer/reset first" if self.is_stopped else ""
+
+    def _describe_fault(self) -> str:
+        if self._fault:
+            return f"nothing holds the hammer: {self._fault}"
+        return "" if self._holder else "nothing holds the hammer: activate the hammer node first"
+
+    def _change(self, **changes: Any) -> None:
+        condition = replace(self._condition, **changes)
+        if self._fault not in condition.message:
+            # Why the hammer is lost is told until it is back.
+            condition = replace(condition, message=f"{condition.message}; {self._fault}")
+        if condition != self._condition:
+            self._condition = condition
+            self._tell(condition)

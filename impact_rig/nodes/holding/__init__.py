@@ -1,1 +1,0 @@
-"""What the hammer node consists of."""

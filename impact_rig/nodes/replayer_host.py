@@ -1,0 +1,192 @@
+"""A replayer in this process, for a command that shows it, and with it an estimator if wanted."""
+
+import contextlib
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from impact_rig_msgs.msg import ReplayerState, RigSetup, VirtualImpact
+from impact_rig_msgs.srv import GetResults
+from rclpy.executors import ExternalShutdownException
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.logging import LoggingSeverity, set_logger_level
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+
+from impact_rig.core.errors import RigError
+from impact_rig.core.setup.samples import RigSetup as CoreRigSetup
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.client import RigClient, results_from_msgs
+from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.nodes.executor import make_executor, spin_until
+from impact_rig.nodes.replayer import ReplayerNode
+from impact_rig.nodes.replayer_recording import RecordingToReplay
+from impact_rig.recordings.messages import setup_from_msg
+from impact_rig.results.campaign import Results
+
+LOOK_PERIOD = 0.02
+"""How often is looked what sends no event [s]."""
+TRUTH_TIMEOUT = 2.0
+"""How long the virtual rig's word on rejected hits may take after the replay [s]."""
+RESULTS_TIMEOUT = 600.0
+"""How long the estimates may take [s], our choice: fitting the model to a hundred samples."""
+
+
+class ReplayHost(RigClient):
+    """Holds the nodes of a replay; use it in a ``with`` statement.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Of the replayer.
+    namespace : str
+        To replay in.
+    with_estimator : bool
+        Whether a fresh estimator listens, of which this replayer is the only source.
+    """
+
+    def __init__(
+        self, parameters: Mapping[str, Any], namespace: str = "", *, with_estimator: bool = False
+    ) -> None:
+        super().__init__("replay_client", namespace)
+        options = {"context": self._context, "namespace": namespace or None}
+        self._faults: dict[int, tuple[str, ...]] = {}
+        self._setup: CoreRigSetup | None = None
+        self._estimator = _EstimatorThread(options) if with_estimator else None
+        self._replayer = ReplayerNode(
+            self._estimator.count_taken if self._estimator else None,
+            parameter_overrides=[Parameter(name, value=item) for name, item in parameters.items()],
+            **options,
+        )
+        # What it has to say is said by who uses this class.
+        set_logger_level(self._replayer.get_logger().name, LoggingSeverity.FATAL)
+        self._executor.add_node(self._replayer)
+        if self._estimator is not None:
+            self.listen(interfaces.VIRTUAL_IMPACT, self._keep_truth)
+            self.listen(interfaces.SETUP, self._keep_setup)
+
+    def __exit__(self, *_: object) -> None:
+        """Stop the replay, and leave ROS."""
+        self._replayer.close()
+        self._executor.remove_node(self._replayer)
+        self._replayer.destroy_node()
+        if self._estimator is not None:
+            self._estimator.stop()
+        super().__exit__()
+
+    @property
+    def replayer(self) -> ReplayerNode:
+        """The node."""
+        return self._replayer
+
+    def open(self) -> RecordingToReplay:
+        """Open the recording.
+
+        Raises
+        ------
+        RigError
+            If it cannot be replayed.
+        """
+        self._check(self._replayer.trigger_configure())
+        recording = self._replayer.recording
+        if recording is None:
+            raise RigError(self._replayer.fault)
+        return recording
+
+    def choose_part(self, start: float, end: float) -> None:
+        """Choose from when to when is replayed next [s]; an end of 0: the recording's."""
+        self._replayer.set_parameters(
+            [Parameter("start", value=start), Parameter("end", value=end)]
+        )
+
+    def play(self, follow: Callable[[], bool]) -> None:
+        """Replay to the end.
+
+        Parameters
+        ----------
+        follow : callable
+            Called all the time; returns whether to go on.
+
+        Raises
+        ------
+        RigError
+            If the recording is damaged.
+        """
+        self._check(self._replayer.trigger_activate())
+        while self._replayer.describe_state()["state"] != ReplayerState.DONE:
+            self._executor.spin_once(timeout_sec=LOOK_PERIOD)
+            if not follow():
+                self._replayer.trigger_deactivate()
+                return
+        if self._replayer.fault:
+            raise RigError(self._replayer.fault)
+
+    def fetch_results(self) -> Results:
+        """Return what the estimator found since the last set-up.
+
+        Raises
+        ------
+        RigError
+            If the estimator could not use what was replayed, or does not answer.
+        """
+        if self._estimator is not None and self._estimator.fault:
+            raise RigError(self._estimator.fault)
+        request = GetResults.Request()
+        answer = self.call(GetResults, interfaces.GET_RESULTS, request, RESULTS_TIMEOUT)
+        struck = {hit.record for hit in (*answer.accepted, *answer.rejected)}
+        recording = self._replayer.recording
+        if recording is not None and recording.is_virtual:
+            self.spin_until(lambda: struck <= self._faults.keys(), TRUTH_TIMEOUT)
+        if self._setup is None:
+            raise RigError("the recording has no set-up of the rig: nothing can be estimated")
+        return results_from_msgs(answer, self._setup, self._faults)
+
+    def spin(self, duration: float) -> None:
+        """Let the nodes work for a while [s]."""
+        self.spin_until(lambda: False, duration)
+
+    def _check(self, result: TransitionCallbackReturn) -> None:
+        if result != TransitionCallbackReturn.SUCCESS:
+            raise RigError(self._replayer.fault)
+
+    def _keep_truth(self, message: VirtualImpact) -> None:
+        self._faults[message.record] = tuple(message.faults)
+
+    def _keep_setup(self, message: RigSetup) -> None:
+        self._setup = setup_from_msg(message)
+
+
+class _EstimatorThread:
+    """An estimator with a thread of its own: nothing else must wait for its arithmetic."""
+
+    def __init__(self, options: Mapping[str, Any]) -> None:
+        self._node = EstimatorNode(**options)
+        set_logger_level(self._node.get_logger().name, LoggingSeverity.FATAL)
+        self._node.autostart()
+        self._executor = make_executor(options["context"])
+        self._executor.add_node(self._node)
+        self._stop: Future = Future()
+        self._thread = threading.Thread(target=self._spin, name="estimator", daemon=True)
+        self._thread.start()
+
+    @property
+    def fault(self) -> str:
+        """What it could not use; empty: nothing."""
+        return self._node.fault
+
+    def count_taken(self) -> int:
+        """Return how many messages it has taken."""
+        return self._node.messages_handled
+
+    def stop(self) -> None:
+        """End the thread, and then the node."""
+        # Not shut down while it spins: rclpy would take it to pieces under its thread.
+        self._stop.set_result(None)
+        self._thread.join()
+        self._executor.shutdown(timeout_sec=1.0)
+        self._node.close()
+        self._node.destroy_node()
+
+    def _spin(self) -> None:
+        with contextlib.suppress(ExternalShutdownException):
+            spin_until(self._executor, self._stop)

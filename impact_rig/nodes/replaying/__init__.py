@@ -1,1 +1,0 @@
-"""What the replayer is made of."""

@@ -1,0 +1,268 @@
+"""The campaign that goes on now, as the topics tell it: results, traces, hits over each other."""
+
+import math
+import threading
+from collections import Counter, OrderedDict
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from impact_rig_msgs.msg import (
+    HammerEstimate,
+    Impact,
+    ModelComparison,
+    SampleEstimate,
+    VirtualImpact,
+)
+from numpy.typing import NDArray
+
+from impact_rig.core.errors import RigError, SignalError
+from impact_rig.core.estimation import paper_method, sample
+from impact_rig.core.hits.hit import judge_hit
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.detection import ImpactDetector
+from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.nodes.result_messages import hit_results_from_msg
+from impact_rig.recordings.messages import label_from_msg
+from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.sample_traces import AlignedHit, ModelTraces, SampleTraces, align_hit
+from impact_rig.results.wire import from_message
+
+
+def sample_traces_from_msgs(
+    comparisons: Sequence[ModelComparison], estimate: SampleEstimate | None
+) -> SampleTraces:
+    """Return the mean hit of a sample in m/s^2, with the models that were laid onto it.
+
+    Parameters
+    ----------
+    comparisons : sequence of impact_rig_msgs.msg.ModelComparison
+        Of one sample, the newest of each model, the newest of all last; those of another mean
+        than this one are left out.
+    estimate : impact_rig_msgs.msg.SampleEstimate or None
+        Of the same sample. Its peaks are taken where the comparisons give none, as those that
+        were recorded with an old version.
+
+    Returns
+    -------
+    SampleTraces
+
+    Raises
+    ------
+    SignalError
+        If nobody knows the peaks: the traces have no scale.
+    """
+    newest = comparisons[-1]
+    hammer_peak = _choose_peak(newest.hammer_peak, estimate and estimate.hammer_peak)
+    specimen_peak = _choose_peak(newest.specimen_peak, estimate and estimate.specimen_peak)
+    if math.isnan(hammer_peak) or math.isnan(specimen_peak):
+        raise SignalError(
+            f"the mean traces of {newest.sample!r} have no scale: neither comparison nor estimate"
+            " gives their peaks"
+        )
+    peaks = np.array([[hammer_peak], [specimen_peak]])
+    mean = _stack(newest.hammer_measured, newest.specimen_measured) * peaks
+    models = tuple(
+        ModelTraces(
+            model=comparison.model,
+            traces=_stack(comparison.hammer_model, comparison.specimen_model) * peaks,
+            mse_hammer_percent=comparison.mse_hammer_percent,
+            mse_sample_percent=comparison.mse_sample_percent,
+        )
+        for comparison in comparisons
+        if comparison.impacts_accepted == newest.impacts_accepted
+        and len(comparison.hammer_model) == mean.shape[1]
+    )
+    return SampleTraces(
+        name=newest.sample,
+        sampling_rate=newest.sampling_rate,
+        # There from the start of the contact, here from its middle.
+        start_time=newest.start_time - newest.contact_time / 2.0,
+        mean=mean,
+        contact_time=newest.contact_time,
+        half_amplitude_width=estimate.half_amplitude_width if estimate else math.nan,
+        first_peak_time=estimate.first_peak_time if estimate else math.nan,
+        second_peak_time=estimate.second_peak_time if estimate else math.nan,
+        models=models,
+    )
+
+
+def _choose_peak(signed: float, magnitude: float | None) -> float:
+    """Return what a trace was divided by [m/s^2]; NaN: nobody knows."""
+    return next(
+        (value for value in (signed, magnitude) if value and math.isfinite(value)), math.nan
+    )
+
+
+def _stack(hammer: Any, specimen: Any) -> NDArray[np.float64]:
+    """Return two traces of a message, shape (2, n)."""
+    traces = [np.frombuffer(memoryview(trace), np.float32) for trace in (hammer, specimen)]
+    count = min(trace.size for trace in traces)
+    return np.stack([trace[:count] for trace in traces]).astype(np.float64)
+
+
+WAITING_HITS = 16
+"""Hits that wait for their verdict, and verdicts for their hit, at most [-], our choice: blocks
+and verdicts travel apart, but not for long."""
+SHOWN_HITS = 100
+"""Of one sample, so many hits are shown one by one [-], our choice: more are a black band. Up to
+ten times as many every tenth is shown, up to a hundred times every hundredth, and so on: of 10 000
+hits 280."""
+
+
+def is_shown(number: int) -> bool:
+    """Whether the hit of this number, counted from 1 for each sample, is shown."""
+    step = 1
+    while number >= step * SHOWN_HITS:
+        step *= 10
+    return number % step == 0
+
+
+class HitOverlay:
+    """Brings hits and verdicts together, whichever comes first.
+
+    Parameters
+    ----------
+    settings : AnalysisSettings
+        How hits are found and filtered.
+    """
+
+    def __init__(self, settings: AnalysisSettings) -> None:
+        self._settings = settings
+        self._detector = ImpactDetector(settings)
+        self._label: HitLabel | None = None
+        self._numbers: Counter[str] = Counter()
+        self._hits: OrderedDict[HitLabel, AlignedHit] = OrderedDict()
+        self._accepted: OrderedDict[HitLabel, None] = OrderedDict()
+        self.fault = ""
+
+    def feed(self, block: Block) -> tuple[AlignedHit, ...]:
+        """Take the next block; return the hits that it completes and that are accepted already.
+
+        Hits that are not shown are not looked at, see `is_shown`. One that cannot be filtered is
+        not there: `fault` says why.
+        """
+        if block.label != self._label:
+            self._label = block.label
+            self._numbers[block.label.sample] += 1
+        if not is_shown(self._numbers[block.label.sample]):
+            return ()
+        shown = []
+        try:
+            for record in self._detector.feed(block):
+                judged = judge_hit(record, self._settings)
+                hit = align_hit(judged) if judged.accepted else None
+                if hit is None:
+                    continue
+                if hit.label in self._accepted:
+                    shown.append(hit)
+                else:
+                    self._hits[hit.label] = hit
+        except RigError as error:
+            self.fault = f"hits are not laid over each other: {error}"
+        _forget_oldest(self._hits)
+        return tuple(shown)
+
+    def accept(self, label: HitLabel) -> AlignedHit | None:
+        """Take the estimator's word that a hit is accepted; return the hit if it is there."""
+        hit = self._hits.pop(label, None)
+        if hit is None:
+            self._accepted[label] = None
+            _forget_oldest(self._accepted)
+        return hit
+
+
+def _forget_oldest(waiting: OrderedDict) -> None:
+    while len(waiting) > WAITING_HITS:
+        waiting.popitem(last=False)
+
+
+LARGEST_CAMPAIGN = 1000
+"""Hits that tables and figures show at most, the newest [-], our choice: eight of the paper's
+campaigns. Beyond, the node's memory does not grow."""
+
+
+class ShownCampaign:
+    """Keeps the newest word on everything.
+
+    Added to by one thread; results and traces may be made by others.
+
+    Parameters
+    ----------
+    setup : RigSetup
+        With what is measured.
+    stamp : int
+        When that was said, by which all that is found under it names it [ns].
+    """
+
+    def __init__(self, setup: RigSetup, stamp: int) -> None:
+        self.setup = setup
+        self.stamp = stamp
+        self.overlay = HitOverlay(setup.analysis)
+        self._lock = threading.Lock()
+        self._hits: OrderedDict[HitLabel, HitResults] = OrderedDict()
+        self._faults: OrderedDict[HitLabel, tuple[str, ...]] = OrderedDict()
+        self._hammer: HammerEstimate | None = None
+        self._estimates: dict[str, SampleEstimate] = {}
+        self._comparisons: dict[str, dict[str, ModelComparison]] = {}
+
+    def add_truth(self, message: VirtualImpact) -> None:
+        """Keep what the virtual rig did on purpose."""
+        with self._lock:
+            _keep(self._faults, label_from_msg(message), tuple(message.faults))
+
+    def add_hit(self, message: Impact) -> HitResults:
+        """Keep a verdict, and return it."""
+        label = label_from_msg(message)
+        with self._lock:
+            hit = hit_results_from_msg(message, self._faults.get(label, ()))
+            _keep(self._hits, label, hit)
+        return hit
+
+    def add_estimate(self, message: SampleEstimate) -> None:
+        """Keep an estimate in place of the one before."""
+        with self._lock:
+            self._estimates[message.name] = message
+
+    def add_hammer(self, message: HammerEstimate) -> None:
+        """Keep what is known of the hammer in place of what was."""
+        self._hammer = message
+
+    def add_comparison(self, message: ModelComparison) -> None:
+        """Keep a comparison in place of the one before with the same model."""
+        with self._lock:
+            models = self._comparisons.setdefault(message.sample, {})
+            models.pop(message.model, None)
+            models[message.model] = message
+
+    def make_results(self) -> Results:
+        """Return what is known now."""
+        with self._lock:
+            hammer, hits = self._hammer, tuple(self._hits.values())
+            estimates = dict(self._estimates)
+        return Results(
+            setup=self.setup,
+            hammer=paper_method.HammerEstimate()
+            if hammer is None
+            else from_message(paper_method.HammerEstimate, hammer),
+            samples=tuple(
+                from_message(sample.SampleEstimate, estimates[name])
+                for name in self.setup.samples.names
+                if name in estimates
+            ),
+            hits=hits,
+        )
+
+    def make_traces(self, sample: str) -> SampleTraces:
+        """Return the traces of one sample as they are known now; errors as they are joined."""
+        with self._lock:
+            comparisons = tuple(self._comparisons[sample].values())
+            estimate = self._estimates.get(sample)
+        return sample_traces_from_msgs(comparisons, estimate)
+
+
+def _keep(table: OrderedDict[HitLabel, Any], label: HitLabel, value: Any) -> None:
+    table[label] = value
+    while len(table) > LARGEST_CAMPAIGN:
+        table.popitem(last=False)

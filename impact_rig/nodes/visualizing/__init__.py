@@ -1,1 +1,0 @@
-"""What the visualizer is made of."""

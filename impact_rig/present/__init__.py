@@ -1,0 +1,1 @@
+"""Results for people: in a terminal, in a report, in figures, in the viewer Rerun."""

@@ -1,0 +1,79 @@
+"""Traces thinned to what can be drawn: every peak stays where and as high as it is."""
+
+import numpy as np
+
+from impact_rig.core.signals.record import FloatArray
+
+
+def decimate_trace(
+    time: FloatArray, values: FloatArray, columns: int
+) -> tuple[FloatArray, FloatArray]:
+    """Keep the lowest and the highest point of each column of the picture, and both ends.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (n,)
+        Points of a line, equally spaced in time; NaN breaks the line.
+    columns : int
+        Into which the line is divided, at least 1.
+
+    Returns
+    -------
+    time, values : ndarray, shape (m,)
+        Some of the points, in their order; m <= 3 columns + 2. A line that is no longer than
+        that is returned as it is.
+    """
+    count = values.size
+    if count <= 3 * columns + 2:
+        return time, values
+    width = -(-count // columns)
+    padded = np.full(width * columns, np.nan)
+    padded[:count] = values
+    table = padded.reshape(columns, width)
+    gaps = np.isnan(table)
+    first = np.arange(columns) * width
+    broken = gaps.any(axis=1)
+    places = np.unique(
+        np.concatenate(
+            [
+                [0, count - 1],
+                first + np.where(gaps, np.inf, table).argmin(axis=1),
+                first + np.where(gaps, -np.inf, table).argmax(axis=1),
+                (first + gaps.argmax(axis=1))[broken],
+            ]
+        )
+    )
+    places = places[places < count]
+    return time[places], values[places]
+
+
+def cut_trace(
+    time: FloatArray, values: FloatArray, start: float, stop: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the points of a line from `start` to `stop`, both included [as `time`]."""
+    inside = (time >= start) & (time <= stop)
+    return time[inside], values[inside]
+
+
+def compute_fading_time(time: FloatArray, traces: FloatArray, level: float) -> float:
+    """Return when the last of the traces has faded.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Of the points.
+    traces : ndarray, shape (channels, n)
+        What fades; points that are not finite count as nothing.
+    level : float
+        Part of each trace's largest magnitude below which it has faded [-].
+
+    Returns
+    -------
+    float
+        Time of the last point at or above `level` in any trace; that of the first point for
+        traces that are zero.
+    """
+    sizes = np.nan_to_num(np.abs(traces), nan=0.0, posinf=0.0)
+    peaks = sizes.max(axis=1, keepdims=True)
+    loud = np.flatnonzero(((sizes >= level * peaks) & (peaks > 0.0)).any(axis=0))
+    return float(time[loud[-1]]) if loud.size else float(time[0])

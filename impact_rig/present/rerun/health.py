@@ -1,0 +1,182 @@
+"""How the rig is doing, as its nodes say it: the newest state in words, and its history."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from impact_rig.present.rerun import entities
+from impact_rig.present.rerun.markdown import escape_markdown
+from impact_rig.present.rerun.rerun_sdk import import_rerun
+from impact_rig.results.palette import GREEN, GREY, ORANGE, VERMILION
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+
+class Level(IntEnum):
+    """How well a node is; the numbers are those of `diagnostic_msgs/DiagnosticStatus`."""
+
+    OK = 0
+    WARNING = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True)
+class NodeHealth:
+    """What one node said of itself last.
+
+    Attributes
+    ----------
+    name : str
+        Of the node.
+    level : int
+        A `Level`; any other number is taken for an error.
+    message : str
+        In one sentence.
+    values : tuple of (str, str)
+        Its figures by name, in its order: counts of gaps and missing points, rates, room left on
+        the disk.
+    """
+
+    name: str
+    level: int = Level.OK
+    message: str = ""
+    values: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Health:
+    """What all nodes of a rig said last.
+
+    Attributes
+    ----------
+    nodes : tuple of NodeHealth
+        All of the rig. Of rates ("blocks per second"), of what went wrong ("gaps", "missing
+        points", "views dropped", "impacts rejected") and of the "free space" the history is kept,
+        by the name of the figure.
+    stamp : int
+        When, nanoseconds since the epoch.
+    """
+
+    nodes: tuple[NodeHealth, ...]
+    stamp: int
+
+
+RATES = "rates"
+LOSSES = "losses"
+DISK = "disk"
+LEVELS = "levels"
+"""Below the history: what is drawn together."""
+RATE_ENDINGS = (" per second", "/s")
+"""A figure whose name ends so is a rate."""
+LOSS_WORDS = ("gap", "missing", "dropped", "lost", "rejected")
+"""A figure with one of these in its name counts what went wrong."""
+COLOURS = {
+    Level.OK: GREEN,
+    Level.WARNING: ORANGE,
+    Level.ERROR: VERMILION,
+    Level.STALE: GREY,
+}
+GIGA = 1e-9
+"""Bytes to gigabytes."""
+BYTE_FIGURES = ("free space", "size")
+"""Figures that are a number of bytes."""
+SIGNS = {Level.OK: "✓", Level.WARNING: "⚠", Level.ERROR: "✗", Level.STALE: "?"}
+NO_HEALTH = "No node has said how it is doing. In the view of a file none does."
+
+
+class HealthLog:
+    """Logs the health of a rig.
+
+    Parameters
+    ----------
+    stream : rerun.RecordingStream
+        Where to.
+    """
+
+    def __init__(self, stream: rr.RecordingStream) -> None:
+        self._rr = import_rerun()
+        self._stream = stream
+        self._levels: dict[str, Level] = {}
+
+    def log(self, health: Health) -> None:
+        """Add figures and changes of level to the history."""
+        for node in health.nodes:
+            self._log_level(node, health.stamp)
+            for name, text in node.values:
+                kind, value = choose_kind(name), read_figure(text)
+                value *= GIGA if kind == DISK else 1.0
+                if kind and math.isfinite(value):
+                    path = (*entities.HEALTH_HISTORY, kind, node.name, name)
+                    self._send(path, health.stamp, self._rr.Scalars.columns(scalars=[value]))
+
+    def _log_level(self, node: NodeHealth, stamp: int) -> None:
+        level = read_level(node)
+        if self._levels.get(node.name) == level:
+            return
+        path = (*entities.HEALTH_HISTORY, LEVELS, node.name)
+        if node.name not in self._levels:
+            configuration = self._rr.StateConfiguration(
+                values=[item.name.lower() for item in COLOURS], colors=list(COLOURS.values())
+            )
+            self._stream.log(self._rr.new_entity_path(path), configuration, static=True)
+        self._levels[node.name] = level
+        self._send(path, stamp, self._rr.StateChange.columns(state=[level.name.lower()]))
+
+    def _send(self, path: entities.Path, stamp: int, columns: rr.ComponentColumnList) -> None:
+        moment = np.array([stamp], "datetime64[ns]")
+        self._stream.send_columns(
+            self._rr.new_entity_path(path),
+            indexes=[self._rr.TimeColumn(entities.WALL_CLOCK, timestamp=moment)],
+            columns=columns,
+        )
+
+
+def read_level(node: NodeHealth) -> Level:
+    """Return the level of a node; what is no level is an error."""
+    return Level(node.level) if node.level in set(Level) else Level.ERROR
+
+
+def choose_kind(name: str) -> str:
+    """Return with what a figure is drawn, by its name; empty: it is not followed."""
+    if name.endswith(RATE_ENDINGS):
+        return RATES
+    if any(word in name for word in LOSS_WORDS):
+        return LOSSES
+    return DISK if "free space" in name else ""
+
+
+def read_figure(text: str) -> float:
+    """Return the number that a figure starts with; NaN: it is none."""
+    try:
+        return float(text.split(maxsplit=1)[0])
+    except (ValueError, IndexError):
+        return math.nan
+
+
+def _format_figure(name: str, text: str) -> str:
+    size = read_figure(text)
+    is_size = name in BYTE_FIGURES and math.isfinite(size)
+    shown = f"{size * GIGA:.3f} GB" if is_size else text
+    return f"{escape_markdown(name)} **{escape_markdown(shown)}**"
+
+
+def format_health(nodes: Sequence[NodeHealth]) -> str:
+    """Return the state of the nodes as Markdown, those that are not well first."""
+    if not nodes:
+        return NO_HEALTH
+    paragraphs = []
+    for node in sorted(nodes, key=read_level, reverse=True):
+        level = read_level(node)
+        title = f"## {SIGNS[level]} {escape_markdown(node.name)}: {level.name.lower()}"
+        paragraphs += [title, escape_markdown(node.message)]
+        figures = [_format_figure(name, text) for name, text in node.values if text]
+        paragraphs += [" · ".join(figures)] if figures else []
+    return "\n\n".join(paragraphs)

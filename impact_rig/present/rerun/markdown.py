@@ -1,0 +1,142 @@
+"""What is said in words, as Markdown: tables, remarks, one sample, one hit; no Rerun in here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.numbers import MICRO, MISSING, format_number
+from impact_rig.results.references import explain_misprint, find_reference
+from impact_rig.results.remarks import Remark, gather_notes, gather_warnings, tabulate_rejections
+from impact_rig.results.tables import (
+    Table,
+    tabulate_checks,
+    tabulate_errors,
+    tabulate_methods,
+    tabulate_results,
+)
+
+SPECIAL = "\\`*_[]<>|#~"
+"""Letters that mean something to Markdown."""
+LEGEND = (
+    "Behind ± stands the half-width of the 95 % interval. A dash: not determined, see the notes."
+)
+NOT_YET = "Nothing is measured yet."
+
+
+def escape_markdown(text: str) -> str:
+    """Return `text` so that Markdown shows it as it is, on one line."""
+    line = " ".join(text.split())
+    return "".join(f"\\{letter}" if letter in SPECIAL else letter for letter in line)
+
+
+def format_verdict(hit: HitResults) -> str:
+    """Return a hit's verdict as Markdown: which hit, the verdict, every reason, the figures."""
+    lines = [
+        f"# {escape_markdown(hit.sample)}",
+        f"Impact {hit.impact}, attempt {hit.attempt} (record {hit.record})",
+        "## Accepted" if hit.accepted else "## Rejected",
+    ]
+    lines += [format_reason(reason) for reason in hit.reasons]
+    figures = [
+        f"| {name} | {format_number(value, digits)} {unit} |"
+        for name, value, digits, unit in (
+            ("Contact time", hit.contact_time * MICRO, 2, "µs"),
+            ("Hammer peak", hit.hammer_peak, 0, "m/s²"),
+            ("Sample peak", hit.specimen_peak, 0, "m/s²"),
+        )
+        if math.isfinite(value)
+    ]
+    if figures:
+        lines.append("\n".join(["| Of this hit alone | |", "|:--|--:|", *figures]))
+    if hit.injected_faults:
+        faults = ", ".join(fault.replace("_", " ") for fault in hit.injected_faults)
+        lines.append(f"Done on purpose by the virtual rig: {escape_markdown(faults)}.")
+    return "\n\n".join(lines)
+
+
+def format_reason(reason: str) -> str:
+    """Return a reason, ``code: explanation``, as an item of a Markdown list."""
+    code, separator, explanation = reason.partition(": ")
+    if not separator:
+        return f"- {escape_markdown(reason)}"
+    return f"- **{escape_markdown(code.replace('_', ' '))}**: {escape_markdown(explanation)}"
+
+
+def format_log_line(hit: HitResults) -> str:
+    """Return a hit's verdict as one line of plain text."""
+    start = f"record {hit.record}: {hit.sample}, impact {hit.impact}"
+    if hit.attempt > 1:
+        start += f", attempt {hit.attempt}"
+    if not hit.accepted:
+        return f"{start}: rejected, {'; '.join(hit.reasons)}"
+    contact_time = format_number(hit.contact_time * MICRO, 2)
+    unit = "" if contact_time == MISSING else " µs"
+    return f"{start}: accepted, contact time {contact_time}{unit}"
+
+
+def format_results(results: Results) -> str:
+    """Return everything found as Markdown: values, remarks, and hits that were rejected."""
+    if not results.samples:
+        return "\n\n".join([NOT_YET, *map(format_table, tabulate_rejections(results.rejections))])
+    return "\n\n".join(
+        [
+            *map(format_table, tabulate_results(results)),
+            LEGEND,
+            *_format_remarks("Warnings", gather_warnings(results.samples)),
+            *_format_remarks("Notes", gather_notes(results.samples, results.hammer)),
+            *map(format_table, tabulate_rejections(results.rejections)),
+        ]
+    )
+
+
+def format_table(table: Table) -> str:
+    """Return a table as Markdown, its caption as a heading; rows that stand out are bold."""
+    lines = [
+        [escape_markdown(column.header) for column in table.columns],
+        [":--" if column.is_text else "--:" for column in table.columns],
+    ]
+    for place, row in enumerate(table.rows):
+        cells = [escape_markdown(cell).replace("\n", " ") for cell in row]
+        lines.append([f"**{cell}**" if cell and place in table.marked else cell for cell in cells])
+    text = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    notes = (escape_markdown(note) for note in table.notes)
+    return "\n\n".join([f"## {escape_markdown(table.caption)}", text, *notes])
+
+
+def _format_remarks(title: str, remarks: Sequence[Remark]) -> list[str]:
+    items = [
+        f"- **{escape_markdown(remark.about)}**: {escape_markdown(remark.text)}"
+        for remark in remarks
+    ]
+    return [f"## {title}", "\n".join(items)] if items else []
+
+
+def format_summary(results: Results, sample: SampleEstimate) -> str:
+    """Return one sample by itself: what was found by which method, what to know of it."""
+    reference = find_reference(results.setup.samples, sample.name)
+    fitted = sample.identification
+    tables = [
+        tabulate_methods(sample, reference),
+        *tabulate_errors([sample]),
+        *tabulate_checks([sample]),
+    ]
+    paragraphs = [
+        f"# {escape_markdown(sample.name)}",
+        f"{sample.impacts_accepted} hits in the mean, {sample.impacts_rejected} rejected.",
+        *map(format_table, tables),
+        *(
+            escape_markdown(explain_misprint(reference.published))
+            for _ in range(reference.is_misprinted)
+            if reference.published is not None
+        ),
+    ]
+    for title, texts in (
+        ("Warnings", sample.warnings),
+        ("Notes", (*sample.notes, *(fitted.notes if fitted else ()))),
+    ):
+        if texts:
+            paragraphs += [f"## {title}", "\n".join(f"- {escape_markdown(t)}" for t in texts)]
+    return "\n\n".join(paragraphs)

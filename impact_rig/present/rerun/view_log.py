@@ -1,0 +1,249 @@
+"""What is logged into a Rerun recording: hits, verdicts, samples, results, health."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from impact_rig.present.rerun import entities
+from impact_rig.present.rerun.blueprint import make_blueprint
+from impact_rig.present.rerun.entities import Path
+from impact_rig.present.rerun.health import Health, HealthLog, format_health
+from impact_rig.present.rerun.markdown import (
+    format_log_line,
+    format_results,
+    format_summary,
+    format_verdict,
+)
+from impact_rig.present.rerun.paper_figures import (
+    draw_figure_3,
+    draw_figure_4,
+    draw_figure_6,
+)
+from impact_rig.present.rerun.plots import Line, Mark, PlotLog, make_scalars
+from impact_rig.present.rerun.rerun_sdk import import_rerun
+from impact_rig.present.rerun.sample_plots import draw_aligned_hits, draw_figure_5, draw_sample
+from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.figure_rows import make_figure_rows
+from impact_rig.results.hit_traces import HitTraces
+from impact_rig.results.numbers import MICRO
+from impact_rig.results.palette import CONTACT, GREY, HAMMER, SPECIMEN
+from impact_rig.results.sample_traces import AlignedHit, SampleTraces
+from impact_rig.results.traced_campaign import TracedCampaign
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+HIT_WIDTH = 1.5
+"""Line width of the last hit [points], our choice."""
+TREND_SIZE = 3.0
+"""Size of one hit's point in a trend [points], our choice."""
+LINES = (Line("hammer", HAMMER, HIT_WIDTH), Line("sample", SPECIMEN, HIT_WIDTH))
+ACCEPTED = "accepted"
+REJECTED = "rejected"
+TRENDS = {
+    entities.CONTACT_TIME: CONTACT,
+    entities.HAMMER_PEAK: HAMMER,
+    entities.SPECIMEN_PEAK: SPECIMEN,
+}
+"""Colours of the accepted hits, by quantity."""
+NO_HIT = "No hit yet."
+"""Stands where a campaign has nothing to show."""
+
+
+class ViewLog:
+    """Logs a campaign into one Rerun recording.
+
+    Parameters
+    ----------
+    stream : rerun.RecordingStream
+        Where to; its sinks are the caller's.
+
+    Raises
+    ------
+    RigError
+        If rerun-sdk is not installed.
+    """
+
+    def __init__(self, stream: rr.RecordingStream) -> None:
+        self._rr = import_rerun()
+        self._stream = stream
+        self._plots = PlotLog(stream)
+        self._trends: dict[str, str] = {}
+        self._health = HealthLog(stream)
+        self._layout: tuple[str, ...] | None = None
+        self._summarised: set[str] = set()
+
+    def log_setup(
+        self, name: str, sample_names: Sequence[str], contact_times: Sequence[float] = ()
+    ) -> None:
+        """Begin a campaign: hide what was shown before, and lay the view out for a sample set.
+
+        With the same samples as before the layout stays as the user has arranged it.
+
+        Parameters
+        ----------
+        name : str
+            Of the rig; the recording is called by it. Empty: not known.
+        sample_names : sequence of str
+            In their order.
+        contact_times : sequence of float
+            Those that are expected [s], NaN where not known: plots then begin with the part of
+            the time in which something happens. Without any they begin with whole records.
+        """
+        self._plots.hide()
+        self._trends.clear()
+        summaries = (_make_summary_path(sample) for sample in (*self._summarised, *sample_names))
+        for path in dict.fromkeys((entities.VERDICT, entities.TABLES, *summaries)):
+            self._log_document(path, NO_HIT)
+        draw_figure_6(self._stream, ())
+        if name:
+            self._stream.send_recording_name(name)
+        if self._layout != tuple(sample_names):
+            self._layout = tuple(sample_names)
+            self._stream.send_blueprint(make_blueprint(sample_names, contact_times))
+
+    def log_hit(self, traces: HitTraces) -> None:
+        """Show a record's traces in place of the last one's; an empty record shows nothing."""
+        self._plots.hide(entities.HITS)
+        path = self._plots.draw_lines(entities.HITS, traces.time, traces.values, LINES)
+        label = traces.label
+        self._stream.log(
+            path,
+            self._rr.AnyValues(
+                sample=label.sample,
+                record=label.record,
+                impact=label.impact,
+                attempt=label.attempt,
+            ),
+            static=True,
+        )
+
+    def log_verdict(self, verdict: HitResults, stamp: int) -> None:
+        """Show a hit's verdict, and add it to the log and the trends.
+
+        Parameters
+        ----------
+        verdict : HitResults
+            On the hit.
+        stamp : int
+            Time of the hit, nanoseconds since the epoch.
+        """
+        self._log_document(entities.VERDICT, format_verdict(verdict))
+        self._log_verdicts([verdict], [stamp])
+
+    def log_aligned_hit(self, hit: AlignedHit) -> None:
+        """Lay a hit over the others of its sample; for hits in the mean."""
+        draw_aligned_hits(self._plots, [hit])
+
+    def log_sample(self, traces: SampleTraces) -> None:
+        """Show a sample's mean, models, residuals and marks in place of the ones before."""
+        draw_sample(self._plots, traces)
+        draw_figure_5(self._plots, traces)
+
+    def log_results(self, results: Results) -> None:
+        """Show tables, Figs. 3, 4 and 6 and what was found of each sample, replacing the last."""
+        self._log_document(entities.TABLES, format_results(results))
+        for sample in results.samples:
+            self._summarised.add(sample.name)
+            self._log_document(_make_summary_path(sample.name), format_summary(results, sample))
+        rows = make_figure_rows(results)
+        draw_figure_3(self._plots, rows)
+        draw_figure_4(self._plots, rows)
+        draw_figure_6(self._stream, rows)
+
+    def log_health(self, health: Health) -> None:
+        """Show what the nodes say of themselves, and add their figures to the history."""
+        self._log_document(entities.HEALTH, format_health(health.nodes))
+        self._health.log(health)
+
+    def log_campaign(self, campaign: TracedCampaign) -> None:
+        """Show a campaign with everything there is to see of it, all at once.
+
+        Samples of the set that were not struck have no place in the view, unless none was.
+        """
+        results, hits = campaign.results, campaign.hits
+        self.log_setup(
+            results.setup.name,
+            [sample.name for sample in results.samples or results.setup.samples.samples],
+            [sample.contact_time.value for sample in results.samples],
+        )
+        if hits:
+            self._log_verdicts([hit.result for hit in hits], [hit.stamp for hit in hits])
+        self._draw_earlier_hits([hit.recorded for hit in hits[:-1]])
+        for last in hits[-1:]:
+            self.log_hit(last.recorded)
+            self._log_document(entities.VERDICT, format_verdict(last.result))
+        overlays: dict[tuple[str, float], list[AlignedHit]] = defaultdict(list)
+        for hit in hits:
+            if hit.aligned is not None and hit.result.accepted:
+                overlays[hit.result.sample, hit.aligned.sampling_rate].append(hit.aligned)
+        for overlay in overlays.values():
+            draw_aligned_hits(self._plots, overlay)
+        for traces in campaign.samples:
+            self.log_sample(traces)
+        self.log_results(results)
+        self._log_document(entities.HEALTH, format_health(()))
+
+    def _log_verdicts(self, hits: Sequence[HitResults], stamps: Sequence[int]) -> None:
+        """Add hits with their times, nanoseconds since the epoch, to the log and the trends."""
+        rr = self._rr
+        indexes = [
+            rr.TimeColumn(entities.HIT, sequence=[hit.record for hit in hits]),
+            rr.TimeColumn(entities.WALL_CLOCK, timestamp=np.array(stamps, "datetime64[ns]")),
+        ]
+        levels = [rr.TextLogLevel.INFO if hit.accepted else rr.TextLogLevel.WARN for hit in hits]
+        # A line is shown only where the timeline of the plots has it, too.
+        start = rr.TimeColumn(entities.HIT_TIME, duration=np.zeros(len(hits), "timedelta64[ns]"))
+        self._stream.send_columns(
+            rr.new_entity_path(entities.LOG),
+            indexes=[*indexes, start],
+            columns=rr.TextLog.columns(text=list(map(format_log_line, hits)), level=levels),
+        )
+        values = np.array(
+            [(hit.contact_time * MICRO, hit.hammer_peak, hit.specimen_peak) for hit in hits]
+        )
+        accepted = np.array([hit.accepted for hit in hits], dtype=bool)
+        for quantity, column in zip(TRENDS, values.T, strict=True):
+            rows = np.stack(
+                [np.where(accepted, column, np.nan), np.where(accepted, np.nan, column)], axis=1
+            )
+            self._stream.send_columns(
+                self._begin_trend(quantity), indexes=indexes, columns=[make_scalars(rows)]
+            )
+
+    def _begin_trend(self, quantity: str) -> str:
+        """Return the entity of a trend, which begins anew with each campaign."""
+        if quantity not in self._trends:
+            marks = [
+                Mark(ACCEPTED, TRENDS[quantity], "circle", TREND_SIZE),
+                Mark(REJECTED, GREY, "cross", TREND_SIZE),
+            ]
+            self._trends[quantity] = self._plots.add_points((*entities.TRENDS, quantity), marks)
+        return self._trends[quantity]
+
+    def _draw_earlier_hits(self, hits: Sequence[HitTraces]) -> None:
+        """Draw records that another one has superseded already.
+
+        Those with the same points of time share an entity: a row costs three times what a value
+        does.
+        """
+        by_time: dict[bytes, list[HitTraces]] = defaultdict(list)
+        for hit in hits:
+            if hit.time.size > 0:
+                by_time[hit.time.tobytes()].append(hit)
+        for group in by_time.values():
+            values = np.concatenate([hit.values for hit in group], axis=1)
+            self._plots.draw_hidden(entities.HITS, group[0].time, values)
+
+    def _log_document(self, path: Path, text: str) -> None:
+        document = self._rr.TextDocument(text, media_type=self._rr.MediaType.MARKDOWN)
+        # Static: to be seen wherever the time cursor stands.
+        self._stream.log(self._rr.new_entity_path(path), document, static=True)
+
+
+def _make_summary_path(sample: str) -> Path:
+    return (*entities.SAMPLES, sample, entities.SUMMARY)

@@ -1,0 +1,266 @@
+"""Tables and texts in a terminal: one look for every command, plain when piped.
+
+Nothing is wider than the terminal, and no number is cut: what does not fit side by side stands
+line by line. What is piped has no width: its tables are as wide as they need.
+"""
+
+import os
+import sys
+import textwrap
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import TextIO
+
+from rich import box
+from rich.cells import cell_len
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from impact_rig.results.numbers import MISSING
+from impact_rig.results.palette import GREEN, VERMILION, format_hex
+from impact_rig.results.tables import Column
+from impact_rig.results.tables import Table as ResultTable
+
+TITLE = "bold"
+NOTE = "dim"
+ALARM = f"bold {format_hex(VERMILION)}"
+"""What a person must look at."""
+WARNING = format_hex(VERMILION)
+GOOD = format_hex(GREEN)
+"""What is as it should be. The two are told apart by colour-blind readers, and read well on dark
+and on light."""
+EASY_LINE = 100
+"""Width of a paragraph where there is more room [characters], our choice: longer lines are hard
+to read."""
+LONGEST_HEADER = 12
+"""Of a line of a column's header [characters], our choice."""
+UNLIMITED = 10_000
+"""Width of what is no terminal [characters], our choice: no table needs as much."""
+COLUMN_GAP = "  "
+NARROWEST_TEXT = 10
+"""Down to where words may wrap so that numbers stay whole [characters], our choice."""
+EASY_TEXT = 30
+"""Down to where words wrap before a column is left out for them [characters], our choice: five
+words or so."""
+NO_ESCAPES = ("dumb", "unknown")
+"""What TERM says of terminals that can write and nothing else."""
+
+
+def make_console(*, stderr: bool = False) -> Console:
+    """Return a console on standard output or standard error.
+
+    It colours on terminals only, honours NO_COLOR, FORCE_COLOR, TERM and COLUMNS, and takes names
+    and messages as they are: brackets in them are no markup. `Console.is_interactive` tells
+    whether a person looks at it.
+    """
+    stream = sys.stderr if stderr else sys.stdout
+    can_move = stream.isatty() and os.environ.get("TERM", "").lower() not in NO_ESCAPES
+    return Console(
+        stderr=stderr,
+        markup=False,
+        highlight=False,
+        emoji=False,
+        width=_measure_stream(stream, can_move=can_move),
+        # A pipe that is to be coloured is still a pipe.
+        force_interactive=None if can_move else False,
+    )
+
+
+def _measure_stream(stream: TextIO, *, can_move: bool) -> int | None:
+    """Return how wide a stream is [characters]; None: rich finds that out, time and again."""
+    if can_move or os.environ.get("COLUMNS", "").isdigit():
+        return None
+    try:
+        return os.get_terminal_size(stream.fileno()).columns or None
+    except (OSError, ValueError):
+        return UNLIMITED
+
+
+def print_table(
+    console: Console, title: str, columns: Sequence[Column], notes: Iterable[str] = ()
+) -> None:
+    """Print a title, a table, notes below it, and an empty line.
+
+    Optional columns that the terminal is too narrow for are left out, and named. Where the others
+    do not fit side by side either, every row stands line by line.
+
+    Parameters
+    ----------
+    console : Console
+        Where to.
+    title : str
+        Above the table.
+    columns : sequence of Column
+        All with as many cells; the first names the rows.
+    notes : iterable of str
+        Paragraphs below the table.
+    """
+    shown, left_out = _choose_columns(columns, console.width)
+    print_text(console, title, TITLE)
+    widths = _share_width(shown, console.width)
+    if widths is None:
+        _print_rows(console, shown)
+    else:
+        console.print(_make_table(shown, widths))
+    for note in (*notes, *(column.note for column in shown if column.note)):
+        print_text(console, note, NOTE)
+    if left_out:
+        names = ", ".join(column.name for column in left_out)
+        print_text(console, f"A wider terminal shows {names} as well.", NOTE)
+    console.print()
+
+
+def print_result(console: Console, table: ResultTable) -> None:
+    """Print a table of results; rows that stand out are coloured."""
+    styles = [WARNING if place in table.marked else "" for place in range(len(table.rows))]
+    columns = [
+        replace(
+            column,
+            header="\n".join([*textwrap.wrap(column.label, LONGEST_HEADER), column.unit]).strip(),
+            styles=styles,
+        )
+        for column in table.columns
+    ]
+    print_table(console, table.caption, columns, table.notes)
+
+
+def make_printable(text: str) -> str:
+    """Return a text without what would move the cursor: names may come from anywhere."""
+    return "".join(letter if letter.isprintable() or letter == "\n" else "�" for letter in text)
+
+
+def print_text(console: Console, text: str | Text, style: str = "") -> None:
+    """Print a paragraph, in lines that are easily read."""
+    shown = Text(make_printable(text), style) if isinstance(text, str) else text
+    console.print(shown, width=min(console.width, EASY_LINE))
+
+
+def print_warning(text: str) -> None:
+    """Print on standard error what a person must know, in one line."""
+    console = make_console(stderr=True)
+    console.print(Text.assemble(("warning: ", ALARM), make_printable(text)), soft_wrap=True)
+
+
+def print_item(console: Console, text: str, style: str = "") -> None:
+    """Print an item of a list, its lines below each other."""
+    table = Table.grid(padding=(0, 1, 0, 0))
+    table.add_row(Text("-", style), Text(make_printable(text), style, overflow="fold"))
+    console.print(table, width=min(console.width, EASY_LINE))
+
+
+def print_facts(console: Console, rows: Iterable[Sequence[str | Text]]) -> None:
+    """Print rows without a header, and an empty line; what is too long for its row is folded."""
+    table = Table.grid(padding=(0, len(COLUMN_GAP), 0, 0))
+    for row in rows:
+        cells = [item if isinstance(item, Text) else Text(make_printable(item)) for item in row]
+        cells[-1].overflow = "fold"
+        table.add_row(*cells)
+    console.print(table)
+    console.print()
+
+
+def _make_table(columns: Sequence[Column], widths: Sequence[int]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
+    for column, width in zip(columns, widths, strict=True):
+        table.add_column(
+            Text(column.header),
+            width=width,
+            justify="left" if column.is_text else "right",
+            overflow="fold",
+        )
+    for cells in zip(*map(_make_cells, columns), strict=True):
+        table.add_row(*cells)
+    return table
+
+
+def _print_rows(console: Console, columns: Sequence[Column]) -> None:
+    """Print the rows one below the other: each cell has a line of its own."""
+    names, *others = map(_make_cells, columns)
+    for name, *cells in zip(names, *others, strict=True):
+        if name:
+            console.print(name)
+        table = Table.grid(padding=(0, len(COLUMN_GAP), 0, 0))
+        table.add_column(overflow="fold")
+        table.add_column(overflow="fold")
+        for column, cell in zip(columns[1:], cells, strict=True):
+            if cell:
+                table.add_row(column.name, cell)
+        console.print(Padding(table, (0, 0, 0, len(COLUMN_GAP)), expand=False))
+
+
+def _make_cells(column: Column) -> list[Text]:
+    styles = column.styles or [""] * len(column.cells)
+    return [
+        Text(make_printable(cell), style) for cell, style in zip(column.cells, styles, strict=True)
+    ]
+
+
+def _measure_width(column: Column) -> int:
+    """Return the width at which no cell of a column wraps [characters]."""
+    return max(cell_len(line) for text in _list_texts(column) for line in text.split("\n"))
+
+
+def _measure_narrowest(column: Column) -> int:
+    """Return the width down to which words may wrap [characters]: hardly any is broken."""
+    longest = max(cell_len(word) for text in _list_texts(column) for word in (*text.split(), ""))
+    return min(max(NARROWEST_TEXT, longest), EASY_TEXT)
+
+
+def _list_texts(column: Column) -> list[str]:
+    return [make_printable(text) for text in (column.header, *column.cells)]
+
+
+def _choose_columns(columns: Sequence[Column], width: int) -> tuple[list[Column], list[Column]]:
+    """Return the columns that are shown, and those that there is no room for.
+
+    Optional columns without a single number are in neither. Further ones are left out from the
+    right until the others fit.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        All.
+    width : int
+        Of the terminal [characters].
+    """
+    shown = [
+        column
+        for column in columns
+        if not column.is_optional or any(cell not in ("", MISSING) for cell in column.cells)
+    ]
+    left_out: list[Column] = []
+    while _add_widths(_compute_widths(shown, EASY_TEXT)) > width:
+        optional = [column for column in shown if column.is_optional]
+        if not optional:
+            break
+        shown.remove(optional[-1])
+        left_out.insert(0, optional[-1])
+    return shown, left_out
+
+
+def _share_width(columns: Sequence[Column], width: int) -> list[int] | None:
+    """Return the widths of columns side by side [characters]: words share what numbers leave.
+
+    None: there is no room for them side by side.
+    """
+    for text_width in range(max(map(_measure_width, columns)), 0, -1):
+        widths = _compute_widths(columns, text_width)
+        if _add_widths(widths) <= width:
+            return widths
+    return None
+
+
+def _compute_widths(columns: Sequence[Column], text_width: int) -> list[int]:
+    """Return the widths where texts take so much, as far as they can do with it."""
+    return [
+        min(_measure_width(column), max(text_width, _measure_narrowest(column)))
+        if column.is_text
+        else _measure_width(column)
+        for column in columns
+    ]
+
+
+def _add_widths(widths: Sequence[int]) -> int:
+    return sum(widths) + len(COLUMN_GAP) * (len(widths) - 1)

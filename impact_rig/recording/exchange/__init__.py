@@ -1,1 +1,0 @@
-"""Measurements of other instruments become recordings, and recordings measurements."""

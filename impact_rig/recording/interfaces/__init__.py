@@ -1,1 +1,0 @@
-"""Messages: their definitions, schemas and quality of service, and what they mean."""

@@ -1,1 +1,0 @@
-"""Recordings are found and read: one MCAP file, or a folder as rosbag2 writes it."""

@@ -1,1 +1,0 @@
-"""Recordings are looked through, sound or damaged, and made good again."""

@@ -1,1 +1,0 @@
-"""Recordings are written, onto the disk for certain."""

@@ -1,0 +1,174 @@
+"""Hits and mean traces of a recording as channels for other tools, in m/s^2."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from impact_rig.core.hits.averaging import MeanHit
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.session import Session
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.detection import ImpactDetector
+from impact_rig.core.signals.record import Block, FloatArray, HitLabel, Record
+from impact_rig.recordings.formats.measurement import MeasuredChannel
+from impact_rig.recordings.reader import Recording
+
+UNIT = "m/s^2"
+BODIES = ("hammer", "specimen")
+
+
+@dataclass(frozen=True)
+class ExportedHit:
+    """One hit with its traces and the last word on it.
+
+    Attributes
+    ----------
+    name : str
+        ``SAMPLE/IMPACT.ATTEMPT``, behind its campaign where there are several.
+    record : Record
+        Its traces as recorded.
+    judged : JudgedHit
+        Its verdict among all hits of its sample, with the filtered traces.
+    """
+
+    name: str
+    record: Record
+    judged: JudgedHit
+
+    @property
+    def label(self) -> HitLabel:
+        """Which hit it is."""
+        return self.record.label
+
+    def make_channels(self, *, is_filtered: bool) -> tuple[MeasuredChannel, ...]:
+        """Return its channels; none where there are no such traces.
+
+        Parameters
+        ----------
+        is_filtered : bool
+            After baseline and low-pass; False: as recorded.
+        """
+        rate, stamp = self.record.sampling_rate, self.record.stamp
+        if is_filtered:
+            filtered = self.judged.filtered
+            if filtered is None:
+                return ()
+            return _make_channels(self.name, filtered.traces, rate, recorded_at=stamp)
+        traces = [trace for trace in (self.record.hammer, self.record.specimen) if trace]
+        accelerations = [trace.acceleration for trace in traces]
+        if not accelerations[0].size:
+            return ()
+        return _make_channels(self.name, accelerations, rate, recorded_at=stamp)
+
+
+class ExportedCampaign:
+    """One campaign of a recording, judged as the estimator does it live.
+
+    Parameters
+    ----------
+    setup : RigSetup
+        Masses, samples and settings.
+
+    Attributes
+    ----------
+    session : Session
+        With all its hits.
+    prefix : str
+        Tells its hits from those of other campaigns.
+    """
+
+    def __init__(self, setup: RigSetup) -> None:
+        self.session = Session(setup)
+        self.prefix = ""
+        self._detector = ImpactDetector(setup.analysis)
+        self._records: list[tuple[Record, JudgedHit]] = []
+
+    def feed(self, block: Block) -> None:
+        """Take the next block, and keep the traces of the hits that it completes.
+
+        Raises
+        ------
+        ParameterError
+            If the block's sample is not in the set, or the settings cannot be used.
+        """
+        self.session.setup.samples.find(block.label.sample)
+        for record in self._detector.feed(block):
+            self._records.append((record, self.session.judge(record)))
+
+    def list_hits(self) -> tuple[ExportedHit, ...]:
+        """Return all hits in the order of their arrival."""
+        final = {
+            _identify(hit): hit
+            for name in self.session.names
+            for selection in [self.session.find_selection(name)]
+            for hit in (*selection.kept, *selection.left_out)
+        }
+        seen: Counter[HitLabel] = Counter()
+        hits = []
+        for record, judged in self._records:
+            label = record.label
+            seen[label] += 1
+            name = f"{self.prefix}{label.sample}/{label.impact}.{label.attempt}"
+            if seen[label] > 1:
+                name += f" ({seen[label]})"
+            # The last word on a hit comes without its traces.
+            last = replace(final[_identify(judged)], filtered=judged.filtered)
+            hits.append(ExportedHit(name, record, last))
+        return tuple(hits)
+
+    def make_mean_channels(self, name: str) -> tuple[MeasuredChannel, ...]:
+        """Return the channels of one sample's mean hit; none where no hit was accepted.
+
+        Time 0 is the middle of the hammer pulse.
+        """
+        mean: MeanHit | None = self.session.find_mean(name)
+        if mean is None:
+            return ()
+        rate = mean.sampling_rate
+        return _make_channels(f"{self.prefix}{name}/mean", mean.traces, rate, -mean.origin / rate)
+
+
+def read_campaigns(recording: Recording) -> tuple[ExportedCampaign, ...]:
+    """Judge every hit of a recording.
+
+    Returns
+    -------
+    tuple of ExportedCampaign
+        Those with hits.
+
+    Raises
+    ------
+    FileError
+        If the recording is damaged.
+    ParameterError
+        If its settings cannot be used.
+    """
+    campaigns: list[ExportedCampaign] = []
+    for event in recording.events():
+        if not isinstance(event, Block):
+            # Each campaign begins with its set-up, and its estimates start afresh.
+            campaigns.append(ExportedCampaign(event))
+        elif campaigns:
+            campaigns[-1].feed(event)
+    found = [campaign for campaign in campaigns if campaign.session.names]
+    if len(found) > 1:
+        for number, campaign in enumerate(found, start=1):
+            campaign.prefix = f"campaign {number}/"
+    return tuple(found)
+
+
+def _identify(hit: JudgedHit) -> tuple[HitLabel, int]:
+    return hit.label, hit.stamp
+
+
+def _make_channels(
+    name: str,
+    traces: Sequence[FloatArray] | FloatArray,
+    rate: float,
+    start: float = 0.0,
+    recorded_at: int = 0,
+) -> tuple[MeasuredChannel, ...]:
+    return tuple(
+        MeasuredChannel(f"{name} {body}", trace, rate, UNIT, start, recorded_at)
+        for body, trace in zip(BODIES, traces, strict=False)
+    )

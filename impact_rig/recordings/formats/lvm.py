@@ -1,0 +1,306 @@
+"""LabVIEW's measurement files (`.lvm`).
+
+Read here and not by the library lvm_read (1.26): that one makes NaN of whatever is no number and
+of what is cut off, takes columns of times for channels, leaves step, start and length of each
+channel to the caller, and unpickles any `.lvm.pkl` that lies beside the file.
+"""
+
+import datetime as dt
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+
+from impact_rig.core.errors import FileError
+from impact_rig.core.signals.record import FloatArray
+from impact_rig.recordings.formats.measurement import (
+    NANOSECONDS,
+    MeasuredChannel,
+    Measurement,
+    round_rate,
+)
+from impact_rig.recordings.formats.text import Line, Style, read_lines
+
+X_VALUE = "X_Value"
+"""Heading of every column of times."""
+COMMENT = "Comment"
+"""Heading of the last column, of words."""
+DAY = re.compile(r"(\d{4})\D(\d{1,2})\D(\d{1,2})")
+CLOCK = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)")
+SECONDS_OF_A_DAY = 86400
+EPOCH = dt.date(1970, 1, 1)
+FIRST_WORDS = "LabVIEW Measurement"
+SEPARATORS = {"Tab": "\t", "Comma": ","}
+SPECIAL_START, SPECIAL_END = "***Start_Special***", "***End_Special***"
+"""Around what a program adds for itself."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A table of numbers with what its header states.
+
+    Attributes
+    ----------
+    path : Path
+        Of the file.
+    number : int
+        In the file, counted from 1.
+    style : Style
+        How its numbers are written.
+    headings : list of str
+        Of its columns.
+    tags : dict
+        Cells of the lines of its header, by the first one; the others stand in the columns that
+        they belong to.
+    rows : list of tuple
+        Line number and cells of each line of numbers.
+    """
+
+    path: Path
+    number: int
+    style: Style
+    headings: list[str]
+    tags: dict[str, list[str]]
+    rows: list[tuple[int, list[str]]] = field(default_factory=list)
+
+    def get_tag(self, key: str, column: int) -> str:
+        """Return what the header states of a column; empty: nothing."""
+        cells = self.tags.get(key, [])
+        return cells[column] if column < len(cells) else ""
+
+    def get_cells(self, column: int) -> list[str]:
+        """Return the cells of a column; empty where a row ends before it."""
+        return [cells[column] if column < len(cells) else "" for _, cells in self.rows]
+
+    def list_columns(self) -> list[int]:
+        """Return the columns of the channels: neither of times nor of words."""
+        count = len(self.headings) - (self.headings[-1] == COMMENT)
+        return [column for column in range(1, count) if self.headings[column] != X_VALUE]
+
+
+def make_channels(segment: Segment, first: Segment) -> list[MeasuredChannel]:
+    """Make the channels of a segment.
+
+    Parameters
+    ----------
+    segment : Segment
+        What the file holds.
+    first : Segment
+        From whose first channel the starts count.
+
+    Returns
+    -------
+    list of MeasuredChannel
+
+    Raises
+    ------
+    FileError
+        If the table contradicts its header.
+    """
+    columns = segment.list_columns()
+    if not columns:
+        raise FileError(f"{segment.path} has no channel in segment {segment.number}")
+    stated = segment.get_tag("Channels", 1)
+    if stated and stated != str(len(columns)):
+        raise FileError(
+            f"{segment.path} states {stated} channels in segment {segment.number}, its table has"
+            f" {len(columns)}"
+        )
+    packet = _read_packet(segment, columns)
+    suffix = f" (segment {segment.number})" if segment.number > 1 else ""
+    origin = _read_time(first, first.list_columns()[0])
+    return [
+        MeasuredChannel(
+            name=segment.headings[column] + suffix,
+            values=_parse_column(segment, column, packet),
+            sampling_rate=_read_rate(segment, column),
+            unit=segment.get_tag("Y_Unit_Label", column),
+            start=_read_start(segment, column, origin),
+            recorded_at=origin or 0,
+        )
+        for column in columns
+    ]
+
+
+def _read_packet(segment: Segment, columns: list[int]) -> int:
+    """Return the rows that one writing of the table takes; 0: not stated."""
+    stated = [_parse_count(segment, column) for column in columns]
+    packet = max(stated, default=0)
+    if len(segment.rows) < packet:
+        name = segment.headings[columns[stated.index(packet)]]
+        raise FileError(
+            f"{segment.path} is cut off: {name!r} should have {packet} points, the table has"
+            f" {len(segment.rows)} rows"
+        )
+    return packet
+
+
+def _parse_count(segment: Segment, column: int) -> int:
+    text = segment.get_tag("Samples", column)
+    if text and not text.isdecimal():
+        raise FileError(f"{segment.path} states {text!r} samples: it should be a whole number")
+    return int(text or 0)
+
+
+def _parse_column(segment: Segment, column: int, packet: int) -> FloatArray:
+    """Return the numbers of a channel; it has none where its header says that it ended."""
+    cells = np.array(segment.get_cells(column), dtype=object)
+    is_there = cells != ""
+    if packet:
+        should_be = np.arange(cells.size) % packet < _parse_count(segment, column)
+    else:
+        should_be = np.arange(cells.size) < np.count_nonzero(is_there)
+    wrong = np.flatnonzero(is_there != should_be)
+    if wrong.size:
+        what = "more" if is_there[wrong[0]] else "fewer"
+        raise FileError(
+            f"{segment.path}, line {segment.rows[wrong[0]][0]}: {segment.headings[column]!r} has"
+            f" {what} points than its header states"
+        )
+    lines = [segment.rows[row][0] for row in np.flatnonzero(is_there)]
+    return segment.style.parse(segment.path, cells[is_there].tolist(), lines)
+
+
+def _read_rate(segment: Segment, column: int) -> float:
+    """Return the rate of a channel [Hz]; NaN: not stated.
+
+    Both step and times are rounded, often to microseconds: what is nearer is taken.
+    """
+    dimension = segment.get_tag("X_Dimension", column) or "Time"
+    if dimension != "Time":
+        raise FileError(
+            f"{segment.path}: {segment.headings[column]!r} runs over {dimension}: it should run"
+            " over Time"
+        )
+    text = segment.get_tag("Delta_X", column)
+    if not text:
+        return math.nan
+    step, error = _parse_rounded(segment, text)
+    axis = max(i for i in range(column) if segment.headings[i] == X_VALUE)
+    cells, numbers = segment.get_cells(axis), segment.get_cells(column)
+    while numbers and not numbers[-1]:
+        numbers.pop()
+    if len(numbers) > 1 and cells[0] and cells[len(numbers) - 1]:
+        times = [_parse_rounded(segment, cells[index]) for index in (0, len(numbers) - 1)]
+        mean_step = (times[1][0] - times[0][0]) / (len(numbers) - 1)
+        mean_error = (times[1][1] + times[0][1]) / (len(numbers) - 1)
+        if mean_error < error and abs(mean_step - step) <= mean_error + error:
+            step, error = mean_step, mean_error
+    return round_rate(step, error)
+
+
+def _parse_rounded(segment: Segment, text: str) -> tuple[float, float]:
+    """Return a number and the largest error that its last digit leaves."""
+    try:
+        number = Decimal(segment.style.make_point(text))
+        return float(number), 0.5 * 10.0 ** int(number.as_tuple().exponent)
+    except (ArithmeticError, ValueError):
+        raise FileError(f"{segment.path} states {text!r}: it should be a number") from None
+
+
+def _read_start(segment: Segment, column: int, origin: int | None) -> float:
+    """Return the time of a channel's first point after `origin` [s]."""
+    text = segment.get_tag("X0", column)
+    before = _parse_rounded(segment, text)[0] if text else 0.0
+    time = _read_time(segment, column)
+    return before if time is None or origin is None else (time - origin) / NANOSECONDS + before
+
+
+def _read_time(segment: Segment, column: int) -> int | None:
+    """Return what a channel's times count from [ns since the epoch]; None: not stated."""
+    day = DAY.fullmatch(segment.get_tag("Date", column))
+    clock = CLOCK.fullmatch(segment.get_tag("Time", column))
+    if day is None or clock is None:
+        return None
+    hours, minutes, seconds = clock.groups()
+    try:
+        days = (dt.date(*map(int, day.groups())) - EPOCH).days
+    except ValueError:
+        return None
+    whole = SECONDS_OF_A_DAY * days + 60 * (60 * int(hours) + int(minutes))
+    return NANOSECONDS * whole + round(NANOSECONDS * Decimal(seconds.replace(",", ".")))
+
+
+def read_lvm(path: Path) -> Measurement:
+    """Read the channels of all segments of a LabVIEW measurement file.
+
+    A channel may be slower or shorter than its neighbours. Its rate and start are those of its
+    header, since the table gives times to the microsecond only; starts count from that of the
+    first channel, date and time in its header. These are local ones without a time zone: they are
+    taken as UTC. Channels of later segments are named by their segment.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+
+    Returns
+    -------
+    Measurement
+
+    Raises
+    ------
+    FileError
+        If the file is no `.lvm`, is cut off, or its table contradicts its header.
+    """
+    lines = read_lines(path)
+    if not lines or not lines[0].text.startswith(FIRST_WORDS):
+        raise FileError(f"{path} is no .lvm file: it should begin with {FIRST_WORDS!r}")
+    segments = list(_split_segments(path, lines))
+    if not segments:
+        raise FileError(f"{path} is cut off: it holds no table of numbers")
+    return Measurement(
+        path,
+        tuple(channel for segment in segments for channel in make_channels(segment, segments[0])),
+    )
+
+
+def _split_segments(path: Path, lines: Sequence[Line]) -> Iterator[Segment]:
+    style = _read_style(path, lines)
+    segment: Segment | None = None
+    tags: dict[str, list[str]] = {}
+    for line in _leave_out_special(lines):
+        cells = style.split(line.text)
+        key = cells[0]
+        if key == X_VALUE:
+            headings = cells[: len(cells) - next(i for i, cell in enumerate(cells[::-1]) if cell)]
+            if segment is not None:
+                yield segment
+            number = 1 if segment is None else segment.number + 1
+            segment = Segment(path, number, style, headings, tags)
+            tags = {}
+        elif segment is not None and not tags and (not key or style.is_number(key)):
+            if any(cells):
+                segment.rows.append((line.number, cells))
+        else:
+            tags[key] = cells
+    if segment is not None:
+        yield segment
+
+
+def _leave_out_special(lines: Sequence[Line]) -> Iterator[Line]:
+    is_special = False
+    for line in lines:
+        if line.text.startswith(SPECIAL_START):
+            is_special = True
+        elif line.text.startswith(SPECIAL_END):
+            is_special = False
+        elif not is_special:
+            yield line
+
+
+def _read_style(path: Path, lines: Sequence[Line]) -> Style:
+    """Return the separator that the header states, by default a tab."""
+    key = "Separator"
+    stated = next((line.text for line in lines if line.text.startswith(key)), "")
+    name = stated.removeprefix(key).strip(" \t,;")
+    if name and name not in SEPARATORS:
+        raise FileError(
+            f"{path} states the separator {name!r}: it should be {' or '.join(SEPARATORS)}"
+        )
+    separator = SEPARATORS.get(name, "\t")
+    return Style(separator, has_decimal_comma=separator != ",")

@@ -1,0 +1,463 @@
+"""What any file of measured channels comes down to."""
+
+import contextlib
+import math
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impact_rig.core.checks import check_positive
+from impact_rig.core.errors import FileError, ParameterError, RigError, SignalError
+from impact_rig.core.setup.calibration import normalize_unit
+from impact_rig.core.signals.record import FloatArray, RawArray
+
+DOUBLE_DIGITS = 17
+"""Digits that tell every float64 from all others [-]."""
+
+TIE = 1.0 + 1e-6
+"""Factor that lets a step in the very middle between two printed ones be either [-]."""
+RATE_DIGITS = 9
+"""Digits that a sampling rate found in a time column is rounded to, our choice: files of one
+series get the same rate, whatever the last bits of their times."""
+LARGEST_TIME_ERROR = 0.05
+"""How far a point may lie from an even time grid, part of the step [-]. Our choice: above what
+rounding to the printed digits makes of even steps, far below a point that is missing."""
+
+
+TIME_UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+"""Units of a column of times [s]; none stated: seconds."""
+
+
+def round_rate(step: float, error: float = 0.0) -> float:
+    """Find the rate that a step stands for, as round as the step allows.
+
+    Parameters
+    ----------
+    step : float
+        Time from point to point [s], as its file states it.
+    error : float
+        What rounding may have made of it [s]: 1.95312e-05 s to six digits may be 51200 Hz.
+
+    Returns
+    -------
+    float
+        [Hz], with as few digits as possible among those whose step is that near; NaN if the step
+        is no finite number above zero.
+    """
+    if not (math.isfinite(step) and step > 0 and math.isfinite(1.0 / step)):
+        return math.nan
+    for digits in range(1, DOUBLE_DIGITS + 1):
+        rate = float(f"{1.0 / step:.{digits}g}")
+        if abs(1.0 / rate - step) <= TIE * error:
+            return rate
+    return 1.0 / step
+
+
+def compute_rounding(value: float, digits: int) -> float:
+    """Return the largest error of a number that was rounded to so many digits."""
+    return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) - digits + 1)
+
+
+def compute_sampling_rate(path: Path, times: FloatArray, unit: str = "") -> float:
+    """Find the rate of a column of times.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file, for the message.
+    times : ndarray, shape (n,)
+        Of each point, finite; two at least.
+    unit : str
+        Of the times, as the file states it.
+
+    Returns
+    -------
+    float
+        [Hz], rounded to `RATE_DIGITS` digits.
+
+    Raises
+    ------
+    SignalError
+        If time does not run in even steps, or its unit is unknown.
+    """
+    if unit.strip() not in TIME_UNITS:
+        raise SignalError(f"{path}: times are in {unit!r}: they must be in s, ms, us or ns")
+    time = times * TIME_UNITS[unit.strip()]
+    step = (time[-1] - time[0]) / (time.size - 1)
+    steps = np.diff(time)
+    if not (step > 0 and np.isfinite(step)) or steps.min() <= 0:
+        worst = int(np.argmin(steps))
+        raise SignalError(
+            f"{path}: time does not grow from point {worst} to {worst + 1}"
+            f" ({time[worst]:g} s, {time[worst + 1]:g} s): is this the time column?"
+        )
+    deviation = np.abs(time - (time[0] + step * np.arange(time.size)))
+    if deviation.max() > LARGEST_TIME_ERROR * step:
+        worst = int(np.argmax(np.abs(steps - step)))
+        raise SignalError(
+            f"{path}: time does not run in even steps of {step:g} s: it goes on by"
+            f" {steps[worst]:g} s at point {worst}"
+        )
+    return float(f"{1.0 / step:.{RATE_DIGITS}g}")
+
+
+LARGEST_PACKING = 1032
+"""How many times its packed size data may have: the limit of DEFLATE, which packs them all."""
+SHOWN_LETTERS = 200
+"""Of a library's complaint, our choice."""
+
+
+@contextlib.contextmanager
+def blame_file(path: Path) -> Iterator[None]:
+    """Make a `FileError` of whatever a library trips over while it reads a file.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file; its suffix says what it should be.
+
+    Yields
+    ------
+    None
+
+    Raises
+    ------
+    FileError
+        If the block fails otherwise than by an error of the rig or a missing library.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except ParameterError as error:  # of a channel: it does not know its file
+        raise FileError(f"{path}: {error}") from None
+    except (RigError, ImportError):
+        raise
+    except Exception as error:  # noqa: BLE001 - damaged files break libraries in every way there is
+        words = str(error).strip().splitlines() or [type(error).__name__]
+        raise FileError(
+            f"{path} is no sound {path.suffix.lower()} file: {words[0][:SHOWN_LETTERS]}"
+        ) from None
+
+
+def check_claim(path: Path, name: str, claimed: int, packing: int = 1) -> None:
+    """Refuse an array that cannot be in its file, before room is made for it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    name : str
+        Of the array, for the message.
+    claimed : int
+        Size of the array, as the file states it [byte].
+    packing : int
+        How many times smaller it may be in the file; 1: it is not packed.
+
+    Raises
+    ------
+    FileError
+        If the file is too small.
+    """
+    size = path.stat().st_size
+    if not 0 <= claimed <= packing * size:
+        raise FileError(
+            f"{path} is cut off or damaged: {name} should have {claimed} bytes, the file has"
+            f" {size}"
+        )
+
+
+EXACT_INTEGERS = 2**53
+"""Up to here float64 holds every whole number [-]."""
+EARLIEST, LATEST = 315_532_800, 2_145_916_800
+"""A date is believed between these, 1980 and 2038 [s since the epoch]. Our choice: clocks that
+were never set begin in 1904, 1970 or 1980, and ROS 2's stamps end in January 2038."""
+NANOSECONDS = 1_000_000_000
+"""In a second [ns]."""
+TIME_NAMES = {"t", "time", "time s", "times", "x value"}
+RATE_NAMES = {"fs", "rate", "sampling rate", "sampling rate hz", "sample rate", "samplerate"}
+STEP_NAMES = {"dt", "delta t", "delta x", "step", "ts"}
+"""Names of arrays that say when the others were taken, in small letters, underscores as blanks."""
+DIMENSIONS = 2
+"""Of the largest array that is taken for channels side by side."""
+
+
+@dataclass(frozen=True)
+class MeasuredChannel:
+    """One channel as its file states it.
+
+    Attributes
+    ----------
+    name : str
+        As in the file; "column 1", "channel 1" and so on where it states none.
+    values : ndarray of int32 or float64, shape (n,)
+        The file's numbers, neither scaled nor rounded, NaN and infinity among them; read-only.
+    sampling_rate : float
+        [Hz]; NaN: the file does not state it.
+    unit : str
+        Of the values, spelled as `impact_rig.core.setup.calibration` does if it is known there;
+        empty: the file does not state it.
+    start : float
+        Time of the first point [s].
+    recorded_at : int
+        When that time was 0, nanoseconds since the epoch in UTC; 0: the file does not state it,
+        or a date that is not between `EARLIEST` and `LATEST`.
+    """
+
+    name: str
+    values: RawArray
+    sampling_rate: float = math.nan
+    unit: str = ""
+    start: float = 0.0
+    recorded_at: int = 0
+
+    def __post_init__(self) -> None:
+        """Copy the values, make them read-only, and refuse what cannot be meant."""
+        what = f"channel {self.name!r}"
+        values = np.array(self.values)
+        if values.ndim != 1 or values.dtype not in (np.int32, np.float64):
+            raise ParameterError(
+                f"{what} is an array of {values.dtype} with shape {values.shape}: it must be one"
+                " row of int32 or float64"
+            )
+        values.setflags(write=False)
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "unit", normalize_unit(self.unit))
+        if not math.isnan(self.sampling_rate):
+            check_positive(f"{what}: sampling rate", self.sampling_rate, "Hz")
+        if not math.isfinite(self.start):
+            raise ParameterError(f"{what} starts at {self.start!r} s: it must be a finite time")
+        if not EARLIEST < self.recorded_at / NANOSECONDS < LATEST:
+            object.__setattr__(self, "recorded_at", 0)
+
+    @property
+    def stamp(self) -> int:
+        """When the first point was taken, nanoseconds since the epoch; 0: not known."""
+        if not EARLIEST < self.recorded_at / NANOSECONDS + self.start < LATEST:
+            return 0
+        return self.recorded_at and self.recorded_at + round(self.start * NANOSECONDS)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """All channels of one file.
+
+    Attributes
+    ----------
+    path : Path
+        Of the file.
+    channels : tuple of MeasuredChannel
+        One at least, in the order of the file. Lengths, rates and starts may differ.
+    """
+
+    path: Path
+    channels: tuple[MeasuredChannel, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse a measurement of nothing."""
+        if not self.channels:
+            raise FileError(f"{self.path} holds no channel: it should have one or more of numbers")
+
+
+def keep_values(array: NDArray[Any], what: str) -> RawArray:
+    """Return numbers of any kind in one of the two kinds that a channel has.
+
+    Parameters
+    ----------
+    array : ndarray
+        Of real numbers.
+    what : str
+        Names file and channel in the message.
+
+    Returns
+    -------
+    ndarray of int32 or float64
+        The same numbers: int32 if all integers of their kind fit, otherwise float64.
+
+    Raises
+    ------
+    FileError
+        If the numbers are not real, or cannot be kept exactly.
+    """
+    kind = array.dtype.kind
+    if kind in "iu" and np.can_cast(array.dtype, np.int32):
+        return array.astype(np.int32, copy=False)
+    if (
+        kind in "iu"
+        and array.size
+        and max(abs(int(array.min())), int(array.max())) > EXACT_INTEGERS
+    ):
+        raise FileError(
+            f"{what} holds whole numbers beyond 2^53: float64 cannot keep them exactly"
+        )
+    if kind not in "iuf" or array.dtype.itemsize > np.dtype(np.float64).itemsize:
+        raise FileError(
+            f"{what} holds {array.dtype}: a channel is of real numbers, float64 at most"
+        )
+    return array.astype(np.float64, copy=False)
+
+
+@dataclass(frozen=True)
+class NamedArray:
+    """An array, and what its file states of it.
+
+    Attributes
+    ----------
+    name : str
+        In the file.
+    values : ndarray
+        Of any kind and shape.
+    sampling_rate, unit, start, recorded_at
+        As in `MeasuredChannel`.
+    is_channel : bool
+        The file says so of numbers; False: found out by name and shape.
+    """
+
+    name: str
+    values: NDArray[Any]
+    sampling_rate: float = math.nan
+    unit: str = ""
+    start: float = 0.0
+    is_channel: bool = False
+    recorded_at: int = 0
+
+
+def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
+    """Make channels of the arrays of a file.
+
+    Vectors are channels; of an array with two axes the longer one is time. An array named as a
+    time, a sampling rate or a step says when the others were taken; all else is left out.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file, for messages.
+    arrays : sequence of NamedArray
+        All arrays of the file, in its order.
+
+    Returns
+    -------
+    Measurement
+
+    Raises
+    ------
+    FileError
+        If no array is a channel.
+    SignalError
+        If time does not run in even steps.
+    """
+    rate = _read_stated_rate(arrays)
+    clocks = [array for array in arrays if _is_time(array)]
+    channels: list[MeasuredChannel] = []
+    for array in arrays:
+        if _is_channel(array) and not _is_time(array):
+            channels += _make_channels(path, array, clocks, rate)
+    if channels:
+        return Measurement(path, tuple(channels))
+    found = ", ".join(f"{a.name} ({a.values.dtype}, {a.values.shape})" for a in arrays[:5])
+    raise FileError(f"{path} has no vector of real numbers: it holds {found or 'nothing'}")
+
+
+def split_columns(values: NDArray[Any]) -> list[NDArray[Any]]:
+    """Return the columns of an array of one or two axes, of which the longer is time."""
+    if values.ndim == 1:
+        return [values]
+    rows = np.atleast_2d(values)
+    return list(rows if rows.shape[0] <= rows.shape[1] else rows.T)
+
+
+def clean_name(name: str) -> str:
+    """Return the last part of a name in small letters, underscores as blanks."""
+    return name.rpartition("/")[2].replace("_", " ").strip().lower()
+
+
+def _make_channels(
+    path: Path, array: NamedArray, clocks: Sequence[NamedArray], rate: float
+) -> list[MeasuredChannel]:
+    columns = split_columns(array.values)
+    sampling_rate, start = array.sampling_rate, array.start
+    if math.isnan(sampling_rate) and not array.is_channel:
+        sampling_rate = rate
+        time = next((clock for clock in clocks if clock.values.size == columns[0].size), None)
+        if time is not None:
+            times = np.asarray(time.values, dtype=np.float64).ravel()
+            sampling_rate = compute_sampling_rate(path, times, time.unit)
+            start = TIME_UNITS[time.unit.strip()] * float(times[0])
+    return [
+        MeasuredChannel(
+            name=array.name if len(columns) == 1 else f"{array.name} {number}",
+            values=keep_values(column, f"{path}, {array.name}"),
+            sampling_rate=sampling_rate,
+            unit=array.unit,
+            start=start,
+            recorded_at=array.recorded_at,
+        )
+        for number, column in enumerate(columns, start=1)
+    ]
+
+
+def _read_stated_rate(arrays: Sequence[NamedArray]) -> float:
+    """Return the sampling rate that a number in the file states [Hz]; NaN: none does."""
+    for array in arrays:
+        if array.values.size != 1 or array.values.dtype.kind not in "iuf":
+            continue
+        value = float(array.values.ravel()[0])
+        if not (math.isfinite(value) and value > 0):
+            continue
+        if clean_name(array.name) in RATE_NAMES:
+            return value
+        if clean_name(array.name) in STEP_NAMES:
+            return round_rate(value)
+    return math.nan
+
+
+def _is_time(array: NamedArray) -> bool:
+    return (
+        not array.is_channel
+        and _is_channel(array)
+        and max(array.values.shape) == array.values.size
+        and clean_name(array.name) in TIME_NAMES
+    )
+
+
+def _is_channel(array: NamedArray) -> bool:
+    values = array.values
+    is_large = 1 <= values.ndim <= DIMENSIONS and values.size > 1
+    return values.dtype.kind in "iuf" and (array.is_channel or is_large)
+
+
+def make_unique(
+    names: Sequence[str], clean: Callable[[str], str], number_format: str = " ({})"
+) -> list[str]:
+    """Return a name for each channel that a format can hold.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the channels; a name may be there twice.
+    clean : callable
+        Returns a name that the format allows, the same if it is one.
+    number_format : str
+        What is added to a name that is taken, a number in place of the braces.
+
+    Returns
+    -------
+    list of str
+        As many, all different, also if the case of letters does not count.
+    """
+    taken: set[str] = set()
+    unique = []
+    for name in names:
+        candidate = allowed = clean(name)
+        number = 2
+        while candidate.lower() in taken:
+            candidate = allowed + number_format.format(number)
+            number += 1
+        taken.add(candidate.lower())
+        unique.append(candidate)
+    return unique

@@ -1,0 +1,527 @@
+"""Measurements of other instruments as one series of hits, and as a recording of it.
+
+A hit was at the time that its file states. One whose file states none, or one before the end of
+the hit before, comes `PAUSE` after that end; a series begins with the first time that a file of it
+states, or a second after the epoch. So times grow in the order of the files, without a gap of
+decades, and the same files make the same recording, byte by byte.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from impact_rig import __version__
+from impact_rig.core.errors import FileError, ParameterError, SignalError
+from impact_rig.core.setup.calibration import FORCES, UNITS, VOLTAGES, find_scale, normalize_unit
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.sensors import ROLES, ChannelPlan, ChannelUse
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.detection import ImpactDetector, find_pulse_start
+from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, Trace
+from impact_rig.recordings.formats.measurement import (
+    LARGEST_TIME_ERROR,
+    RATE_DIGITS,
+    MeasuredChannel,
+    Measurement,
+    compute_sampling_rate,
+)
+from impact_rig.recordings.formats.registry import read_measurement
+from impact_rig.recordings.messages import NANOSECONDS, MessageEncoder
+from impact_rig.recordings.new_file import write_new_file
+from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.writer import McapWriter
+
+DEFAULT_ROLES = {1: ("hammer",), 2: ("time", "hammer"), 3: ("time", "hammer", "specimen")}
+"""Roles of columns by their number, where none are given and the file states no rate."""
+DEFAULT_UNIT = "m/s^2"
+"""What a channel is taken for where neither file nor user state a unit."""
+
+MINIMUM_POINTS = 16
+"""Shortest trace that is taken for one [points], our choice: a pulse and some baseline."""
+
+NO_SPECIMEN = ChannelBlock(np.empty(0), 1.0, 0.0, 0.0)
+BODIES = {"hammer": "hammer", "specimen": "sample"}
+"""What a person calls the body of a role."""
+
+
+@dataclass(frozen=True)
+class MappedChannels:
+    """Both channels of one hit as they stand in its file, with their calibration.
+
+    Attributes
+    ----------
+    sampling_rate : float
+        [Hz]
+    hammer, specimen : ChannelBlock
+        Numbers or counts of the file, bit by bit; the specimen's without points: not measured.
+    has_scale : bool
+        The hammer's are accelerations; False: a force on an unknown mass, as large as the force.
+    assumed : tuple of str
+        Bodies of whose channels neither file nor user state a unit: `DEFAULT_UNIT` was taken.
+    names : tuple of str
+        Of the channels in the file.
+    stamp : int
+        When the hammer's first point was taken, nanoseconds since the epoch; 0: not known.
+    """
+
+    sampling_rate: float
+    hammer: ChannelBlock
+    specimen: ChannelBlock = NO_SPECIMEN
+    has_scale: bool = True
+    assumed: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+    stamp: int = 0
+
+
+def map_channels(
+    measurement: Measurement,
+    plan: ChannelPlan,
+    hammer_mass: float = math.nan,
+    *,
+    needs_scale: bool = True,
+) -> MappedChannels:
+    """Find, check and calibrate the channels of one hit.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        As read from its file.
+    plan : ChannelPlan
+        What the user says of its channels.
+    hammer_mass : float
+        m1 [kg], which makes accelerations of forces; NaN: not known.
+    needs_scale : bool
+        Refuse a force without a mass; False: contact times are all that is wanted.
+
+    Returns
+    -------
+    MappedChannels
+
+    Raises
+    ------
+    SignalError
+        If channels are missing, too short, not finite, of different lengths, rates or starts, or
+        time does not run in even steps.
+    ParameterError
+        If the units do not fit, or the user contradicts the file.
+    """
+    path = measurement.path
+    found = _assign_roles(measurement, plan)
+    for role, channel in found.items():
+        _check_values(path, role, channel)
+    hammer, specimen = found["hammer"], found.get("specimen")
+    if specimen is not None:
+        _check_pair(path, hammer, specimen)
+    has_scale = needs_scale or not (_is_force(hammer, plan.hammer) and math.isnan(hammer_mass))
+    mass = hammer_mass if has_scale else 1.0
+    return MappedChannels(
+        sampling_rate=_choose_rate(path, plan, hammer, found.get("time")),
+        hammer=_calibrate(path, "hammer", hammer, plan.hammer, mass),
+        specimen=_calibrate(path, "specimen", specimen, plan.specimen)
+        if specimen
+        else NO_SPECIMEN,
+        has_scale=has_scale,
+        assumed=tuple(
+            BODIES[role]
+            for role, use in (("hammer", plan.hammer), ("specimen", plan.specimen))
+            if role in found and not (found[role].unit or use.unit or use.sensitivity)
+        ),
+        names=tuple(found[role].name for role in BODIES if role in found),
+        stamp=hammer.stamp,
+    )
+
+
+def _assign_roles(measurement: Measurement, plan: ChannelPlan) -> dict[str, MeasuredChannel]:
+    """Return the channels that are used by their roles."""
+    channels, path = measurement.channels, measurement.path
+    if plan.hammer.channel:
+        return _assign_named(measurement, plan)
+    if plan.columns is not None:
+        if len(plan.columns) != len(channels):
+            raise SignalError(
+                f"{path} has {len(channels)} columns, but {len(plan.columns)} roles are given:"
+                f" {', '.join(plan.columns)}"
+            )
+        roles = plan.columns
+    elif not (math.isnan(channels[0].sampling_rate) and math.isnan(plan.sampling_rate)):
+        roles = ("hammer", "specimen")
+        if math.isnan(channels[0].sampling_rate) and len(channels) > len(roles):
+            raise SignalError(_ask_for_roles(measurement))
+    elif len(channels) in DEFAULT_ROLES:
+        roles = DEFAULT_ROLES[len(channels)]
+    else:
+        raise SignalError(_ask_for_roles(measurement))
+    # More channels than roles: a file that states rates may hold what is of no use here.
+    return {role: item for role, item in zip(roles, channels, strict=False) if role != "skip"}
+
+
+def _assign_named(measurement: Measurement, plan: ChannelPlan) -> dict[str, MeasuredChannel]:
+    found = {
+        role: _find_by_name(measurement, use.channel)
+        for role, use in (("hammer", plan.hammer), ("specimen", plan.specimen))
+        if use.channel
+    }
+    if found.get("specimen") is found["hammer"]:
+        raise ParameterError(
+            f"{measurement.path}: {plan.hammer.channel!r} and {plan.specimen.channel!r} are the"
+            " same channel: hammer and sample have one each"
+        )
+    first = measurement.channels[0]
+    needs_time = math.isnan(found["hammer"].sampling_rate) and math.isnan(plan.sampling_rate)
+    if needs_time and not any(first is channel for channel in found.values()):
+        found["time"] = first
+    return found
+
+
+def _find_by_name(measurement: Measurement, name: str) -> MeasuredChannel:
+    channels = measurement.channels
+    same = [channel for channel in channels if channel.name == name]
+    if len(same) == 1:
+        return same[0]
+    if len(same) > 1:
+        raise SignalError(
+            f"{measurement.path} has {len(same)} channels {name!r}: name one by its number"
+        )
+    if name.isdecimal() and 1 <= int(name) <= len(channels):
+        return channels[int(name) - 1]
+    raise SignalError(
+        f"{measurement.path} has no channel {name!r}: it has {_list_channels(measurement)}"
+    )
+
+
+def _list_channels(measurement: Measurement) -> str:
+    return ", ".join(
+        f"{number} {channel.name!r}" for number, channel in enumerate(measurement.channels, 1)
+    )
+
+
+def _ask_for_roles(measurement: Measurement) -> str:
+    return (
+        f"{measurement.path} has {len(measurement.channels)} columns: give the role of each"
+        f" ({', '.join(ROLES)})"
+    )
+
+
+def _check_values(path: Path, role: str, channel: MeasuredChannel) -> None:
+    values = channel.values
+    if values.size < MINIMUM_POINTS:
+        raise SignalError(
+            f"{path} has {values.size} points in {channel.name!r}: a trace needs at least"
+            f" {MINIMUM_POINTS}"
+        )
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise SignalError(
+            f"{path}: {BODIES.get(role, role)} is {values[bad[0]]} at point {bad[0]} ({bad.size}"
+            " such points): every point must be a finite number"
+        )
+
+
+def _check_pair(path: Path, hammer: MeasuredChannel, specimen: MeasuredChannel) -> None:
+    """Require two channels that were taken at the same instants."""
+    names = f"{hammer.name!r} and {specimen.name!r}"
+    advice = "hammer and sample need the same; name the channels that belong together"
+    if hammer.values.size != specimen.values.size:
+        raise SignalError(
+            f"{path}: {names} have {hammer.values.size} and {specimen.values.size} points:"
+            f" {advice}"
+        )
+    rates = hammer.sampling_rate, specimen.sampling_rate
+    if rates[0] != rates[1] and not all(map(math.isnan, rates)):
+        raise SignalError(
+            f"{path}: {names} are sampled at {rates[0]:g} Hz and {rates[1]:g} Hz: {advice}"
+        )
+    delay = specimen.start - hammer.start
+    if abs(delay) * np.nan_to_num(rates[0], nan=0.0) > LARGEST_TIME_ERROR:
+        raise SignalError(f"{path}: {names} start {abs(delay):g} s apart: {advice}")
+
+
+def _choose_rate(
+    path: Path, plan: ChannelPlan, hammer: MeasuredChannel, time: MeasuredChannel | None
+) -> float:
+    stated, given = hammer.sampling_rate, plan.sampling_rate
+    if time is not None:
+        return compute_sampling_rate(path, time.values.astype(np.float64), time.unit)
+    if math.isnan(stated) and math.isnan(given):
+        raise SignalError(f"{path} has no time and states no rate: give its sampling rate")
+    if math.isnan(given):
+        return stated
+    if not math.isnan(stated) and not math.isclose(stated, given, rel_tol=10.0**-RATE_DIGITS):
+        raise ParameterError(
+            f"{path} is sampled at {stated:g} Hz, as it states, not at {given:g} Hz"
+        )
+    return given
+
+
+def _choose_unit(path: Path, role: str, channel: MeasuredChannel, use: ChannelUse) -> str:
+    """Return the unit of a channel; what the file states goes, and must not be contradicted."""
+    stated, given = normalize_unit(channel.unit), normalize_unit(use.unit)
+    if use.sensitivity and not given:
+        given = stated if stated in VOLTAGES else "V"
+    what = f"{path}: the {BODIES[role]}'s channel {channel.name!r} is in {stated}"
+    if given and stated in UNITS and stated != given:
+        raise ParameterError(f"{what}, as the file states, not in {given}")
+    if not given and stated and stated not in UNITS:
+        raise ParameterError(f"{what}, which is no unit known here: give {', '.join(UNITS)}")
+    return given or stated or DEFAULT_UNIT
+
+
+def _is_force(channel: MeasuredChannel, use: ChannelUse) -> bool:
+    """Tell whether the channel is a force, or the voltage of one."""
+    unit = normalize_unit(use.unit or channel.unit)
+    if use.sensitivity and (not unit or unit in VOLTAGES):
+        unit = normalize_unit(use.sensitivity.unit)
+    return unit in FORCES
+
+
+def _calibrate(
+    path: Path, role: str, channel: MeasuredChannel, use: ChannelUse, mass: float = math.nan
+) -> ChannelBlock:
+    unit = _choose_unit(path, role, channel, use)
+    if role == "specimen" and _is_force(channel, use):
+        raise ParameterError(
+            f"{path}: the sample's channel {channel.name!r} is a force: it must be an acceleration"
+        )
+    try:
+        scale = find_scale(unit, mass, use.sensitivity)
+        full_scale = use.full_scale and use.full_scale * abs(
+            find_scale(use.full_scale_unit, mass, use.sensitivity)
+        )
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {BODIES[role]}: {error}") from None
+    return ChannelBlock(channel.values, scale, 0.0, full_scale)
+
+
+FIRST_STAMP = NANOSECONDS
+"""When the first hit begins if its file does not say so, nanoseconds since the epoch: not 0, which
+in ROS 2 is no time."""
+PAUSE = NANOSECONDS
+"""Between two hits whose times are not known [ns], our choice: rigs are not struck faster."""
+BLOCK_POINTS = 10_000
+"""Points per block, our choice: 160 kB, small enough for any subscriber."""
+
+SETUP_QOS = OfferedQos(durability="transient_local", depth=1)
+BLOCK_QOS = OfferedQos(depth=200)
+"""What the rig's nodes offer on these topics."""
+
+
+@dataclass(frozen=True)
+class ImportedHit:
+    """One file as one hit.
+
+    Attributes
+    ----------
+    path : Path
+        Of the file.
+    block : Block
+        All of both channels, bit by bit; stamped with the time that the file states, or with 0.
+    has_scale : bool
+        The hammer's numbers make accelerations; see `MappedChannels`.
+    assumed : tuple of str
+        Bodies whose unit nobody states.
+    channels : tuple of str
+        Names of the channels in the file.
+    """
+
+    path: Path
+    block: Block
+    has_scale: bool
+    assumed: tuple[str, ...]
+    channels: tuple[str, ...]
+
+    @property
+    def duration(self) -> float:
+        """Of the hit [s]."""
+        return self.block.hammer.output.size / self.block.sampling_rate
+
+
+def read_hit(
+    path: Path,
+    label: HitLabel,
+    plan: ChannelPlan,
+    hammer_mass: float = math.nan,
+    *,
+    needs_scale: bool = True,
+) -> ImportedHit:
+    """Read one file as one hit.
+
+    Parameters
+    ----------
+    path : Path
+        Of any of the formats in `impact_rig.recordings.formats.registry`.
+    label : HitLabel
+        Which hit it is.
+    plan : ChannelPlan
+        Which channel is what.
+    hammer_mass : float
+        m1 [kg], which makes accelerations of forces; NaN: not known.
+    needs_scale : bool
+        Refuse a force without a mass.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read.
+    SignalError, ParameterError
+        If its channels do not fit; see `map_channels`.
+    """
+    measurement = read_measurement(path)
+    channels = map_channels(measurement, plan, hammer_mass, needs_scale=needs_scale)
+    block = Block(
+        0,
+        channels.sampling_rate,
+        channels.hammer,
+        channels.specimen,
+        label,
+        last=True,
+        stamp=channels.stamp,
+    )
+    return ImportedHit(path, block, channels.has_scale, channels.assumed, channels.names)
+
+
+def check_series(hits: Sequence[ImportedHit], hit: ImportedHit) -> None:
+    """Require a hit that can be averaged with the first of its series.
+
+    Raises
+    ------
+    SignalError
+        If its sampling rate is another, or the sample was measured in one of them only.
+    """
+    if not hits:
+        return
+    first, block = hits[0], hit.block
+    if block.sampling_rate != first.block.sampling_rate:
+        raise SignalError(
+            f"{hit.path} is sampled at {block.sampling_rate:g} Hz and {first.path} at"
+            f" {first.block.sampling_rate:g} Hz: all hits of a sample need the same rate"
+        )
+    if block.has_specimen is not first.block.has_specimen:
+        with_it, without = (hit, first) if block.has_specimen else (first, hit)
+        raise SignalError(
+            f"{with_it.path} has a channel of the sample, {without.path} has none: all hits of a"
+            " sample need the same channels"
+        )
+
+
+def choose_window(settings: AnalysisSettings, hits: Sequence[ImportedHit]) -> AnalysisSettings:
+    """Return settings that make each file, whole, the record of its hit.
+
+    The pre-trigger is the longest time before a pulse; where that cuts off points, it reaches to
+    the pulse's peak, behind which no pulse is detected.
+    """
+    duration = max(hit.duration for hit in hits)
+    for find_place in (_find_start, _find_peak):
+        places = [max(find_place(hit, settings), 1) / hit.block.sampling_rate for hit in hits]
+        chosen = replace(settings, pre_trigger=max(places), record_duration=duration)
+        if all(_is_whole(hit, chosen) for hit in hits):
+            break
+    return chosen
+
+
+def _is_whole(hit: ImportedHit, settings: AnalysisSettings) -> bool:
+    records = ImpactDetector(settings).feed(hit.block)
+    sizes = [record.hammer.acceleration.size for record in records]
+    return sizes == [hit.block.hammer.output.size]
+
+
+def _find_start(hit: ImportedHit, settings: AnalysisSettings) -> int:
+    """Return where the pulse begins; a tenth of the way where there is none."""
+    start = find_pulse_start(_make_trace(hit), settings)
+    return hit.block.hammer.output.size // 10 if start is None else start
+
+
+def _find_peak(hit: ImportedHit, _settings: AnalysisSettings) -> int:
+    acceleration = _make_trace(hit).acceleration
+    return int(np.argmax(np.abs(acceleration - np.median(acceleration))))
+
+
+def _make_trace(hit: ImportedHit) -> Trace:
+    channel = hit.block.hammer
+    return Trace(channel.scale * channel.output.astype(np.float64), channel.full_scale)
+
+
+def write_imported(output: Path, setup: RigSetup, hits: Sequence[ImportedHit]) -> None:
+    """Write a recording of one series of hits.
+
+    Parameters
+    ----------
+    output : Path
+        Of the new `.mcap` file.
+    setup : RigSetup
+        Masses, sample and settings.
+    hits : sequence of ImportedHit
+        In their order.
+
+    Raises
+    ------
+    FileError
+        If the file exists already or cannot be written, or the rig's interfaces are not
+        installed. Nothing is left then.
+    """
+    encoder = MessageEncoder()
+    with write_new_file(output) as part, McapWriter(part) as writer:
+        writer.add_metadata("impact_rig", {"software_version": __version__})
+        writer.add_metadata(
+            "impact_rig/import", {str(hit.block.label.record): _describe(hit) for hit in hits}
+        )
+        setups = writer.add_channel("/setup", encoder.setup_definition, (SETUP_QOS,))
+        blocks = writer.add_channel("/acceleration", encoder.block_definition, (BLOCK_QOS,))
+        stamps = _assign_stamps(hits)
+        writer.add_message(setups, encoder.encode_setup(setup, stamps[0]), stamps[0], stamps[0])
+        for hit, stamp in zip(hits, stamps, strict=True):
+            for block in _split(replace(hit.block, stamp=stamp)):
+                arrival = block.stamp + _compute_duration(block)
+                writer.add_message(blocks, encoder.encode_block(block), arrival, arrival)
+
+
+def _assign_stamps(hits: Sequence[ImportedHit]) -> list[int]:
+    """Return when each hit begins in the recording [ns since the epoch]."""
+    stamps: list[int] = []
+    end = next((hit.block.stamp for hit in hits if hit.block.stamp), FIRST_STAMP) - PAUSE
+    for hit in hits:
+        stated = hit.block.stamp
+        stamps.append(stated if stated and stated >= end else end + PAUSE)
+        end = stamps[-1] + _compute_duration(hit.block)
+    return stamps
+
+
+def _describe(hit: ImportedHit) -> str:
+    """Return where a hit comes from, as JSON: enough to find the file and prove that it is it."""
+    try:
+        with hit.path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise FileError(f"{hit.path} cannot be read: {error.strerror}") from None
+    content: dict[str, object] = {
+        "file": hit.path.name,
+        "sha256": digest,
+        "channels": hit.channels,
+    }
+    if hit.block.stamp:
+        # What the file states; the hit may be later in the recording.
+        content["recorded_at"] = hit.block.stamp
+    return json.dumps(content, ensure_ascii=False)
+
+
+def _compute_duration(block: Block) -> int:
+    """Return how long a block is [ns]."""
+    return round(block.hammer.output.size / block.sampling_rate * NANOSECONDS)
+
+
+def _split(whole: Block) -> Iterator[Block]:
+    size = whole.hammer.output.size
+    for first in range(0, size, BLOCK_POINTS):
+        window = slice(first, first + BLOCK_POINTS)
+        yield replace(
+            whole,
+            first_sample=first,
+            hammer=replace(whole.hammer, output=whole.hammer.output[window]),
+            specimen=replace(whole.specimen, output=whole.specimen.output[window]),
+            last=first + BLOCK_POINTS >= size,
+            stamp=whole.stamp + round(first / whole.sampling_rate * NANOSECONDS),
+        )

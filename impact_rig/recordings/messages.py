@@ -1,0 +1,297 @@
+"""Between the rig's messages and core types, and what a block says before its points.
+
+Of a message only attributes are read, whoever decoded it (rclpy or a file reader), so that the
+same functions serve a node and a recording: both give bit-identical numbers.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import cache
+from typing import Any, NamedTuple, TypeVar, get_type_hints
+
+import numpy as np
+from rosbags.typesys.store import Typestore
+
+from impact_rig import __version__
+from impact_rig.core.errors import FileError
+from impact_rig.core.quantity import list_stored
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.record import NOT_ARMED, Block, ChannelBlock, HitLabel, RawArray
+from impact_rig.recordings.records import Channel
+from impact_rig.recordings.schemas import (
+    DECODING_ERRORS,
+    MessageDefinition,
+    SchemaDecoder,
+    find_message_definition,
+    parse_schema,
+)
+
+PACKAGE = "impact_rig_msgs/msg/"
+SETUP_TYPE = PACKAGE + "RigSetup"
+BLOCK_TYPE = PACKAGE + "AccelerationBlock"
+STREAM_TYPE = PACKAGE + "StreamBlock"
+VIRTUAL_IMPACT_TYPE = PACKAGE + "VirtualImpact"
+"""Types that tell the rig's topics in a recording, whatever they were remapped to."""
+NANOSECONDS = 1_000_000_000
+
+_T = TypeVar("_T")
+
+
+def stamp_from_msg(stamp: Any) -> int:
+    """Return a `builtin_interfaces/Time` as nanoseconds since the epoch."""
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+
+
+def label_from_msg(message: Any) -> HitLabel:
+    """Return the hit that a message with record, sample, impact and attempt belongs to."""
+    return HitLabel(
+        sample=str(message.sample),
+        record=int(message.record),
+        impact=int(message.impact),
+        attempt=int(message.attempt),
+    )
+
+
+def _channel_from_msg(message: Any) -> ChannelBlock:
+    values = message.values
+    output: RawArray = (
+        np.asarray(values, dtype=np.float64).view()
+        if len(values)
+        else np.frombuffer(memoryview(message.counts), dtype=np.int32)
+    )
+    # The message's own memory: nobody changes a message that has come.
+    output.setflags(write=False)
+    return ChannelBlock(
+        output=output,
+        scale=float(message.scale),
+        offset=float(message.offset),
+        full_scale=float(message.full_scale),
+        overloaded=bool(message.overload),
+    )
+
+
+def block_from_msg(message: Any) -> Block:
+    """Return an `AccelerationBlock` as a `Block`, which reads the message's own counts.
+
+    Raises
+    ------
+    SignalError
+        If the channels differ in length or the calibration cannot be meant.
+    ParameterError
+        If the sampling rate is not a positive number.
+    """
+    return Block(
+        label=label_from_msg(message),
+        first_sample=int(message.first_sample),
+        sampling_rate=float(message.sampling_rate),
+        hammer=_channel_from_msg(message.hammer),
+        specimen=_channel_from_msg(message.specimen),
+        triggered=bool(message.triggered),
+        last=bool(message.last),
+        stamp=stamp_from_msg(message.header.stamp),
+    )
+
+
+def stream_block_from_msg(message: Any) -> Block:
+    """Return a `StreamBlock` as a `Block` of the running stream; errors as `block_from_msg`."""
+    return Block(
+        label=label_from_msg(message) if message.record else NOT_ARMED,
+        first_sample=int(message.first_sample),
+        sampling_rate=float(message.sampling_rate),
+        hammer=_channel_from_msg(message.hammer),
+        specimen=_channel_from_msg(message.specimen),
+        last=bool(message.last),
+        stamp=stamp_from_msg(message.header.stamp),
+    )
+
+
+def setup_from_msg(message: Any) -> RigSetup:
+    """Return a `RigSetup` message as a `RigSetup`.
+
+    Raises
+    ------
+    ParameterError
+        If a mass, a setting or the sample set cannot be meant.
+    """
+    return _read(
+        RigSetup,
+        message,
+        samples=_read(
+            SampleSet, message, samples=tuple(_read(Sample, item) for item in message.samples)
+        ),
+        analysis=_read(AnalysisSettings, message.analysis),
+        sensors=tuple(_read(Sensor, item) for item in message.sensors),
+    )
+
+
+def _read(kind: type[_T], message: Any, **made: Any) -> _T:
+    """Return a dataclass of numbers and texts by the fields of a message; `made` are not there."""
+    hints, stored = _list_hints(kind), list_stored(kind)
+    plain = {name: hints[name] for name in stored if name not in made}
+    return kind(**{name: hint(getattr(message, name)) for name, hint in plain.items()}, **made)
+
+
+_list_hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
+
+
+class BlockHead(NamedTuple):
+    """What stands in a block beside its points.
+
+    Attributes
+    ----------
+    label : HitLabel
+        The hit that the block is of.
+    first_sample : int
+        Index of its first point.
+    points : int
+        Of the hammer's channel.
+    stamp : int
+        Time of its first point, nanoseconds since the epoch.
+    last : bool
+        Whether it ends the record, or the arming.
+    """
+
+    label: HitLabel
+    first_sample: int
+    points: int
+    stamp: int
+    last: bool
+
+
+def head_from_msg(message: Any) -> BlockHead:
+    """Return what an `AccelerationBlock` or a `StreamBlock` says beside its points."""
+    hammer = message.hammer
+    return BlockHead(
+        label=label_from_msg(message),
+        first_sample=int(message.first_sample),
+        points=max(len(hammer.counts), len(hammer.values)),
+        stamp=stamp_from_msg(message.header.stamp),
+        last=bool(message.last),
+    )
+
+
+def read_block_head(data: bytes) -> BlockHead:
+    """Read the head of an `AccelerationBlock`, serialised by the installed interfaces.
+
+    Raises
+    ------
+    FileError
+        If it is cut off, or is none.
+    """
+    return _read_head(BLOCK_TYPE, data)
+
+
+def read_stream_head(data: bytes) -> BlockHead:
+    """Read the head of a serialised `StreamBlock`; raises as `read_block_head`."""
+    return _read_head(STREAM_TYPE, data)
+
+
+def _read_head(type_name: str, data: bytes) -> BlockHead:
+    try:
+        message = _make_installed_decoder(type_name)(data)
+    except DECODING_ERRORS:
+        raise FileError(f"a block of {len(data)} byte is cut off or is none") from None
+    return head_from_msg(message)
+
+
+@cache
+def _make_installed_decoder(type_name: str) -> Callable[[bytes], Any]:
+    text = find_message_definition(type_name).text
+    return SchemaDecoder().prepare(Channel(0, "any topic", type_name, text, {}))
+
+
+def prepare_heads() -> None:
+    """Make what reads heads: 30 ms each, which the first block must not wait for."""
+    for type_name in (BLOCK_TYPE, STREAM_TYPE):
+        _make_installed_decoder(type_name)
+
+
+class MessageEncoder:
+    """Serialises set-ups and blocks as the rig's nodes publish them.
+
+    Attributes
+    ----------
+    setup_definition, block_definition : MessageDefinition
+        What the recording must say of their types.
+
+    Raises
+    ------
+    FileError
+        If the rig's interfaces are not installed, or cannot be understood.
+    """
+
+    def __init__(self) -> None:
+        self._store = Typestore()
+        self.setup_definition = self._register(SETUP_TYPE)
+        self.block_definition = self._register(BLOCK_TYPE)
+
+    def _register(self, type_name: str) -> MessageDefinition:
+        definition = find_message_definition(type_name)
+        self._store.register(parse_schema(type_name, definition.text))
+        return definition
+
+    def encode_setup(self, setup: RigSetup, stamp: int) -> bytes:
+        """Return a set-up as a message.
+
+        Parameters
+        ----------
+        setup : RigSetup
+            Masses, samples, settings.
+        stamp : int
+            Nanoseconds since the epoch.
+        """
+        message = self._make(
+            SETUP_TYPE,
+            header=self._make_header(stamp),
+            software_version=__version__,
+            samples=[self._make(PACKAGE + "Sample", **vars(it)) for it in setup.samples.samples],
+            analysis=self._make(PACKAGE + "AnalysisSettings", **list_stored(setup.analysis)),
+            sensors=[self._make(PACKAGE + "Sensor", **vars(item)) for item in setup.sensors],
+            **_list_plain(setup),
+            **_list_plain(setup.samples),
+        )
+        return bytes(self._store.serialize_cdr(message, SETUP_TYPE))
+
+    def encode_block(self, block: Block) -> bytes:
+        """Return a block as a message, stamped with its first point's time."""
+        message = self._make(
+            BLOCK_TYPE,
+            header=self._make_header(block.stamp),
+            **asdict(block.label),
+            first_sample=block.first_sample,
+            sampling_rate=block.sampling_rate,
+            triggered=block.triggered,
+            last=block.last,
+            hammer=self._make_channel(block.hammer),
+            specimen=self._make_channel(block.specimen),
+        )
+        return bytes(self._store.serialize_cdr(message, BLOCK_TYPE))
+
+    def _make_channel(self, channel: ChannelBlock) -> Any:
+        is_counted = channel.output.dtype == np.int32
+        return self._make(
+            PACKAGE + "Channel",
+            counts=channel.output if is_counted else np.empty(0, np.int32),
+            values=np.empty(0) if is_counted else channel.output,
+            scale=channel.scale,
+            offset=channel.offset,
+            full_scale=channel.full_scale,
+            overload=channel.overloaded,
+        )
+
+    def _make_header(self, stamp: int) -> Any:
+        seconds, rest = divmod(stamp, NANOSECONDS)
+        time = self._make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
+        return self._make("std_msgs/msg/Header", stamp=time, frame_id="")
+
+    def _make(self, type_name: str, **values: Any) -> Any:
+        return self._store.types[type_name](**values)
+
+
+def _list_plain(record: Any) -> dict[str, Any]:
+    """Return the numbers and texts of a dataclass by their names."""
+    return {
+        name: value for name, value in vars(record).items() if isinstance(value, int | float | str)
+    }

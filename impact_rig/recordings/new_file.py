@@ -1,0 +1,291 @@
+"""New files: none takes the place of another, and what is said to be written is on the disk."""
+
+import contextlib
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from impact_rig.core.errors import FileError
+
+ROOM_FOR_ENDING = 4 << 20
+"""What is left free on the disk for the end of the file [byte], our choice: what is said at the
+end, and the topics."""
+ROOM_FOR_INDEX = 0.01
+"""Part of the size of the file that is left free beside it, our choice: the index at the end has
+300 byte for a chunk, and a chunk with a hit at least 30 kB."""
+KEPT_IN_MEMORY = 16 << 20
+"""How much of what was written last stays in the memory of the system [byte], our choice: longer
+than a disk takes to write it, so that giving it back waits for nothing."""
+SENT_AT_ONCE = 4 << 20
+"""How much is written before the system is told to send it to the disk [byte], our choice: a disk
+takes it in hundredths of a second, and sending less takes a tenth more of the processor."""
+
+
+class DiskFullError(FileError):
+    """The disk takes no more, or should not: what was written before is kept."""
+
+
+class DiskFile:
+    """A new file, unbuffered, so that what is written is safe from the end of this process.
+
+    `mcap.writer.Writer` writes to it as to any file. After a write that failed it takes no more.
+
+    Parameters
+    ----------
+    path : Path
+        Of the new file; it must not exist, its folder must.
+    keep_free : int
+        What is left free on the disk for others [byte].
+
+    Attributes
+    ----------
+    path : Path
+        As given.
+    size : int
+        Bytes written so far.
+    failure : FileError or None
+        Why nothing can be written any more.
+
+    Raises
+    ------
+    DiskFullError
+        If there is no room for any file.
+    FileError
+        If the file exists already or cannot be created.
+    """
+
+    def __init__(self, path: Path, keep_free: int = 0) -> None:
+        try:
+            self._file = path.open("xb", buffering=0)
+        except FileExistsError:
+            raise FileError(
+                f"{path} exists already: a recording is never overwritten, name another file"
+            ) from None
+        except OSError as error:
+            raise FileError(f"{path} cannot be created: {error.strerror}") from None
+        self.path = path
+        self.size = 0
+        self.failure: FileError | None = None
+        self._keep_free = keep_free
+        self._sent = 0
+        self._given_back = 0
+        self._planned = 0
+        self._room = self._measure_room()
+        if self._room <= 0:
+            self.close()
+            path.unlink()
+            raise DiskFullError(
+                f"{path} cannot be begun: its disk should have at least"
+                f" {(keep_free + ROOM_FOR_ENDING) / 1e6:.0f} MB free"
+            )
+        sync_folder(path.parent)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the file is closed."""
+        return self._file.closed
+
+    @property
+    def free_space(self) -> int:
+        """Bytes that may still be planned; 0 of a closed file."""
+        return 0 if self.closed else max(0, self._measure_room() - self._planned)
+
+    def check(self) -> None:
+        """Raise the FileError that tells why nothing can be written any more, if so."""
+        if self.failure is not None:
+            raise self.failure
+
+    def plan(self, length: int) -> None:
+        """Count on writing some bytes before the next `flush`.
+
+        Raises
+        ------
+        DiskFullError
+            If they would leave too little room for the end of the file, or for others.
+        FileError
+            If nothing can be written any more.
+        """
+        if self.failure is not None:
+            raise self.failure
+        planned = self._planned + length
+        if planned > self._room:
+            raise self._make_error(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+        self._planned = planned
+
+    def write(self, data: bytes) -> int:
+        """Write all of it, or leave the file as it was and raise FileError from now on."""
+        self.check()
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError as error:
+            # A disk that fails altogether keeps what it took; readers stop before it.
+            with contextlib.suppress(OSError):
+                self._file.truncate(self.size)
+            self.failure = self._make_error(error)
+            raise self.failure from None
+        self.size += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        """Return where the next byte goes."""
+        return self.size
+
+    def flush(self) -> None:
+        """All that was planned is written: send it on its way, ask the disk for its room again.
+
+        Without the first, seconds of a stream wait in the memory of the system, and the sync at
+        its end as long.
+        """
+        # The advice makes Linux begin to write what is new, and take back the memory of what is
+        # written: it is taken anew for each chunk otherwise, which costs three times the copying.
+        if self.size - self._sent >= SENT_AT_ONCE:
+            self._advise(self._sent, self.size)
+            self._sent = self.size
+        if self.size - self._given_back > 2 * KEPT_IN_MEMORY:
+            self._advise(self._given_back, self.size - KEPT_IN_MEMORY)
+            self._given_back = self.size - KEPT_IN_MEMORY
+        self._planned = 0
+        self._room = self._measure_room()
+
+    def sync(self) -> None:
+        """Return when everything written is on the disk itself: a power cut loses none of it.
+
+        Raises
+        ------
+        FileError
+            If the disk fails, or somebody has deleted, replaced or cut the file.
+        """
+        try:
+            os.fdatasync(self._file.fileno())
+            written, named = os.fstat(self._file.fileno()), self.path.stat()
+        except FileNotFoundError:
+            raise FileError(f"{self.path} was deleted while it was written") from None
+        except OSError as error:
+            raise self._make_error(error) from None
+        if not os.path.samestat(written, named):
+            raise FileError(f"{self.path} was replaced while it was written")
+        if written.st_size < self.size:
+            raise FileError(
+                f"{self.path} was cut to {written.st_size} byte while it was written: there were"
+                f" {self.size}"
+            )
+
+    def close(self) -> None:
+        """Sync and close; safe to call twice; raises as `sync`."""
+        if self.closed:
+            return
+        try:
+            self.sync()
+        finally:
+            self._file.close()
+            self.failure = self.failure or FileError(f"{self.path} is closed already")
+
+    def _advise(self, start: int, end: int) -> None:
+        # That it is not followed does no harm.
+        with contextlib.suppress(OSError):
+            os.posix_fadvise(self._file.fileno(), start, end - start, os.POSIX_FADV_DONTNEED)
+
+    def _measure_room(self) -> int:
+        try:
+            state = os.fstatvfs(self._file.fileno())
+        except OSError as error:
+            raise self._make_error(error) from None
+        ending = ROOM_FOR_ENDING + int(ROOM_FOR_INDEX * self.size)
+        return state.f_bavail * state.f_frsize - self._keep_free - ending
+
+    def _make_error(self, error: OSError) -> FileError:
+        is_full = error.errno in {errno.ENOSPC, errno.EDQUOT}
+        return (DiskFullError if is_full else FileError)(
+            f"{self.path} cannot be written: {error.strerror}; it keeps what was written before"
+        )
+
+
+def sync_folder(folder: Path) -> None:
+    """Put the names of new files in a folder on the disk, where the file system can."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+_WITHOUT_LINKS = frozenset({errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS})
+"""What file systems without links, such as FAT, say when one is asked for."""
+PART_SUFFIX = ".part"
+"""What a file's name ends with while it is being written."""
+
+
+@contextlib.contextmanager
+def write_new_file(path: Path) -> Iterator[Path]:
+    """Lend a path to write to; its file gets its name at the end of the block.
+
+    By then it is on the disk, and a power cut takes nothing of it. If the block fails, nothing
+    is left behind.
+
+    Parameters
+    ----------
+    path : Path
+        Of the new file; it must not exist, its folder is made.
+
+    Yields
+    ------
+    Path
+        Where to write; there is no file yet. In the same folder, so that naming it cannot fail
+        for want of space.
+
+    Raises
+    ------
+    FileError
+        If there is a file of that name already, before or after, or it cannot be written.
+    """
+    _refuse_existing(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}{PART_SUFFIX}")
+    _make_folder(path.parent)
+    try:
+        part.unlink(missing_ok=True)
+        yield part
+        _sync_content(part)
+        _name(part, path)
+        sync_folder(path.parent)
+    except OSError as error:
+        raise FileError(f"{path} cannot be written: {error.strerror or error}") from None
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def _refuse_existing(path: Path) -> None:
+    if os.path.lexists(path):
+        raise FileError(f"{path} exists already: name another file, none is overwritten")
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise FileError(f"the folder {folder} cannot be made: a file is in its way") from None
+    except OSError as error:
+        raise FileError(f"the folder {folder} cannot be made: {error.strerror}") from None
+
+
+def _name(part: Path, path: Path) -> None:
+    try:
+        # A link, unlike a renaming, does not replace what has come into being meanwhile.
+        path.hardlink_to(part)
+    except FileExistsError:
+        _refuse_existing(path)
+        raise
+    except OSError as error:
+        if error.errno not in _WITHOUT_LINKS:
+            raise
+        _refuse_existing(path)
+        part.rename(path)
+
+
+def _sync_content(path: Path) -> None:
+    with path.open("rb") as file:
+        os.fsync(file.fileno())

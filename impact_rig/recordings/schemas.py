@@ -1,0 +1,382 @@
+"""Message types: their text and hash, how two versions differ, and CDR decoded by them.
+
+A recording carries the text of each type, so that it can be decoded anywhere and in ten years. A
+schema is code that somebody else wrote: what it can ask for is limited.
+"""
+
+import json
+import os
+import re
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from rosbags.interfaces import Nodetype
+from rosbags.serde import SerdeError
+from rosbags.typesys import TypesysError, get_types_from_msg
+from rosbags.typesys.store import Typestore
+
+from impact_rig.core.errors import FileError
+from impact_rig.recordings.records import Channel
+
+MAX_SCHEMA = 1 << 16
+"""Longest schema [characters], our choice: seven times our longest one, and read within seconds
+whatever is in it."""
+MAX_PARTS = 10_000
+"""Most messages and texts that one message may be made of by its schema, not counting lists [-],
+our choice: rosbags writes a line of code for each."""
+MAX_LISTED = 1 << 20
+"""Longest message of a type with a list of messages or texts [byte], our choice: an item takes up
+to a hundred times its bytes in memory. Our own ones are a hundredth of that; arrays of numbers,
+as in blocks, are not limited."""
+CACHED_DECODERS = 100
+"""How many types are kept ready [-], our choice: making one takes 10 ms."""
+
+Types = dict[str, tuple[Any, list[tuple[str, Any]]]]
+"""Constants and fields by type, as rosbags describes them."""
+_Decode = Callable[[bytes], Any]
+_SCHEMA_ERRORS = (
+    TypesysError, LookupError, SyntaxError, RecursionError, ValueError, TypeError,
+    AttributeError, AssertionError, MemoryError,
+)  # fmt: skip
+"""What rosbags raises on schemas that make no sense, beside its own error."""
+DECODING_ERRORS = (
+    SerdeError, LookupError, AssertionError, struct.error, ValueError, OverflowError,
+    MemoryError, RecursionError,
+)  # fmt: skip
+"""What it raises on messages that do not fit."""
+
+
+class SchemaDecoder:
+    """Keeps one decoder for each channel it has met.
+
+    Every schema has a store of types of its own, so that a file whose topics were recorded with
+    different versions of a type is decoded right.
+    """
+
+    def __init__(self) -> None:
+        self._decoders: dict[tuple[str, str], _Decode] = {}
+
+    def prepare(self, channel: Channel) -> _Decode:
+        """Make what decodes a channel's messages; raises as `decode`."""
+        key = (channel.type_name, channel.schema)
+        decode = self._decoders.get(key)
+        if decode is None:
+            made = _make_decoder(*key)
+            if isinstance(made, str):
+                raise FileError(
+                    f"the schema of {channel.type_name} on {channel.topic} cannot be understood:"
+                    f" {made}"
+                )
+            decode = self._decoders[key] = made
+        return decode
+
+    def decode(self, channel: Channel, data: bytes) -> Any:
+        """Return a message as an object with its fields as attributes.
+
+        Parameters
+        ----------
+        channel : Channel
+            Whose schema describes the message.
+        data : bytes
+            The serialised message.
+
+        Raises
+        ------
+        FileError
+            If the schema cannot be understood or the message does not fit it.
+        """
+        decode = self.prepare(channel)
+        try:
+            return decode(data)
+        except DECODING_ERRORS as error:
+            raise FileError(
+                f"a message on {channel.topic} does not fit its schema: {_describe_error(error)}"
+            ) from None
+
+
+def parse_schema(type_name: str, schema: str) -> Types:
+    """Return the types that a schema describes.
+
+    Raises
+    ------
+    FileError
+        If it cannot be understood, or asks for more than `MAX_PARTS`.
+    """
+    if len(schema) > MAX_SCHEMA:
+        raise FileError(f"it has {len(schema)} characters, {MAX_SCHEMA} are read at most")
+    try:
+        types: Types = get_types_from_msg(schema, type_name)
+        parts = _count_parts(types, type_name, {})
+    except KeyError as error:
+        raise FileError(f"type {error} is not described") from None
+    except _SCHEMA_ERRORS as error:
+        raise FileError(_describe_error(error)) from None
+    if parts > MAX_PARTS:
+        raise FileError(f"a message has more than {MAX_PARTS} parts")
+    return types
+
+
+@lru_cache(CACHED_DECODERS)
+def _make_decoder(type_name: str, schema: str) -> _Decode | str:
+    """Return a function that decodes messages, or why there is none."""
+    store = Typestore()
+    try:
+        types = parse_schema(type_name, schema)
+        store.register(types)
+        store.get_msgdef(type_name)
+    except FileError as error:
+        return str(error)
+    except _SCHEMA_ERRORS as error:
+        return _describe_error(error)
+    limit = MAX_LISTED if _has_lists(types) else None
+
+    def decode(data: bytes) -> Any:
+        if limit is not None and len(data) > limit:
+            raise SerdeError(f"it has {len(data)} byte, {limit} are read at most")
+        return store.deserialize_cdr(memoryview(data), type_name)
+
+    return decode
+
+
+def _count_parts(types: Types, name: str, known: dict[str, int]) -> int:
+    """Return of how many messages and texts one of a type is made; too many if it holds itself."""
+    if name not in known:
+        known[name] = MAX_PARTS + 1
+        total = 1
+        for _, (kind, content) in types[name][1]:
+            inner, length = content if kind in _ARRAYS else ((kind, content), 1)
+            # A list takes its length from the message: it is counted once.
+            times = length if kind == Nodetype.ARRAY else 1
+            if inner[0] == Nodetype.NAME:
+                total += times * _count_parts(types, inner[1], known)
+            elif inner[1][0] == "string":
+                total += times
+        known[name] = min(total, MAX_PARTS + 1)
+    return known[name]
+
+
+def _has_lists(types: Types) -> bool:
+    return any(
+        kind == Nodetype.SEQUENCE
+        and (content[0][0] == Nodetype.NAME or content[0][1][0] == "string")
+        for _, fields in types.values()
+        for _, (kind, content) in fields
+    )
+
+
+_ARRAYS = (Nodetype.ARRAY, Nodetype.SEQUENCE)
+
+
+def _describe_error(error: BaseException) -> str:
+    text = str(error).splitlines()[0] if str(error) else type(error).__name__
+    return text if text.isprintable() else repr(text)
+
+
+SEPARATOR = "=" * 80
+"""Line between two definitions of a `ros2msg` schema; readers look for exactly this."""
+
+PRIMITIVES = frozenset(
+    {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
+    | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
+)
+"""Field types that need no definition of their own."""
+
+_TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:msg/)?([A-Za-z]\w*)")
+_FIELD_TYPE = re.compile(r"[ \t]*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?[ \t]+[A-Za-z]")
+
+
+@dataclass(frozen=True)
+class MessageDefinition:
+    """What a file must say of a message type.
+
+    Attributes
+    ----------
+    type_name : str
+        In full, for example `std_msgs/msg/Header`.
+    text : str
+        Schema in the encoding `ros2msg`: the definition, then all it depends on.
+    type_hash : str
+        As ROS 2 computes it (REP 2016); empty: not installed with the package.
+    """
+
+    type_name: str
+    text: str
+    type_hash: str = ""
+
+
+def find_message_definition(type_name: str) -> MessageDefinition:
+    """Assemble the definition of a message type from the packages on `AMENT_PREFIX_PATH`.
+
+    Parameters
+    ----------
+    type_name : str
+        For example `impact_rig_msgs/msg/Impact`.
+
+    Returns
+    -------
+    MessageDefinition
+
+    Raises
+    ------
+    FileError
+        If the name is no message type, or the type or one it depends on is not installed as
+        `.msg`.
+    """
+    package, name = _split_type_name(type_name)
+    seen = {(package, name)}
+    text = _assemble(package, name, seen)
+    return MessageDefinition(f"{package}/msg/{name}", text, _read_type_hash(package, name))
+
+
+def check_interfaces(channel: Channel, installed: MessageDefinition) -> None:
+    """Refuse a topic that was recorded with another version of its type than the installed one.
+
+    Raises
+    ------
+    FileError
+        That names the fields that differ.
+    """
+    changes = compare_definitions(channel.type_name, channel.schema, installed.text)
+    if changes:
+        raise FileError(
+            f"{channel.topic} was recorded with another version of {channel.type_name}:"
+            f" {'; '.join(map(str, changes))}"
+        )
+
+
+def _assemble(package: str, name: str, seen: set[tuple[str, str]]) -> str:
+    text = _find_share_file(package, name, ".msg").read_text(encoding="utf-8")
+    parts = [text]
+    for dependency in _list_dependencies(text, package):
+        if dependency not in seen:
+            seen.add(dependency)
+            title = f"MSG: {dependency[0]}/{dependency[1]}"
+            parts.append(f"\n{SEPARATOR}\n{title}\n{_assemble(*dependency, seen)}")
+    return "".join(parts)
+
+
+def _list_dependencies(text: str, package: str) -> list[tuple[str, str]]:
+    found = set()
+    for line in text.splitlines():
+        field = _FIELD_TYPE.match(line.partition("#")[0])
+        if field is None or field[1] in PRIMITIVES:
+            continue
+        found.add(_split_type_name(field[1] if "/" in field[1] else f"{package}/{field[1]}"))
+    return sorted(found)
+
+
+def _split_type_name(type_name: str) -> tuple[str, str]:
+    match = _TYPE_NAME.fullmatch(type_name)
+    if match is None:
+        raise FileError(f"{type_name!r} is no message type: it should look like pkg/msg/Name")
+    return match[1], match[2]
+
+
+def _find_share_file(package: str, name: str, suffix: str) -> Path:
+    prefixes = [part for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part]
+    for prefix in prefixes:
+        path = Path(prefix, "share", package, "msg", name + suffix)
+        if path.is_file():
+            return path
+    raise FileError(
+        f"message type {package}/msg/{name} has no {name}{suffix} in any of the"
+        f" {len(prefixes)} folders of AMENT_PREFIX_PATH: install or source the package {package}"
+    )
+
+
+def _read_type_hash(package: str, name: str) -> str:
+    try:
+        content = json.loads(_find_share_file(package, name, ".json").read_text(encoding="utf-8"))
+        hashes = {item["type_name"]: item["hash_string"] for item in content["type_hashes"]}
+        return str(hashes.get(f"{package}/msg/{name}", ""))
+    except (FileError, OSError, ValueError, KeyError, TypeError):
+        return ""
+
+
+@dataclass(frozen=True)
+class InterfaceChange:
+    """One field that is not the same in a recording and in what is installed.
+
+    Attributes
+    ----------
+    type_name : str
+        Whose field it is, for example `impact_rig_msgs/msg/RigSetup`.
+    field : str
+        Its name.
+    recorded, installed : str
+        Its type in the recording and here; empty: it is not there.
+    """
+
+    type_name: str
+    field: str
+    recorded: str
+    installed: str
+
+    def __str__(self) -> str:
+        """Return the difference in words."""
+        what = f"field `{self.field}` of {self.type_name}"
+        if not self.recorded:
+            return f"{what} is not in the recording"
+        if not self.installed:
+            return f"{what} is in the recording and unknown here"
+        return f"{what} is {self.recorded} in the recording and {self.installed} here"
+
+
+def compare_definitions(
+    type_name: str, recorded: str, installed: str
+) -> tuple[InterfaceChange, ...]:
+    """Return in which fields two definitions of a message type differ.
+
+    Parameters
+    ----------
+    type_name : str
+        For example `impact_rig_msgs/msg/RigSetup`.
+    recorded, installed : str
+        Schemas in the encoding `ros2msg`, with all they depend on.
+
+    Raises
+    ------
+    FileError
+        If one of them cannot be understood.
+    """
+    then, now = _read_types(type_name, recorded), _read_types(type_name, installed)
+    changes = []
+    # A type that only one side has stands behind a field that only this side has.
+    for name in (name for name in now if name in then):
+        old, new = dict(then[name][1]), dict(now[name][1])
+        for field in {**new, **old}:
+            kinds = [_describe(fields[field]) if field in fields else "" for fields in (old, new)]
+            if kinds[0] != kinds[1]:
+                changes.append(InterfaceChange(name, field, *kinds))
+        if old.keys() == new.keys():
+            places = zip(old, new, strict=True)
+            moved = next((field for field, other in places if field != other), None)
+            if moved is not None:
+                numbers = (f"number {list(fields).index(moved) + 1}" for fields in (old, new))
+                changes.append(InterfaceChange(name, moved, *numbers))
+    return tuple(changes)
+
+
+def _read_types(type_name: str, text: str) -> Any:
+    """Return constants and fields of a message type and of all it depends on, by their names."""
+    try:
+        return parse_schema(type_name, text)
+    except FileError as error:
+        raise FileError(f"a definition of {type_name} cannot be understood: {error}") from None
+
+
+def _describe(kind: Any) -> str:
+    """Return a field's type as a `.msg` file says it."""
+    node, detail = kind
+    if node == Nodetype.BASE:
+        name, limit = detail
+        return f"{name}<={limit}" if limit else str(name)
+    if node == Nodetype.NAME:
+        return str(detail)
+    item, length = detail
+    bound = f"<={length}" if node == Nodetype.SEQUENCE and length else length or ""
+    return f"{_describe(item)}[{bound}]"

@@ -1,1 +1,0 @@
-"""Results for people: in a terminal, in figures, in a report."""

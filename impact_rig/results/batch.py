@@ -1,0 +1,134 @@
+"""Many recordings in one table, and how far they lie apart."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean, stdev
+
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.results.campaign import Results
+from impact_rig.results.comparison import SAMPLE_MEASURANDS, Measurand
+from impact_rig.results.numbers import MISSING, format_number
+from impact_rig.results.tables import (
+    Table,
+    make_column,
+    make_optional,
+    make_table,
+    make_text_column,
+)
+
+ENOUGH_RECORDINGS = 3
+"""From which on a spread says something [-], our choice."""
+NOTE = (
+    "Half-widths of the 95 % intervals. Recordings of one rig share masses and clock, and with"
+    " them a part of these."
+)
+SPREAD_NOTE = (
+    "Mean of the recordings' values, each counted once, and their standard deviation in percent"
+    " of it."
+)
+
+
+@dataclass(frozen=True)
+class BatchCampaign:
+    """One campaign of a recording among many.
+
+    Attributes
+    ----------
+    recording : Path
+        As it was named.
+    number : int
+        Of the campaign in its recording, from 1.
+    results : Results
+        What was found.
+    """
+
+    recording: Path
+    number: int
+    results: Results
+
+
+def tabulate_batch(campaigns: Sequence[BatchCampaign]) -> list[Table]:
+    """Return one row for each recording, campaign and sample, and the spread between them.
+
+    Marked are samples with rejected hits.
+    """
+    names = shorten_paths([campaign.recording for campaign in campaigns])
+    several = any(campaign.number > 1 for campaign in campaigns)
+    rows = [
+        (name, campaign.number, sample)
+        for name, campaign in zip(names, campaigns, strict=True)
+        for sample in campaign.results.samples
+    ]
+    places = [f"{name}, {number}" if several else name for name, number, _ in rows]
+    columns = [
+        make_text_column(
+            "Recording, campaign" if several else "Recording",
+            [
+                "" if row and places[row - 1] == place else place
+                for row, place in enumerate(places)
+            ],
+        ),
+        make_text_column("Sample", [sample.name for _, _, sample in rows]),
+        make_optional("Hits", [_format_hits(sample) for _, _, sample in rows]),
+    ]
+    columns += [
+        make_column(_make_header(item), [item.format(item.read(sample)) for _, _, sample in rows])
+        for item in SAMPLE_MEASURANDS
+    ]
+    marked = [place for place, (_, _, sample) in enumerate(rows) if sample.impacts_rejected]
+    spread = _tabulate_spread([sample for _, _, sample in rows])
+    return [make_table("Recordings", columns, [NOTE], marked), *spread]
+
+
+def shorten_paths(paths: Sequence[Path]) -> list[str]:
+    """Return names that tell paths apart, without the folders and the file name all share."""
+    if len(set(paths)) < 2:  # noqa: PLR2004 - one path has nothing to be told from
+        return [path.name for path in paths]
+    parents = [path.parent for path in paths]
+    if len({path.name for path in paths}) == 1:
+        return shorten_paths(parents)
+    common = os.path.commonpath([parent.absolute() for parent in parents])
+    return [str(path.absolute().relative_to(common)) for path in paths]
+
+
+def _make_header(measurand: Measurand) -> str:
+    return f"{measurand.sample_symbol} [{measurand.unit}]"
+
+
+def _format_hits(sample: SampleEstimate) -> str:
+    total = sample.impacts_accepted + sample.impacts_rejected
+    return f"{sample.impacts_accepted} of {total}"
+
+
+def _tabulate_spread(samples: Sequence[SampleEstimate]) -> list[Table]:
+    by_name: dict[str, list[SampleEstimate]] = {}
+    for sample in samples:
+        by_name.setdefault(sample.name, []).append(sample)
+    enough = {name: found for name, found in by_name.items() if len(found) >= ENOUGH_RECORDINGS}
+    if not enough:
+        return []
+    columns = [
+        make_text_column("Sample", list(enough)),
+        make_column("n", [str(len(found)) for found in enough.values()]),
+    ]
+    for measurand in SAMPLE_MEASURANDS:
+        cells = [_describe_spread(measurand, found) for found in enough.values()]
+        columns += [
+            make_column(_make_header(measurand), [mean for mean, _ in cells]),
+            make_column("s [%]", [spread for _, spread in cells]),
+        ]
+    return [make_table("Between the recordings", columns, [SPREAD_NOTE])]
+
+
+def _describe_spread(measurand: Measurand, samples: Sequence[SampleEstimate]) -> tuple[str, str]:
+    """Return mean and relative standard deviation of the values that are determined."""
+    values = [found.value for found in map(measurand.read, samples) if found.is_known]
+    if len(values) < ENOUGH_RECORDINGS:
+        return MISSING, MISSING
+    mean = fmean(values)
+    return (
+        format_number(mean * measurand.scale, measurand.digits),
+        format_number(100.0 * stdev(values) / abs(mean), 2),
+    )

@@ -1,0 +1,112 @@
+"""What tables of samples do not say: remarks with whom they are about, and hits one by one."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.hits.reasons import Reason
+from impact_rig.results.campaign import HitResults
+from impact_rig.results.numbers import MICRO, MISSING, format_number
+from impact_rig.results.tables import (
+    Column,
+    Table,
+    make_optional,
+    make_table,
+    make_text_column,
+)
+
+
+@dataclass(frozen=True)
+class Remark:
+    """One thing to know, and whom it is about; empty: everything."""
+
+    text: str
+    about: str = ""
+
+
+def gather_warnings(samples: Sequence[SampleEstimate]) -> list[Remark]:
+    """Return what a reader of the numbers must know, each once with the samples it is about."""
+    return _gather([(sample.name, sample.warnings) for sample in samples])
+
+
+def gather_notes(samples: Sequence[SampleEstimate], hammer: HammerEstimate) -> list[Remark]:
+    """Return what could not be determined and why, each once with whom it is about."""
+    notes = _gather([(sample.name, sample.notes) for sample in samples])
+    return notes + [Remark(note, "hammer") for note in hammer.notes]
+
+
+def _gather(remarks: Sequence[tuple[str, Iterable[str]]]) -> list[Remark]:
+    holders: dict[str, list[str]] = {}
+    for name, texts in remarks:
+        for text in texts:
+            holders.setdefault(text, []).append(name)
+    return [
+        Remark(text, "all samples" if len(names) == len(remarks) > 1 else ", ".join(names))
+        for text, names in holders.items()
+    ]
+
+
+def count_reasons(hits: Sequence[HitResults]) -> str:
+    """Return how often each reason was given, in words; a hit may have several."""
+    counts = Counter(_read_code(reason) for hit in hits for reason in hit.reasons)
+    return ", ".join(f"{reason} ({number})" for reason, number in counts.most_common())
+
+
+def tabulate_rejections(hits: Sequence[HitResults]) -> list[Table]:
+    """Return the rejected hits with their reasons, and what the virtual rig did on purpose.
+
+    Marked are those with which something is wrong, not those that others were preferred to.
+    """
+    if not hits:
+        return []
+    hits = sorted(hits, key=lambda hit: hit.record)
+    columns = [
+        *_make_label_columns(hits),
+        make_optional("Hammer peak [m/s²]", _format_peaks(hits, "hammer_peak")),
+        make_text_column("Why", ["\n".join(hit.reasons) for hit in hits]),
+        make_text_column("Injected", ["\n".join(hit.injected_faults) for hit in hits]),
+    ]
+    notes = [f"Hit 3.2: impact 3, attempt 2. Reasons: {count_reasons(hits)}."]
+    if any(hit.injected_faults for hit in hits):
+        notes.append("Injected: what the virtual rig did wrong on purpose.")
+    wrong = [
+        place
+        for place, hit in enumerate(hits)
+        if any(_read_code(reason) != Reason.SURPLUS.value for reason in hit.reasons)
+    ]
+    return [make_table(f"Rejected hits: {len(hits)}", columns, notes, wrong)]
+
+
+def tabulate_accepted(hits: Sequence[HitResults]) -> list[Table]:
+    """Return the hits in the means, each as it was by itself."""
+    if not hits:
+        return []
+    columns = [
+        *_make_label_columns(hits),
+        make_optional("τp [µs]", [format_number(hit.contact_time * MICRO, 2) for hit in hits]),
+        make_optional("Hammer peak [m/s²]", _format_peaks(hits, "hammer_peak")),
+        make_optional("Sample peak [m/s²]", _format_peaks(hits, "specimen_peak")),
+        make_text_column("By hand", ["\n".join(hit.reasons) for hit in hits]),
+    ]
+    note = "τp: of this hit alone. Peaks: largest acceleration after the low-pass, either sign."
+    return [make_table(f"Hits in the means: {len(hits)}", columns, [note])]
+
+
+def _make_label_columns(hits: Sequence[HitResults]) -> list[Column]:
+    return [
+        make_text_column("Sample", [hit.sample for hit in hits]),
+        Column("Hit", [f"{hit.impact}.{hit.attempt}" for hit in hits]),
+        make_optional("Record", [str(hit.record) for hit in hits]),
+    ]
+
+
+def _format_peaks(hits: Sequence[HitResults], name: str) -> list[str]:
+    values = [getattr(hit, name) for hit in hits]
+    return [f"{value:.1f}" if math.isfinite(value) else MISSING for value in values]
+
+
+def _read_code(reason: str) -> str:
+    return reason.partition(":")[0]

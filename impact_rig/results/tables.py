@@ -1,0 +1,760 @@
+"""Every table of results, once: what it says, without a word on how it looks.
+
+Terminal, report and Rerun set the same tables.
+"""
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from impact_rig.core.errors import NotDeterminedError
+from impact_rig.core.estimation.contact_law import ContactLaw
+from impact_rig.core.estimation.fits import FittedModel
+from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.estimation.size_exponent import (
+    HERTZ_EXPONENT,
+    SPRING_EXPONENT,
+    estimate_size_exponent,
+)
+from impact_rig.core.model.pulses import HALF_SINE, HERTZ, VERSED_SINE
+from impact_rig.core.model.stiffness import estimate_equivalent_mass
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.setup.paper import PULSE_NAME
+from impact_rig.results.campaign import Results
+from impact_rig.results.comparison import (
+    CONTACT_TIME,
+    DAMPING_COEFFICIENT,
+    SAMPLE_MEASURANDS,
+    STIFFNESS,
+    Measurand,
+)
+from impact_rig.results.numbers import (
+    MEGA,
+    MICRO,
+    MISSING,
+    SCALES,
+    SMALLEST_ERROR,
+    compute_difference,
+    format_difference,
+    format_number,
+    format_quantity,
+)
+from impact_rig.results.references import (
+    Reference,
+    explain_misprint,
+    find_hammer_reference,
+    find_reference,
+)
+from impact_rig.results.wire import list_fields
+
+LONGEST_UNBROKEN = 24
+"""Rows of a table that are kept on one page of paper [-], our choice: a third of it."""
+LONGEST_LABEL = 28
+"""Characters of words in a cell that stay on one line [-], our choice."""
+ALL_MATERIALS = "all"
+"""Row of a table that takes every material together."""
+SMALLEST_SHARE = 5e-4
+"""Share of the variance below which a contribution is named only [-], our choice."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a table.
+
+    Attributes
+    ----------
+    header : str
+        With its unit in brackets, if it has one.
+    cells : sequence of str
+        One per row.
+    is_text : bool
+        Words: on the left, free to wrap. Numbers stand on the right and stay whole.
+    is_optional : bool
+        Left out where there is too little room for it.
+    styles : sequence of str
+        How a terminal shows the cells, one per row; empty: plain.
+    note : str
+        A sentence on what the column is; stands below the table if the column is shown.
+    """
+
+    header: str
+    cells: Sequence[str]
+    is_text: bool = False
+    is_optional: bool = False
+    styles: Sequence[str] = ()
+    note: str = ""
+
+    @property
+    def name(self) -> str:
+        """The header in one line."""
+        return re.sub(r"(?<=[-/])\n", "", self.header).replace("\n", " ")
+
+    @property
+    def label(self) -> str:
+        """The header without its unit."""
+        return self.header.partition(" [")[0]
+
+    @property
+    def unit(self) -> str:
+        """The unit in brackets, or nothing; it stays on one line."""
+        return "".join(self.header.partition(" [")[1:]).strip()
+
+    @property
+    def style(self) -> str:
+        """How it is set: "number", "text", or "prose", which wraps."""
+        if not self.is_text:
+            return "number"
+        is_long = any(len(cell) > LONGEST_LABEL or "\n" in cell for cell in self.cells)
+        return "prose" if is_long else "text"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table whose first column names the rows.
+
+    Attributes
+    ----------
+    caption : str
+        Above it.
+    columns : tuple of Column
+        All with as many cells.
+    notes : tuple of str
+        Below it.
+    marked : frozenset of int
+        Rows that stand out, from 0; a word or sign in them says the same.
+    """
+
+    caption: str
+    columns: tuple[Column, ...]
+    notes: tuple[str, ...] = ()
+    marked: frozenset[int] = frozenset()
+
+    @property
+    def is_short(self) -> bool:
+        """Whether it is kept on one page of paper."""
+        return len(self.rows) <= LONGEST_UNBROKEN
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """The cells row by row."""
+        return list(zip(*(column.cells for column in self.columns), strict=True))
+
+
+def make_table(
+    caption: str,
+    columns: Sequence[Column | None],
+    notes: Sequence[str] = (),
+    marked: Sequence[int] = (),
+) -> Table:
+    """Return a table without the columns that are None or have nothing to say."""
+    kept = tuple(
+        column
+        for place, column in enumerate(columns)
+        if column is not None
+        and (place == 0 or any(cell not in ("", MISSING) for cell in column.cells))
+    )
+    return Table(caption, kept, tuple(notes), frozenset(marked))
+
+
+def make_column(header: str, cells: Sequence[str]) -> Column:
+    """Return a column of numbers."""
+    return Column(header, tuple(cells))
+
+
+def make_optional(
+    header: str, cells: Sequence[str], note: str = "", styles: Sequence[str] = ()
+) -> Column:
+    """Return a column of numbers that is left out where there is no room."""
+    return Column(header, tuple(cells), is_optional=True, note=note, styles=styles)
+
+
+def make_text_column(header: str, cells: Sequence[str]) -> Column:
+    """Return a column of words."""
+    return Column(header, tuple(cells), is_text=True)
+
+
+HAMMER = "hammer"
+AGREES, DISAGREES = "yes", "no"
+JUDGEMENT = (
+    "Agrees: the difference is no larger than the measured value's uncertainty; that of the"
+    " expected value is not known."
+)
+_EXPECTED: dict[str, Callable[[Reference], float]] = {
+    CONTACT_TIME.name: lambda reference: reference.contact_time,
+    STIFFNESS.name: lambda reference: reference.stiffness,
+    DAMPING_COEFFICIENT.name: lambda reference: reference.damping_coefficient,
+}
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One body of a table."""
+
+    name: str
+    body: SampleEstimate | HammerEstimate
+    reference: Reference
+
+
+def tabulate_contact_times(results: Results) -> Table:
+    """Return Table 2, with the pulse's width ratio, hits and spread."""
+    rows, samples = _make_rows(results, with_hammer=False), results.samples
+    columns = [
+        *_make_columns(rows, CONTACT_TIME),
+        make_optional("w10/w50", [format_number(item.width_ratio, 3) for item in samples]),
+        make_optional(
+            "Spread [µs]",
+            [format_number(item.contact_time_spread * MICRO, 2) for item in samples],
+        ),
+        make_optional(
+            "Fmax [N]",
+            [format_quantity(sample.peak_force, 1) for sample in samples],
+            "Fmax: largest force on the hammer, its mass times its largest acceleration.",
+        ),
+        make_optional(
+            "Rise [µs]",
+            [format_number(item.rise_time * MICRO, 1) for item in samples],
+            "Rise: of the hammer's pulse, from a tenth to nine tenths of its peak.",
+        ),
+        make_optional("Hits", [str(item.impacts_accepted) for item in samples]),
+        make_optional("Rejected", [str(item.impacts_rejected) for item in samples]),
+    ]
+    shapes = ", ".join(
+        f"{shape.name} {shape.width_ratio:.2f}" for shape in (VERSED_SINE, HERTZ, HALF_SINE)
+    )
+    notes = [
+        explain_misprint(row.reference.published)
+        for row in rows
+        if row.reference.published and row.reference.is_misprinted
+    ]
+    if any(_judge(row, CONTACT_TIME) != MISSING for row in rows):
+        notes.append(JUDGEMENT)
+    notes.append(
+        "w10/w50: width at a tenth of the peak over that at half of it, which tells pulse shapes"
+        f" apart: {shapes}. Spread: standard deviation over the hits in the mean."
+    )
+    return make_table("Table 2. Contact time τp", columns, notes, _mark(rows, CONTACT_TIME))
+
+
+def tabulate_stiffness(results: Results) -> list[Table]:
+    """Return Table 3, the hammer below the samples; nothing if no stiffness is known."""
+    rows = _make_rows(results, with_hammer=True)
+    if not _has_values(rows, STIFFNESS):
+        return []
+    equivalent = [format_quantity(item.equivalent_stiffness, 3, MEGA) for item in results.samples]
+    columns = [
+        *_make_columns(rows, STIFFNESS),
+        make_optional("k_eq [MN/m]", [*equivalent, ""]),
+        make_optional("Hits", _count_hits(results)),
+    ]
+    notes = _explain_mark(rows)
+    if results.hammer.control_sample:
+        control = results.hammer.control_sample
+        notes.append(f"Hammer: k1 = 2 k_eq of the control sample, {control}.")
+    return [make_table("Table 3. Stiffness k", columns, notes, _mark(rows, STIFFNESS))]
+
+
+def tabulate_damping(results: Results) -> list[Table]:
+    """Return Table 4, by the logarithmic decrement, the hammer below the samples.
+
+    Nothing if no damping is known.
+    """
+    rows = _make_rows(results, with_hammer=True)
+    if not _has_values(rows, DAMPING_COEFFICIENT):
+        return []
+    bodies = [row.body for row in rows]
+    columns = [
+        *_make_columns(rows, DAMPING_COEFFICIENT),
+        make_optional("ζ", [format_quantity(body.damping_ratio, 3) for body in bodies]),
+        make_optional("Δ", [format_number(body.log_decrement, 3) for body in bodies]),
+        make_optional("Hits", _count_hits(results)),
+    ]
+    notes, marked = _explain_mark(rows), _mark(rows, DAMPING_COEFFICIENT)
+    return [make_table("Table 4. Damping coefficient c", columns, notes, marked)]
+
+
+def tabulate_results(results: Results) -> list[Table]:
+    """Return the tables of a campaign, sample by sample."""
+    samples = results.samples
+    return [
+        tabulate_contact_times(results),
+        *tabulate_stiffness(results),
+        *tabulate_damping(results),
+        *tabulate_errors(samples),
+        *tabulate_checks(samples),
+        *tabulate_size_exponents(results),
+    ]
+
+
+def tabulate_checks(samples: Sequence[SampleEstimate]) -> list[Table]:
+    """Return what stands beside the paper's numbers: shape, law, free decay, identification."""
+    return [
+        *tabulate_pulse_shapes(samples),
+        *tabulate_contact_laws(samples),
+        *tabulate_free_decays(samples),
+        *tabulate_identifications(samples),
+    ]
+
+
+def find_largest_differences(results: Results) -> dict[str, tuple[float, str]]:
+    """Return the largest difference from what is expected and whose it is, by symbol [%]."""
+    largest = {}
+    for quantity in SAMPLE_MEASURANDS:
+        differences = [
+            (abs(_find_difference(row, quantity)), row.name)
+            for row in _make_rows(results, with_hammer=False)
+        ]
+        known = [item for item in differences if math.isfinite(item[0])]
+        if known:
+            largest[quantity.symbol] = max(known)
+    return largest
+
+
+def _make_rows(results: Results, *, with_hammer: bool) -> list[_Row]:
+    samples = results.setup.samples
+    rows = [
+        _Row(sample.name, sample, find_reference(samples, sample.name))
+        for sample in results.samples
+    ]
+    if with_hammer:
+        rows.append(_Row(HAMMER, results.hammer, find_hammer_reference(samples)))
+    return rows
+
+
+def _make_columns(rows: Sequence[_Row], quantity: Measurand) -> list[Column]:
+    """Return name, expected, measured and difference."""
+    expected = [_EXPECTED[quantity.name](row.reference) for row in rows]
+    published = all(
+        row.reference.is_published
+        for row, value in zip(rows, expected, strict=True)
+        if math.isfinite(value)
+    )
+    return [
+        make_text_column(
+            "Sample",
+            [f"{row.name} *" if row.reference.is_misprinted else row.name for row in rows],
+        ),
+        make_column(
+            f"{'Paper' if published else 'Reference'} [{quantity.unit}]",
+            _format_expected([value * quantity.scale for value in expected], quantity.digits),
+        ),
+        make_column(
+            f"Measured [{quantity.unit}]",
+            [quantity.format(quantity.read(row.body)) for row in rows],
+        ),
+        make_column(
+            "Difference [%]",
+            [
+                format_difference(quantity.read(row.body).value, value)
+                for row, value in zip(rows, expected, strict=True)
+            ],
+        ),
+        make_text_column("Agrees", [_judge(row, quantity) for row in rows]),
+    ]
+
+
+def _judge(row: _Row, quantity: Measurand) -> str:
+    """Return whether a difference is explained by the measured value's uncertainty."""
+    found = quantity.read(row.body)
+    difference = found.value - _EXPECTED[quantity.name](row.reference)
+    if not (math.isfinite(difference) and found.expanded > 0.0):
+        return MISSING
+    return DISAGREES if abs(difference) > found.expanded else AGREES
+
+
+def _mark(rows: Sequence[_Row], quantity: Measurand) -> list[int]:
+    """Return the rows that do not agree with what is expected."""
+    return [place for place, row in enumerate(rows) if _judge(row, quantity) == DISAGREES]
+
+
+def _format_expected(values: Sequence[float], digits: int) -> list[str]:
+    """Return what is expected, without decimals that nobody gave."""
+    is_whole = all(value == round(value) for value in values if math.isfinite(value))
+    return [format_number(value, 0 if is_whole else digits) for value in values]
+
+
+def _has_values(rows: Sequence[_Row], quantity: Measurand) -> bool:
+    return any(quantity.read(row.body).is_known for row in rows)
+
+
+def _find_difference(row: _Row, quantity: Measurand) -> float:
+    expected = _EXPECTED[quantity.name](row.reference)
+    return compute_difference(quantity.read(row.body).value, expected)
+
+
+def _count_hits(results: Results) -> list[str]:
+    return [*(str(item.impacts_accepted) for item in results.samples), ""]
+
+
+def _explain_mark(rows: Sequence[_Row]) -> list[str]:
+    if not any(row.reference.is_misprinted for row in rows):
+        return []
+    return ["* Its contact time is misprinted in the paper, see Table 2."]
+
+
+def tabulate_errors(samples: Sequence[SampleEstimate]) -> list[Table]:
+    """Return how far model and measurement lie apart; nothing if no sample was compared."""
+    if all(math.isnan(sample.mse_hammer_percent) for sample in samples):
+        return []
+
+    def column(header: str, name: str) -> Column:
+        values = [getattr(sample, name) for sample in samples]
+        return make_column(header, [_format_error(value) for value in values])
+
+    def shift(header: str, name: str) -> Column:
+        values = [getattr(sample, name) for sample in samples]
+        return make_column(header, _format(values, 1, MICRO))
+
+    columns = [
+        make_text_column("Sample", [sample.name for sample in samples]),
+        column("MSE hammer [%]", "mse_hammer_percent"),
+        column("MSE sample [%]", "mse_sample_percent"),
+        column("Contact hammer [%]", "contact_error_hammer_percent"),
+        column("Contact sample [%]", "contact_error_sample_percent"),
+        column("Printed hammer [%]", "printed_mse_hammer_percent"),
+        column("Printed sample [%]", "printed_mse_sample_percent"),
+        shift("Shift hammer [µs]", "shift_hammer"),
+        shift("Shift sample [µs]", "shift_sample"),
+    ]
+    note = (
+        "MSE: mean square error over the record, with the force of equation (4) alone driving the"
+        " sample, traces normalised and shifted as in the paper. Contact: RMS error of the same"
+        " over the contact alone, which the MSE is too long to show. Printed: MSE of equations (1)"
+        " and (2) as printed. Shift: applied to the model of MSE, later is positive."
+    )
+    return [make_table("Model against measurement", columns, [note])]
+
+
+def tabulate_pulse_shapes(samples: Sequence[SampleEstimate]) -> list[Table]:
+    """Return what the pulses look like, and tau_p and k2 under the best shape."""
+    rows = [
+        (sample, sample.pulse_shape, best, sample.pulse_shape.find_fit(PULSE_NAME))
+        for sample in samples
+        if (best := sample.pulse_shape.best_fit) is not None
+    ]
+    if not rows:
+        return []
+    found, bests = [sample for sample, *_ in rows], [best for _, _, best, _ in rows]
+    columns = [
+        make_text_column("Sample", [sample.name for sample in found]),
+        make_text_column(
+            "Best shape",
+            [shape.best_shape + ("" if shape.is_told_apart else " ?") for _, shape, *_ in rows],
+        ),
+        make_column("It leaves [%]", _format([fit.residual_percent for fit in bests], 2)),
+        make_column(
+            "Versed-sine leaves [%]",
+            _format([fit.residual_percent if fit else math.nan for *_, fit in rows], 2),
+        ),
+        make_optional("τp, paper [µs]", _format_found(CONTACT_TIME, found)),
+        make_column("τp, shape [µs]", _format([fit.contact_time for fit in bests], 2, MICRO)),
+        make_optional("k2, paper [MN/m]", _format_found(STIFFNESS, found)),
+        make_column("k2, shape [MN/m]", _format([fit.stiffness for fit in bests], 2, MEGA)),
+        make_optional("Fall/rise", _format([shape.fall_over_rise for _, shape, *_ in rows], 3)),
+    ]
+    note = (
+        "Shapes fitted to the mean hammer pulse. It leaves: RMS of the rest, over the peak. Paper:"
+        " by τp = 2 w50, right for a versed-sine; shape: with the factor of the best shape."
+        " ?: not told apart from the next best."
+    )
+    return [make_table("Pulse shape of the hammer", columns, [note])]
+
+
+def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
+    """Return the contact laws with what is to be said of them."""
+    known = [sample for sample in samples if sample.contact_law.is_known]
+    if not known:
+        return []
+    owners: dict[str, list[str]] = {}
+    for sample in known:
+        for note in sample.contact_law.notes:
+            owners.setdefault(note, []).append(sample.name)
+    remarks = [
+        f"{'All samples' if len(names) == len(samples) else ', '.join(names)}: {note}."
+        for note, names in owners.items()
+    ]
+    laws = [sample.contact_law for sample in known]
+
+    def column(header: str, name: str, digits: int, scale: float = 1.0) -> Column:
+        cells = [format_quantity(getattr(law, name), digits, scale) for law in laws]
+        return make_optional(header, cells)
+
+    columns = [
+        make_text_column("Sample", [sample.name for sample in known]),
+        column("n", "exponent", 3),
+        column("Duration [µs]", "duration", 2, MICRO),
+        column("e", "restitution", 3),
+        column("v [cm/s]", "impact_speed", 2, 1e2),
+        column("Force [N]", "peak_force", 1),
+        column("Indentation [µm]", "peak_indentation", 2, MICRO),
+        column("Energy lost [µJ]", "energy_loss", 1, MICRO),
+        column("k, linear [MN/m]", "equivalent_stiffness", 2, MEGA),
+        column("m2Δv2/m1Δv1", "momentum_ratio", 3),
+        make_optional("It leaves [%]", _format([law.residual_percent for law in laws], 2)),
+    ]
+    note = (
+        "F = k δⁿ (1 + a δ') between two free bodies, fitted to the mean hammer pulse; n = 3/2 is"
+        " Hertz, 1 a linear spring; duration: first touch to separation; e: restitution; k,"
+        " linear: of the spring with this duration. v, force, indentation and energy go with the"
+        " gain of the hammer's channel, taken as exact. It leaves: RMS of the rest, over the peak."
+    )
+    return [make_table("Contact law", columns, [note, *remarks])]
+
+
+def tabulate_size_exponents(results: Results) -> list[Table]:
+    """Return how contact times go with the equivalent mass, by material and over all.
+
+    Nothing where no material has three samples of different masses.
+    """
+    known = [
+        sample
+        for sample in results.samples
+        if sample.contact_time.is_known and not results.setup.find_unknown_masses(sample.name)
+    ]
+    materials = [results.setup.samples.find(sample.name).material for sample in known]
+    rows: dict[str, list[str]] = {}
+    groups = list(dict.fromkeys(materials))
+    for group in ("", *groups) if len(groups) > 1 else groups:
+        chosen = [
+            sample
+            for sample, material in zip(known, materials, strict=True)
+            if material and group in ("", material)
+        ]
+        cells = [
+            *_format_exponent(results, chosen, lambda sample: sample.contact_time),
+            *_format_exponent(results, chosen, lambda sample: sample.contact_law.duration),
+        ]
+        if any(cell != MISSING for cell in cells):
+            rows[group or ALL_MATERIALS] = cells
+    if not rows:
+        return []
+    columns = [
+        make_text_column("Material", list(rows)),
+        *(
+            make_column(header, cells)
+            for header, cells in zip(
+                ("p, by τp", "It leaves [%]", "p, by the law", "It leaves [%]"),
+                zip(*rows.values(), strict=True),
+                strict=True,
+            )
+        ),
+    ]
+    note = (
+        "τ goes with m_eq^p at one impact speed, a constant for each material:"
+        f" {HERTZ_EXPONENT:g} for a Hertz contact, {SPRING_EXPONENT:g} for a linear spring"
+        " whatever the size. By the law: of its durations. It leaves: RMS of the rest of ln τ."
+    )
+    return [make_table("Contact time over mass", columns, [note])]
+
+
+def _format_exponent(
+    results: Results,
+    samples: Sequence[SampleEstimate],
+    read: Callable[[SampleEstimate], Quantity],
+) -> tuple[str, str]:
+    """Return p and what it leaves, in words."""
+    setup = results.setup
+    timed = [sample for sample in samples if read(sample).is_known]
+    masses = [
+        estimate_equivalent_mass(setup.hammer_mass, setup.samples.find_moving_mass(sample.name))
+        for sample in timed
+    ]
+    materials = [setup.samples.find(sample.name).material for sample in timed]
+    try:
+        found = estimate_size_exponent(materials, masses, [read(sample).value for sample in timed])
+    except NotDeterminedError:
+        return MISSING, MISSING
+    return format_quantity(found.exponent, 3), format_number(100.0 * found.residual, 2)
+
+
+def tabulate_true_contacts(
+    samples: Sequence[SampleEstimate], truths: Mapping[str, ContactLaw]
+) -> Table:
+    """Return law and paper's method beside the truth, by sample, where that is known."""
+
+    def find_true(name: str, digits: int, scale: float = 1.0) -> list[str]:
+        values = [getattr(truths[sample.name], name).value for sample in samples]
+        return _format(values, digits, scale)
+
+    def find_law(name: str, digits: int, scale: float = 1.0) -> list[str]:
+        laws = [sample.contact_law for sample in samples]
+        return [format_quantity(getattr(law, name), digits, scale) for law in laws]
+
+    k_eq = [format_quantity(sample.equivalent_stiffness, 2, MEGA) for sample in samples]
+    columns = [
+        make_text_column("Sample", [sample.name for sample in samples]),
+        make_column("τ, true [µs]", find_true("duration", 2, MICRO)),
+        make_column("τ, law [µs]", find_law("duration", 2, MICRO)),
+        make_column("τp, paper [µs]", _format_found(CONTACT_TIME, samples)),
+        make_column("n, true", find_true("exponent", 3)),
+        make_column("n, law", find_law("exponent", 3)),
+        make_column("e, true", find_true("restitution", 4)),
+        make_column("e, law", find_law("restitution", 4)),
+        make_column("v, true [cm/s]", find_true("impact_speed", 3, 1e2)),
+        make_column("v, law [cm/s]", find_law("impact_speed", 3, 1e2)),
+        make_column("k, true [MN/m]", find_true("equivalent_stiffness", 2, MEGA)),
+        make_column("k_eq, paper [MN/m]", k_eq),
+    ]
+    note = (
+        "True: what the virtual rig struck with, at the mean of its hits' scatter; k: of a linear"
+        " spring in contact as long."
+    )
+    return make_table("Contact law against the truth", columns, [note])
+
+
+def tabulate_free_decays(samples: Sequence[SampleEstimate]) -> list[Table]:
+    """Return damping by the free decay after the contact, beside the log decrement's."""
+    known = [sample for sample in samples if math.isfinite(sample.free_decay.damping_ratio.value)]
+    if not known:
+        return []
+    decays = [sample.free_decay for sample in known]
+    columns = [
+        make_text_column("Sample", [sample.name for sample in known]),
+        make_optional("c2, paper [N s/m]", _format_found(DAMPING_COEFFICIENT, known)),
+        make_column("c2, free decay [N s/m]", _format_found(DAMPING_COEFFICIENT, decays)),
+        make_optional("ζ, paper", [format_quantity(item.damping_ratio, 3) for item in known]),
+        make_column("ζ, free decay", [format_quantity(item.damping_ratio, 3) for item in decays]),
+        make_optional("f [kHz]", _format([item.frequency for item in decays], 3, 1e-3)),
+        make_optional("Periods", _format([item.periods for item in decays], 1)),
+        make_optional("R²", _format([item.r_squared for item in decays], 4)),
+    ]
+    note = (
+        "Paper: from U1, inside the contact, and U2. Free decay: a damped sinusoid fitted to the"
+        " sample's trace after the contact; f: its frequency. Periods: what of it stands out of"
+        " the noise. R²: part of the tail that the fit explains."
+    )
+    return [make_table("Damping by free decay", columns, [note])]
+
+
+def tabulate_identifications(samples: Sequence[SampleEstimate]) -> list[Table]:
+    """Return the parameters of the preferred model fitted to both traces, beside the paper's."""
+    rows = [(s, fit) for s in samples if (fit := s.identification) is not None]
+    if not rows:
+        return []
+    fitted, fits = [sample for sample, _ in rows], [fit for _, fit in rows]
+    columns = [make_text_column("Sample", [sample.name for sample in fitted])]
+    for measurand, fit_column in zip(SAMPLE_MEASURANDS, _make_fit_columns(fits), strict=True):
+        header = f"{measurand.sample_symbol}, paper [{measurand.unit}]"
+        columns += [make_optional(header, _format_found(measurand, fitted)), fit_column]
+    columns += [
+        make_optional("Residual/noise", _format([fit.residual_over_noise for fit in fits], 1)),
+        make_optional("Force balance", _format([fit.force_balance for fit in fits], 3)),
+        make_text_column("Model", [fit.model for fit in fits]),
+    ]
+    note = (
+        "Paper: by the paper's method. Fit: least squares on hammer and sample together, with the"
+        " variant of the model that the Bayesian information criterion prefers. Residual/noise: 1"
+        " where the model leaves nothing but noise. Force balance: force on the sample over that"
+        " on the hammer, 1 by Newton's third law."
+    )
+    return [make_table("Identification of the two-body model", columns, [note])]
+
+
+def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
+    """Return what each method says of one sample, beside what is expected."""
+    decay, fitted = sample.free_decay, sample.identification or FittedModel("")
+    rows = (
+        (CONTACT_TIME, sample.contact_time, None, fitted.contact_time, reference.contact_time),
+        (STIFFNESS, sample.stiffness, decay.stiffness, fitted.stiffness, reference.stiffness),
+        (
+            DAMPING_COEFFICIENT,
+            sample.damping_coefficient,
+            decay.damping_coefficient,
+            fitted.damping_coefficient,
+            reference.damping_coefficient,
+        ),
+    )
+
+    def column(header: str, found: Sequence[Quantity | None], ratio: Quantity) -> Column:
+        cells = [
+            what.format(item) if item else "" for item, (what, *_) in zip(found, rows, strict=True)
+        ]
+        return make_column(header, [*cells, format_quantity(ratio, 3)])
+
+    columns = [
+        make_text_column("", [*(f"{what.symbol} [{what.unit}]" for what, *_ in rows), "ζ"]),
+        column("paper's method", [row[1] for row in rows], sample.damping_ratio),
+        column("free decay", [row[2] for row in rows], decay.damping_ratio),
+        column(f"fit ({fitted.model or 'none'})", [row[3] for row in rows], fitted.damping_ratio),
+        make_column(
+            "expected",
+            [*(format_number(row[4] * row[0].scale, row[0].digits) for row in rows), ""],
+        ),
+    ]
+    return make_table("By method", columns)
+
+
+def tabulate_variants(sample: SampleEstimate) -> list[Table]:
+    """Return every variant of the model that was fitted to one sample, and what it leaves."""
+    fits = sample.identifications
+    if not fits:
+        return []
+    columns = [
+        make_text_column(
+            "Model", [f"{fit.model}, preferred" if fit.is_preferred else fit.model for fit in fits]
+        ),
+        *_make_fit_columns(fits),
+        make_column(
+            "Leaves of hammer [%]", _format([fit.residual_hammer_percent for fit in fits], 2)
+        ),
+        make_column(
+            "Leaves of sample [%]", _format([fit.residual_sample_percent for fit in fits], 2)
+        ),
+        make_optional("Residual/noise", _format([fit.residual_over_noise for fit in fits], 1)),
+        make_optional("BIC", _format([fit.criterion for fit in fits], 0)),
+    ]
+    notes = [f"{fit.model}: {text}." for fit in fits for text in (*fit.undetermined, *fit.notes)]
+    return [make_table("Fitted models", columns, notes)]
+
+
+def _make_fit_columns(fits: Sequence[FittedModel]) -> list[Column]:
+    """Return tau_p, k2 and c2 as they were fitted."""
+    return [
+        make_column(f"{item.sample_symbol}, fit [{item.unit}]", _format_found(item, fits))
+        for item in SAMPLE_MEASURANDS
+    ]
+
+
+def _format(values: Sequence[float], digits: int, scale: float = 1.0) -> list[str]:
+    return [format_number(value * scale, digits) for value in values]
+
+
+def _format_error(value: float) -> str:
+    """Return an error with two significant digits: they reach over four decades."""
+    if not math.isfinite(value):
+        return MISSING
+    return f"{value:#.2g}".rstrip(".") if value >= SMALLEST_ERROR else f"< {SMALLEST_ERROR:.4f}"
+
+
+def _format_found(measurand: Measurand, bodies: Sequence[Any]) -> list[str]:
+    """Return what was found of a measurand, by samples or by one method of each."""
+    return [measurand.format(measurand.read(body)) for body in bodies]
+
+
+def tabulate_budgets(name: str, body: SampleEstimate | HammerEstimate) -> Iterator[Table]:
+    """Yield the uncertainty budgets of a sample or of the hammer, as far as there are any."""
+    for field in list_fields(type(body)):
+        quantity = getattr(body, field.name)
+        if not isinstance(quantity, Quantity) or not quantity.budget:
+            continue
+        unit = field.description.shown or field.description.unit
+        scale = SCALES[unit]
+        value = format_quantity(quantity, 3, scale)
+        large = [line for line in quantity.budget if line.share >= SMALLEST_SHARE]
+        small = [line.source for line in quantity.budget if line.share < SMALLEST_SHARE]
+        columns = [
+            make_text_column("Source", [line.source for line in large]),
+            make_text_column("Type", [line.kind for line in large]),
+            make_column(
+                f"u [{unit}]" if unit else "u",
+                [f"{line.contribution * scale:.2g}" for line in large],
+            ),
+            make_column("Share [%]", [f"{100.0 * line.share:.1f}" for line in large]),
+        ]
+        yield make_table(
+            f"{name}: {field.description.symbol} = {value} {unit}".rstrip(),
+            columns,
+            [f"Below 0.05 %: {', '.join(small)}."] if small else [],
+        )

@@ -1,0 +1,263 @@
+"""Records to JSON, to messages and to columns of text, and back, by one rule.
+
+A record is a frozen dataclass; its fields say what they are (`core.quantity.describe`).
+
+- JSON calls a field by its name and its unit: `half_amplitude_width_s`. A `Quantity` is three
+  numbers, `stiffness_n_per_m`, `stiffness_u_n_per_m` and `stiffness_expanded_n_per_m`; the budgets
+  of all quantities of a record are its list `budget`. What is not determined (NaN) is null.
+- A message has the fields of its record, with the same names; their comments give the units.
+- A row of text has what JSON has, without records within records.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+
+from impact_rig.core.errors import RigError
+from impact_rig.core.quantity import UNKNOWN, BudgetLine, Description, Quantity, read_description
+
+Json = dict[str, Any]
+Record = TypeVar("Record")
+NUMBERS = {"": "value", "u": "standard", "expanded": "expanded"}
+"""What JSON tells of a quantity, by what stands behind the quantity's name."""
+BUDGET = "budget"
+WANTED = {int: "a whole number", str: "text", bool: "true or false"}
+"""Kinds of values that are taken as they are, in words."""
+PLAIN = (float, *WANTED)
+"""Kinds of values that messages have too."""
+JOINED = ("warnings", "notes")
+JOINT = "; "
+"""Texts that share a cell of a row, and what stands between them."""
+
+
+class WireError(RigError):
+    """A field that is missing or of the wrong kind, in words."""
+
+
+class WireField(NamedTuple):
+    """A field of a record that leaves where it was made."""
+
+    name: str
+    hint: Any
+    default: Any
+    description: Description
+
+    def find_key(self, kind: str = "") -> str:
+        """Return its name in JSON; `kind` is "u" or "expanded" for an uncertainty."""
+        said = self.description
+        unit = (
+            said.unit.replace("/", "_per_")
+            .replace("^n", "_n")
+            .replace("^", "")
+            .replace(" ", "_")
+            .lower()
+        )
+        return "_".join(part for part in (said.written or self.name, kind, unit) if part)
+
+
+def _list_fields(kind: Any) -> tuple[WireField, ...]:
+    """Return the fields of a kind of record that leave where they were made."""
+    hints = get_type_hints(kind)
+    found = (
+        WireField(field.name, hints[field.name], field.default, read_description(field))
+        for field in fields(kind)
+    )
+    return tuple(field for field in found if not field.description.is_internal)
+
+
+list_fields: Callable[[Any], tuple[WireField, ...]] = cache(_list_fields)
+
+
+def to_json(record: Any) -> Json:
+    """Return a record as a dict of plain values."""
+    content: Json = {}
+    lines: list[Json] = []
+    for field in list_fields(type(record)):
+        value = getattr(record, field.name)
+        if field.hint is Quantity:
+            for kind, name in NUMBERS.items():
+                content[field.find_key(kind)] = _value_to_json(float, getattr(value, name))
+            lines += [{"quantity": field.name, **to_json(line)} for line in value.budget]
+            content[BUDGET] = lines
+        elif field.description.is_inline:
+            content |= to_json(value)
+        else:
+            content[field.find_key()] = _value_to_json(field.hint, value)
+    return content
+
+
+def _value_to_json(hint: Any, value: Any) -> Any:
+    if get_origin(hint) is tuple:
+        return [_value_to_json(get_args(hint)[0], item) for item in value]
+    if hint is float:
+        return float(value) if math.isfinite(value) else None
+    return to_json(value) if is_dataclass(value) else value
+
+
+def from_json(kind: type[Record], content: Any, version: int, place: str = "") -> Record:
+    """Return the record that JSON holds.
+
+    Parameters
+    ----------
+    kind : type
+        Of the record.
+    content : object
+        As parsed.
+    version : int
+        Of the format: what is newer may be absent, and takes its default.
+    place : str
+        Of the record in the file, for what is said of it.
+
+    Raises
+    ------
+    WireError
+        If a field is missing, of the wrong kind, or cannot be meant.
+    """
+    if not isinstance(content, Mapping):
+        raise WireError(f"{place} must be an object")
+    values: Json = {}
+    for field in list_fields(kind):
+        if field.hint is Quantity:
+            values[field.name] = _read_quantity(field, content, version, place)
+        elif field.description.is_inline:
+            values[field.name] = from_json(field.hint, content, version, place)
+        else:
+            values[field.name] = _read_value(field, content, version, place)
+    try:
+        return kind(**values)
+    except WireError:
+        raise
+    except RigError as error:
+        raise WireError(f"{place}: {error}") from None
+
+
+def _read_quantity(
+    field: WireField, content: Mapping[str, Any], version: int, place: str
+) -> Quantity:
+    if version < field.description.since and field.find_key() not in content:
+        return UNKNOWN
+    value, standard, expanded = (
+        _read_number(content, field.find_key(kind), place) for kind in NUMBERS
+    )
+    lines = content.get(BUDGET, [])
+    if not isinstance(lines, list):
+        raise WireError(f"{_join(place, BUDGET)} must be a list")
+    budget = tuple(
+        from_json(BudgetLine, line, version, f"{_join(place, BUDGET)}[{number}]")
+        for number, line in enumerate(lines)
+        if isinstance(line, Mapping) and line.get("quantity") == field.name
+    )
+    return Quantity(value, standard, expanded, budget=budget)
+
+
+def _read_number(content: Mapping[str, Any], key: str, place: str) -> float:
+    if key not in content:
+        raise WireError(f"the field {_join(place, key)} is missing")
+    number: float = _value_from_json(float, content[key], 0, _join(place, key))
+    return number
+
+
+def _read_value(field: WireField, content: Mapping[str, Any], version: int, place: str) -> Any:
+    key = field.find_key()
+    if key in content:
+        return _value_from_json(field.hint, content[key], version, _join(place, key))
+    if version < field.description.since:
+        return field.default
+    raise WireError(f"the field {_join(place, key)} is missing")
+
+
+def _value_from_json(hint: Any, value: Any, version: int, place: str) -> Any:
+    if get_origin(hint) is tuple:
+        if not isinstance(value, list):
+            raise WireError(f"{place} must be a list")
+        item = get_args(hint)[0]
+        return tuple(
+            _value_from_json(item, each, version, f"{place}[{number}]")
+            for number, each in enumerate(value)
+        )
+    if hint is float:
+        if value is None:
+            return math.nan
+        if isinstance(value, bool) or not isinstance(value, float | int):
+            raise WireError(f"{place} is {value!r}: it must be a number or null")
+        return float(value)
+    if hint in WANTED:
+        if not isinstance(value, hint) or isinstance(value, bool) is not (hint is bool):
+            raise WireError(f"{place} is {value!r}: it must be {WANTED[hint]}")
+        return value
+    return from_json(hint, value, version, place)
+
+
+def _join(place: str, name: str) -> str:
+    return f"{place}.{name}" if place else name
+
+
+def fill_message(message: Any, record: Any, classes: Mapping[type, type]) -> None:
+    """Put a record into a message, which may have more fields.
+
+    Parameters
+    ----------
+    message : object
+        With the record's fields as attributes.
+    record : dataclass
+        What to send.
+    classes : mapping of type to type
+        The classes of messages, by those of the records within the record.
+    """
+    for field in list_fields(type(record)):
+        value = getattr(record, field.name)
+        if field.description.is_inline:
+            fill_message(message, value, classes)
+        else:
+            setattr(message, field.name, _value_to_message(field.hint, value, classes))
+
+
+def _value_to_message(hint: Any, value: Any, classes: Mapping[type, type]) -> Any:
+    if get_origin(hint) is tuple:
+        return [_value_to_message(get_args(hint)[0], item, classes) for item in value]
+    if not is_dataclass(hint):
+        return hint(value)
+    message = classes[type(value)]()
+    fill_message(message, value, classes)
+    return message
+
+
+def from_message(kind: type[Record], message: Any) -> Record:
+    """Return the record that a message holds, whoever decoded it.
+
+    Raises
+    ------
+    RigError
+        If the record refuses its values.
+    """
+    return kind(
+        **{
+            field.name: from_message(field.hint, message)
+            if field.description.is_inline
+            else _value_from_message(field.hint, getattr(message, field.name))
+            for field in list_fields(kind)
+        }
+    )
+
+
+def _value_from_message(hint: Any, value: Any) -> Any:
+    if get_origin(hint) is tuple:
+        return tuple(_value_from_message(get_args(hint)[0], item) for item in value)
+    if hint in PLAIN:
+        return hint(value)
+    return from_message(hint, value)
+
+
+def to_row(record: Any, prefix: str = "") -> dict[str, str]:
+    """Return the numbers and texts of a record, by column; what is not determined is empty."""
+    cells = {}
+    for key, value in to_json(record).items():
+        if key in JOINED:
+            cells[prefix + key] = JOINT.join(value)
+        elif isinstance(value, float):
+            cells[prefix + key] = repr(value)
+        elif not isinstance(value, list | dict):
+            cells[prefix + key] = "" if value is None else str(value)
+    return cells

@@ -1,0 +1,1 @@
+"""Identified contacts as parameters of multibody engines, and the proof in these engines."""

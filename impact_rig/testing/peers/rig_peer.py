@@ -1,0 +1,230 @@
+"""A whole bench that is not there: a relay that holds the hammer, and a digitizer that sees it.
+
+The relay lets go, the hammer swings, and the digitizer sees a hit of the virtual rig::
+
+    python -m impact_rig.testing.peers.rig_peer --write bench.toml
+
+It writes a rig file that names both, for `impact-rig up --rig-file bench.toml`. It prints where
+they are, and each hit, as lines of JSON, and takes `mount SAMPLE`, `unplug DEVICE`, `plug DEVICE`
+and `quit` as lines, where a device is `scpi` or `relay`; each is answered by a line.
+"""
+
+import argparse
+import json
+import sys
+import threading
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from impact_rig.configuration.rig_file import read_rig_file, read_template
+from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
+from impact_rig.testing.peers.scpi_digitizer import ScpiDigitizer
+from impact_rig.testing.peers.serial_relay import SerialRelayPeer
+
+
+class VirtualBench:
+    """What a stand-in for an instrument measures: the next hit of the sample that is mounted.
+
+    Nobody tells it of records and attempts: each strike of a sample is the next of its series, as
+    on a real bench.
+
+    Parameters
+    ----------
+    setup : RigSetup
+        Masses and samples.
+    settings : VirtualRigSettings
+        Physics, scatter, seed and faults of the hits.
+    """
+
+    def __init__(self, setup: RigSetup, settings: VirtualRigSettings) -> None:
+        self._rig = VirtualRig(setup, settings)
+        self._strikes: Counter[str] = Counter()
+        self.sample = ""
+        """The one that is mounted; empty: none."""
+
+    def mount(self, sample: str) -> None:
+        """Put a sample in the hammer's way.
+
+        Raises
+        ------
+        ParameterError
+            If it is unknown, or lacks a reference value.
+        """
+        self._rig.check_sample(sample)
+        self.sample = sample
+
+    def strike(self) -> VirtualHit:
+        """Let the hammer strike once.
+
+        Raises
+        ------
+        ParameterError
+            If no sample is mounted.
+        """
+        if not self.sample:
+            raise ParameterError("no sample is mounted: the hammer strikes nothing")
+        self._strikes[self.sample] += 1
+        impact = self._strikes[self.sample]
+        return self._rig.strike(HitLabel(self.sample, record=impact, impact=impact))
+
+
+HAMMER_SENSITIVITY = 5e-3
+SPECIMEN_SENSITIVITY = 4e-3
+"""Of the sensors [V per g], our choice: the paper's hits take a fifth to three quarters of the
+digitizer's 1 V."""
+SWING_TIME = 0.02
+"""From release to contact [s]: a tenth of the paper's, since nobody watches it."""
+RIG_TABLES = """
+[source]
+driver = "scpi"
+address = "{address}"
+sampling_rate = "2.5 MHz"
+trigger_level = "5 g"
+
+[source.hammer]
+channel = 1
+sensitivity = "{hammer:g} mV/g"
+
+[source.specimen]
+channel = 2
+sensitivity = "{specimen:g} mV/g"
+
+[holder]
+driver = "serial"
+port = "{port}"
+swing_time = "{swing_time:g} s"
+"""
+
+
+class RigPeer:
+    """Relay, hammer, sample and digitizer, which know of each other only what a bench knows.
+
+    Parameters
+    ----------
+    setup : RigSetup
+        Masses and samples.
+    settings : VirtualRigSettings
+        Of the hits.
+    swing_time : float
+        From release to contact [s].
+    """
+
+    def __init__(
+        self, setup: RigSetup, settings: VirtualRigSettings, swing_time: float = SWING_TIME
+    ) -> None:
+        self.bench = VirtualBench(setup, settings)
+        self.scpi = ScpiDigitizer(
+            1.0 / Sensor("hammer", "acceleration", "g", HAMMER_SENSITIVITY).find_scale(),
+            1.0 / Sensor("specimen", "acceleration", "g", SPECIMEN_SENSITIVITY).find_scale(),
+        )
+        self.relay = SerialRelayPeer(self._let_go)
+        self._swing_time = swing_time
+        self._swing: threading.Timer | None = None
+
+    def start(self) -> None:
+        """Be there, with nothing mounted."""
+        self.scpi.start()
+        self.relay.start()
+
+    def stop(self) -> None:
+        """Be gone; a hammer on its way arrives before."""
+        self.relay.stop()
+        if self._swing is not None:
+            self._swing.join()
+        self.scpi.stop()
+
+    def make_tables(self) -> str:
+        """Return the tables [source] and [holder] of a rig file that uses it."""
+        return RIG_TABLES.format(
+            address=self.scpi.address,
+            hammer=HAMMER_SENSITIVITY * 1e3,
+            specimen=SPECIMEN_SENSITIVITY * 1e3,
+            port=self.relay.port,
+            swing_time=self._swing_time,
+        )
+
+    def _let_go(self) -> None:
+        self._swing = threading.Timer(self._swing_time, self._strike)
+        self._swing.start()
+
+    def _strike(self) -> None:
+        if not self.bench.sample:
+            _tell(error="the hammer struck nothing: no sample is mounted")
+            return
+        hit = self.bench.strike()
+        complete = self.scpi.feed(hit)
+        _tell(hit=hit.label.impact, sample=hit.label.sample, triggered=complete is not None)
+
+
+def _tell(**fields: Any) -> None:
+    # One write for a line: hits are told by another thread than commands are.
+    sys.stdout.write(json.dumps(fields) + "\n")
+    sys.stdout.flush()
+
+
+def _obey(peer: RigPeer, line: str) -> None:
+    """Do what a line says, and tell that it is done or why not."""
+    verb, _, name = line.partition(" ")
+    devices: dict[str, ScpiDigitizer | SerialRelayPeer]
+    devices = {"scpi": peer.scpi, "relay": peer.relay}
+    try:
+        if verb == "mount":
+            peer.bench.mount(name)
+        elif verb == "unplug" and name in devices:
+            devices[name].unplug()
+        elif verb == "plug" and name in devices:
+            devices[name].plug()
+        else:
+            _tell(error=f"unknown command {line!r}: it knows mount SAMPLE, unplug and plug scpi or"
+                  " relay, and quit")  # fmt: skip
+            return
+    except RigError as error:
+        _tell(error=str(error))
+        return
+    _tell(done=line)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Be a bench until told to quit, or standard input ends."""
+    parser = argparse.ArgumentParser(description="A bench that is not there.")
+    parser.add_argument("--rig-file", type=Path, help="masses and samples; else the paper's")
+    parser.add_argument("--write", type=Path, help="where to write a rig file that names it")
+    parser.add_argument("--sample", default=CONTROL_SAMPLE, help="mounted first (%(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="of the hits' scatter (%(default)s)")
+    parser.add_argument("--swing-time", type=float, default=SWING_TIME,
+                        help="from release to contact [s] (%(default)s)")  # fmt: skip
+    arguments = parser.parse_args(argv)
+    path = arguments.rig_file
+    try:
+        setup = read_rig_file(path).setup if path else PAPER_SETUP
+        peer = RigPeer(setup, VirtualRigSettings(seed=arguments.seed), arguments.swing_time)
+        peer.bench.mount(arguments.sample)
+    except RigError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    peer.start()
+    try:
+        if arguments.write:
+            text = path.read_text("utf-8") if path else read_template()
+            arguments.write.write_text(text + peer.make_tables(), "utf-8")
+        _tell(scpi=peer.scpi.address, relay=peer.relay.port)
+        for line in sys.stdin:
+            if line.strip() == "quit":
+                break
+            _obey(peer, line.strip())
+    except KeyboardInterrupt:
+        pass
+    finally:
+        peer.stop()
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,209 @@
+"""A USB relay board that is not there: it answers at the other end of a pseudo-terminal.
+
+``python -m impact_rig.testing.peers.serial_relay`` prints the port to open, and what the relay
+does, as lines of JSON; it takes the commands `unplug`, `plug` and `quit`, a line each.
+"""
+
+import argparse
+import json
+import os
+import select
+import sys
+import tempfile
+import threading
+import tty
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from impact_rig.devices.serial_relay import (
+    FRAME_SIZE,
+    HOLDS,
+    OFF,
+    OFF_AND_ANSWER,
+    ON,
+    ON_AND_ANSWER,
+    QUERY,
+    RELEASES,
+    START,
+    make_frame,
+)
+
+CHANNEL = 1
+"""The board's only relay."""
+COMMANDS = {b"HOLD": True, b"RELEASE": False}
+STATE_QUERY = b"STATE?"
+"""Lines that it understands too, each ended by a line feed, and answers with OK, HOLDING or
+RELEASED."""
+
+
+class SerialRelayPeer:
+    """A board with one relay, which speaks the four-byte protocol and a plain one.
+
+    Parameters
+    ----------
+    on_release : callable
+        Called, in a thread of the board's own, when the relay lets the hammer go.
+    energized : {"releases", "holds"}
+        What the relay does while it is on. Unplugged, it is off.
+
+    Attributes
+    ----------
+    on_release : callable
+        As given; may be replaced.
+    distort : callable
+        Returns what becomes of an answer on its way: nothing, half of it, something else.
+    is_stuck : bool
+        The relay does not move, whatever it is told.
+    """
+
+    def __init__(
+        self, on_release: Callable[[], None] = lambda: None, *, energized: str = RELEASES
+    ) -> None:
+        self.on_release = on_release
+        self.distort: Callable[[bytes], bytes] = lambda answer: answer
+        self.is_stuck = False
+        self._is_on_holding = energized == HOLDS
+        self._is_on = False
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._wake = -1
+        self._thread: threading.Thread | None = None
+
+    @property
+    def is_holding(self) -> bool:
+        """Whether the hammer is held."""
+        return self._is_on == self._is_on_holding
+
+    @property
+    def port(self) -> str:
+        """Path of the port to open, the same after every `plug`."""
+        if self._folder is None:
+            return ""
+        return str(Path(self._folder.name, "relay"))
+
+    def start(self) -> None:
+        """Appear as a port."""
+        self._folder = tempfile.TemporaryDirectory(prefix="impact_rig_relay_")
+        self.plug()
+
+    def stop(self) -> None:
+        """Disappear for good; safe to call twice."""
+        self.unplug()
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
+
+    def plug(self) -> None:
+        """Be plugged in: another pseudo-terminal under the same path; the relay is off."""
+        if self._thread is not None:
+            return
+        board, port = os.openpty()
+        tty.setraw(port)
+        reader, self._wake = os.pipe()
+        self._thread = threading.Thread(target=self._serve, args=(board, port, reader))
+        self._thread.start()
+        # Whoever looks sees the port or none, never one that leads nowhere.
+        path = Path(self.port)
+        with suppress(FileNotFoundError):
+            path.unlink()
+        path.symlink_to(os.ttyname(port))
+
+    def unplug(self) -> None:
+        """Be pulled out: the port is gone, and the relay off."""
+        if self._thread is None:
+            return
+        Path(self.port).unlink()
+        os.close(self._wake)
+        if self._thread is not threading.current_thread():
+            self._thread.join()
+        self._thread = None
+        self._switch(is_on=False)
+
+    def _serve(self, board: int, port: int, reader: int) -> None:
+        """Take commands until the wake pipe is closed; the port stays open in between users."""
+        received = b""
+        while True:
+            ready, _, _ = select.select([board, reader], [], [])
+            if reader in ready:
+                break
+            received = self._take(board, received + os.read(board, 1024))
+        for descriptor in (board, port, reader):
+            os.close(descriptor)
+
+    def _take(self, board: int, received: bytes) -> bytes:
+        """Obey what is complete; return the rest."""
+        while received:
+            if received[0] == START:
+                if len(received) < FRAME_SIZE:
+                    break
+                request, received = received[:FRAME_SIZE], received[FRAME_SIZE:]
+                answer = self._obey_frame(request)
+            else:
+                line, end, rest = received.partition(b"\n")
+                if not end:
+                    break
+                received = rest
+                answer = self._obey_line(line.strip())
+            if answer:
+                os.write(board, self.distort(answer))
+        return received
+
+    def _obey_frame(self, frame: bytes) -> bytes:
+        channel, operation = frame[1:3]
+        if channel != CHANNEL or frame != make_frame(channel, operation):
+            return b""
+        if operation in (OFF, ON, OFF_AND_ANSWER, ON_AND_ANSWER):
+            self._switch(is_on=operation in (ON, ON_AND_ANSWER))
+        if operation in (OFF_AND_ANSWER, ON_AND_ANSWER, QUERY):
+            return make_frame(channel, ON if self._is_on else OFF)
+        return b""
+
+    def _obey_line(self, line: bytes) -> bytes:
+        if line in COMMANDS:
+            self._switch(is_on=COMMANDS[line] == self._is_on_holding)
+            return b"OK\n"
+        if line == STATE_QUERY:
+            return b"HOLDING\n" if self.is_holding else b"RELEASED\n"
+        return b"ERROR\n"
+
+    def _switch(self, *, is_on: bool) -> None:
+        was_holding = self.is_holding
+        if not self.is_stuck:
+            self._is_on = is_on
+        if was_holding and not self.is_holding:
+            self.on_release()
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the board until it is told to quit, or its standard input ends."""
+    parser = argparse.ArgumentParser(description="A USB relay board that is not there.")
+    parser.add_argument("--energized", choices=(RELEASES, HOLDS), default=RELEASES)
+    board = SerialRelayPeer(
+        lambda: _tell(event="released"), energized=parser.parse_args(argv).energized
+    )
+    board.start()
+    actions = {"unplug": board.unplug, "plug": board.plug}
+    try:
+        _tell(port=board.port)
+        for line in sys.stdin:
+            command = line.strip()
+            if command == "quit":
+                break
+            if command in actions:
+                actions[command]()
+                _tell(event=command)
+            else:
+                _tell(error=f"unknown command {command!r}: it knows unplug, plug, quit")
+    except KeyboardInterrupt:
+        pass
+    finally:
+        board.stop()
+    return 0
+
+
+def _tell(**fields: str) -> None:
+    print(json.dumps(fields), flush=True)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

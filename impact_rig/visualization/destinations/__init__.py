@@ -1,1 +1,0 @@
-"""Where the view goes: files, viewers here and elsewhere, a web page."""

@@ -1,1 +1,0 @@
-"""What is drawn and written: plots, figures, tables, words."""

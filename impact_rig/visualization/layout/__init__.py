@@ -1,1 +1,0 @@
-"""How the view is laid out: tabs, and the views in them."""

@@ -1,0 +1,95 @@
+"""What there is to see of a recording is what its analysis finds, with the traces behind it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from impact_rig.analysis.recording_analysis import (
+    SettingsChanges,
+    analyze_recording,
+    trace_recording,
+)
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
+from impact_rig.recordings.importing import ImportedHit, write_imported
+
+SAMPLES = ("aluminium large", "steel small")
+LABELS = [
+    HitLabel(name, record, impact)
+    for record, (name, impact) in enumerate(
+        ((name, impact) for name in SAMPLES for impact in (1, 2, 3, 4)), start=1
+    )
+]
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording of two samples, some hits with faults."""
+    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=11, faults=FaultPlan(0.1)))
+    hits = [
+        ImportedHit(Path(__file__), rig.strike(label).split(10_000, 0)[0], True, (), ())
+        for label in LABELS
+    ]
+    output = tmp_path_factory.mktemp("traced") / "session.mcap"
+    write_imported(output, PAPER_SETUP, hits)
+    return output
+
+
+def test_the_results_are_those_of_the_analysis(path: Path) -> None:
+    (campaign,) = trace_recording(path, with_models=True).campaigns
+    (analyzed,) = analyze_recording(path, SettingsChanges()).campaigns
+    assert repr(campaign.results) == repr(analyzed)
+
+
+def test_without_models_everything_else_is_the_same(path: Path) -> None:
+    (campaign,) = trace_recording(path, with_models=False).campaigns
+    (analyzed,) = analyze_recording(path, SettingsChanges()).campaigns
+    assert repr(campaign.results.hits) == repr(analyzed.hits)
+    for sample, other in zip(campaign.results.samples, analyzed.samples, strict=True):
+        assert sample.identifications == ()
+        assert repr(sample.stiffness) == repr(other.stiffness)
+
+
+def test_every_hit_is_there_as_recorded_and_in_its_sample_s_time(path: Path) -> None:
+    (campaign,) = trace_recording(path, with_models=False).campaigns
+    assert [hit.recorded.label for hit in campaign.hits] == LABELS
+    assert [hit.result.record for hit in campaign.hits] == [label.record for label in LABELS]
+    assert {hit.result.accepted for hit in campaign.hits} == {True, False}, "some should be bad"
+    for hit in campaign.hits:
+        assert hit.recorded.values.shape == (hit.recorded.time.size, 2)
+        if hit.aligned is None:
+            assert not hit.result.accepted
+        else:
+            peaks = np.abs(hit.aligned.traces).max(axis=1)
+            assert peaks[0] == pytest.approx(hit.result.hammer_peak, rel=1e-3)
+
+
+def test_a_mean_is_that_of_its_accepted_hits(path: Path) -> None:
+    (campaign,) = trace_recording(path, with_models=False).campaigns
+    for sample in campaign.samples:
+        grid = sample.time[500:2000]
+        hits = [
+            np.interp(grid, hit.aligned.time, hit.aligned.traces[0])
+            for hit in campaign.hits
+            if hit.aligned is not None and hit.result.accepted and hit.result.sample == sample.name
+        ]
+        mean = np.interp(grid, sample.time, sample.mean[0])
+        np.testing.assert_allclose(np.mean(hits, axis=0), mean, atol=1e-6 * np.abs(mean).max())
+
+
+def test_a_person_s_word_and_other_settings_hold(path: Path) -> None:
+    (before,) = trace_recording(path, with_models=False).campaigns
+    first = next(hit.result for hit in before.hits if hit.result.accepted)
+    changes = SettingsChanges(pulse_factor=1.5)
+    (after,) = trace_recording(
+        path, changes, reject=[str(first.record)], with_models=False
+    ).campaigns
+    assert [hit.result.record for hit in before.hits if hit.result.accepted] == [
+        first.record,
+        *(hit.result.record for hit in after.hits if hit.result.accepted),
+    ]
+    assert after.samples[-1].contact_time == pytest.approx(
+        1.5 * after.samples[-1].half_amplitude_width
+    )

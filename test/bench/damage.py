@@ -1,0 +1,271 @@
+"""Reads spoilt recordings, one after the other, with bounded memory; a process of its own.
+
+Called with a folder that holds the good recordings, the first seed and how many. Prints a line of
+JSON before and after each spoilt recording, so that who listens knows what hung or crashed.
+"""
+
+import json
+import random
+import resource
+import shutil
+import struct
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from impact_rig.core.errors import RigError
+from impact_rig.core.session import Session
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.recordings.bag import SUFFIX
+from impact_rig.recordings.contents import inspect_recording
+from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.recover import recover_recording
+
+_FRAME = struct.Struct("<BQ")
+"""Kind and length of an MCAP record."""
+_MAGIC_SIZE = 8
+"""Of the bytes that the file begins with [byte]."""
+_CHUNK = 6
+"""Kind of a record that holds others."""
+_CHUNK_SIZE, _CHUNK_CHECKSUM, _CHUNK_NAME, _CHUNK_DATA = 16, 24, 28, 40
+"""Where a chunk says how much it holds, where its checksum is, the length of its compression's
+name, and its data if that is empty, from the start of its content [byte]."""
+_LENGTHS = (0, 1, 0xFF, 0xFFFF, 1 << 31, 0xFFFFFFFF, 10 << 30, 1 << 62, (1 << 64) - 1)
+"""What a length may be made: nothing, borders of number types, 10 GB, and beyond every file."""
+WITHOUT_CHECKSUMS = 0.5
+"""Part of the copies whose chunks have no checksums any more [-], our choice: else hardly any
+damage gets past them to the messages."""
+MAX_FLIPS = 20
+"""Bits flipped at once, at most [-], our choice."""
+MAX_SPLICE = 5000
+"""Bytes moved at once, at most [-], our choice: a few records."""
+
+
+def mutate(data: bytes, seed: int) -> bytes:
+    """Return a spoilt copy of a recording.
+
+    Parameters
+    ----------
+    data : bytes
+        An MCAP file, best an uncompressed one too, so that lengths inside of messages are hit.
+    seed : int
+        The same one spoils the same bytes.
+    """
+    dice = random.Random(seed)
+    spoilt = bytearray(data)
+    if dice.random() < WITHOUT_CHECKSUMS:
+        _drop_checksums(spoilt)
+    for _ in range(dice.choice((1, 1, 1, 2, 3))):
+        if spoilt:
+            dice.choice(_WAYS)(spoilt, dice)
+    return bytes(spoilt)
+
+
+def _drop_checksums(data: bytearray) -> None:
+    for kind, start, end in list(_find_records(data)):
+        if kind == _CHUNK and end - start >= _CHUNK_NAME:
+            data[start + _CHUNK_CHECKSUM : start + _CHUNK_NAME] = bytes(4)
+
+
+def _flip_bits(data: bytearray, dice: random.Random) -> None:
+    for _ in range(dice.randint(1, MAX_FLIPS)):
+        data[dice.randrange(len(data))] ^= 1 << dice.randrange(8)
+
+
+def _cut_off(data: bytearray, dice: random.Random) -> None:
+    del data[dice.randrange(len(data)) :]
+
+
+def _fill_end_with_zeros(data: bytearray, dice: random.Random) -> None:
+    start = dice.randrange(len(data))
+    data[start:] = bytes(len(data) - start)
+
+
+def _remove_bytes(data: bytearray, dice: random.Random) -> None:
+    start = dice.randrange(len(data))
+    del data[start : start + dice.randint(1, MAX_SPLICE)]
+
+
+def _copy_bytes(data: bytearray, dice: random.Random) -> None:
+    start, target = dice.randrange(len(data)), dice.randrange(len(data))
+    data[target:target] = data[start : start + dice.randint(1, MAX_SPLICE)]
+
+
+def _overwrite_with_noise(data: bytearray, dice: random.Random) -> None:
+    start = dice.randrange(len(data))
+    size = min(dice.randint(1, MAX_SPLICE), len(data) - start)
+    data[start : start + size] = dice.randbytes(size)
+
+
+def _change_record_length(data: bytearray, dice: random.Random) -> None:
+    kind, start, end = _choose_record(data, dice)
+    length = dice.choice((*_LENGTHS, end - start + 1, max(end - start - 1, 0)))
+    data[start - _FRAME.size : start] = _FRAME.pack(kind, length)
+
+
+def _change_inner_length(data: bytearray, dice: random.Random) -> None:
+    """Overwrite four or eight bytes of a record: the lengths of texts, lists and data."""
+    _, start, end = _choose_record(data, dice)
+    size = dice.choice((4, 8))
+    place = start + dice.randrange(max(end - start - size, 1))
+    length = dice.choice(_LENGTHS) % (1 << 8 * size)
+    data[place : place + size] = length.to_bytes(size, "little")
+
+
+def _inflate_chunk(data: bytearray, dice: random.Random) -> None:
+    """Let a chunk claim to hold far more than it does."""
+    chunks = [start for kind, start, _ in _find_records(data) if kind == _CHUNK]
+    if chunks:
+        place = dice.choice(chunks) + _CHUNK_SIZE
+        data[place : place + 8] = dice.choice(_LENGTHS).to_bytes(8, "little")
+
+
+def _change_kind(data: bytearray, dice: random.Random) -> None:
+    _, start, _ = _choose_record(data, dice)
+    place = max(start - _FRAME.size, 0)
+    data[place : place + 1] = dice.randbytes(1)
+
+
+def _repeat_record(data: bytearray, dice: random.Random) -> None:
+    _, start, end = _choose_record(data, dice)
+    record = data[start - _FRAME.size : end]
+    _, _, target = _choose_record(data, dice)
+    data[target:target] = record * dice.choice((1, 1, 2, 50))
+
+
+def _remove_record(data: bytearray, dice: random.Random) -> None:
+    _, start, end = _choose_record(data, dice)
+    del data[start - _FRAME.size : end]
+
+
+def _move_record(data: bytearray, dice: random.Random) -> None:
+    _, start, end = _choose_record(data, dice)
+    record = data[start - _FRAME.size : end]
+    del data[start - _FRAME.size : end]
+    if data:
+        _, _, target = _choose_record(data, dice)
+        data[target:target] = record
+
+
+_WAYS: tuple[Callable[[bytearray, random.Random], None], ...] = (
+    _flip_bits,
+    _cut_off,
+    _fill_end_with_zeros,
+    _remove_bytes,
+    _copy_bytes,
+    _overwrite_with_noise,
+    _change_record_length,
+    _change_inner_length,
+    _inflate_chunk,
+    _change_kind,
+    _repeat_record,
+    _remove_record,
+    _move_record,
+)
+
+
+def _find_records(data: bytearray) -> Iterator[tuple[int, int, int]]:
+    """Yield kind, start and end of the content of each record, also in uncompressed chunks."""
+    yield from _find_records_between(data, _MAGIC_SIZE, len(data))
+
+
+def _find_records_between(data: bytearray, place: int, end: int) -> Iterator[tuple[int, int, int]]:
+    while place + _FRAME.size <= end:
+        kind, length = _FRAME.unpack_from(data, place)
+        start, place = place + _FRAME.size, place + _FRAME.size + length
+        if place > end:
+            return
+        yield kind, start, place
+        is_plain = data[start + _CHUNK_NAME : start + _CHUNK_NAME + 4] == bytes(4)
+        if kind == _CHUNK and is_plain:
+            yield from _find_records_between(data, start + _CHUNK_DATA, place)
+
+
+def _choose_record(data: bytearray, dice: random.Random) -> tuple[int, int, int]:
+    """Return kind, start and end of a record; of all bytes where there is none any more."""
+    records = list(_find_records(data))
+    return dice.choice(records) if records else (0, min(_FRAME.size, len(data)), len(data))
+
+
+MEMORY_LIMIT = 1 << 30
+"""What reading may take beside the program itself [byte], our choice: a thousand times the
+recordings that are spoilt."""
+PAGE_FILE = Path("/proc/self/statm")
+
+
+def read(path: Path) -> None:
+    """Read all set-ups and blocks, as `analyze` does first."""
+    for _ in read_recording(path).events():
+        pass
+
+
+def analyze(path: Path) -> None:
+    """Find and judge the hits; what is estimated from them afterwards knows no files."""
+    session: Session | None = None
+    for event in read_recording(path).events():
+        if isinstance(event, RigSetup):
+            session = Session(event)
+        elif session is not None:
+            session.feed(event)
+
+
+def inform(path: Path) -> None:
+    """Find what `info` tells."""
+    inspect_recording(path)
+
+
+def recover(path: Path) -> None:
+    """Make a good recording of it, as `recover` does; that one must be readable."""
+    output = path.with_name(f"recovered{SUFFIX}")
+    output.unlink(missing_ok=True)
+    recovery = recover_recording(path, output)
+    if recovery.output is not None and not inspect_recording(recovery.output).is_sound:
+        raise ValueError("the recovered recording is not sound")
+
+
+OPERATIONS: dict[str, Callable[[Path], None]] = {
+    "read": read,
+    "analyze": analyze,
+    "info": inform,
+    "recover": recover,
+}
+
+
+def try_operation(operation: Callable[[Path], None], path: Path) -> str:
+    """Return how it ended: "read", "refused" in one sentence, "no memory", or the fault."""
+    try:
+        operation(path)
+    except RigError:
+        return "refused"
+    except MemoryError:
+        return "no memory"
+    except Exception as error:  # noqa: BLE001 - whatever it is, it is what the bench looks for
+        return f"{type(error).__name__}: {error}"
+    return "read"
+
+
+def limit_memory() -> None:
+    """Let this process have `MEMORY_LIMIT` more than it has, and no more."""
+    pages = int(PAGE_FILE.read_text("ascii").split()[0])
+    limit = pages * resource.getpagesize() + MEMORY_LIMIT
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+
+
+def main(folder: str, first: str, count: str) -> None:
+    """Spoil and read."""
+    originals = [path.read_bytes() for path in sorted(Path(folder).glob(f"*{SUFFIX}"))]
+    work = Path(folder, "work")
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir()
+    path = work / f"spoilt{SUFFIX}"
+    limit_memory()
+    for seed in range(int(first), int(first) + int(count)):
+        print(json.dumps({"seed": seed}), flush=True)
+        path.write_bytes(mutate(originals[seed % len(originals)], seed))
+        outcomes = {name: try_operation(work, path) for name, work in OPERATIONS.items()}
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        print(json.dumps({"seed": seed, "outcomes": outcomes, "peak_kib": peak}), flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,221 @@
+"""The bench as a whole: figures and goals, parts that are run, recordings to measure with."""
+
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from bench import PARTS, campaigns, measure
+from bench.campaigns import COMPRESSIONS, Campaign, Campaigns, compress_anew
+from bench.measure import (
+    Bench,
+    Extent,
+    Figure,
+    Part,
+    at_least,
+    at_most,
+    compare_times,
+    divide,
+    run_parts,
+)  # fmt: skip
+from bench.results import Change, compare_figure
+from impact_rig.core.errors import RigError
+
+
+def test_the_spread_is_between_the_quartiles() -> None:
+    values = (3.0, 1.0, 2.0, 10.0, 4.0, 2.5)
+    figure = Figure("time", values)
+    assert figure.median == np.median(values)
+    assert figure.quartiles == pytest.approx(np.percentile(values, [25, 75]))
+
+
+def test_a_single_measurement_has_no_spread() -> None:
+    assert Figure("lost", (0.0,)).quartiles == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("goal", "value", "is_reached"),
+    [
+        (at_most(2.0), 2.0, True),
+        (at_most(2.0), 2.001, False),
+        (at_least(1.7), 1.7, True),
+        (at_least(1.7), 1.699, False),
+        (at_most(2.0), float("nan"), False),
+        (None, 1.0, None),
+    ],
+)
+def test_the_median_decides_whether_a_goal_is_reached(
+    goal: object, value: float, is_reached: bool | None
+) -> None:
+    assert Figure("ratio", (value,), goal=goal).is_reached is is_reached
+
+
+def test_a_goal_reads_as_a_sentence() -> None:
+    assert str(at_most(0.5)) == "at most 0.5"
+    assert str(at_least(1.7)) == "at least 1.7"
+
+
+def test_each_side_is_first_in_every_second_turn_after_a_call_that_does_not_count() -> None:
+    called: list[str] = []
+    ticks = itertools.count()
+    ours, peers = compare_times(
+        lambda: called.append("work"),
+        lambda: called.append("peer"),
+        repeats=3,
+        calls=(1, 2),
+        clock=lambda: float(next(ticks)),
+    )
+    first, second = ["work", "peer", "peer"], ["peer", "peer", "work"]
+    assert called == ["work", "peer", *first, *second, *first]
+    # A turn lasts one tick here, however many calls share it.
+    assert (ours, peers) == ([1.0] * 3, [0.5] * 3)
+
+
+def test_a_ratio_is_of_times_of_the_same_turn() -> None:
+    assert divide([2.0, 6.0], [1.0, 2.0]) == (2.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("now", "before", "percent", "is_beyond_spread"),
+    [
+        ((1.0, 2.0, 3.0), (1.0, 2.0, 3.0), 0.0, False),
+        ((2.0, 3.0, 4.0), (1.0, 2.0, 3.0), 50.0, False),
+        ((4.0, 5.0, 6.0), (1.0, 2.0, 3.0), 150.0, True),
+        ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), -60.0, True),
+        ((-1.0, -1.0), (-2.0, -2.0), 50.0, True),
+        ((5.0,), (1.0, 2.0, 3.0), 150.0, None),
+        ((0.0,), (0.0,), 0.0, None),
+    ],
+)
+def test_a_change_is_that_of_the_median_and_more_than_chance_where_quartiles_do_not_meet(
+    now: tuple[float, ...],
+    before: tuple[float, ...],
+    percent: float,
+    is_beyond_spread: bool | None,
+) -> None:
+    change = compare_figure(Figure("time", now), Figure("time", before))
+    assert change == Change(pytest.approx(percent), is_beyond_spread)
+
+
+def test_a_change_from_nothing_has_no_percentage() -> None:
+    assert math.isnan(compare_figure(Figure("lost", (3.0,)), Figure("lost", (0.0,))).percent)
+
+
+def measure_well(bench: Bench) -> tuple[Figure, ...]:
+    assert not list(bench.folder.iterdir())
+    (bench.folder / "left.behind").touch()
+    bench.report(1, 2)
+    return (Figure("good", (1.0,), goal=at_most(2)), Figure("bad", (3.0,), goal=at_most(2)))
+
+
+def fail(_: Bench) -> tuple[Figure, ...]:
+    raise RigError("it cannot be measured here")
+
+
+def miss(_: Bench) -> tuple[Figure, ...]:
+    raise ModuleNotFoundError("No module", name="rclpy")
+
+
+@pytest.fixture
+def parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    functions = {"well": measure_well, "fails": fail, "lacks": miss}
+    monkeypatch.setattr(
+        measure, "load_part", lambda name: Part(name, f"Title of {name}", functions[name], 1.0)
+    )
+
+
+@pytest.mark.usefixtures("parts")
+def test_a_part_that_cannot_be_run_costs_no_other() -> None:
+    results = run_parts(["fails", "lacks", "well"], Extent(), lambda *_: None)
+    assert [len(part.figures) for part in results.parts] == [0, 0, 2]
+    assert results.errors == (
+        "fails: it cannot be measured here",
+        "lacks: Python finds no module 'rclpy': see `impact-rig doctor`",
+    )
+    assert [figure.name for figure in results.missed] == ["bad"]
+
+
+@pytest.mark.usefixtures("parts")
+def test_progress_is_told_by_part() -> None:
+    told: list[tuple[str, int, int]] = []
+    run_parts(["well"], Extent(), lambda part, done, total: told.append((part.name, done, total)))
+    assert told == [("well", 0, 0), ("well", 1, 2)]
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_every_part_says_its_name_and_what_it_measures(name: str) -> None:
+    part = measure.load_part(name)
+    assert part.name == name
+    assert part.title
+
+
+def test_the_machine_is_named() -> None:
+    machine = run_parts([], Extent(), lambda *_: None).machine
+    assert machine.cores >= 1
+    assert machine.processor
+    assert machine.memory_byte > 1e8
+
+
+def read_all(path: Path) -> list[tuple[str, int, bytes]]:
+    with path.open("rb") as file:
+        return [
+            (channel.topic, message.log_time, message.data)
+            for _, channel, message in make_reader(file).iter_messages()
+        ]
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_another_compression_holds_the_same_messages(
+    recording: Path, tmp_path: Path, compression: str
+) -> None:
+    path = compress_anew(recording, tmp_path / "copy.mcap", compression)
+    assert read_all(path) == read_all(recording)
+    with path.open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    assert {chunk.compression for chunk in chunks} == {compression.replace("none", "")}
+
+
+def test_a_copy_can_end_with_a_verdict(tmp_path: Path) -> None:
+    source = tmp_path / "whole.mcap"
+    with source.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("a/msg/B", "ros2msg", b"uint8 x")
+        channels = [writer.register_channel(name, "cdr", schema) for name in ("/other", "/impact")]
+        for moment in range(10):
+            writer.add_message(channels[moment % 2], moment, b"data", moment)
+        writer.finish()
+    part = compress_anew(source, tmp_path / "part.mcap", "lz4", verdicts=2)
+    assert [moment for _, moment, _ in read_all(part)] == [0, 1, 2, 3]
+
+
+def test_a_campaign_is_run_once_for_all_parts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folders: list[Path] = []
+
+    def run(folder: Path, _: object) -> Campaign:
+        folders.append(folder)
+        if len(folders) == 2:
+            raise RigError("the rig does not strike")
+        return Campaign(folder / "session.mcap", 1.0)
+
+    monkeypatch.setattr(campaigns, "run_campaign", run)
+    made = Campaigns(tmp_path)
+    first = made.take(1)
+    assert made.take(1) == first
+    with pytest.raises(RigError):
+        made.take(2)
+    # What a campaign that failed has left behind is in nobody's way.
+    assert made.take(3)[:1] == first
+    assert len(set(folders)) == len(folders) == 4
+
+
+@pytest.mark.parametrize("words", [["--impacts", "0"], ["--no-such-option"]])
+def test_a_campaign_that_cannot_be_run_says_why(tmp_path: Path, words: list[str]) -> None:
+    with pytest.raises(RigError, match=r"no campaign to measure with could be run: .*--"):
+        campaigns.run_campaign(tmp_path / "run", words)

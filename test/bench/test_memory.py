@@ -1,0 +1,117 @@
+"""The parts `series` and `memory`: hits are judged, and every node of a real rig is looked at."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from bench import memory, rig_processes
+from bench.measure import Bench
+from impact_rig.core.errors import RigError
+from impact_rig.core.session import Session
+
+NODES = {"hammer", "accelerometer", "estimator", "campaign", "recorder", "visualizer"}
+
+
+def test_every_node_is_looked_at_early_and_late(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rclpy", reason="the nodes need ROS 2")
+    monkeypatch.setattr(memory, "EARLY_HITS", 1)
+    looks: list[set[str]] = []
+    read = memory.read_memory
+
+    def read_again(processes: Any) -> dict[str, float]:
+        looks.append(set(processes))
+        return read(processes)
+
+    monkeypatch.setattr(memory, "read_memory", read_again)
+    *figures, cost = memory.measure_memory(bench)
+    assert looks == [NODES, NODES]
+    assert {figure.name.split(",")[0] for figure in figures} == NODES
+    for figure in figures:
+        assert str(figure.goal) == "at most 1.05"
+        assert 0.5 < figure.median < 2.0
+    assert 1.0 < cost.median < 500.0
+    assert {share.split()[0] for share in cost.note.split(", ")} == NODES
+
+
+def test_the_cost_of_a_hit_is_that_of_all_nodes_from_look_to_look() -> None:
+    cost = memory.compute_hit_cost(
+        [
+            (100, {"hammer": 5.0, "recorder": 7.0}),
+            (150, {"hammer": 5.1, "recorder": 7.4}),
+            (200, {"hammer": 5.3, "recorder": 8.0}),
+        ]
+    )
+    assert cost.values == pytest.approx((10.0, 16.0))
+    assert cost.note == "hammer 3.0, recorder 10.0"
+    assert cost.unit == "ms"
+
+
+@pytest.fixture
+def sleeper() -> Iterator[subprocess.Popen[str]]:
+    words = [sys.executable, "-c", "block = b'x' * 50_000_000; print(flush=True); input()"]
+    with subprocess.Popen(
+        words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        yield process
+        process.kill()
+
+
+def test_processor_time_grows_as_a_process_works() -> None:
+    words = [sys.executable, "-c", "print(flush=True)\nwhile True: pass"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        first = memory.read_processor_times({"hammer": process})["hammer"]
+        deadline = time.monotonic() + 30.0
+        while memory.read_processor_times({"hammer": process})["hammer"] < first + 0.05:
+            assert time.monotonic() < deadline
+        process.kill()
+
+
+def test_memory_is_that_of_the_process(sleeper: subprocess.Popen[str]) -> None:
+    assert sleeper.stdout is not None
+    sleeper.stdout.readline()
+    found = memory.read_memory({"hammer": sleeper})
+    assert 50e6 < found["hammer"] < 90e6
+
+
+def test_a_node_that_has_ended_is_named(sleeper: subprocess.Popen[str]) -> None:
+    sleeper.kill()
+    sleeper.wait()
+    with pytest.raises(RigError, match="the hammer node cannot be looked at"):
+        memory.read_memory({"hammer": sleeper})
+
+
+def test_a_rig_that_does_not_strike_is_an_error_in_its_own_words(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rclpy", reason="the nodes need ROS 2")
+    monkeypatch.setattr(rig_processes, "OUTSIDE", "no_such_module")
+    monkeypatch.setattr(rig_processes.RigProcesses, "start_rig", lambda *_, **__: {})
+    with pytest.raises(RigError, match=r"the rig does not strike: .*no_such_module"):
+        list(memory.measure_memory(bench))
+
+
+def test_every_hit_is_judged_and_the_first_and_last_are_estimated(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+    original = Session.estimate_numbers
+
+    def watch(session: Session, name: str) -> object:
+        estimate = original(session, name)
+        asked.append(estimate.impacts_accepted + estimate.impacts_rejected)
+        return estimate
+
+    monkeypatch.setattr(Session, "estimate_numbers", watch)
+    cost, grown = memory.measure_series(replace(bench, extent=replace(bench.extent, hits=30)))
+    assert asked == [1, 2, 3, 28, 29, 30]
+    assert cost.values[0] > 0.0
+    assert grown.unit == "kB"

@@ -1,0 +1,58 @@
+"""The parts `write`, `read` and `batch`, on little."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+
+from bench import recording as recording_part
+from bench.campaigns import COMPRESSIONS
+from bench.measure import Bench
+
+
+def read_all(path: Path) -> list[tuple[str, int, bytes]]:
+    with path.open("rb") as file:
+        return [
+            (channel.topic, message.log_time, message.data)
+            for _, channel, message in make_reader(file).iter_messages()
+        ]
+
+
+def test_reading_is_compared_in_each_compression(bench: Bench) -> None:
+    figures = list(recording_part.measure_reading(bench))
+    assert [figure.name.split(",")[0] for figure in figures] == list(COMPRESSIONS)
+    for figure in figures:
+        assert len(figure.values) == bench.extent.repeats
+        assert str(figure.goal) == "at most 2"
+
+
+def test_both_writers_are_compared_in_each_compression(bench: Bench, monkeypatch: Any) -> None:
+    monkeypatch.setattr(recording_part, "MESSAGES", 20)
+    figures = list(recording_part.measure_writing(bench))
+    assert [figure.name.split(",")[0] for figure in figures] == list(COMPRESSIONS)
+    for figure in figures:
+        assert len(figure.values) == bench.extent.repeats
+        assert str(figure.goal) == "at least 0.8"
+    assert list(bench.folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_both_writers_write_the_same_messages(tmp_path: Path, compression: str) -> None:
+    ours, bare = tmp_path / "ours.mcap", tmp_path / "bare.mcap"
+    messages = [bytes([number]) * 8 for number in range(20)]
+    recording_part.write_as_recorder(ours, messages, compression)
+    recording_part.write_bare(bare, messages, compression)
+    assert read_all(ours) == read_all(bare)
+    assert [data for _, _, data in read_all(ours)] == messages
+
+
+def test_two_workers_are_compared_with_one(bench: Bench, monkeypatch: Any) -> None:
+    monkeypatch.setattr(recording_part, "REPEATS", 1)
+    monkeypatch.setattr(recording_part, "RECORDINGS", 2)
+    monkeypatch.setattr(recording_part, "WARM_UP", 1)
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1})
+    gain, one, start = recording_part.measure_batch(bench)
+    assert gain.values[0] > 0.1
+    assert str(gain.goal) == "at least 1.7"
+    assert one.unit == start.unit == "s"

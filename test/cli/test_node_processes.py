@@ -1,0 +1,75 @@
+"""The rig's processes, started and stopped together."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from impact_rig.cli.up import make_command
+from impact_rig.configuration.processes import NodeProcess
+from impact_rig.nodes.discovery import reserve_domain
+
+PATIENCE = 60.0
+"""How long anything may take before a test fails [s]."""
+
+
+def test_parameters_reach_the_shell_quoted_as_yaml():
+    process = NodeProcess("recorder", {"output": "a b's.mcap", "flush_period": 0.5, "on": True})
+    command = make_command(process, namespace="/rig7")
+    assert "__ns:=/rig7" in command
+    assert "flush_period:=0.5" in command
+    assert "on:=true" in command
+    echoed = subprocess.run(
+        ["sh", "-c", "printf '%s\\n' " + command.removeprefix("exec ")],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    assert 'output:="a b\'s.mcap"' in echoed.splitlines()
+
+
+def test_a_stop_while_the_processes_start_ends_them_all(tmp_path):
+    with reserve_domain() as number:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "impact_rig.cli.main", "up", "--no-visualizer"],
+            cwd=tmp_path,
+            env={**os.environ, "ROS_DOMAIN_ID": str(number)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        lines = []
+        for line in process.stdout:
+            lines.append(line)
+            if "hammer started" in line:
+                process.send_signal(signal.SIGINT)
+        process.wait(PATIENCE)
+    assert "Traceback" not in "".join(lines)
+    assert process.returncode == 0
+    # The word of the signal may come in the middle of a line.
+    started = [int(number) for number in re.findall(r"started \(pid=(\d+)\)", "".join(lines))]
+    assert len(started) == 5
+    for number in started:
+        with pytest.raises(ProcessLookupError):
+            os.kill(number, 0)
+
+
+def test_a_rig_ends_when_nobody_reads_what_it_says(tmp_path):
+    with reserve_domain() as number:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "impact_rig.cli.main", "up", "--only", "hammer"],
+            cwd=tmp_path,
+            env={**os.environ, "ROS_DOMAIN_ID": str(number)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        line = process.stdout.readline()
+        process.stdout.close()
+        process.wait(PATIENCE)
+    (node,) = re.findall(r"started \(pid=(\d+)\)", line)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(node), 0)

@@ -1,0 +1,22 @@
+"""Options with units."""
+
+import pytest
+
+from impact_rig.cli.options import Cutoff, Quantity
+from impact_rig.core.errors import ParameterError
+
+
+@pytest.mark.parametrize("text", ["0.1", "100g", "100 g", "1e5 mg"])
+def test_a_mass_is_read_with_its_unit_or_in_kilograms(text: str) -> None:
+    assert Quantity("kg", "100 g").convert(text, None, None) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("text", ["100 m", "heavy", "", "100 gg"])
+def test_what_is_no_mass_is_refused_with_an_example(text: str) -> None:
+    with pytest.raises(ParameterError, match='"100 g"'):
+        Quantity("kg", "100 g").convert(text, None, None)
+
+
+@pytest.mark.parametrize(("text", "value"), [("off", 0.0), ("50 kHz", 5e4), ("1000", 1e3)])
+def test_a_cutoff_can_be_off(text: str, value: float) -> None:
+    assert Cutoff().convert(text, None, None) == pytest.approx(value)

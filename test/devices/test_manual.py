@@ -1,0 +1,51 @@
+"""An operator as the holder."""
+
+import pytest
+
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
+from impact_rig.core.errors import ParameterError
+from impact_rig.devices.manual import ManualHolder
+from impact_rig.testing.contract import HammerHolderContract, HolderBench
+
+
+def make_holder(text=""):
+    return ManualHolder(parse_toml_table("[holder]\n" + text).take_table("holder"))
+
+
+def test_he_may_take_a_minute_unless_the_rig_file_says_otherwise():
+    assert make_holder().patience == 60.0
+    assert make_holder('patience = "2 min"').patience == 120.0
+
+
+def test_it_is_by_hand():
+    assert make_holder().is_by_hand
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ('patience = "0 s"', "line 2: patience of .* between 1 and 3600 s"),
+        ('patience = "3 m"', "line 2: .*patience"),
+        ('port = "/dev/ttyUSB0"', "line 2: .* unknown key 'port'"),
+    ],
+)
+def test_a_key_that_cannot_be_meant_is_named_with_its_line(text, word):
+    with pytest.raises(ParameterError, match=word):
+        make_holder(text)
+
+
+class ManualBench(HolderBench):
+    """Nobody looks at what the operator does."""
+
+    def get_driver(self):
+        return ManualHolder
+
+    def make_holder(self):
+        return ManualHolder(TomlTable({}, "[holder]"))
+
+
+class TestManualHolder(HammerHolderContract):
+    @pytest.fixture
+    def bench(self):
+        with ManualBench() as bench:
+            yield bench

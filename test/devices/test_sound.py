@@ -1,0 +1,425 @@
+"""The driver of sound cards, at a PulseAudio server of its own, and what names of devices say."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
+from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.session import Session
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
+from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
+from impact_rig.devices.sound import (
+    NameCalibration,
+    SoundSource,
+    compute_count_scale,
+    load_port_audio,
+    parse_name_calibrations,
+)
+from impact_rig.devices.virtual.rig import DigitizerSettings, VirtualRig, VirtualRigSettings
+from impact_rig.testing.contract import AccelerationSourceContract, SourceBench, wait_for_loss
+from impact_rig.testing.peers.sound_card import SoundCardPeer, make_pulse
+
+PACKAGES = ("libportaudio2", "pulseaudio", "pulseaudio-utils", "libasound2-plugins")
+"""What brings a virtual sound card."""
+
+
+@pytest.fixture
+def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[SoundCardPeer]:
+    """Return a card that PortAudio finds in this process."""
+    peer = SoundCardPeer()
+    try:
+        load_port_audio()
+        peer.start()
+    except DeviceError:
+        pytest.skip(f"no virtual sound card: on Debian, apt-get install {' '.join(PACKAGES)}")
+    for key, value in peer.environment.items():
+        monkeypatch.setitem(os.environ, key, value)
+    yield peer
+    peer.stop()
+
+
+GRAVITY = 9.80665
+PLACE = "[source.hammer]"
+
+
+def make_channel(sensor: Sensor, mass: float = float("nan"), **options) -> SourceChannel:
+    return SourceChannel("1", sensor, mass, TomlTable(options, PLACE))
+
+
+def test_a_voltage_is_one_by_the_input_range():
+    sensor = Sensor("hammer", unit="g", sensitivity=0.01, full_scale=500.0)
+    found = compute_count_scale(make_channel(sensor, input_range="1.4 V"), None)
+    assert found.scale * 2**31 == pytest.approx(140 * GRAVITY)
+    assert found.full_scale == pytest.approx(140 * GRAVITY)
+    found = compute_count_scale(make_channel(sensor, input_range="10 V"), None)
+    assert found.full_scale == pytest.approx(500 * GRAVITY), "the sensor takes no more"
+
+
+def test_a_force_needs_the_hammer_s_mass():
+    sensor = Sensor("hammer", "force", "N", -0.002)
+    found = compute_count_scale(make_channel(sensor, 0.1, input_range="1 V"), None)
+    assert found.scale * 2**31 == pytest.approx(-1.0 / 0.002 / 0.1)
+    assert found.full_scale == pytest.approx(5000.0)
+
+
+def test_without_a_sensitivity_the_full_scale_is_the_largest_count():
+    sensor = Sensor("hammer", unit="g", full_scale=20.0)
+    found = compute_count_scale(make_channel(sensor), NameCalibration("m/s^2", 1.0))
+    assert found.scale * 2**31 == pytest.approx(20 * GRAVITY)
+
+
+def test_a_voltage_without_a_range_is_refused_unless_the_device_knows_it():
+    channel = make_channel(Sensor("hammer", unit="g", sensitivity=0.1))
+    with pytest.raises(ParameterError, match="lacks input_range"):
+        compute_count_scale(channel, None)
+    found = compute_count_scale(channel, NameCalibration("V", 5.0))
+    assert found.full_scale == pytest.approx(50 * GRAVITY)
+
+
+def test_a_sensor_of_which_nobody_knows_the_scale_is_refused():
+    for known in (None, NameCalibration("V", 5.0)):
+        with pytest.raises(ParameterError, match=r"\[source.hammer\] says neither sensitivity"):
+            compute_count_scale(make_channel(Sensor("hammer")), known)
+    known = NameCalibration("m/s^2", 100.0)
+    assert compute_count_scale(make_channel(Sensor("hammer")), known).full_scale == 100.0
+
+
+def test_an_unknown_key_of_a_channel_is_refused():
+    with pytest.raises(ParameterError, match="did you mean 'input_range'"):
+        compute_count_scale(make_channel(Sensor("hammer"), input_rnage="1 V"), None)
+
+
+@pytest.mark.parametrize(("bits", "is_overloaded"), [(16, True), (24, True), (32, True)])
+def test_the_largest_count_of_every_converter_is_an_overload(bits, is_overloaded):
+    scale = compute_count_scale(make_channel(Sensor("hammer", full_scale=1.0)), None)
+    unused = 32 - bits
+    for rail in ((2 ** (bits - 1) - 1) << unused, -(2**31)):
+        counts = np.array([0, rail], np.int64).astype(np.int32)
+        assert scale.make_block(counts).overloaded is is_overloaded
+    below = np.array([int(0.999 * 2**31), -int(0.999 * 2**31)], np.int32)
+    assert not scale.make_block(below).overloaded
+
+
+def test_a_usb_accelerometer_brings_its_calibration():
+    # Counts of 24 bits per m/s^2: of full scale there are 2^23.
+    name = "333D01 10123454277085540260301"
+    first, second = parse_name_calibrations(f"{name}: USB Audio (hw:1,0)")
+    assert (first.unit, second.unit) == ("m/s^2", "m/s^2")
+    assert first.full_scale / GRAVITY == pytest.approx(20.0, rel=1e-4)
+    assert second.full_scale / GRAVITY == pytest.approx(10.0, rel=1e-4)
+
+
+def test_a_usb_voltage_input_brings_its_calibration():
+    for form, factor in (("2", 1), ("3", 20)):
+        parts = ("485B39_", form, "000123", "0838861", "1677722", "260301")
+        name = "".join(parts)
+        first, second = parse_name_calibrations(name)
+        assert first.unit == "V"
+        assert first.full_scale == pytest.approx(10.0 / factor, rel=1e-5)
+        assert second.full_scale == pytest.approx(5.0 / factor, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["USB Audio", "333D01", "333D01 1012345000000000026030"])
+def test_a_name_without_a_calibration_says_nothing(name):
+    assert parse_name_calibrations(name) == ()
+
+
+RATE = 192_000
+FULL_SCALE = 2000.0
+PATIENCE = 20.0
+PLAN = AcquisitionPlan(
+    sampling_rate=RATE,
+    record_duration=0.02,
+    pre_trigger=0.002,
+    trigger_level=50.0,
+    hammer=SourceChannel("1", Sensor("hammer", full_scale=FULL_SCALE)),
+    specimen=SourceChannel("2", Sensor("specimen", full_scale=2 * FULL_SCALE)),
+    block_size=1500,
+)
+
+
+@pytest.fixture
+def make_source(card):
+    """Return a function that makes a configured source of the card."""
+    sources = []
+
+    def make(plan=PLAN) -> SoundSource:
+        sources.append(SoundSource(TomlTable({"device": card.name}, "[source]")))
+        sources[-1].configure(plan)
+        return sources[-1]
+
+    yield make
+    for source in sources:
+        source.close()
+
+
+def read_next(source: SoundSource):
+    """Return the next block, which must come."""
+    deadline = time.monotonic() + PATIENCE
+    while (block := source.read(0.1)) is None:
+        assert time.monotonic() < deadline
+    return block
+
+
+def read_record(source: SoundSource) -> list:
+    """Return the blocks of a record."""
+    blocks = [read_next(source)]
+    while not blocks[-1].last:
+        blocks.append(read_next(source))
+    return blocks
+
+
+def join(blocks, channel: str) -> np.ndarray:
+    """Return a channel's counts."""
+    return np.concatenate([getattr(block, channel).output for block in blocks])
+
+
+def test_a_stream_is_what_the_card_heard_bit_by_bit(card, make_source):
+    generator = np.random.default_rng(5)
+    heard = generator.integers(-(2**31), 2**31, (RATE // 4, 2), dtype=np.int64).astype(np.int32)
+    source = make_source(replace(PLAN, continuous=True))
+    source.arm()
+    card.feed(heard)
+    blocks = []
+    while (
+        not blocks
+        or not np.array_equal(join(blocks, "hammer")[-1500:], np.zeros(1500))
+        or (not join(blocks, "hammer").any())
+    ):
+        blocks.append(read_next(source))
+    hammer, specimen = join(blocks, "hammer"), join(blocks, "specimen")
+    begin = int(np.flatnonzero(hammer)[0]) - int(np.flatnonzero(heard[:, 0])[0])
+    assert np.array_equal(hammer[begin : begin + len(heard)], heard[:, 0])
+    assert np.array_equal(specimen[begin : begin + len(heard)], heard[:, 1])
+    assert blocks[0].hammer.scale == FULL_SCALE / 2**31
+    assert blocks[0].specimen.full_scale == 2 * FULL_SCALE
+
+
+def test_a_hit_keeps_its_contact_time(card, make_source):
+    settings = VirtualRigSettings(
+        digitizer=DigitizerSettings(sampling_rate=RATE, record_duration=0.02, bits=24,
+                                    pre_trigger=0.002, noise=1e-5, offset=0.0)
+    )  # fmt: skip
+    label = HitLabel("bronze large")
+    hit = VirtualRig(PAPER_SETUP, settings).strike(label)
+    counts = np.stack([hit.hammer.output, hit.specimen.output], axis=1) * 2**8
+    setup = replace(PAPER_SETUP, analysis=replace(PAPER_SETUP.analysis, record_duration=0.01))
+    source = make_source()
+    source.arm()
+    card.feed(counts)
+    direct, through = Session(setup), Session(setup)
+    (judged,) = direct.feed(hit.split(10_000, 0)[0])
+    found = [
+        hit for block in read_record(source) for hit in through.feed(replace(block, label=label))
+    ]
+    assert judged.accepted, judged.rejections
+    (heard,) = found
+    assert heard.accepted, heard.rejections
+    assert heard.contact_time == pytest.approx(judged.contact_time, rel=1e-6)
+
+
+def test_a_channel_at_its_rail_is_overloaded(card, make_source):
+    source = make_source()
+    source.arm()
+    card.feed(np.minimum(make_pulse(RATE, height=0.99).astype(np.int64) * 2, 2**31 - 1))
+    blocks = read_record(source)
+    assert any(block.hammer.overloaded for block in blocks)
+    assert not all(block.hammer.overloaded for block in blocks)
+    assert not any(block.specimen.overloaded for block in blocks)
+
+
+def test_one_channel_may_be_all(card, make_source):
+    source = make_source(replace(PLAN, hammer=replace(PLAN.hammer, name="2"), specimen=None))
+    source.arm()
+    card.feed(make_pulse(RATE, height=0.5))
+    blocks = read_record(source)
+    # It is the right one, which hears half of the pulse.
+    assert np.max(np.abs(join(blocks, "hammer"))) == pytest.approx(0.25 * 2**31, rel=1e-6)
+    assert all(block.specimen.output.size == 0 for block in blocks)
+
+
+def test_what_port_audio_lost_is_a_gap(make_source):
+    source = make_source(replace(PLAN, continuous=True, block_size=100))
+    capture = source._streaming.capture
+    source.arm()
+    lost = 480
+    with capture.changed:
+        # PortAudio tells that points were lost in front of a block, and when it was taken.
+        before, frames = capture._last_block
+        data = np.ones((50, 2), np.int32).tobytes()
+        taken = before + (frames + lost) / capture.sampling_rate
+        place = capture.store.end
+        capture._take_block(
+            data,
+            50,
+            SimpleNamespace(inputBufferAdcTime=taken),
+            SimpleNamespace(input_overflow=True),
+        )
+        assert capture.store.end == place + lost + 50
+    blocks = [read_next(source)]
+    while not blocks[-1].hammer.output.any():
+        blocks.append(read_next(source))
+    behind = blocks[-1].first_sample - (
+        blocks[-2].first_sample + blocks[-2].hammer.output.size if len(blocks) > 1 else 0
+    )
+    assert behind == lost
+
+
+def test_the_oldest_points_are_lost_when_nobody_reads(card, make_source):
+    source = make_source(replace(PLAN, continuous=True, block_size=10, depth=10))
+    capacity = 2 * PLAN.points + PLAN.pre_trigger_points
+    source.arm()
+    with source._streaming.capture.changed:
+        store = source._streaming.capture.store
+        assert source._streaming.capture.changed.wait_for(
+            lambda: store.end > source._armed_at + 3 * capacity, PATIENCE
+        )
+    assert read_next(source).first_sample > 0
+
+
+def test_a_card_that_falls_silent_is_lost(card, make_source):
+    source = make_source()
+    source.arm()
+    card.is_silent = True
+    with pytest.raises(DeviceError, match=r"rig_card, ALSA is silent: .* nothing for \d+\.\d s"):
+        wait_for_loss(source)
+
+
+def test_a_sound_server_that_ends_takes_the_card_with_it(card, make_source):
+    source = make_source()
+    source.arm()
+    card.stop()
+    with pytest.raises(DeviceError, match="rig_card, ALSA is gone"):
+        wait_for_loss(source)
+    source.close()
+    with pytest.raises(DeviceError, match="rig_card"):
+        source.configure(PLAN)
+
+
+def test_the_card_is_found_by_name_part_and_number(card):
+    found = SoundSource.find_devices()
+    assert card.name in [device.address for device in found]
+    number = [device.address for device in found].index(card.name)
+    for device in (card.name, "RIG_", "rig_card, ALSA", number):
+        source = SoundSource(TomlTable({"device": device}, "[source]"))
+        assert source.configure(PLAN).identity == "sound device rig_card, ALSA"
+        source.close()
+
+
+def make_from_text(text: str) -> SoundSource:
+    """Return the source of a table [source]."""
+    table = parse_toml_table(text).take_table("source")
+    return SoundSource(table.without(*COMMON_KEYS[SOURCES]))
+
+
+def test_a_card_that_is_not_there_is_named_with_the_line(card):
+    source = make_from_text('[source]\ndriver = "sound"\ndevice = "Digiducer"\n')
+    with pytest.raises(DeviceError, match=r"line 3: there is no sound device 'Digiducer': this"):
+        source.configure(PLAN)
+
+
+@pytest.mark.parametrize("value", ["true", '""', "1.5", '" "'])
+def test_a_device_that_is_no_name_is_refused(value):
+    with pytest.raises(ParameterError, match=r"line 2: device of \[source\] is .*: it must be"):
+        make_from_text(f"[source]\ndevice = {value}\n")
+
+
+def test_a_source_without_a_device_is_refused():
+    with pytest.raises(ParameterError, match=r"lacks device: give it, for example"):
+        make_from_text('[source]\ndriver = "sound"\n')
+
+
+@pytest.mark.parametrize("name", ["0", "99", "left", "-1"])
+def test_a_channel_that_the_card_has_not_is_refused(make_source, name):
+    hammer = replace(PLAN.hammer, name=name)
+    with pytest.raises(ParameterError, match=r"rig_card, ALSA has 1 to "):
+        make_source(replace(PLAN, hammer=hammer))
+
+
+def test_port_audio_that_is_not_installed_is_told_with_its_package():
+    program = (
+        "import ctypes.util; ctypes.util.find_library = lambda name: None\n"
+        "from impact_rig.core.errors import DeviceError\n"
+        "from impact_rig.devices.sound import SoundSource\n"
+        "try: SoundSource.find_devices()\n"
+        "except DeviceError as error: print(error)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    assert "package libportaudio2" in done.stdout
+
+
+def test_a_missing_python_package_is_left_to_who_asks(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sounddevice", None)
+    with pytest.raises(ModuleNotFoundError) as found:
+        SoundSource.find_devices()
+    assert found.value.name == "sounddevice"
+
+
+def test_the_stand_in_says_how_it_is_reached(card):
+    assert isinstance(card, SoundCardPeer)
+    assert card.environment["ALSA_CONFIG_PATH"].endswith("asound.conf")
+
+
+CARD_SCALE = 100.0
+
+
+class SoundBench(SourceBench):
+    """A card that plays a pulse where a hammer would strike."""
+
+    def __init__(self, card: SoundCardPeer) -> None:
+        self._card = card
+        self.unplug, self.plug = card.unplug, card.plug
+
+    def get_driver(self) -> type[SoundSource]:
+        return SoundSource
+
+    def make_source(self) -> SoundSource:
+        return SoundSource(TomlTable({"device": self._card.name}, "[source]"))
+
+    def make_plan(self, *, continuous: bool = False) -> AcquisitionPlan:
+        return AcquisitionPlan(
+            sampling_rate=RATE,
+            record_duration=0.02,
+            pre_trigger=0.005,
+            trigger_level=5.0,
+            hammer=SourceChannel("1", Sensor("hammer", full_scale=CARD_SCALE)),
+            specimen=SourceChannel("2", Sensor("specimen", full_scale=CARD_SCALE)),
+            continuous=continuous,
+            block_size=1000,
+        )
+
+    def strike(self, source: SoundSource) -> None:
+        store = source._streaming.capture.store
+        begin = store.end
+        self._card.feed(make_pulse(RATE))
+
+        def has_come() -> bool:
+            return any(run.counts.any() for run in store.read_runs(begin, store.end))
+
+        # A sound card is late: the pulse is on its way for some hundredths of a second.
+        with source._streaming.capture.changed:
+            assert source._streaming.capture.changed.wait_for(has_come, 20.0)
+
+
+class TestSoundSource(AccelerationSourceContract):
+    """The contract, on a card of PulseAudio."""
+
+    @pytest.fixture
+    def bench(self, card: SoundCardPeer) -> Iterator[SoundBench]:
+        with SoundBench(card) as bench:
+            yield bench

@@ -1,0 +1,133 @@
+"""The virtual rig's running stream: noise without end, and hits where they were laid."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.virtual.choices import Fault
+from impact_rig.devices.virtual.delivery import MOST_NOISE_POINTS, BlockClock, VirtualStream
+from impact_rig.devices.virtual.rig import (
+    DigitizerSettings,
+    FaultPlan,
+    ScheduledFault,
+    VirtualHit,
+    VirtualRig,
+    VirtualRigSettings,
+)
+
+
+@given(steps=st.lists(st.floats(0.0, 0.5), min_size=1, max_size=50), depth=st.integers(1, 100))
+def test_every_block_is_fetched_once_or_counted_as_lost(steps: list[float], depth: int) -> None:
+    clock = BlockClock(0.01, depth, now=5.0)
+    now, fetched = 5.0, []
+    for step in steps:
+        now += step
+        numbers = clock.fetch(now)
+        assert len(numbers) <= depth
+        fetched += numbers
+    assert fetched == sorted(set(fetched))
+    assert len(fetched) + clock.dropped == clock.next_block
+    # What is complete, and nothing that is not; a rounding of the time apart.
+    assert abs((now - 5.0) / 0.01 - clock.next_block) < 1.001
+
+
+def test_a_full_buffer_loses_the_oldest() -> None:
+    clock = BlockClock(0.1, depth=3, now=0.0)
+    assert list(clock.fetch(1.05)) == [7, 8, 9]
+    assert clock.dropped == 7
+    # Block 7 was complete at 0.8 s.
+    assert clock.delay == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(("period", "depth"), [(0.0, 1), (float("nan"), 1), (0.01, 0)])
+def test_refuses_what_is_no_clock(period: float, depth: int) -> None:
+    with pytest.raises(ParameterError):
+        BlockClock(period, depth, 0.0)
+
+
+DIGITIZER = DigitizerSettings()
+
+
+def strike(*faults: Fault) -> VirtualHit:
+    plan = FaultPlan(scheduled=tuple(ScheduledFault(fault, 1) for fault in faults))
+    return VirtualRig(PAPER_SETUP, VirtualRigSettings(faults=plan)).strike(HitLabel("steel small"))
+
+
+def read(stream: VirtualStream, count: int) -> np.ndarray:
+    """Return both channels of the first blocks, shape (2, points)."""
+    blocks = [stream.read(number) for number in range(count)]
+    return np.hstack([[channel.output for channel in block] for block in blocks])
+
+
+@pytest.mark.parametrize("block_size", [700, 1000, 25_000])
+@pytest.mark.parametrize("point", [0, 1234, 3000])
+def test_a_hit_lies_where_it_was_laid_and_changes_nothing_else(
+    block_size: int, point: int
+) -> None:
+    hit = strike()
+    count = -(-10_000 // block_size)
+    quiet = read(VirtualStream(DIGITIZER, block_size, seed=1), count)
+    stream = VirtualStream(DIGITIZER, block_size, seed=1)
+    stream.lay(hit, point)
+    found = read(stream, count)
+    inside = slice(point, point + 5000)
+    np.testing.assert_array_equal(found[:, inside], [hit.hammer.output, hit.specimen.output])
+    found[:, inside] = quiet[:, inside]
+    np.testing.assert_array_equal(found, quiet)
+
+
+def test_noise_is_that_of_the_digitizer_and_of_its_seed() -> None:
+    hammer, specimen = VirtualStream(DIGITIZER, 25_000, seed=3).noise[0]
+    for channel in (hammer, specimen):
+        acceleration = channel.scale * channel.output
+        # A standard deviation of 1e-3 and an offset of 2e-3 of full scale; the converter's steps
+        # of 1/2048 add a twelfth of their square.
+        spread = np.hypot(1e-3, 1 / 2048 / np.sqrt(12)) * channel.full_scale
+        assert np.std(acceleration) == pytest.approx(spread, rel=0.05)
+        assert np.mean(acceleration) == pytest.approx(2e-3 * channel.full_scale, rel=0.05)
+    again = VirtualStream(DIGITIZER, 25_000, seed=3).noise[0][0]
+    other = VirtualStream(DIGITIZER, 25_000, seed=4).noise[0][0]
+    np.testing.assert_array_equal(hammer.output, again.output)
+    assert not np.array_equal(hammer.output, other.output)
+
+
+def test_noise_is_handed_out_in_turn_and_not_copied() -> None:
+    stream = VirtualStream(DIGITIZER, 1000, seed=1)
+    count = len(stream.noise)
+    assert stream.read(3)[0].output is stream.read(3 + count)[0].output
+    assert not np.array_equal(stream.read(4)[0].output, stream.read(3 + count)[0].output)
+
+
+def test_long_blocks_take_no_more_memory() -> None:
+    stream = VirtualStream(DIGITIZER, 500_000, seed=1)
+    assert len(stream.noise) * 500_000 <= MOST_NOISE_POINTS
+
+
+def test_a_hit_without_a_trigger_does_not_come() -> None:
+    stream = VirtualStream(DIGITIZER, 1000, seed=1)
+    stream.lay(strike(Fault.MISSED_TRIGGER), 1000)
+    assert not any(stream.has_hit(number) for number in range(10))
+
+
+def test_a_lost_block_is_the_one_in_the_middle_of_its_hit() -> None:
+    stream = VirtualStream(DIGITIZER, 1000, seed=1)
+    stream.lay(strike(Fault.LOST_BLOCK), 1000)
+    assert [
+        number for number in range(10) if stream.has_hit(number) and stream.is_lost(number)
+    ] == [3]
+
+
+def test_a_hit_is_forgotten_when_the_stream_has_passed_it() -> None:
+    stream = VirtualStream(DIGITIZER, 1000, seed=1)
+    stream.lay(strike(), 500)
+    assert [number for number in range(10) if stream.has_hit(number)] == [0, 1, 2, 3, 4, 5]
+    assert not stream.has_hit(0)
+
+
+def test_refuses_blocks_without_points() -> None:
+    with pytest.raises(ParameterError, match="stream block size is 0"):
+        VirtualStream(DIGITIZER, 0, seed=1)

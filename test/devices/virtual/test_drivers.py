@@ -1,0 +1,258 @@
+"""The virtual rig as a source: the hits of its seed, triggered or in a stream."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
+from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.protocols import SimulatedSource, SourceChannel
+from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.devices.virtual.drivers import (
+    VirtualHolder,
+    VirtualSource,
+    make_virtual_plan,
+    read_virtual_rig,
+)
+from impact_rig.devices.virtual.plants import pulse_shape_from_name
+from impact_rig.devices.virtual.rig import (
+    DigitizerSettings,
+    FaultPlan,
+    ScheduledFault,
+    VirtualRig,
+    VirtualRigSettings,
+)
+from impact_rig.testing.contract import (
+    AccelerationSourceContract,
+    HammerHolderContract,
+    HolderBench,
+    SourceBench,
+)
+
+LABEL = HitLabel("steel small")
+SETTINGS = VirtualRigSettings(seed=5)
+NO_OPTIONS = TomlTable({}, "[source]")
+
+
+def make_source(**options):
+    source = VirtualSource(TomlTable({"seed": 5, **options}, "[source]"))
+    source.take_setup(PAPER_SETUP)
+    return source
+
+
+def make_plan(*, continuous=False, block_size=700):
+    return make_virtual_plan(NO_OPTIONS, continuous=continuous, block_size=block_size, depth=1000)
+
+
+def read_until(source, condition):
+    blocks = []
+    deadline = time.monotonic() + 20.0
+    while not (blocks and condition(blocks)):
+        assert time.monotonic() < deadline, "it never came"
+        block = source.read(0.1)
+        if block is not None:
+            blocks.append(block)
+    return blocks
+
+
+def test_it_is_told_when_the_hammer_strikes():
+    assert isinstance(make_source(), SimulatedSource)
+
+
+def test_a_record_is_that_of_the_seed():
+    source = make_source()
+    source.configure(make_plan())
+    source.arm()
+    truth = source.strike(LABEL, 0.0)
+    blocks = read_until(source, lambda got: got[-1].last)
+    expected = VirtualRig(PAPER_SETUP, SETTINGS).strike(LABEL)
+    assert truth.model == expected.model
+    for channel in ("hammer", "specimen"):
+        counts = np.concatenate([getattr(block, channel).output for block in blocks])
+        np.testing.assert_array_equal(counts, getattr(expected, channel).output)
+        assert getattr(blocks[0], channel).scale == getattr(expected, channel).scale
+
+
+def test_a_record_comes_when_the_swing_is_over():
+    source = make_source()
+    source.configure(make_plan())
+    source.arm()
+    begin = time.monotonic()
+    source.strike(LABEL, 0.1)
+    assert source.read(0.0) is None
+    read_until(source, lambda got: got[-1].last)
+    assert time.monotonic() - begin >= 0.1
+
+
+def test_the_same_hit_lies_in_a_stream():
+    source = make_source()
+    source.configure(make_plan(continuous=True, block_size=25_000))
+    source.arm()
+    source.strike(LABEL, 0.02)
+    # And one block more, since the hit may go on in it.
+    blocks = read_until(source, lambda got: any(np.ptp(b.hammer.output) > 200 for b in got[:-1]))
+    counts = np.concatenate([block.hammer.output for block in blocks])
+    expected = VirtualRig(PAPER_SETUP, SETTINGS).strike(LABEL).hammer.output
+    peak, wanted = int(np.argmax(np.abs(counts))), int(np.argmax(np.abs(expected)))
+    np.testing.assert_array_equal(counts[peak - wanted : peak + 500], expected[: wanted + 500])
+
+
+def test_a_missed_trigger_gives_nothing():
+    source = make_source(scheduled_faults="1:missed_trigger")
+    source.configure(make_plan())
+    source.arm()
+    assert source.strike(LABEL, 0.0).faults == (Fault.MISSED_TRIGGER,)
+    assert source.read(0.05) is None
+
+
+def test_what_a_plan_says_of_the_digitizer_goes_before_its_own_settings():
+    plan = replace(
+        make_plan(),
+        sampling_rate=1e6,
+        record_duration=1e-3,
+        hammer=SourceChannel("1", Sensor("hammer", unit="g", full_scale=100.0)),
+        specimen=None,
+    )
+    source = make_source()
+    assert source.configure(plan).sampling_rate == 1e6
+    source.arm()
+    source.strike(LABEL, 0.0)
+    blocks = read_until(source, lambda got: got[-1].last)
+    assert sum(block.hammer.output.size for block in blocks) == 1000
+    assert blocks[0].hammer.full_scale == pytest.approx(980.665)
+    assert all(block.specimen.output.size == 0 for block in blocks)
+
+
+FULL = """
+[source]
+driver = "virtual"
+plant = "dynamics"
+seed = 3
+contact_time_scatter = 0.01
+amplitude_scatter = 0.05
+pulse_shape = "half-sine"
+asymmetry = 0.0
+hammer_damping = "200 N*s/m"
+fault_probability = 0.25
+faults = "overload, weak_hit"
+scheduled_faults = "3:double_hit, steel small/1:overload"
+sampling_rate = "1 MHz"
+record_duration = "0.004 s"
+pre_trigger = "0.0005 s"
+hammer_full_scale = "1000 m/s^2"
+specimen_full_scale = "2000 m/s^2"
+noise = 0.002
+offset = 0.0
+drift = 0.01
+coupling_frequency = "0 Hz"
+trigger_jitter = "0 us"
+bits = 16
+"""
+
+
+def test_all_that_a_rig_file_says_of_it_is_taken():
+    table = parse_toml_table(FULL).take_table("source")
+    assert read_virtual_rig(table) == VirtualRigSettings(
+        plant=Plant.DYNAMICS,
+        seed=3,
+        contact_time_scatter=0.01,
+        amplitude_scatter=0.05,
+        pulse_shape=pulse_shape_from_name("half-sine"),
+        asymmetry=0.0,
+        hammer_damping=200.0,
+        digitizer=DigitizerSettings(
+            1e6, 4e-3, 5e-4, 16, 1000.0, 2000.0, 0.002, 0.0, 0.01, 0.0, 0.0
+        ),
+        faults=FaultPlan(
+            0.25,
+            (Fault.OVERLOAD, Fault.WEAK_HIT),
+            (
+                ScheduledFault(Fault.DOUBLE_HIT, 3),
+                ScheduledFault(Fault.OVERLOAD, 1, "steel small"),
+            ),
+        ),
+    )
+    plan = make_virtual_plan(table, continuous=False, block_size=700, depth=1)
+    assert (plan.sampling_rate, plan.points) == (1e6, 4000)
+
+
+def test_an_empty_table_is_the_rig_of_the_paper():
+    assert read_virtual_rig(NO_OPTIONS) == VirtualRigSettings()
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('colour = "red"', r"unknown key 'colour'"),
+        ('plant = "jelly"', r"plant of \[source\] is 'jelly': it must be one of published, "),
+        ("seed = -1", "seed of .* is -1: it must be a whole number between 0"),
+        ("noise = 2", "noise of .* is 2: it must be a plain number between 0 and 1"),
+        ("trigger_jitter = 1e-6", "has no unit"),
+        ('scheduled_faults = "3"', "scheduled fault '3': write IMPACT:FAULT"),
+        (
+            'plant = "dynamics_printed"\npulse_shape = "half-sine"',
+            "pulse shape 'half-sine' is not",
+        ),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_with_its_line(line, words):
+    table = parse_toml_table(f'[source]\ndriver = "virtual"\n{line}\n').take_table("source")
+    with pytest.raises(ParameterError, match=r"^line [234]: .*" + words):
+        VirtualSource(table.without("driver"))
+
+
+def test_a_hit_needs_a_set_up():
+    source = VirtualSource(NO_OPTIONS)
+    source.configure(make_plan())
+    with pytest.raises(DeviceError, match="start the campaign node first"):
+        source.check_sample("steel small")
+
+
+class VirtualSourceBench(SourceBench):
+    def get_driver(self):
+        return VirtualSource
+
+    def make_source(self):
+        source = VirtualSource(TomlTable({}, "[source]"))
+        source.take_setup(PAPER_SETUP)
+        return source
+
+    def make_plan(self, *, continuous=False):
+        return make_virtual_plan(
+            TomlTable({}, "[source]"),
+            continuous=continuous,
+            block_size=25_000 if continuous else 1000,
+            depth=400,
+        )
+
+    def strike(self, source):
+        source.strike(HitLabel(CONTROL_SAMPLE), swing_time=0.0)
+
+
+class TestVirtualSource(AccelerationSourceContract):
+    @pytest.fixture
+    def bench(self):
+        with VirtualSourceBench() as bench:
+            yield bench
+
+
+class VirtualHolderBench(HolderBench):
+    """A holder with nothing behind it."""
+
+    def get_driver(self):
+        return VirtualHolder
+
+    def make_holder(self):
+        return VirtualHolder(TomlTable({}, "[holder]"))
+
+
+class TestVirtualHolder(HammerHolderContract):
+    @pytest.fixture
+    def bench(self):
+        with VirtualHolderBench() as bench:
+            yield bench

@@ -1,0 +1,122 @@
+"""`impact-rig` brings its Python along, wherever and in whatever environment it is called."""
+
+import contextlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import workspace
+
+from impact_rig import __version__
+from impact_rig.nodes.discovery import reserve_domain
+
+from ..cli.pseudo_terminal import open_terminal
+
+PATIENCE = 60.0
+"""How long a command may take before the test fails [s]."""
+PROMPT = "a prompt of one's own> "
+VERSION = (0, f"impact-rig, version {__version__}\n", "")
+MESSAGES_FOUND = rf"ok +impact_rig_msgs +{re.escape(__version__)}"
+FOREIGN_PYTHON = "this Python has none of the rig's packages"
+
+
+@pytest.fixture(scope="module")
+def here():
+    """Return this workspace, as rig.py has set it up."""
+    place = workspace.find_workspace()
+    if workspace.find_stale(place):
+        pytest.skip("this workspace was not set up by rig.py")
+    return place
+
+
+@pytest.fixture
+def command(here):
+    """Return the installed command."""
+    return here.get_prefix(workspace.NODES) / "bin" / "impact-rig"
+
+
+@pytest.fixture
+def home(tmp_path):
+    """Return a home whose start-up file puts a Python without the rig's packages first."""
+    folder = tmp_path / "shims"
+    folder.mkdir()
+    for name in ("python", "python3"):
+        (folder / name).write_text(f'#!/bin/sh\necho "{FOREIGN_PYTHON}" >&2\nexit 1\n')
+        (folder / name).chmod(0o755)
+    (tmp_path / ".bashrc").write_text(f'export PATH="{folder}:$PATH"\nPS1="{PROMPT}"\n')
+    return tmp_path
+
+
+def run(command, folder, *, argument="--version", **environment):
+    done = subprocess.run(
+        [command, argument],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_it_runs_with_no_environment_at_all(command):
+    assert run(command, "/") == VERSION
+
+
+def test_it_finds_ros_and_the_messages_as_cron_starts_it(command):
+    with reserve_domain() as domain:
+        code, output, errors = run(
+            command, "/", argument="doctor", PATH="/usr/bin:/bin", ROS_DOMAIN_ID=str(domain)
+        )
+    assert (code, errors) == (0, "")
+    assert re.search(MESSAGES_FOUND, output)
+
+
+def test_it_runs_through_links_from_another_folder(command, tmp_path):
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin" / "rig").symlink_to(command)
+    (tmp_path / "linked").symlink_to("bin/rig")
+    assert run("./linked", tmp_path, PATH="/usr/bin:/bin") == VERSION
+
+
+def test_a_foreign_python_that_comes_first_does_not_matter(command, home):
+    path = os.pathsep.join([str(home / "shims"), str(command.parent), "/usr/bin", "/bin"])
+    found = shutil.which("impact-rig", path=path)
+    assert run(found, "/", PATH=path) == VERSION
+
+
+def test_a_copy_that_lies_in_no_installation_says_so(tmp_path):
+    copy = shutil.copy(Path(workspace.__file__).with_name("impact-rig"), tmp_path)
+    code, _, errors = run(copy, "/", PATH="/usr/bin:/bin")
+    assert code == 127
+    assert errors.startswith(f"error: {copy} lies in no installation of impact_rig")
+    assert len(errors.splitlines()) == 1
+
+
+@pytest.mark.skipif(
+    shutil.which("bash") is None, reason="no bash: on Debian, apt-get install bash"
+)
+def test_in_the_rig_s_shell_the_rig_s_commands_come_first(here, home):
+    rig = here.root / "launch_scripts" / "rig.py"
+    with contextlib.ExitStack() as stack:
+        variables = {
+            "SHELL": shutil.which("bash"),
+            "HOME": str(home),
+            "ROS_DOMAIN_ID": str(stack.enter_context(reserve_domain())),
+        }
+        terminal = stack.enter_context(
+            open_terminal([sys.executable, str(rig), "shell"], 200, **variables)
+        )
+        terminal.read_until(lambda text: PROMPT in text)
+        terminal.write("cd; impact-rig doctor; python3 -c 'import rclpy, impact_rig_msgs.msg'\n")
+        terminal.write("echo python3 ended with $?; exit\n")
+        terminal.finish()
+    assert FOREIGN_PYTHON not in terminal.text
+    assert "Traceback" not in terminal.text
+    assert re.search(MESSAGES_FOUND, terminal.text)
+    assert "python3 ended with 0\n" in terminal.text

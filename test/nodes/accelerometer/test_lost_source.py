@@ -1,0 +1,148 @@
+"""A device that goes is missed at once, named, and taken again when it comes back."""
+
+import threading
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from impact_rig_msgs.msg import AcquisitionState
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.estimator import EstimatorNode
+
+from .desk_rig import arm, make_record, wait_for_release, wait_for_state
+
+DIAGNOSTICS = interfaces.Topic("diagnostics", DiagnosticArray, interfaces.ACCELERATION.qos)
+
+
+def test_a_device_that_is_lost_is_named_and_comes_back_as_often_as_it_goes(
+    harness, desk, rig, blocks, states, release
+):
+    node = rig()
+    for cycle in range(1, 6):
+        answer = arm(harness)
+        assert (answer.success, answer.record) == (True, cycle)
+        desk.unplug()
+        states.wait(
+            lambda got, record=cycle: (
+                (got[-1].state, got[-1].record) == (AcquisitionState.FAULT, record)
+            )
+        )
+        assert not node.is_configured
+        assert states.messages[-1].message == "the digitizer on the desk is gone: plug it in"
+        assert "the digitizer on the desk is gone" in arm(harness).message
+        desk.plug()
+        harness.wait_until(lambda: node.is_active)
+    release(arm(harness).record, latest_contact=60.0)
+    desk.deliver(make_record())
+    got = blocks.wait(lambda got: got and got[-1].last)
+    # Nobody had let the hammer go before: nothing of those armings was published.
+    assert {block.record for block in got} == {6}
+
+
+@pytest.mark.parametrize("first", ["release", "loss", "neither"])
+def test_a_device_that_is_lost_while_the_hammer_swings_leaves_one_empty_block(
+    harness, desk, rig, blocks, states, release, first
+):
+    node = rig(reconnect_period=0.0)
+    record = arm(harness).record
+    if first == "release":
+        release(record, latest_contact=60.0)
+        wait_for_release(harness, node)
+        desk.unplug()
+        wait_for_state(states, AcquisitionState.FAULT)
+    elif first == "neither":
+        # Both are there when the node comes to look.
+        gate = threading.Event()
+        busy = threading.Thread(target=lambda: harness.run(gate.wait))
+        busy.start()
+        desk.unplug()
+        harness.wait_until(
+            lambda: not any(thread.name == "source" for thread in threading.enumerate())
+        )
+        release(record, latest_contact=60.0)
+        gate.set()
+        busy.join()
+        wait_for_state(states, AcquisitionState.FAULT)
+    else:
+        # The release is on its way when the device goes.
+        desk.unplug()
+        wait_for_state(states, AcquisitionState.FAULT)
+        release(record, latest_contact=60.0)
+    (block,) = blocks.wait_for_count(1)
+    assert (block.record, block.triggered, block.last) == (record, False, True)
+    release(record, latest_contact=60.0)
+    desk.plug()
+    for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+        request = ChangeState.Request(transition=Transition(id=transition))
+        assert harness.call(ChangeState, "accelerometer/change_state", request).success
+    release(arm(harness).record)
+    assert [item.record for item in blocks.wait_for_count(2)] == [record, record + 1]
+
+
+def test_a_device_that_is_lost_within_a_record_closes_it(
+    harness, desk, rig, blocks, states, release
+):
+    impacts = harness.listen(interfaces.IMPACT)
+    harness.add(EstimatorNode)
+    node = rig(required_subscribers="estimator, peer", trigger_timeout=60.0)
+    record = arm(harness).record
+    release(record)
+    desk.deliver(make_record().cut(0, 700))
+    blocks.wait_for_count(1)
+    desk.unplug()
+    (verdict,) = impacts.wait_for_count(1)
+    assert verdict.reasons[0].startswith("gap:")
+    wait_for_state(states, AcquisitionState.FAULT)
+    desk.plug()
+    harness.wait_until(lambda: node.is_active)
+    release(arm(harness).record)
+    desk.deliver(make_record())
+    assert [item.record for item in impacts.wait_for_count(2)] == [record, record + 1]
+
+
+def test_a_device_that_goes_while_nothing_is_armed_is_missed_and_comes_back(
+    harness, desk, rig, states, monkeypatch
+):
+    monkeypatch.setattr("impact_rig.nodes.accelerometer_source.CHECK_PERIOD", 0.01)
+    node = rig()
+    desk.unplug()
+    state = wait_for_state(states, AcquisitionState.FAULT)
+    assert state.message == "the digitizer on the desk is gone: plug it in"
+    assert "arm" not in desk.calls
+    desk.plug()
+    harness.wait_until(lambda: node.is_active)
+    assert arm(harness).success
+
+
+def test_a_device_that_does_not_arm_says_why_in_the_answer(harness, desk, rig, states):
+    rig(reconnect_period=0.0)
+    desk.unplug()
+    answer = arm(harness)
+    assert not answer.success
+    assert "the digitizer on the desk is gone: plug it in" in answer.message
+    wait_for_state(states, AcquisitionState.FAULT, "the digitizer on the desk is gone")
+
+
+def test_a_device_that_is_not_there_at_first_is_waited_for(harness, desk, rig, states):
+    seen = harness.listen(DIAGNOSTICS)
+    desk.unplug()
+    node = rig()
+    wait_for_state(states, AcquisitionState.FAULT, "the digitizer on the desk is gone")
+    (status,) = seen.wait_for_count(1)[0].status
+    assert status.level == DiagnosticStatus.ERROR
+    assert "the digitizer on the desk is gone" in status.message
+    desk.plug()
+    harness.wait_until(lambda: node.is_active)
+    assert arm(harness).success
+
+
+def test_a_mistake_in_a_driver_is_a_fault_like_any_other(harness, desk, rig, states):
+    node = rig()
+    assert arm(harness).success
+    desk.fail(KeyError("channel 3"))
+    state = wait_for_state(states, AcquisitionState.FAULT)
+    assert state.message == "the source's driver failed: KeyError: 'channel 3'"
+    harness.wait_until(lambda: node.is_active)
+    assert arm(harness).success

@@ -1,0 +1,113 @@
+"""The accelerometers publish what a device delivers, one arming at a time."""
+
+import numpy as np
+import pytest
+from impact_rig_msgs.msg import AcquisitionState
+from std_srvs.srv import Trigger
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.recordings.messages import block_from_msg
+
+from .desk_rig import arm, make_record, wait_for_release, wait_for_state
+
+
+def test_a_record_is_streamed_as_the_device_gave_it_in_blocks_of_the_wanted_size(
+    harness, desk, rig, blocks, states, release
+):
+    rig(block_size=700)
+    answer = arm(harness)
+    assert answer.success, answer.message
+    release(answer.record, latest_contact=60.0)
+    record = make_record(overloaded=True)
+    desk.deliver(record)
+    got = [block_from_msg(item) for item in blocks.wait(lambda got: got and got[-1].last)]
+    assert [block.first_sample for block in got] == list(range(0, 5000, 700))
+    for channel in ("hammer", "specimen"):
+        counts = np.concatenate([getattr(block, channel).output for block in got])
+        np.testing.assert_array_equal(counts, getattr(record, channel).output)
+    # The device does not say in which part of the record: every piece says it.
+    assert {block.hammer.overloaded for block in got} == {True}
+    assert {block.specimen.overloaded for block in got} == {False}
+    assert got[1].stamp - got[0].stamp == pytest.approx(700 / 2.5e6 * 1e9, abs=1)
+    assert desk.plan.block_size == 700
+    state = wait_for_state(states, AcquisitionState.IDLE, "record complete")
+    assert (state.source, state.simulated) == ("desk digitizer 7", False)
+
+
+def test_a_hit_that_nobody_let_go_of_is_published_and_told(
+    harness, desk, rig, blocks, states, release
+):
+    rig()
+    record = arm(harness).record
+    desk.deliver(make_record())
+    got = blocks.wait(lambda got: got and got[-1].last)
+    assert {block.record for block in got} == {record}
+    state = wait_for_state(states, AcquisitionState.IDLE, "before it was let go")
+    assert state.record == record
+    assert arm(harness).record == record + 1
+
+
+def test_what_does_not_come_in_time_is_said_by_an_empty_block_and_the_device_is_disarmed(
+    harness, desk, rig, blocks, states, release
+):
+    rig()
+    release(arm(harness).record)
+    (block,) = blocks.wait_for_count(1)
+    assert (block.triggered, block.last, len(block.hammer.counts)) == (False, True, 0)
+    wait_for_state(states, AcquisitionState.IDLE, "no impact came in time")
+    assert desk.calls == ["configure", "arm", "disarm"]
+
+
+def test_a_hit_may_come_until_the_latest_contact(harness, desk, rig, blocks, release):
+    node = rig(trigger_timeout=0.0)
+    record = arm(harness).record
+    release(record, latest_contact=60.0)
+    wait_for_release(harness, node)
+    reads = desk.reads
+    # The swing is over at once: by now nobody would wait any more.
+    harness.wait_until(lambda: desk.reads > reads + 2)
+    desk.deliver(make_record())
+    got = blocks.wait(lambda got: got and got[-1].last)
+    assert got[-1].triggered
+
+
+def test_an_arming_without_a_release_waits_until_it_is_disarmed(harness, desk, rig, blocks):
+    rig()
+    assert arm(harness).success
+    harness.wait_until(lambda: desk.reads > 2)
+    assert harness.call(Trigger, interfaces.DISARM_ACCELEROMETER).success
+    harness.wait_until(lambda: "disarm" in desk.calls)
+    assert arm(harness).record == 2
+    assert blocks.messages == []
+
+
+def test_a_record_that_stalls_gets_one_verdict_for_its_gap(
+    harness, desk, rig, blocks, states, release
+):
+    impacts = harness.listen(interfaces.IMPACT)
+    harness.add(EstimatorNode)
+    rig(required_subscribers="estimator, peer")
+    record = arm(harness).record
+    release(record, latest_contact=60.0)
+    desk.deliver(make_record().cut(0, 700))
+    wait_for_state(states, AcquisitionState.IDLE, "the record breaks off")
+    (verdict,) = impacts.wait_for_count(1)
+    assert verdict.record == record
+    assert verdict.reasons[0].startswith("gap:")
+    assert "4550 points missing at point 700" in verdict.reasons[0]
+    # The next one is whole.
+    release(arm(harness).record, latest_contact=60.0)
+    desk.deliver(make_record())
+    assert [item.record for item in impacts.wait_for_count(2)] == [record, record + 1]
+
+
+def test_a_record_that_is_called_off_ends_where_it_is(harness, desk, rig, blocks):
+    rig(trigger_timeout=60.0)
+    assert arm(harness).success
+    desk.deliver(make_record().cut(0, 700))
+    blocks.wait_for_count(1)
+    assert harness.call(Trigger, interfaces.DISARM_ACCELEROMETER).success
+    got = blocks.wait(lambda got: got[-1].last)
+    assert got[-1].first_sample == 700
+    assert len(got[-1].hammer.counts) == 0

@@ -1,0 +1,115 @@
+"""A running stream of a device: gaps are passed on, and its end is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from impact_rig_msgs.msg import AcquisitionState
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.recordings.messages import stream_block_from_msg
+
+from .desk_rig import arm, make_record, wait_for_release, wait_for_state
+
+DIAGNOSTICS = interfaces.Topic("diagnostics", DiagnosticArray, interfaces.ACCELERATION.qos)
+
+
+def test_a_running_stream_passes_gaps_on_and_counts_them(harness, desk, rig):
+    seen = harness.listen(DIAGNOSTICS)
+    stream = harness.listen(interfaces.make_stream_topic(400))
+    node = rig(mode="continuous", stream_block_size=2500)
+    record = replace(make_record(), last=False)
+    harness.wait_until(lambda: node.diagnose()["subscribers"])
+    desk.deliver(record, replace(record, first_sample=7500))
+    got = [stream_block_from_msg(item) for item in stream.wait_for_count(4)]
+    assert [block.first_sample for block in got] == [0, 2500, 7500, 10000]
+    assert not any(block.last for block in got)
+    assert desk.calls == ["configure", "arm"]
+    values = seen.wait(lambda got: read_values(got).get("points lost") == "2500")
+    assert read_values(values)["blocks sent"] == "4"
+
+
+def read_values(messages):
+    """Return the newest figures of the accelerometers; none if they have not come yet."""
+    found = [item for array in messages for item in array.status if item.name == "/accelerometer"]
+    return {item.key: item.value for item in found[-1].values} if found else {}
+
+
+def make_quiet():
+    """Return 2 ms of a stream in which nothing happens."""
+    record = make_record()
+    hammer = replace(record.hammer, output=np.zeros(5000, np.int32))
+    return replace(record, last=False, hammer=hammer)
+
+
+@pytest.mark.parametrize("end", ["loss", "deactivation"])
+def test_a_hit_that_the_end_of_the_stream_cuts_off_is_rejected_at_once(
+    harness, desk, rig, states, release, end
+):
+    impacts = harness.listen(interfaces.IMPACT)
+    stream = harness.listen(interfaces.make_stream_topic(400))
+    harness.add(EstimatorNode)
+    node = rig(
+        mode="continuous",
+        required_subscribers="estimator, peer",
+        trigger_timeout=60.0,
+        reconnect_period=0.0,
+    )
+    desk.deliver(make_quiet())
+    record = arm(harness).record
+    release(record)
+    wait_for_release(harness, node)
+    desk.deliver(replace(make_record().cut(0, 1200), first_sample=5000))
+    stream.wait_for_count(2)
+    if end == "loss":
+        desk.unplug()
+        wait_for_state(states, AcquisitionState.FAULT)
+    else:
+        request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
+        assert harness.call(ChangeState, "accelerometer/change_state", request).success
+    (verdict,) = impacts.wait_for_count(1)
+    assert (verdict.record, verdict.accepted) == (record, False)
+    assert verdict.reasons[0].startswith("gap:")
+    got = stream.wait(lambda got: stream_block_from_msg(got[-1]).ends_stream)
+    final = stream_block_from_msg(got[-1])
+    assert (final.first_sample, final.hammer.output.size) == (6200, 0)
+
+
+@pytest.mark.parametrize("first", ["release", "loss"])
+def test_a_stream_that_breaks_off_while_the_hammer_swings_gets_one_verdict(
+    harness, desk, rig, states, release, first
+):
+    impacts = harness.listen(interfaces.IMPACT)
+    harness.add(EstimatorNode)
+    node = rig(
+        mode="continuous",
+        required_subscribers="estimator, peer",
+        trigger_timeout=60.0,
+        reconnect_period=0.3,
+    )
+    quiet = make_quiet()
+    desk.deliver(quiet)
+    record = arm(harness).record
+    desk.deliver(replace(quiet, first_sample=5000))
+    if first == "release":
+        release(record)
+        wait_for_release(harness, node)
+    desk.unplug()
+    wait_for_state(states, AcquisitionState.FAULT)
+    if first == "loss":
+        release(record)
+    (verdict,) = impacts.wait_for_count(1)
+    assert verdict.record == record
+    assert verdict.reasons[0].startswith("no_trigger:")
+    desk.plug()
+    harness.wait_until(lambda: node.is_active)
+    assert arm(harness).success
+    release(record + 1)
+    desk.deliver(quiet)
+    desk.deliver(replace(make_record(), last=False, first_sample=5000))
+    desk.deliver(replace(quiet, first_sample=10_000))
+    assert [item.record for item in impacts.wait_for_count(2)] == [record, record + 1]

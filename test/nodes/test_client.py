@@ -1,0 +1,69 @@
+"""A person at the command line asks a real hammer node."""
+
+import pytest
+from impact_rig_msgs.msg import HammerState
+from std_srvs.srv import Trigger
+
+from impact_rig.cli.main import cli
+from impact_rig.core.errors import DeviceError
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.client import HammerClient
+from impact_rig.nodes.hammer import HammerNode
+
+TIMEOUT = 60.0
+
+
+@pytest.fixture
+def client(ros_domain, harness, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    harness.add(HammerNode)
+    with HammerClient("", TIMEOUT) as client:
+        yield client
+
+
+def test_every_word_does_what_it_says(client, harness):
+    states = harness.listen(interfaces.HAMMER_STATE)
+    for action, armed, disarmed_by in (
+        ("arm", True, HammerState.OPERATOR),
+        ("disarm", False, HammerState.OPERATOR),
+        ("stop", False, HammerState.EMERGENCY_STOP),
+        ("reset", False, HammerState.OPERATOR),
+    ):
+        states.messages.clear()
+        assert client.ask(action)
+        wanted = (armed, disarmed_by)
+        states.wait(
+            lambda messages, wanted=wanted: any(
+                (item.armed, item.disarmed_by) == wanted for item in messages
+            )
+        )
+    assert client.ask("confirm") == "held"
+
+
+def test_the_state_is_told_in_words(client, harness):
+    assert harness.call(Trigger, interfaces.ARM_HAMMER).success
+    assert client.describe() == "held, armed (armed by the operator); holder: virtual rig"
+
+
+def test_a_refusal_is_an_error_with_the_reason(client):
+    client.ask("stop")
+    with pytest.raises(DeviceError, match="refused: an emergency stop lasts"):
+        client.ask("arm")
+
+
+def test_a_rig_that_is_not_there_is_said(ros_domain, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    with (
+        HammerClient("nobody", 0.1) as client,
+        pytest.raises(DeviceError, match="no hammer says what it does within"),
+    ):
+        client.describe()
+
+
+def test_the_command_prints_an_answer(ros_domain, harness, monkeypatch, capsys):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    harness.add(HammerNode)
+    with pytest.raises(SystemExit) as end:
+        cli(["hammer"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == "held, not armed; holder: virtual rig\n"

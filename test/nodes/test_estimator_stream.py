@@ -1,0 +1,208 @@
+"""What the estimator makes of a running stream, in a thread of its own, and says of it."""
+
+import threading
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from impact_rig_msgs.msg import StreamBlock
+
+from impact_rig.core.errors import SignalError
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.record import NOT_ARMED, Block, ChannelBlock, HitLabel
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.nodes.estimator_stream import StreamCutting
+from impact_rig.nodes.messages import fill_block, setup_to_msg, stamp_to_msg
+
+RATE, SIZE = 1e6, 1000
+ARMING = HitLabel("steel small", record=4)
+
+
+class Publisher:
+    def __init__(self):
+        self.published = []
+        self.publish = self.published.append
+
+
+@pytest.fixture
+def publisher():
+    return Publisher()
+
+
+@pytest.fixture
+def sources():
+    """Return the topics of all publishers."""
+    return ["acceleration/stream"]
+
+
+@pytest.fixture
+def cutting(publisher, sources):
+    node = SimpleNamespace(advertise=lambda topic: publisher, count_publishers=sources.count)
+    return StreamCutting(node)
+
+
+def make_end(number):
+    """Return the block that ends a stream."""
+    nothing = ChannelBlock(np.zeros(0, np.int32), 1.0, 0.0, 2000.0)
+    return make_message(NOT_ARMED, number, nothing, last=True)
+
+
+def make_message(label, number, channel, *, last=False):
+    message = StreamBlock()
+    fill_block(
+        message,
+        Block(number * SIZE, RATE, channel, channel, label, last=last, stamp=number * 1_000_000),
+    )
+    return message
+
+
+def make_block(number, *, full_scale=2000.0, impact=False):
+    counts = np.zeros(SIZE, np.int32)
+    if impact:
+        counts[300:500] = 900
+    channel = ChannelBlock(counts, 1.0, 0.0, full_scale)
+    return make_message(ARMING, number, channel)
+
+
+def test_an_impact_is_published_as_a_block_of_its_arming(cutting, publisher):
+    cutting.use_settings(AnalysisSettings())
+    for number in range(6):
+        cutting.feed(make_block(number, impact=number == 2))
+    (block,) = publisher.published
+    assert (block.record, block.sample, block.first_sample, block.last) == (
+        4,
+        "steel small",
+        0,
+        True,
+    )
+    # Two pre-triggers before the impact, a record from the second one on.
+    assert np.argmax(np.array(block.hammer.counts)) == 400
+    assert len(block.hammer.counts) == 2200
+    figures = cutting.describe()
+    assert (figures["stream blocks"], figures["stream gaps"]) == (6, 0)
+    assert cutting.describe_warning() == ""
+
+
+def test_lost_points_are_counted_and_warned_of(cutting):
+    cutting.use_settings(AnalysisSettings())
+    for number in (0, 1, 4, 5):
+        cutting.feed(make_block(number))
+    assert cutting.describe()["stream points missing"] == 2000
+    assert cutting.describe_warning().startswith("2000 points of the stream were lost")
+
+
+def test_a_stream_that_stands_still_though_it_has_not_ended_is_warned_of(
+    cutting, sources, monkeypatch
+):
+    now = 1000.0
+    monkeypatch.setattr("impact_rig.nodes.estimator_stream.time.monotonic", lambda: now)
+    cutting.use_settings(AnalysisSettings())
+    cutting.feed(make_block(0))
+    now += 1.0
+    assert cutting.describe_warning() == ""
+    now += 4.0
+    assert cutting.describe_warning().startswith(
+        "the stream stands still: its next block is due since"
+    )
+    cutting.feed(make_block(1))
+    assert cutting.describe_warning() == ""
+    now += 5.0
+    sources.clear()
+    # Whoever sent it is gone, and says that for himself.
+    assert cutting.describe_warning() == ""
+
+
+def test_a_stream_that_has_ended_is_not_waited_for(cutting, monkeypatch):
+    now = 1000.0
+    monkeypatch.setattr("impact_rig.nodes.estimator_stream.time.monotonic", lambda: now)
+    cutting.use_settings(AnalysisSettings())
+    cutting.feed(make_block(0))
+    cutting.feed(make_end(1))
+    now += 60.0
+    assert cutting.describe_warning() == ""
+
+
+def test_other_settings_go_on_with_the_stream_from_where_it_is(cutting, publisher):
+    cutting.use_settings(AnalysisSettings())
+    cutting.feed(make_block(0))
+    cutting.use_settings(AnalysisSettings(record_duration=1e-3))
+    for number in range(7, 12):
+        cutting.feed(make_block(number, impact=number == 8))
+    assert len(publisher.published[0].hammer.counts) == 1200
+    assert cutting.describe_warning() == ""
+
+
+def test_without_a_set_up_nothing_is_searched_and_nothing_said(cutting, publisher):
+    cutting.feed(make_block(0, impact=True))
+    assert publisher.published == []
+    assert cutting.describe()["stream blocks"] == 0
+
+
+def test_a_stream_that_cannot_be_searched_is_complained_of_once(cutting):
+    cutting.use_settings(AnalysisSettings())
+    with pytest.raises(SignalError, match="does not say the hammer's full scale"):
+        cutting.feed(make_block(0, full_scale=0.0))
+    cutting.feed(make_block(1, full_scale=0.0))
+
+
+STREAM = interfaces.make_stream_topic(400)
+
+
+def count_blocks(node):
+    return node.diagnose().get("stream blocks", 0)
+
+
+@pytest.fixture
+def stream(harness):
+    """Return a publisher of a stream that an estimator with a set-up listens to, and that node."""
+    node = harness.add(EstimatorNode)
+    harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(1)))
+    publisher = harness.advertise(STREAM)
+    harness.wait_until(lambda: publisher.get_subscription_count() == 1)
+    # Until the set-up has come, what comes is not searched.
+    numbers = iter(range(1_000_000))
+
+    def has_begun():
+        publisher.publish(make_block(next(numbers)))
+        return count_blocks(node) > 0
+
+    harness.wait_until(has_begun)
+    last = next(numbers)
+    publisher.publish(make_block(last))
+    return publisher, node, last
+
+
+def test_a_stream_is_cut_while_the_estimator_does_something_else(harness, stream):
+    publisher, node, last = stream
+    verdicts = harness.listen(interfaces.IMPACT)
+    gate = threading.Event()
+    busy = threading.Thread(target=lambda: harness.run(gate.wait))
+    busy.start()
+    try:
+        before = count_blocks(node)
+        for number in range(last + 1, last + 7):
+            publisher.publish(make_block(number, impact=number == last + 2))
+        harness.wait_until(lambda: count_blocks(node) >= before + 6)
+        assert verdicts.messages == []
+    finally:
+        gate.set()
+        busy.join()
+    # What was cut meanwhile is judged as soon as there is time.
+    (verdict,) = verdicts.wait_for_count(1)
+    assert (verdict.sample, verdict.record) == ("steel small", 4)
+
+
+def test_a_stream_that_cannot_be_searched_is_a_fault_of_the_estimator(harness, stream):
+    publisher, node, last = stream
+    publisher.publish(make_block(last + 1, full_scale=0.0))
+    harness.wait_until(lambda: "does not say the hammer's full scale" in node.fault)
+    assert node.fault.startswith("acceleration/stream: ")
+
+
+def test_the_thread_ends_with_its_node_and_may_be_told_so_twice(stream):
+    _, node, _ = stream
+    node._stream.stop()
+    node._stream.stop()
+    assert not node._stream._thread.is_alive()

@@ -1,0 +1,121 @@
+"""rclpy's executors as the nodes use them: the events executor, and the default one without it."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+from std_msgs.msg import String
+
+from impact_rig.core.errors import DeviceError
+from impact_rig.nodes import executor as module
+from impact_rig.nodes.discovery import reserve_domain
+from impact_rig.nodes.executor import accept_message_info, make_executor, spin_until
+from impact_rig.nodes.rig_node import RigNode
+
+PATIENCE = 30.0
+"""How long anything may take before a test fails [s]; no test waits for it to pass."""
+
+
+@pytest.fixture
+def node() -> Iterator[RigNode]:
+    context = rclpy.Context()
+    with reserve_domain() as domain:
+        rclpy.init(context=context, domain_id=domain, args=[])
+        made = RigNode("node", context=context)
+        yield made
+        made.destroy_node()
+        context.try_shutdown()
+
+
+@pytest.fixture(params=[EventsExecutor, SingleThreadedExecutor])
+def executor(
+    request: pytest.FixtureRequest, node: Node, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Executor]:
+    monkeypatch.setattr(module, "EventsExecutor", request.param)
+    made = make_executor(node.context)
+    made.add_node(node)
+    yield made
+    made.shutdown()
+
+
+def run_until(executor: Executor, condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, "it never came true"
+        executor.spin_once(timeout_sec=0.1)
+
+
+def test_another_thread_ends_the_spinning_which_costs_nothing_until_then(
+    executor: Executor,
+) -> None:
+    stop: Future = Future()
+    threading.Timer(0.5, lambda: stop.set_result(None)).start()
+    began = time.thread_time()
+    spin_until(executor, stop)
+    assert stop.done()
+    assert time.thread_time() - began < 0.25
+    # And what has been stopped before it begins ends at once.
+    spin_until(executor, stop)
+
+
+def test_the_end_of_ros_ends_the_spinning(node: Node) -> None:
+    executor = make_executor(node.context)
+    executor.add_node(node)
+    threading.Timer(0.05, node.context.shutdown).start()
+    with pytest.raises(ExternalShutdownException):
+        spin_until(executor, Future())
+    executor.shutdown()
+
+
+def test_a_callback_may_ask_what_is_known_of_its_message(node: Node, executor: Executor) -> None:
+    heard: list[Any] = []
+    take = accept_message_info(lambda message, info: heard.append((message, info)))
+    node.create_subscription(String, "words", take, 10)
+    node.create_subscription(String, "words", take, 10, raw=True)
+    publisher = node.create_publisher(String, "words", 10)
+    run_until(executor, lambda: publisher.get_subscription_count() == 2)
+    before = time.time_ns()
+    publisher.publish(String(data="a"))
+    run_until(executor, lambda: len(heard) == 2)
+    assert {type(message) for message, _ in heard} == {String, bytes}
+    assert all(before <= info["source_timestamp"] <= time.time_ns() for _, info in heard)
+
+
+def test_work_of_another_thread_is_done_where_callbacks_run(
+    node: RigNode, executor: Executor
+) -> None:
+    threads: list[int] = []
+    work = lambda: threads.append(threading.get_ident())  # noqa: E731
+    threading.Timer(0.05, lambda: node.run_soon(work)).start()
+    run_until(executor, lambda: bool(threads))
+    assert threads == [threading.get_ident()]
+
+
+def test_an_error_in_such_work_is_a_fault_and_an_unexpected_one_ends_the_process(
+    node: RigNode, executor: Executor
+) -> None:
+    def fail(error: Exception) -> None:
+        raise error
+
+    node.run_soon(lambda: fail(DeviceError("the device is lost")))
+    run_until(executor, lambda: node.fault == "the device is lost")
+    assert not node.stop_requested.done()
+    node.run_soon(lambda: fail(ValueError("not foreseen")))
+    spin_until(executor, node.stop_requested)
+    with pytest.raises(ValueError, match="not foreseen"):
+        node.stop_requested.result()
+
+
+def test_a_pause_lasts_as_long_as_asked(node: RigNode, executor: Executor) -> None:
+    began = time.monotonic()
+    task = executor.create_task(node.pause(0.05))
+    executor.spin_until_future_complete(task, timeout_sec=PATIENCE)
+    assert task.done()
+    assert time.monotonic() - began >= 0.05

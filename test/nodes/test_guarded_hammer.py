@@ -1,0 +1,245 @@
+"""The holder lets go when a release was accepted, and never else."""
+
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from impact_rig_msgs.msg import HammerState
+
+from impact_rig.core.errors import DeviceError
+from impact_rig.devices.protocols import HolderState
+from impact_rig.nodes.guarded_hammer import (
+    Disarming,
+    GuardedHammer,
+    HammerCondition,
+    HammerPlace,
+)
+
+CONFIRMED = st.booleans()
+
+
+class Holder:
+    """Counts what it is told; fails while it is told to."""
+
+    is_by_hand = False
+
+    def __init__(self) -> None:
+        self.releases = 0
+        self.is_broken = False
+        self.is_open = True
+        self.state = HolderState.HOLDING
+
+    def _obey(self, state):
+        assert self.is_open, "a holder was used after it was closed"
+        if self.is_broken:
+            raise DeviceError("the cable is out")
+        self.state = state
+
+    def hold(self):
+        self._obey(HolderState.HOLDING)
+
+    def release(self):
+        self._obey(HolderState.RELEASED)
+        self.releases += 1
+
+    def read_state(self):
+        self._obey(self.state)
+        return self.state
+
+    def close(self):
+        self.is_open = False
+
+
+class Interlock(RuleBasedStateMachine):
+    """Does all that can happen to a hammer, in any order, beside a plain account of the rules."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.told: list[HammerCondition] = [HammerCondition()]
+        self.hammer = GuardedHammer(self.told.append)
+        self.holders: list[Holder] = []
+        self.holder: Holder | None = None
+        self.accepted = 0
+        self.is_enabled = False
+        self.is_stopped = False
+        self.is_in_holder = True
+
+    def attempt(self, action, *arguments, **options):
+        """Do something as the node does: what the holder refuses costs the holder."""
+        try:
+            return action(*arguments, **options)
+        except DeviceError as error:
+            self.lose(str(error))
+            return str(error)
+
+    def lose(self, reason):
+        self.hammer.lose(reason)
+        self.hammer.drop()
+        self.holder, self.is_enabled, self.is_in_holder = None, False, False
+
+    @precondition(lambda self: self.holder is None)
+    @rule(confirm=CONFIRMED)
+    def take(self, confirm):
+        self.holder = Holder()
+        self.holders.append(self.holder)
+        self.hammer.take(self.holder, confirm_return=confirm)
+        self.is_in_holder = self.is_in_holder or not confirm
+        self.is_enabled = False
+
+    @rule()
+    def break_holder(self):
+        if self.holder:
+            self.holder.is_broken = True
+
+    @rule()
+    def fall(self):
+        """Let the magnet fail by itself."""
+        if self.holder:
+            self.holder.state = HolderState.RELEASED
+
+    @rule()
+    def watch(self):
+        self.attempt(self.hammer.check)
+
+    @rule()
+    def lose_holder(self):
+        self.lose("lost")
+
+    @rule()
+    def arm(self):
+        refusal = self.hammer.arm()
+        assert bool(refusal) == (self.is_stopped or self.holder is None)
+        self.is_enabled = self.is_enabled or not refusal
+
+    @rule()
+    def disarm(self):
+        self.hammer.disarm("disarmed")
+        self.is_enabled = False
+
+    @rule(reason=st.sampled_from(["", "the recorder has gone"]))
+    def note_loss(self, reason):
+        self.hammer.note_loss(reason)
+        self.is_enabled = self.is_enabled and not reason
+
+    @rule()
+    def stop(self):
+        self.is_stopped, self.is_enabled = True, False
+        self.attempt(self.hammer.stop)
+
+    @rule()
+    def reset_stop(self):
+        self.hammer.reset()
+        self.is_stopped = False
+
+    @rule(obstacle=st.sampled_from(["", "the accelerometers are not armed"]))
+    def release(self, obstacle):
+        may_go = self.is_enabled and self.is_in_holder and not obstacle and bool(self.holder)
+        works = bool(self.holder) and not self.holder.is_broken
+        refusal = self.attempt(self.hammer.release, obstacle)
+        assert bool(refusal) == (not may_go or not works)
+        if not refusal:
+            self.accepted += 1
+            self.is_in_holder = False
+
+    @rule(confirm=CONFIRMED)
+    def end_swing(self, confirm):
+        swings = self.hammer.condition.place is HammerPlace.SWINGING
+        self.attempt(self.hammer.end_swing, "back", confirm_return=confirm)
+        if swings and self.holder and not confirm:
+            self.is_in_holder = True
+
+    @rule()
+    def confirm_held(self):
+        if not self.attempt(self.hammer.confirm_held):
+            self.is_in_holder = True
+
+    @invariant()
+    def nothing_lets_go_but_an_accepted_release(self):
+        assert sum(holder.releases for holder in self.holders) == self.accepted
+
+    @invariant()
+    def the_condition_is_what_the_rules_say_and_has_been_told(self):
+        condition = self.hammer.condition
+        assert condition == self.told[-1]
+        assert condition.is_armed == self.is_enabled
+        assert (condition.disarmed_by is Disarming.EMERGENCY_STOP) == self.is_stopped
+        assert condition.message
+
+
+TestInterlock = Interlock.TestCase
+TestInterlock.settings = settings(
+    max_examples=100, stateful_step_count=40, suppress_health_check=[HealthCheck.too_slow]
+)
+
+
+@pytest.fixture
+def held():
+    """Return a hammer in its holder, armed, and the holder."""
+    hammer, holder = GuardedHammer(lambda _: None), Holder()
+    hammer.take(holder, confirm_return=False)
+    assert not hammer.arm()
+    return hammer, holder
+
+
+def test_a_hammer_is_held_and_disarmed_at_first():
+    condition = GuardedHammer(lambda _: None).condition
+    assert condition.place is HammerPlace.HELD
+    assert not condition.is_armed
+
+
+def test_a_stop_takes_the_enable_holds_and_lasts_whatever_becomes_of_the_holder(held):
+    hammer, holder = held
+    assert not hammer.release("")
+    hammer.stop()
+    assert holder.state is HolderState.HOLDING
+    hammer.lose("unplugged")
+    hammer.take(Holder(), confirm_return=False)
+    assert "hammer/reset" in hammer.arm()
+    hammer.reset()
+    assert "not armed" in hammer.describe_obstacle()
+    assert not hammer.arm()
+    assert not hammer.describe_obstacle()
+
+
+def test_what_an_operator_has_taken_back_no_loss_takes_from_him(held):
+    hammer, _ = held
+    hammer.disarm("disarmed by the operator")
+    hammer.lose("unplugged")
+    assert hammer.condition.disarmed_by is Disarming.OPERATOR
+
+
+def test_a_holder_that_is_back_has_a_disarmed_hammer_and_still_says_why(held):
+    hammer, _ = held
+    hammer.lose("unplugged")
+    hammer.take(Holder(), confirm_return=False)
+    condition = hammer.condition
+    assert (condition.place, condition.is_armed) == (HammerPlace.HELD, False)
+    assert condition.disarmed_by is Disarming.LOSS
+
+
+def test_where_returns_are_confirmed_a_hammer_whose_holder_was_lost_is_away(held):
+    hammer, _ = held
+    hammer.lose("unplugged")
+    hammer.take(Holder(), confirm_return=True)
+    assert hammer.condition.place is HammerPlace.AWAY
+    assert not hammer.arm()
+    assert "hammer/confirm_held" in hammer.release("")
+    assert not hammer.confirm_held()
+    assert not hammer.release("")
+
+
+def test_why_the_holder_is_lost_is_told_until_it_is_back(held):
+    hammer, _ = held
+    hammer.lose("unplugged")
+    hammer.stop()
+    assert hammer.condition.message == "emergency stop; unplugged"
+    hammer.reset()
+    hammer.disarm("disarmed by the operator")
+    assert hammer.condition.message == "disarmed by the operator; unplugged"
+    hammer.take(Holder(), confirm_return=False)
+    assert hammer.condition.message == "held, not armed"
+
+
+@pytest.mark.parametrize("value", [*HammerPlace, *Disarming], ids=lambda value: value.name)
+def test_numbers_are_those_of_the_message(value):
+    assert getattr(HammerState, value.name) == value

@@ -1,0 +1,48 @@
+"""The page of the interface, msg_config/README.md, against the nodes as they are."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.accelerometer import AccelerometerNode
+from impact_rig.nodes.campaign import CampaignNode
+from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.nodes.hammer import HammerNode
+from impact_rig.nodes.recorder import RecorderNode
+from impact_rig.nodes.replayer import ReplayerNode
+from impact_rig.nodes.visualizer import VisualizerNode
+
+PAGE = (Path(__file__).parents[2] / "msg_config" / "README.md").read_text("utf-8")
+ROWS = [line.strip("| ").split(" | ") for line in PAGE.splitlines() if line.startswith("| `")]
+OF_EVERY_NODE = {"autostart", "use_sim_time", "start_type_description_service"}
+NODES = {
+    "accelerometer": AccelerometerNode,
+    "campaign": CampaignNode,
+    "estimator": EstimatorNode,
+    "hammer": HammerNode,
+    "recorder": RecorderNode,
+    "replayer": ReplayerNode,
+    "visualizer": VisualizerNode,
+}
+
+
+def list_names(cell):
+    return re.findall(r"`([\w/]+)`", cell)
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_every_parameter_of_a_node_is_on_the_page_and_no_other(harness, name):
+    (row,) = [row for row in ROWS if row[0] == f"`{name}`"]
+    node = harness.add(NODES[name], autostart=False)
+    assert set(list_names(row[2])) == set(node.get_parameters_by_prefix("")) - OF_EVERY_NODE
+
+
+def test_every_topic_service_and_action_is_on_the_page():
+    named = {name for row in ROWS for name in list_names(row[0])}
+    for item in vars(interfaces).values():
+        if isinstance(item, interfaces.Topic) and not item.name.startswith("/"):
+            assert item.name in named
+        elif isinstance(item, str) and re.fullmatch(r"\w+/\w+", item):
+            assert item in named

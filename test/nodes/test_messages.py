@@ -1,0 +1,129 @@
+"""Results, set-ups and blocks survive the way through a message."""
+
+import math
+from array import array
+from dataclasses import asdict, replace
+from typing import get_args, get_origin
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from impact_rig_msgs.msg import AccelerationBlock, Channel, StreamBlock
+from rclpy.serialization import serialize_message
+
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.samples import RigSetup, Sample
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.nodes import messages, result_messages
+from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
+from impact_rig.nodes.result_messages import record_to_msg
+from impact_rig.recordings.messages import read_block_head, read_stream_head, setup_from_msg
+from impact_rig.results.wire import fill_message, from_message, list_fields
+
+VALUES = {
+    float: st.floats(allow_nan=False),
+    int: st.integers(0, 2**32 - 1),
+    str: st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=9),
+    bool: st.booleans(),
+}
+CHECKED = {
+    Sample: st.just(Sample("tin", 0.01, "metal", 2e-4, 3e6, 4.0, 1e-3)),
+    Sensor: st.just(Sensor("hammer", "force", "N", 2.25e-3, 2200.0, "SN 7", "2026-03-01")),
+    AnalysisSettings: st.just(AnalysisSettings(7e4, 1.8, 1e-4, 3e-3, keep_hits=12)),
+    RigSetup: st.just(replace(PAPER_SETUP, hammer_stiffness=2e7, description="on the bench")),
+}
+"""Records that refuse values which cannot be meant."""
+
+
+def make_values(hint):
+    """Return a strategy for one field of a record."""
+    if get_origin(hint) is tuple:
+        return st.lists(make_values(get_args(hint)[0]), max_size=2).map(tuple)
+    return VALUES[hint] if hint in VALUES else make_records(hint)
+
+
+def make_records(kind):
+    """Return a strategy for a whole record."""
+    if kind in CHECKED:
+        return CHECKED[kind]
+    fields = [field for field in list_fields(kind) if field.name != "notes" or kind != Quantity]
+    return st.builds(kind, **{field.name: make_values(field.hint) for field in fields})
+
+
+MESSAGES = {**messages.MESSAGES, **result_messages.MESSAGES}
+
+
+@pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)
+def test_a_record_comes_back_as_it_was(kind):
+    @given(make_records(kind))
+    @settings(max_examples=10)
+    def check(record):
+        message = MESSAGES[kind]()
+        fill_message(message, record, MESSAGES)
+        found = from_message(kind, message)
+        # What is not determined is NaN, which equals nothing; a whole number equals a real one.
+        assert found == record or repr(found) == repr(record)
+
+    check()
+
+
+@pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)
+def test_a_message_has_no_field_that_no_record_fills(kind):
+    message = MESSAGES[kind]()
+    # When, under which set-up and by which software it was found is the node's to say.
+    carried = message.get_fields_and_field_types().keys() - {
+        "header", "setup_stamp", "software_version",
+    }  # fmt: skip
+    names = set()
+    for field in list_fields(kind):
+        inner = list_fields(field.hint) if field.description.is_inline else [field]
+        names |= {item.name for item in inner}
+    assert carried == names
+
+
+def test_a_quantity_is_a_message_of_its_own():
+    message = record_to_msg(
+        SampleEstimate("steel", 3, 1, contact_time=Quantity(2e-4), stiffness=Quantity(1.0, 5.0))
+    )
+    assert (message.name, message.contact_time.value) == ("steel", 2e-4)
+    assert message.stiffness.standard == 5.0
+    assert math.isnan(message.stiffness.expanded)
+
+
+@pytest.mark.parametrize(
+    "setup", [PAPER_SETUP, replace(PAPER_SETUP, hammer_mass_uncertainty=0.0, clock_uncertainty=0)]
+)
+def test_a_set_up_comes_back_as_it_went(setup):
+    # The paper's samples have all their reference values, so that nothing is NaN.
+    assert asdict(setup_from_msg(setup_to_msg(setup, stamp_to_msg(7)))) == asdict(setup)
+
+
+KINDS = [(AccelerationBlock, read_block_head), (StreamBlock, read_stream_head)]
+
+
+@pytest.mark.parametrize(("kind", "read"), KINDS)
+@pytest.mark.parametrize("frame", ["", "rig", "hall 3"])
+@pytest.mark.parametrize("sample", ["", "a", "steel", "Prüfkörper, groß"])
+def test_all_fields_are_found_wherever_they_are_aligned(kind, read, frame, sample):
+    message = kind(
+        record=7, sample=sample, impact=3, attempt=2, first_sample=2**40 + 1,
+        sampling_rate=2.5e6, last=True,
+    )  # fmt: skip
+    message.header.frame_id = frame
+    message.header.stamp.sec, message.header.stamp.nanosec = 1_700_000_000, 123_456_789
+    message.hammer = Channel(counts=array("i", range(11)))
+    head = read(serialize_message(message))
+    assert head.label == HitLabel(sample, 7, 3, 2)
+    assert (head.first_sample, head.points, head.last) == (2**40 + 1, 11, True)
+    assert head.stamp == 1_700_000_000_123_456_789
+
+
+@pytest.mark.parametrize(("kind", "read"), KINDS)
+def test_numbers_of_any_other_source_are_counted_as_points(kind, read):
+    message = kind(hammer=Channel(values=array("d", [0.5] * 9)), last=False)
+    head = read(serialize_message(message))
+    assert (head.points, head.last) == (9, False)

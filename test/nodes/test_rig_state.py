@@ -1,0 +1,157 @@
+"""What a node makes of what it hears of the others: who is there, who is ready, and why not."""
+
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from impact_rig_msgs.msg import AcquisitionState, RecorderState, RecordStored
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.messages import stamp_to_msg
+from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.rig_state import ACCELEROMETER, COMPARED, RECORDER, RigState
+
+NANO = 1e-9
+
+
+class ListeningNode(RigNode):
+    def __init__(self, **options: Any) -> None:
+        super().__init__("listening", **options)
+        self.rig = RigState(self, (ACCELEROMETER, RECORDER))
+
+
+@pytest.fixture
+def node(harness):
+    # In a rig's namespace: another rig is none of its business.
+    return harness.add(ListeningNode, namespace="rig1")
+
+
+@pytest.fixture
+def tell(harness, node):
+    """Return a function that publishes on a topic, and waits until the node has heard it."""
+    publishers = {}
+
+    def publish(topic, message):
+        if topic.name not in publishers:
+            name = topic.name if topic.name.startswith("/") else f"/rig1/{topic.name}"
+            made = harness.peer.create_publisher(topic.type, name, topic.leased_qos)
+            publishers[topic.name] = made
+            harness.wait_until(lambda: made.get_subscription_count() == 1)
+        handled = node.messages_handled
+        publishers[topic.name].publish(message)
+        harness.wait_until(lambda: node.messages_handled > handled)
+        harness.run(lambda: None)
+        return publishers[topic.name]
+
+    return publish
+
+
+def record(uri, **fields):
+    return RecorderState(recording=True, uri=uri, **fields)
+
+
+def test_a_node_that_was_never_there_is_not_lost(node):
+    assert not node.rig.describe_loss(ACCELEROMETER, RECORDER)
+    assert not node.rig.describe_inactivity(ACCELEROMETER, RECORDER)
+    assert not node.rig[RECORDER].has_left
+
+
+def test_a_node_of_this_process_lives_though_it_gives_no_signs_until_it_ends(harness, node, tell):
+    publisher = tell(interfaces.RECORDER_STATE, record("a.mcap"))
+    recorder = node.rig[RECORDER]
+    for alive, silent in ((1, 0), (0, 1)):
+        recorder._take_liveliness(SimpleNamespace(alive_count=alive, not_alive_count=silent))
+        assert not recorder.is_gone
+    harness.peer.destroy_publisher(publisher)
+    harness.wait_until(lambda: recorder.has_left)
+    assert node.rig.describe_loss(RECORDER) == (
+        "the recorder node has gone: start it again, or see to the network between you"
+    )
+
+
+def test_a_device_that_is_lost_is_told_until_it_is_back_and_counted_once(node, tell):
+    fault = AcquisitionState(state=AcquisitionState.FAULT, message="the cable is out")
+    for _ in range(2):
+        tell(interfaces.ACQUISITION_STATE, fault)
+        loss = node.rig.describe_loss(ACCELEROMETER)
+        assert loss == "the accelerometer's device is lost: the cable is out"
+    tell(interfaces.ACQUISITION_STATE, AcquisitionState(state=AcquisitionState.IDLE))
+    assert not node.rig.describe_loss(ACCELEROMETER)
+    assert node.rig.losses == 1
+
+
+def test_a_node_that_is_not_active_is_told_until_it_is(node, tell):
+    def say(name, lifecycle):
+        values = [KeyValue(key="lifecycle", value=lifecycle)]
+        status = DiagnosticStatus(name=name, level=b"\0", values=values)
+        tell(interfaces.DIAGNOSTICS, DiagnosticArray(status=[status]))
+        return node.rig.describe_inactivity(ACCELEROMETER, RECORDER)
+
+    assert not say("/rig1/accelerometer", "active")
+    assert not say("/rig2/accelerometer", "inactive")
+    for state in ("inactive", "unconfigured"):
+        told = say("/rig1/accelerometer", state)
+        assert told == "the accelerometer node is not active: activate it to go on"
+    assert not say("/rig1/accelerometer", "active")
+    assert node.rig.losses == 1
+
+
+def test_a_recording_ends_with_the_next_one_but_not_with_what_was_said_before_it(node, tell):
+    tell(interfaces.RECORDER_STATE, record("first.mcap"))
+    assert not node.rig.describe_end_of_recording("second.mcap")
+    tell(interfaces.RECORDER_STATE, record("second.mcap"))
+    assert not node.rig.describe_end_of_recording("second.mcap")
+    tell(interfaces.RECORDER_STATE, record("third.mcap"))
+    end = node.rig.describe_end_of_recording("second.mcap")
+    assert end == "the recorder has begun another recording, third.mcap"
+
+
+def test_a_recorder_that_stops_ends_its_recording(node, tell):
+    tell(interfaces.RECORDER_STATE, RecorderState(uri="first.mcap", message="disk full"))
+    end = node.rig.describe_end_of_recording("first.mcap")
+    assert end == "the recorder has stopped: disk full"
+    assert not node.rig.describe_end_of_recording("")
+
+
+def test_what_was_said_of_an_earlier_record_of_the_same_number_does_not_count(node, tell):
+    tell(interfaces.RECORD_STORED, RecordStored(record=1, complete=False))
+    assert not node.rig.is_stored(1)
+    tell(interfaces.RECORD_STORED, RecordStored(record=1, complete=True))
+    assert node.rig.is_stored(1)
+    node.rig.forget_stored(1)
+    assert not node.rig.is_stored(1)
+
+
+@pytest.fixture
+def say_time(tell):
+    """Return a function that lets a node tell its time, so many seconds ahead of this one's."""
+
+    def say(name, seconds_ahead):
+        message = DiagnosticArray(status=[DiagnosticStatus(name=name, level=b"\0")])
+        message.header.stamp = stamp_to_msg(time.time_ns() + round(seconds_ahead / NANO))
+        tell(interfaces.DIAGNOSTICS, message)
+
+    return say
+
+
+def test_clocks_that_agree_are_not_mentioned(node, say_time):
+    for ahead in (0.0, -0.4, 0.4, 0.0, -30.0):
+        # A message that was on its way for long is no other clock.
+        say_time("/rig1/hammer", ahead)
+    assert not node.rig.describe_clock_differences()
+
+
+def test_clocks_that_differ_are_named_with_how_far(node, say_time):
+    for _ in range(COMPARED):
+        say_time("/rig1/hammer", 3.0)
+        say_time("/rig1/accelerometer", -3.0)
+        say_time("/rig2/hammer", 3.0)
+    assert node.rig.describe_clock_differences().startswith(
+        "clocks differ from that of listening: accelerometer 3.0 s behind, hammer 3.0 s ahead;"
+    )
+    for _ in range(COMPARED):
+        say_time("/rig1/hammer", 0.0)
+        say_time("/rig1/accelerometer", 0.0)
+    assert not node.rig.describe_clock_differences()

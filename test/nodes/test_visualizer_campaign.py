@@ -1,0 +1,220 @@
+"""The campaign that is shown, as the topics tell it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from impact_rig.core.errors import SignalError
+from impact_rig.core.session import Session
+from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.virtual.choices import Fault
+from impact_rig.devices.virtual.rig import (
+    FaultPlan,
+    ScheduledFault,
+    VirtualRig,
+    VirtualRigSettings,
+)
+from impact_rig.nodes import messages, result_messages, visualizer_campaign
+from impact_rig.nodes.visualizer_campaign import WAITING_HITS, HitOverlay, ShownCampaign, is_shown
+from impact_rig.results.campaign import results_from_session
+from impact_rig.results.sample_traces import sample_traces_from_estimate
+
+FAULTS = FaultPlan(scheduled=(ScheduledFault(Fault.WEAK_HIT, 2),))
+RIG = VirtualRig(PAPER_SETUP, VirtualRigSettings(faults=FAULTS))
+
+
+def strike(record=1):
+    """Return the blocks of one hit; the second record is a weak one."""
+    label = HitLabel(CONTROL_SAMPLE, record=record, impact=record)
+    return label, RIG.strike(label).split(1000, 0)
+
+
+@pytest.fixture
+def overlay():
+    return HitOverlay(PAPER_SETUP.analysis)
+
+
+def feed(overlay, blocks):
+    return [hit for block in blocks for hit in overlay.feed(block)]
+
+
+def test_a_hit_waits_for_its_verdict(overlay):
+    label, blocks = strike()
+    assert feed(overlay, blocks) == []
+
+    hit = overlay.accept(label)
+    assert hit.label == label
+    assert overlay.accept(label) is None, "shown once"
+
+
+def test_a_verdict_waits_for_its_hit(overlay):
+    label, blocks = strike()
+    assert overlay.accept(label) is None
+
+    (hit,) = feed(overlay, blocks)
+    assert hit.label == label
+
+
+def test_it_is_the_trace_that_the_mean_of_one_hit_is(overlay):
+    label, blocks = strike()
+    feed(overlay, blocks)
+    hit = overlay.accept(label)
+    session = Session(PAPER_SETUP)
+    for block in blocks:
+        session.feed(block)
+    mean = session.find_mean(CONTROL_SAMPLE)
+
+    # Means are made of hits in single precision.
+    np.testing.assert_array_equal(hit.traces.astype(np.float32), mean.traces)
+    assert hit.start_time == -mean.origin / mean.sampling_rate
+
+
+def test_a_hit_that_nobody_accepts_is_not_shown(overlay):
+    label, blocks = strike(record=2)
+    feed(overlay, blocks)
+    assert overlay.accept(label) is None
+
+
+def test_what_waits_for_ever_is_forgotten(overlay):
+    first, blocks = strike(record=3)
+    feed(overlay, blocks)
+    for record in range(4, 4 + WAITING_HITS):
+        feed(overlay, strike(record)[1])
+    assert overlay.accept(first) is None
+    assert overlay.accept(HitLabel(CONTROL_SAMPLE, record=4, impact=4)) is not None
+
+
+def test_of_a_long_series_ever_fewer_hits_are_shown(overlay):
+    shown = 0
+    (block,) = RIG.strike(HitLabel(CONTROL_SAMPLE)).split(10_000, 0)
+    for record in range(1, 1101):
+        named = HitLabel(CONTROL_SAMPLE, record=record, impact=record)
+        overlay.accept(named)
+        shown += len(overlay.feed(replace(block, label=named)))
+    assert shown == 99 + 90 + 2
+    # Another sample begins with every one.
+    other = HitLabel("steel small", record=2000)
+    overlay.accept(other)
+    assert len(overlay.feed(replace(block, label=other))) == 1
+
+
+def test_of_ten_thousand_hits_280_are_shown():
+    assert sum(map(is_shown, range(1, 10_001))) == 99 + 90 + 90 + 1
+    assert all(map(is_shown, range(1, 100)))
+
+
+def test_a_low_pass_that_the_sampling_is_too_slow_for_is_told(overlay):
+    _, blocks = strike()
+    slow = [replace(block, sampling_rate=50e3) for block in blocks]
+    assert feed(overlay, slow) == []
+    assert "hits are not laid over each other" in overlay.fault
+    assert "cutoff" in overlay.fault
+
+
+NAMES = ("steel small", CONTROL_SAMPLE)
+STAMP = messages.stamp_to_msg(10**18)
+STARTED = 10**18 - 7
+SETUP_STAMP = messages.stamp_to_msg(STARTED)
+
+
+class Told:
+    """A session, and the messages in which the estimator tells of it."""
+
+    def __init__(self):
+        self.session = Session(PAPER_SETUP)
+        self.verdicts, self.truths, self.faults = [], [], {}
+        rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
+        for record, name in enumerate(NAMES, start=1):
+            hit = rig.strike(HitLabel(name, record))
+            self.truths.append(messages.virtual_hit_to_msg(hit, STAMP))
+            self.faults[record] = tuple(fault.value for fault in hit.faults)
+            for block in hit.split(5000, 0):
+                for judged in self.session.feed(block):
+                    self.verdicts.append(result_messages.hit_to_msg(judged, SETUP_STAMP))
+        self.found = self.session.estimate_all_without_models()
+
+    def tell(self, campaign, *, with_peaks=True):
+        for message in self.truths:
+            campaign.add_truth(message)
+        for message in self.verdicts:
+            campaign.add_hit(message)
+        campaign.add_hammer(result_messages.estimate_to_msg(self.found.hammer, STAMP, SETUP_STAMP))
+        for estimate in self.found.samples:
+            self.tell_comparisons(campaign, estimate, with_peaks=with_peaks)
+            campaign.add_estimate(result_messages.estimate_to_msg(estimate, STAMP, SETUP_STAMP))
+
+    @staticmethod
+    def tell_comparisons(campaign, estimate, *, with_peaks):
+        for comparison in estimate.comparisons:
+            message = result_messages.comparison_to_msg(estimate, comparison, STAMP, SETUP_STAMP)
+            if not with_peaks:
+                message.hammer_peak = message.specimen_peak = math.nan
+            campaign.add_comparison(message)
+
+
+@pytest.fixture(scope="module")
+def told():
+    return Told()
+
+
+@pytest.fixture
+def campaign(told):
+    shown = ShownCampaign(PAPER_SETUP, STARTED)
+    told.tell(shown)
+    return shown
+
+
+def test_results_are_those_of_the_session(told, campaign):
+    assert campaign.make_results() == results_from_session(told.found, told.faults)
+
+
+def test_traces_are_those_of_the_session(told, campaign):
+    for estimate in told.found.samples:
+        expected = sample_traces_from_estimate(estimate, told.session.find_mean(estimate.name))
+        shown = campaign.make_traces(estimate.name)
+        # Told in single precision.
+        tolerance = 1e-6 * np.abs(expected.mean).max()
+        np.testing.assert_allclose(shown.mean, expected.mean, rtol=0, atol=tolerance)
+        np.testing.assert_allclose(shown.time, expected.time, rtol=0, atol=1e-12)
+        assert [model.model for model in shown.models] == [
+            model.model for model in expected.models
+        ]
+        for model, other in zip(shown.models, expected.models, strict=True):
+            np.testing.assert_allclose(model.traces, other.traces, rtol=0, atol=tolerance)
+            assert model.mse_sample_percent == other.mse_sample_percent
+        for name in ("contact_time", "half_amplitude_width", "second_peak_time"):
+            assert getattr(shown, name) == pytest.approx(getattr(expected, name), nan_ok=True)
+
+
+def test_an_old_recording_gets_its_scale_from_the_estimate(told):
+    shown = ShownCampaign(PAPER_SETUP, STARTED)
+    told.tell(shown, with_peaks=False)
+    estimate = told.found.samples[0]
+    peaks = np.abs(shown.make_traces(estimate.name).mean).max(axis=1)
+    np.testing.assert_allclose(peaks, [estimate.hammer_peak, estimate.specimen_peak], rtol=1e-6)
+
+
+def test_without_any_peak_it_is_said_that_there_is_no_scale(told):
+    shown = ShownCampaign(PAPER_SETUP, STARTED)
+    told.tell_comparisons(shown, told.found.samples[0], with_peaks=False)
+    with pytest.raises(SignalError, match="have no scale"):
+        shown.make_traces(told.found.samples[0].name)
+
+
+def test_nothing_told_yet_is_a_campaign_without_hits():
+    results = ShownCampaign(PAPER_SETUP, STARTED).make_results()
+    assert results.setup.name == PAPER_SETUP.name
+    assert (results.samples, results.hits) == ((), ())
+
+
+def test_an_endless_campaign_keeps_its_newest_hits(told, monkeypatch):
+    monkeypatch.setattr(visualizer_campaign, "LARGEST_CAMPAIGN", 3)
+    shown = ShownCampaign(PAPER_SETUP, STARTED)
+    message = told.verdicts[0]
+    for record in range(1, 6):
+        message.record = record
+        shown.add_hit(message)
+    assert [hit.record for hit in shown.make_results().hits] == [3, 4, 5]

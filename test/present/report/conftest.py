@@ -1,0 +1,159 @@
+"""A small campaign with everything there is to tell, and names that no page should trust."""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.devices.virtual.rig import (
+    FaultPlan,
+    ScheduledFault,
+    VirtualRigSettings,
+)
+from impact_rig.present.figures.markup import ReportFigure, make_missing_figure
+from impact_rig.present.report.page import render_page
+from impact_rig.present.report.pdf import BROWSERS
+from impact_rig.present.report.report import make_report
+from impact_rig.results.run import (
+    Acquisition,
+    ChannelCalibration,
+    Note,
+    Provenance,
+    RecordedFile,
+    Run,
+)
+from impact_rig.results.traced_campaign import TracedCampaign
+
+from ..conftest import START, Trace
+from .browser import Browser
+from .reader import Reader
+
+HOSTILE = "<script>alert('sample')</script>--><b>"
+"""A sample's name that would run, or end what it stands in, if it were not escaped."""
+HOSTILE_NOTE = '</dd><img src="https://evil.example/x.png" onerror="alert(1)">'
+
+
+def strike_run(trace: Trace) -> Run:
+    """Strike a control sample with a hostile name, and a misprinted one; lose one hit."""
+    samples = PAPER_SETUP.samples
+    renamed = (
+        replace(samples.find("aluminium large"), name=HOSTILE),
+        samples.find("brass medium"),
+    )
+    setup = replace(
+        PAPER_SETUP,
+        samples=replace(samples, samples=renamed, control_sample=HOSTILE),
+        sensors=(
+            Sensor("hammer", "force", "N", 2.25e-3, 2200.0, "<i>LW 7", "2022-03-01"),
+            Sensor("specimen", "acceleration", "g", calibration_date="2023-03-01"),
+        ),
+    )
+    weak = ScheduledFault(Fault.WEAK_HIT, 1, HOSTILE)
+    settings = VirtualRigSettings(plant=Plant.DYNAMICS, faults=FaultPlan(scheduled=(weak,)))
+    labels = [(sample.name, impact) for sample in renamed for impact in (1, 2)]
+    campaign = trace([*labels, (HOSTILE, 3)], setup, settings, with_models=True)
+    return Run(
+        name="before",
+        source="before/session.mcap",
+        campaign=campaign,
+        has_traces=True,
+        acquisitions=(
+            Acquisition(
+                2.5e6,
+                (
+                    ChannelCalibration("hammer", 0.9765625, 0.0, 2000.0, is_counted=True),
+                    ChannelCalibration("sample", 1.953125, 0.25, 0.0, is_counted=False),
+                ),
+            ),
+        ),
+        provenance=Provenance(
+            start_time=START,
+            end_time=START + 12_300_000_000,
+            files=(RecordedFile("session.mcap", 1_234_567, "ab" * 32),),
+            problems=("the end is missing",),
+            losses="1 gap of 1000 points in the blocks",
+            ended="closed",
+            versions=(("impact_rig", "9.8.7"), ("numpy", "2.4")),
+            parameters=(("/hammer", "swing_time: 0.25\nrig_file: ''\n"),),
+            notes=(Note(0, "dusty"), Note(START, HOSTILE_NOTE)),
+        ),
+        warnings=("the recording was never closed",),
+    )
+
+
+@pytest.fixture(scope="session")
+def told(trace: Trace) -> Run:
+    """Return a run with everything there is to tell."""
+    return strike_run(trace)
+
+
+@pytest.fixture(scope="session")
+def page(told: Run) -> str:
+    """Return the report of one run."""
+    return render_page(make_report([told]))
+
+
+@pytest.fixture(scope="session")
+def read(page: str) -> Reader:
+    """Return it as a parser reads it."""
+    return Reader(page)
+
+
+@pytest.fixture(scope="session")
+def later(told: Run) -> Run:
+    """Return another run, in which the damping is a tenth larger and nothing else has changed."""
+    results = told.campaign.results
+    samples = tuple(
+        replace(
+            item,
+            damping_coefficient=replace(
+                item.damping_coefficient, value=1.1 * item.damping_coefficient.value
+            ),
+        )
+        for item in results.samples
+    )
+    campaign = TracedCampaign(replace(results, samples=samples), (), ())
+    return replace(told, name="after", campaign=campaign)
+
+
+@pytest.fixture(scope="session")
+def comparison_page(told: Run, later: Run) -> str:
+    """Return the report of two runs, without the traces: drawing takes its time."""
+    first = replace(told, campaign=TracedCampaign(told.campaign.results, (), ()))
+    return render_page(make_report([first, later], unread=["there is no file <gone>"]))
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the figures out, where words are what is asked for."""
+
+    def miss(*values: object, prefix: str = "") -> tuple[ReportFigure, ...]:
+        names = (f"{prefix}{number}" for number in range(4))
+        return tuple(make_missing_figure(name, "A figure", "Not here.") for name in names)
+
+    report = "impact_rig.present.report"
+    monkeypatch.setattr(f"{report}.run.draw_campaign_figures", miss)
+    monkeypatch.setattr(f"{report}.run.draw_sample_figure", lambda *a, **b: miss()[0])
+    monkeypatch.setattr(f"{report}.comparison.draw_comparison_figure", miss)
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Path:
+    """Return the browser, or skip."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        pytest.skip("no browser looks at the page: on Debian, apt-get install chromium")
+    return Path(found)
+
+
+@pytest.fixture(scope="session")
+def browser(chromium: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """Return a browser that is started once."""
+    opened = Browser(chromium, tmp_path_factory.mktemp("profile"))
+    yield opened
+    opened.close()

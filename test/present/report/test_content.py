@@ -1,0 +1,181 @@
+"""What the report says, of one run and of several."""
+
+from dataclasses import replace
+
+import pytest
+
+from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.quantity import Quantity
+from impact_rig.present.report.page import render_page
+from impact_rig.present.report.report import make_report
+from impact_rig.results.run import Run
+from impact_rig.results.tables import tabulate_results
+from impact_rig.results.traced_campaign import TracedCampaign
+
+from .conftest import HOSTILE
+from .reader import Reader
+
+
+def test_warnings_come_before_everything_else(read: Reader):
+    titles = [text for tag, text in read.texts if tag == "h2"]
+    assert titles[0] == "Warnings"
+    assert read.text.index("the recording was never closed") < read.text.index(
+        "Largest differences"
+    )
+    for text in ("the end is missing", "1 gap of 1000 points"):
+        assert text in read.text
+
+
+def test_the_tables_of_the_results_are_there_with_their_marks_and_figures(read: Reader, told: Run):
+    for table in tabulate_results(told.campaign.results):
+        assert read.find_table(table.caption)[1:] == [list(row) for row in table.rows]
+    assert "prints 288.10 µs for brass medium, a misprint" in read.text
+    for symbol in ("τp", "k", "c", "ζ"):
+        shares = [float(row[3]) for row in read.find_table(f"{HOSTILE}: {symbol} = ")[1:]]
+        assert sum(shares) == pytest.approx(100.0, abs=0.3)
+    figures = [a.get("id", "") for a in read.find("figure")]
+    assert sum(name.startswith("sample-") for name in figures) == 2
+    laws = [sample.contact_law for sample in told.campaign.results.samples]
+    drawn = sum(law.impact_speed.is_known for law in laws)
+    assert sum(name.startswith("law-") for name in figures) == drawn
+
+
+def test_the_measurement_can_be_traced_back(read: Reader):
+    for text in (
+        "2023-11-14 22:13:20 UTC, for 12.3 s",
+        "before/session.mcap",
+        "SHA-256 " + "ab" * 32,
+        "dusty",
+        "9.8.7",
+        "swing_time: 0.25",
+        "58 ppm",
+    ):
+        assert text in read.text
+    channels = read.find_table("Sampling and calibration")
+    assert channels[1:] == [
+        ["hammer", "2500", "counts", "0.9765625", "0", "2000"],
+        ["sample", "2500", "numbers", "1.953125", "0.25", "-"],
+    ]
+    bodies = {row[0]: row for row in read.find_table("Bodies")}
+    assert bodies["hammer"][2:4] == ["100.00", "0.29"]
+    assert bodies[HOSTILE][-1] == "control sample"
+
+
+def test_the_sensors_stand_with_their_calibration_which_was_too_old_that_day(read: Reader):
+    assert read.find_table("Sensors")[1:] == [
+        ["hammer", "force", "N", "2.25", "2200", "<i>LW 7", "2022-03-01"],
+        ["specimen", "acceleration", "g", "-", "-", "-", "2023-03-01"],
+    ]
+    told = "the hammer sensor <i>LW 7 was calibrated on 2022-03-01, over a year before 2023-11-14"
+    assert told in read.text
+    assert "specimen sensor was calibrated" not in read.text
+
+
+def test_every_hit_left_out_stands_with_its_reason(read: Reader):
+    (_, row) = read.find_table("Rejected hits: 1")
+    assert row[:3] == [HOSTILE, "1.1", "1"]
+    assert row[4].startswith("weak: ")
+    assert row[5] == "weak_hit"
+    assert len(read.find_table("Hits in the means: 4")) == 5
+
+
+def test_results_alone_say_what_is_missing_and_where_it_is(told: Run, undrawn: None):
+    campaign = TracedCampaign(told.campaign.results, (), ())
+    read = Reader(render_page(make_report([Run("alone", "alone/results.json", campaign)])))
+    assert "They hold no traces" in read.text
+    assert "date not known" in read.text
+    assert read.find_table("Table 2")
+    assert read.find_table(f"{HOSTILE}: τp")
+
+
+def test_without_an_accepted_hit_the_rejections_are_what_is_told(told: Run, undrawn: None):
+    results = told.campaign.results
+    hits = tuple(
+        replace(hit, accepted=False, reasons=hit.reasons or ("overload: at the rail",))
+        for hit in results.hits
+    )
+    samples = tuple(SampleEstimate(sample.name, 0, 2) for sample in results.samples)
+    nothing = replace(results, hits=hits, samples=samples)
+    run = replace(told, campaign=TracedCampaign(nothing, (), ()))
+    read = Reader(render_page(make_report([run])))
+    assert "no hit was accepted, so that nothing is estimated" in read.text
+    assert "overload (4), weak (1)" in read.text
+    assert len(read.find_table("Rejected hits: 5")) == 6
+    assert not any(caption.startswith("Table") for caption in read.captions)
+
+
+def test_a_sample_without_a_model_says_why(told: Run, undrawn: None):
+    results = told.campaign.results
+    first, *others = results.samples
+    note = "identification: not determined, since it is a test"
+    changed = replace(first, identifications=(), notes=(note,))
+    campaign = replace(told.campaign, results=replace(results, samples=(changed, *others)))
+    read = Reader(render_page(make_report([replace(told, campaign=campaign)])))
+    assert read.text.count(note) == 2  # with the sample, and in the list of what is missing
+    rows = [row[0] for row in read.find_table("Identification")]
+    assert first.name not in rows
+
+
+def test_what_no_hit_determines_has_no_table_but_a_word(told: Run, undrawn: None):
+    results = told.campaign.results
+    samples = tuple(
+        SampleEstimate(sample.name, 2, 0, contact_time=Quantity(1e-4))
+        for sample in results.samples
+    )
+    bare = replace(results, samples=samples, hammer=HammerEstimate(notes=("k1: no control",)))
+    run = replace(told, campaign=TracedCampaign(bare, (), ()))
+    read = Reader(render_page(make_report([run])))
+    assert read.text.count("Of no sample; why stands under") == 2
+    assert "hammer: k1: no control" in read.text
+    assert [caption for caption in read.captions if caption.startswith("Table")] == [
+        "Table 2. Contact time τp"
+    ]
+
+
+@pytest.mark.parametrize("start", [0, 1_000_000_000])
+def test_a_recording_without_a_date_is_not_of_1970(told: Run, undrawn: None, start: int):
+    provenance = replace(told.provenance, start_time=start, end_time=start, notes=())
+    read = Reader(render_page(make_report([replace(told, provenance=provenance)])))
+    assert "date not known, for 0.0 s" in read.text
+    assert "1970" not in read.text
+
+
+def test_several_runs_are_compared_before_each_is_told_of(comparison_page: str):
+    read = Reader(comparison_page)
+    titles = [text for tag, text in read.texts if tag == "h2"]
+    assert titles == [
+        "Warnings",
+        "Comparison of the runs",
+        "Run 1: before",
+        "Run 2: after",
+        "How to read this",
+    ]
+    assert "not in this report: there is no file <gone>" in read.text
+    assert "after against before" in [text for tag, text in read.texts if tag == "h3"]
+
+
+def test_changes_beyond_their_uncertainty_are_called_so(comparison_page: str):
+    read = Reader(comparison_page)
+    words = set()
+    for title in ("Contact time", "Stiffness", "Damping coefficient"):
+        for row in read.find_table(title + " ")[1:]:
+            assert row[5] == ("changed" if abs(float(row[4])) > 1 else "no change seen")
+            words.add(row[5])
+    assert words == {"changed", "no change seen"}
+
+
+def test_what_differs_in_the_set_ups_is_listed(told: Run, undrawn: None):
+    results = told.campaign.results
+    setup = replace(results.setup, hammer_mass=0.2)
+    other = replace(
+        told,
+        name="heavier",
+        campaign=TracedCampaign(replace(results, setup=setup), (), ()),
+        acquisitions=(replace(told.acquisitions[0], sampling_rate=1e6),),
+    )
+    read = Reader(render_page(make_report([told, other])))
+    rows = {row[0]: row[1:] for row in read.find_table("What differs")}
+    assert rows["mass of the hammer m1"] == ["g", "100", "200"]
+    assert rows["sampling and full scale"][2].startswith("1000 kHz")
+    assert len(rows) == 3  # with the head

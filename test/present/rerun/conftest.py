@@ -1,0 +1,226 @@
+"""Rerun's own reader reads back what was logged; destinations and viewers end after each test."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.signals.record import FloatArray
+from impact_rig.present.rerun.destination import DestinationPlan
+from impact_rig.present.rerun.entities import APPLICATION
+from impact_rig.present.rerun.opening import open_destinations
+from impact_rig.present.rerun.view_log import ViewLog
+from impact_rig.present.rerun.viewer_program import find_viewer
+from impact_rig.results.traced_campaign import TracedCampaign
+
+from ..conftest import Trace
+from .onlookers import fail, list_listeners, wait_until
+
+
+def list_rows(chunk: Any) -> list[dict[str, Any]]:
+    """Return a chunk row by row, times in nanoseconds."""
+    batch = chunk.to_record_batch()
+    columns = {}
+    for name, column in zip(batch.schema.names, batch.columns, strict=True):
+        is_time = str(column.type).startswith(("timestamp", "duration"))
+        columns[name] = (column.cast("int64") if is_time else column).to_pylist()
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+class Recording:
+    """An .rrd file, read as the viewer reads it."""
+
+    def __init__(self, path: Path) -> None:
+        import rerun
+
+        self.size = path.stat().st_size
+        self._reader = rerun.chunk.RrdReader(str(path))
+        self.chunks = self._reader.stream().to_chunks()
+
+    @property
+    def entities(self) -> set[str]:
+        return {chunk.entity_path for chunk in self.chunks}
+
+    def find_static(self, entity: str, component: str) -> Any:
+        """Return what a static component says last: its list of values."""
+        found = [
+            (row["rerun.controls.RowId"], row[component])
+            for chunk in self.chunks
+            if chunk.entity_path == entity and chunk.is_static
+            for row in list_rows(chunk)
+            if row.get(component) is not None
+        ]
+        assert found, f"{entity} has no {component}"
+        return max(found)[1]
+
+    def find_traces(self, entity: str) -> tuple[FloatArray, FloatArray]:
+        """Return time [s], shape (n,), and scalars, shape (n, columns), of an entity."""
+        batches = [
+            chunk.to_record_batch()
+            for chunk in self.chunks
+            if chunk.entity_path == entity and not chunk.is_static
+        ]
+        times = np.concatenate(
+            [np.asarray(b.column("hit_time").cast("int64").to_numpy()) for b in batches]
+        )
+        rows = [row for b in batches for row in b.column("Scalars:scalars").to_pylist()]
+        return times / 1e9, np.array(rows, dtype=float)
+
+    def read_rows(self, entity: str) -> list[dict[str, Any]]:
+        """Return what an entity has over time, row by row."""
+        return [
+            row
+            for chunk in self.chunks
+            if chunk.entity_path == entity and not chunk.is_static
+            for row in list_rows(chunk)
+        ]
+
+    def find_drawn(self) -> set[str]:
+        """Return the entities that have something over time."""
+        return {chunk.entity_path for chunk in self.chunks if not chunk.is_static}
+
+    def is_plot(self, entity: str) -> bool:
+        """Whether an entity is drawn over time."""
+        return any(
+            chunk.entity_path == entity
+            and any(name.startswith("Series") for name in chunk.to_record_batch().schema.names)
+            for chunk in self.chunks
+        )
+
+    def find_hidden(self) -> set[str]:
+        """Return the entities of which every line or point is hidden."""
+        hidden = {
+            chunk.entity_path
+            for chunk in self.chunks
+            if any("visible_series" in name for name in chunk.to_record_batch().schema.names)
+        }
+        for entity in hidden:
+            kind = "Points" if self._has(entity, "SeriesPoints:markers") else "Lines"
+            assert not any(self.find_static(entity, f"Series{kind}:visible_series")), entity
+        return hidden
+
+    def _has(self, entity: str, component: str) -> bool:
+        return any(
+            chunk.entity_path == entity and component in chunk.to_record_batch().schema.names
+            for chunk in self.chunks
+        )
+
+    def quote(self, *parts: str) -> str:
+        """Return an entity path as the reader writes it."""
+        import rerun
+
+        return str(rerun.new_entity_path(list(parts)))
+
+    def count_blueprints(self) -> int:
+        """Return how many layouts were sent."""
+        return len(self._reader.blueprints())
+
+    def read_blueprint(self) -> list[dict[str, Any]]:
+        """Return every row of the blueprint that the viewer takes."""
+        (entry,) = self._reader.blueprints()
+        return [
+            row
+            for chunk in self._reader.stream(store=entry).to_chunks()
+            for row in list_rows(chunk)
+        ]
+
+
+@pytest.fixture
+def read_recording() -> type[Recording]:
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    return Recording
+
+
+@pytest.fixture
+def record(
+    tmp_path: Path, write_view: Callable[..., None], read_recording: type[Recording]
+) -> Callable[..., Recording]:
+    """Return a function that logs things into a file and reads it back."""
+
+    def run(*works: Callable[[ViewLog], None]) -> Recording:
+        path = tmp_path / "view.rrd"
+        write_view(path, *works)
+        return read_recording(path)
+
+    return run
+
+
+def _write_view(path: Path, *works: Callable[[ViewLog], None]) -> None:
+    """Log things into a file."""
+    import rerun
+
+    stream = rerun.RecordingStream(APPLICATION)
+    stream.set_sinks(rerun.FileSink(str(path)))
+    log = ViewLog(stream)
+    for work in works:
+        work(log)
+    stream.flush()
+    stream.disconnect()
+
+
+@pytest.fixture(scope="session")
+def write_view() -> Callable[..., None]:
+    """Return the function that logs things into a file: a path, then what to do with the log."""
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    return _write_view
+
+
+@pytest.fixture(scope="session")
+def campaign(trace: Trace) -> TracedCampaign:
+    """Return the paper's campaign, ten hits a sample, with its traces; no model is fitted."""
+    names = PAPER_SETUP.samples.names
+    return trace((name, impact) for name in names for impact in range(1, 11))
+
+
+@pytest.fixture
+def open_all():
+    """Return a function that opens destinations, which are closed at the end."""
+    opened = []
+
+    def run(*, announce=fail, notify=fail, **plan):
+        opened.extend(open_destinations(DestinationPlan(**plan), announce=announce, notify=notify))
+        return opened
+
+    yield run
+    for destination in opened:
+        destination.close()
+    # A server goes after its stream: none is to be found by the next test.
+    own = psutil.Process()
+    wait_until(lambda: all(item.status != psutil.CONN_LISTEN for item in own.net_connections()))
+
+
+@pytest.fixture
+def start():
+    """Return a function that starts Rerun's program and returns once a port of it is open."""
+    processes = []
+
+    def run(port, *arguments):
+        process = subprocess.Popen(
+            [find_viewer(), "--bind", "127.0.0.1", "--port", str(port), *map(str, arguments)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        processes.append(process)
+
+        def is_open():
+            assert process.poll() is None
+            return any(item.laddr.port == port for item in list_listeners(process.pid))
+
+        wait_until(is_open)
+        return process
+
+    yield run
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def viewer(start):
+    """Return a function that starts what a viewer has of a network, without its windows."""
+    return lambda port: start(port, "--serve-grpc")

@@ -1,0 +1,76 @@
+"""How the rig is doing: the newest state in words, figures and states over the time of day."""
+
+import pytest
+
+from impact_rig.present.rerun.health import Health, Level, NodeHealth, choose_kind, format_health
+
+STAMP = 1_700_000_000_000_000_000
+
+
+def make_health(second, level, gaps):
+    node = NodeHealth("estimator", level, "active", (("gaps", str(gaps)), ("waiting for", "")))
+    return Health((node,), STAMP + second)
+
+
+def test_states_and_figures_have_a_history_over_the_time_of_day(record):
+    states = [(0, Level.OK, 0), (1, Level.OK, 2), (2, Level.ERROR, 2), (3, 77, 3), (4, 0, 3)]
+
+    view = record(*(lambda log, item=item: log.log_health(make_health(*item)) for item in states))
+
+    rows = view.read_rows("/health/history/losses/estimator/gaps")
+    assert [row["wall_clock"] - STAMP for row in rows] == [0, 1, 2, 3, 4]
+    assert [row["Scalars:scalars"] for row in rows] == [[0.0], [2.0], [2.0], [3.0], [3.0]]
+    # A state is logged when it changes; what is no level counts as an error.
+    rows = view.read_rows("/health/history/levels/estimator")
+    changes = [(row["wall_clock"] - STAMP, row["StateChange:state"]) for row in rows]
+    assert changes == [(0, ["ok"]), (2, ["error"]), (4, ["ok"])]
+
+
+def test_the_newest_state_is_in_words(record):
+    view = record(lambda log: log.log_health(make_health(0, Level.WARNING, 5)))
+
+    (text,) = view.find_static("/health/now", "TextDocument:text")
+    assert text == "## ⚠ estimator: warning\n\nactive\n\ngaps **5**"
+
+
+def test_who_is_not_well_stands_first():
+    text = format_health(
+        [NodeHealth("a"), NodeHealth("b", Level.ERROR, "the disk is full"), NodeHealth("c_d")]
+    )
+
+    assert text.index("b: error") < text.index("a: ok") < text.index("c\\_d: ok")
+
+
+def test_a_view_of_a_file_says_that_health_is_not_in_it(record, campaign):
+    view = record(lambda log: log.log_campaign(campaign))
+
+    (text,) = view.find_static("/health/now", "TextDocument:text")
+    assert "No node has said how it is doing." in text
+
+
+def test_bytes_are_read_as_gigabytes(record):
+    node = NodeHealth("recorder", values=(("free space", "31250000000"), ("file", "a.mcap")))
+
+    view = record(lambda log: log.log_health(Health((node,), STAMP)))
+
+    (row,) = view.read_rows("/health/history/disk/recorder/free\\ space")
+    assert row["Scalars:scalars"] == pytest.approx([31.25])
+    (text,) = view.find_static("/health/now", "TextDocument:text")
+    assert "free space **31.250 GB**" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("blocks/s", "rates"),
+        ("hits per second", "rates"),
+        ("missing points", "losses"),
+        ("views dropped", "losses"),
+        ("impacts rejected", "losses"),
+        ("free space", "disk"),
+        ("record", ""),
+        ("file", ""),
+    ],
+)
+def test_figures_are_followed_by_their_name(name, kind):
+    assert choose_kind(name) == kind

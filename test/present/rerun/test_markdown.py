@@ -1,0 +1,124 @@
+"""What is said in words: results, verdicts, lines of the log."""
+
+import re
+from dataclasses import replace
+
+from impact_rig.core.quantity import UNKNOWN
+from impact_rig.present.rerun.markdown import (
+    escape_markdown,
+    format_log_line,
+    format_results,
+    format_summary,
+    format_verdict,
+)
+from impact_rig.results.campaign import HitResults
+from impact_rig.results.tables import tabulate_results
+
+DRAWN = "±²µΔδζτⁿ"
+"""Signs that the viewer draws, as `test_rendering` has seen."""
+HIT = {"sample": "steel small", "record": 17, "impact": 3, "attempt": 2}
+REASONS = ("double_hit: a second pulse of 40 % of the first", "weak: hammer peak 12 m/s^2")
+
+
+def read_rows(markdown):
+    """Return the cells of the tables, without their heads, and without bold."""
+    lines = [line for line in markdown.replace("\\", "").splitlines() if line.startswith("|")]
+    heads = {place - 1 for place, line in enumerate(lines) if "--:" in line}
+    return [
+        [cell.strip(" *") for cell in line.strip("|").split(" | ")]
+        for place, line in enumerate(lines)
+        if not {place, place - 1} & heads
+    ]
+
+
+def test_every_table_of_the_results_is_there_row_by_row(results):
+    text = format_results(results)
+
+    tables = tabulate_results(results)
+    expected = [[cell.strip(" *") for cell in row] for table in tables for row in table.rows]
+    assert read_rows(text) == expected
+    assert all(f"## {escape_markdown(table.caption)}" in text for table in tables)
+    assert "\\* Table 2 of the paper prints 288.10 µs" in text
+
+
+def test_remarks_are_made_once_and_what_is_not_determined_is_a_dash(results):
+    samples = tuple(
+        replace(sample, stiffness=UNKNOWN, warnings=("weak",), notes=("k2: k1 is not known",))
+        for sample in results.samples[:2]
+    )
+
+    text = format_results(replace(results, samples=samples))
+
+    assert "nan" not in text
+    assert text.count("weak") == 1
+    assert "- **all samples**: k2: k1 is not known" in text
+
+
+def test_rejected_hits_are_listed_with_every_reason(results):
+    hit = HitResults(**HIT, reasons=REASONS)
+
+    text = format_results(replace(results, samples=(), hits=(hit,)))
+
+    assert text.startswith("Nothing is measured yet.")
+    (row,) = read_rows(text)
+    assert row[:3] == ["steel small", "3.2", "17"]
+    assert " ".join(REASONS) in row
+
+
+def test_a_sample_by_itself_has_the_values_of_every_method(results):
+    sample = results.samples[3]
+
+    text = format_summary(results, replace(sample, warnings=("a *warning*",)))
+
+    rows = read_rows(text)
+    assert [row[0] for row in rows[:4]] == ["τp [µs]", "k [MN/m]", "c [N s/m]", "ζ"]
+    assert {row[0] for row in rows[4:]} == {sample.name}
+    assert rows[0][1].startswith(f"{sample.contact_time.value * 1e6:.2f} ± ")
+    assert rows[0][-1] == "170.00"
+    assert "2 hits in the mean, 0 rejected." in text
+    assert "- a \\*warning\\*" in text
+
+
+def test_an_accepted_hit_shows_which_hit_it_is_and_its_figures():
+    found = {"contact_time": 170.254e-6, "hammer_peak": 812.4, "specimen_peak": 1290.6}
+
+    text = format_verdict(HitResults(**HIT, accepted=True, **found))
+
+    for part in ("# steel small", "Impact 3, attempt 2 (record 17)", "## Accepted", "170.25 µs"):
+        assert part in text
+    assert "812 m/s²" in text
+    assert "1291 m/s²" in text
+
+
+def test_a_rejected_hit_names_every_reason_and_no_figure_that_is_not_there():
+    text = format_verdict(HitResults(**HIT, reasons=REASONS, injected_faults=("double_hit",)))
+
+    assert "## Rejected" in text
+    assert "- **double hit**: a second pulse of 40 % of the first" in text
+    assert "- **weak**: hammer peak 12 m/s^2" in text
+    assert "on purpose by the virtual rig: double hit." in text
+    assert "nan" not in text
+    assert "Contact time" not in text
+
+
+def test_a_log_line_is_one_line_of_plain_text():
+    start = "record 17: steel small, impact 3, attempt 2"
+    accepted = HitResults(**HIT, accepted=True, contact_time=170.254e-6)
+    assert format_log_line(accepted) == f"{start}: accepted, contact time 170.25 µs"
+    rejected = format_log_line(HitResults(**HIT, reasons=REASONS))
+    assert rejected == f"{start}: rejected, {'; '.join(REASONS)}"
+
+
+def test_a_sample_name_cannot_break_the_text():
+    text = format_verdict(HitResults(**{**HIT, "sample": "a_b\n*c*"}))
+
+    assert text.startswith("# a\\_b \\*c\\*\n")
+
+
+def test_results_have_no_sign_that_the_viewer_s_font_has_not(results):
+    # A viewer without a screen ends with a panic at one: seen with the sign of proportionality.
+    texts = [
+        format_results(results),
+        *(format_summary(results, sample) for sample in results.samples),
+    ]
+    assert set(re.findall(r"[^\x00-\x7f]", "".join(texts))) <= set(DRAWN)

@@ -1,0 +1,179 @@
+"""All hits of a sample over each other, their mean, the models and what was read from the mean."""
+
+import math
+
+import numpy as np
+import pytest
+
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.results.sample_traces import (
+    DRIVEN,
+    IDENTIFIED,
+    PRINTED,
+    AlignedHit,
+    ModelTraces,
+    SampleTraces,
+)
+
+RATE = 2.5e6
+COUNT = 4001
+START = -0.3e-3
+TAU = 160e-6
+TIME = START + np.arange(COUNT) / RATE
+PARENT = r"/samples/steel\ small"
+
+
+def make_pulse(peak):
+    inside = np.abs(TIME) < TAU / 2
+    return np.where(inside, peak * np.cos(np.pi * TIME / TAU) ** 2, 0.0)
+
+
+def make_traces(name="steel small", models=(DRIVEN, PRINTED), **changes):
+    mean = np.stack([make_pulse(-800.0), make_pulse(1600.0)])
+    return SampleTraces(
+        **{
+            "name": name,
+            "sampling_rate": RATE,
+            "start_time": START,
+            "mean": mean,
+            "contact_time": TAU,
+            "half_amplitude_width": TAU / 2,
+            "first_peak_time": 0.0,
+            "second_peak_time": 40e-6,
+            "models": tuple(
+                ModelTraces(model, (0.9 - 0.1 * i) * mean, 0.0001, 1.234)
+                for i, model in enumerate(models)
+            ),
+            **changes,
+        }
+    )
+
+
+def make_aligned(record, start=START, rows=2):
+    label = HitLabel("steel small", record=record)
+    return AlignedHit(
+        label, RATE, start, np.stack([make_pulse(-800.0), make_pulse(1600.0)])[:rows]
+    )
+
+
+def test_hits_are_laid_over_each_other_as_they_come(record):
+    view = record(
+        lambda log: log.log_aligned_hit(make_aligned(1)),
+        lambda log: log.log_aligned_hit(make_aligned(2, START - 2 / RATE)),
+    )
+
+    first, values = view.find_traces(f"{PARENT}/hammer/hits/1")
+    second, _ = view.find_traces(f"{PARENT}/hammer/hits/2")
+    np.testing.assert_allclose(first, TIME, atol=1e-9)
+    np.testing.assert_allclose(second, TIME - 2 / RATE, atol=1e-9)
+    assert values.min() == -800.0
+    assert view.find_hidden() == set()
+
+
+def test_a_mean_is_drawn_with_its_models_and_the_residual_of_the_first(record):
+    traces = make_traces(models=(DRIVEN, PRINTED, IDENTIFIED))
+
+    view = record(lambda log: log.log_sample(traces))
+
+    entity = f"{PARENT}/sample/models/1"
+    assert view.find_static(entity, "SeriesLines:names") == [
+        "sample, mean",
+        "sample, identified model (MSE 1.23 %)",
+        "sample, model (MSE 1.23 %)",
+        "sample, residual of the model",
+    ]
+    _, values = view.find_traces(entity)
+    np.testing.assert_allclose(values.max(axis=0), [1600.0, 1120.0, 1440.0, 160.0], rtol=1e-6)
+    np.testing.assert_allclose(values[:, 3], values[:, 0] - values[:, 2], atol=1e-3)
+    names = view.find_static(f"{PARENT}/printed/1", "SeriesLines:names")
+    assert names[1] == "hammer, model (MSE 0.0001 %)"
+    _, values = view.find_traces(f"{PARENT}/printed/1")
+    np.testing.assert_allclose(np.abs(values).max(axis=0), [800, 640, 160, 1600, 1280, 320])
+    figure_5 = r"/figures/5/steel\ small/1"
+    assert view.find_static(figure_5, "SeriesLines:names") == ["measured", "model"]
+    _, values = view.find_traces(figure_5)
+    np.testing.assert_allclose(values.max(axis=0), [1.0, 0.9], rtol=1e-6)
+
+
+@pytest.mark.parametrize("peak", [1000, 1001, 1002, 1003])
+def test_thinned_traces_keep_their_peaks(record, peak):
+    mean = np.zeros((2, COUNT))
+    mean[:, peak] = 7.0
+
+    view = record(lambda log: log.log_sample(make_traces(models=(), mean=mean)))
+
+    for body in ("hammer", "sample"):
+        moments, values = view.find_traces(f"{PARENT}/{body}/models/1")
+        assert values.max() == 7.0
+        assert moments[values[:, 0].argmax()] == pytest.approx(TIME[peak], abs=1e-9)
+
+
+def test_the_contact_window_and_what_was_read_from_the_mean_are_marked(record):
+    view = record(lambda log: log.log_sample(make_traces()))
+
+    moments, values = view.find_traces(f"{PARENT}/hammer/contact/1")
+    np.testing.assert_allclose(moments, [-TAU / 2, -TAU / 2, TAU / 2, TAU / 2], atol=2e-9)
+    # On the side of the pulse, which is negative here, and around it.
+    np.testing.assert_allclose(values[:, 0], [0.0, -880.0, -880.0, 0.0])
+    assert view.find_static(f"{PARENT}/hammer/contact/1", "SeriesLines:names") == [
+        "contact, 160.00 µs"
+    ]
+    moments, values = view.find_traces(f"{PARENT}/hammer/points/1")
+    np.testing.assert_allclose(moments, [-TAU / 4, TAU / 4])
+    np.testing.assert_array_equal(values[:, 0], [-400.0, -400.0])
+    entity = f"{PARENT}/sample/points/1"
+    moments, values = view.find_traces(entity)
+    np.testing.assert_allclose(moments, [0.0, 40e-6])
+    np.testing.assert_allclose(values, [[1600.0, np.nan], [np.nan, 800.0]], rtol=1e-6)
+    names = view.find_static(entity, "SeriesPoints:names")
+    assert names == ["U1, 1600.0 m/s²", "U2, 800.0 m/s²"]
+
+
+def test_a_new_mean_takes_the_place_of_the_last_one_of_the_same_sample_only(record):
+    view = record(
+        lambda log: log.log_aligned_hit(make_aligned(1)),
+        lambda log: log.log_sample(make_traces("a/b *c*")),
+        lambda log: log.log_sample(make_traces("steel small")),
+        lambda log: log.log_sample(make_traces("steel small")),
+    )
+
+    assert view.find_hidden() == {
+        *(f"{PARENT}/{body}/models/1" for body in ("hammer", "sample")),
+        *(f"{PARENT}/{body}/contact/1" for body in ("hammer", "sample")),
+        f"{PARENT}/printed/1",
+        f"{PARENT}/hammer/points/1",
+        f"{PARENT}/sample/points/1",
+        r"/figures/5/steel\ small/1",
+    }
+    assert r"/samples/a\/b\ \*c\*/hammer/models/1" in view.entities
+
+
+def test_a_sample_whose_response_was_not_measured_has_its_hammer(record):
+    traces = make_traces(models=(), mean=make_pulse(800.0)[np.newaxis])
+
+    view = record(
+        lambda log: log.log_aligned_hit(make_aligned(1, rows=1)),
+        lambda log: log.log_sample(traces),
+    )
+
+    assert view.find_traces(f"{PARENT}/hammer/models/1")[1].max() == 800.0
+    assert not [entity for entity in view.entities if entity.startswith(f"{PARENT}/sample/")]
+    assert view.find_static(f"{PARENT}/printed/1", "SeriesLines:names") == [
+        "hammer, mean (no model)"
+    ]
+
+
+def test_what_was_not_determined_is_not_marked(record):
+    traces = make_traces(
+        models=(),
+        mean=np.full((2, COUNT), math.nan),
+        contact_time=math.nan,
+        half_amplitude_width=math.nan,
+        first_peak_time=math.nan,
+        second_peak_time=math.nan,
+    )
+
+    view = record(lambda log: log.log_sample(traces))
+
+    assert np.isnan(view.find_traces(f"{PARENT}/hammer/models/1")[1]).all()
+    assert not [entity for entity in view.entities if "contact" in entity or "points" in entity]

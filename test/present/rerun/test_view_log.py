@@ -1,0 +1,188 @@
+"""What is logged can be read back from the file, whole, with its peaks."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.results.campaign import HitResults
+from impact_rig.results.hit_traces import HitTraces
+
+RATE = 2.5e6
+COUNT = 5000
+TIME = np.arange(COUNT) / RATE
+STAMP = 1_700_000_000_123_456_789
+LARGEST_FILE = 15e6
+
+
+def make_hit(record=1):
+    pulse = 800.0 * np.sin(np.pi * np.clip((TIME - 0.2e-3) / 160e-6, 0.0, 1.0)) ** 2
+    values = np.stack([pulse, -2 * pulse], axis=1).astype(np.float32)
+    return HitTraces(HitLabel("steel small", record=record), TIME, values)
+
+
+def read_names(view):
+    """Return the names of tabs and views of a blueprint."""
+    return {
+        name
+        for row in view.read_blueprint()
+        for kind in ("Container", "View")
+        for name in row.get(f"{kind}Blueprint:display_name") or ()
+    }
+
+
+def test_a_hit_is_there_in_full_with_its_peaks_at_any_size(record):
+    import rerun
+
+    hit = make_hit()
+
+    view = record(lambda log: log.log_hit(hit))
+
+    moments, values = view.find_traces("/hits/1")
+    np.testing.assert_allclose(moments, hit.time, atol=1e-9)
+    np.testing.assert_array_equal(values, hit.values)
+    assert view.find_static("/hits/1", "record") == [1]
+    policy = rerun.components.AggregationPolicy.MinMax.value
+    assert view.find_static("/hits/1", "SeriesLines:aggregation_policy") == [policy]
+
+
+def test_the_last_hit_hides_the_ones_before_it_even_if_it_is_empty(record):
+    empty = HitTraces(HitLabel("steel small", record=3), np.empty(0), np.empty((0, 2), "float32"))
+
+    view = record(*(lambda log, i=i: log.log_hit(make_hit(i)) for i in (1, 2)))
+    missed = record(lambda log: log.log_hit(make_hit()), lambda log: log.log_hit(empty))
+
+    assert view.find_hidden() == missed.find_hidden() == {"/hits/1"}
+    assert view.find_static("/hits/1", "SeriesLines:names") == ["earlier", "earlier"]
+    assert view.find_static("/hits/2", "SeriesLines:names") == ["hammer", "sample"]
+
+
+def test_verdicts_are_shown_logged_and_followed_over_hit_number_and_time_of_day(record):
+    hits = [
+        HitResults("a", i, 1, i, i != 2, (), 160e-6 + i * 1e-6, 800.0 + i, 900.0 + i)
+        for i in (1, 2)
+    ]
+
+    view = record(*(lambda log, hit=hit: log.log_verdict(hit, STAMP + hit.record) for hit in hits))
+
+    (text,) = view.find_static("/verdict", "TextDocument:text")
+    assert "Rejected" in text
+    lines = view.read_rows("/log")
+    assert [line["TextLog:level"] for line in lines] == [["INFO"], ["WARN"]]
+    rows = view.read_rows("/trends/contact_time/1")
+    for items in (lines, rows):
+        assert [(row["hit"], row["wall_clock"] - STAMP) for row in items] == [(1, 1), (2, 2)]
+    accepted, rejected = np.array([row["Scalars:scalars"] for row in rows]).T
+    np.testing.assert_allclose(accepted, [161.0, np.nan], rtol=1e-6)
+    np.testing.assert_allclose(rejected, [np.nan, 162.0], rtol=1e-6)
+    names = view.find_static("/trends/hammer_peak/1", "SeriesPoints:names")
+    assert names == ["accepted", "rejected"]
+    peaks = [row["Scalars:scalars"][0] for row in view.read_rows("/trends/sample_peak/1")]
+    np.testing.assert_allclose(peaks, [901.0, np.nan])
+
+
+def test_another_campaign_hides_everything_of_the_one_before(record, campaign):
+    names = PAPER_SETUP.samples.names
+
+    view = record(
+        lambda log: log.log_campaign(campaign),
+        lambda log: log.log_setup("paper", names),
+        lambda log: log.log_hit(make_hit()),
+        lambda log: log.log_verdict(HitResults("steel small", 1, 1, 1), STAMP),
+    )
+
+    drawn = {entity for entity in view.entities if view.is_plot(entity)}
+    fresh = {"/hits/3", "/trends/contact_time/2", "/trends/hammer_peak/2", "/trends/sample_peak/2"}
+    assert drawn - view.find_hidden() == fresh
+    (summary,) = view.find_static(r"/samples/steel\ small/summary", "TextDocument:text")
+    assert summary == "No hit yet."
+    assert view.find_static("/figures/6/sample/bars", "LineStrips2D:strips") == []
+
+
+def test_a_layout_is_sent_again_only_for_other_samples(record):
+    same = record(*[lambda log: log.log_setup("paper", ("a", "b"))] * 3)
+    others = record(
+        lambda log: log.log_setup("paper", ("a", "b")), lambda log: log.log_setup("mine", ("c",))
+    )
+
+    assert (same.count_blueprints(), others.count_blueprints()) == (1, 2)
+
+
+def test_a_campaign_is_there_in_full_and_small(record, campaign):
+    view = record(lambda log: log.log_campaign(campaign))
+
+    assert len(campaign.hits) == 120
+    assert view.size < LARGEST_FILE
+    _, earlier = view.find_traces("/hits/1")
+    _, shown = view.find_traces("/hits/2")
+    assert earlier.shape == (COUNT, 2 * 119)
+    np.testing.assert_array_equal(shown, campaign.hits[-1].recorded.values)
+    np.testing.assert_array_equal(earlier[:, :2], campaign.hits[0].recorded.values)
+    assert len(view.read_rows("/log")) == len(view.read_rows("/trends/contact_time/1")) == 120
+    assert view.find_hidden() == {"/hits/1"}
+    for traces in campaign.samples:
+        entity = view.quote("samples", traces.name, "sample", "hits", "1")
+        hits = [hit for hit in campaign.hits if hit.result.sample == traces.name]
+        _, overlay = view.find_traces(entity)
+        peaks = [np.abs(hit.aligned.traces[1]).max() for hit in hits]
+        np.testing.assert_allclose(np.nanmax(np.abs(overlay), axis=0), peaks, rtol=1e-6)
+
+
+def test_of_rejected_hits_there_is_the_record_and_nothing_laid_over_the_others(record, campaign):
+    hits = [replace(hit, result=replace(hit.result, accepted=False)) for hit in campaign.hits]
+
+    view = record(
+        lambda log: log.log_campaign(replace(campaign, samples=(), hits=tuple(hits[:3])))
+    )
+
+    assert view.find_traces("/hits/1")[1].shape == (COUNT, 4)
+    assert not [entity for entity in view.entities if "/hits/" in entity and "samples" in entity]
+
+
+def test_samples_without_a_hit_have_no_place_in_the_view_of_a_file_unless_none_has(
+    record, campaign
+):
+    struck, nothing = (
+        replace(campaign.results, samples=campaign.results.samples[:count]) for count in (2, 0)
+    )
+
+    view = record(lambda log: log.log_campaign(replace(campaign, results=struck)))
+    places = read_names(view)
+    empty = record(
+        lambda log: log.log_campaign(
+            replace(campaign, results=replace(nothing, hits=()), samples=(), hits=())
+        )
+    )
+
+    assert "hammer of aluminium medium [m/s²]" in places
+    assert "hammer of aluminium large [m/s²]" not in places
+    assert "hammer of aluminium large [m/s²]" in read_names(empty)
+    assert empty.find_static("/results", "TextDocument:text") == ["Nothing is measured yet."]
+    assert empty.find_static("/verdict", "TextDocument:text") == ["No hit yet."]
+
+
+def test_the_blueprint_has_a_place_for_every_sample(record):
+    view = record(lambda log: log.log_setup("paper", ("aluminium small", "steel large"), (2e-4,)))
+
+    assert read_names(view) >= {
+        "Samples, model as printed",
+        "Fig. 5: steel large",
+        "hammer of steel large [m/s²]",
+        "sample of steel large [m/s²]",
+    }
+    rows = view.read_blueprint()
+    assert {line for row in rows for line in row.get("ViewContents:query") or ()} >= {
+        r"+ /samples/steel\ large/hammer/models/**",
+        r"+ /samples/steel\ large/printed/**",
+        "+ /figures/3/**",
+        "+ /hits/**",
+        "+ /trends/contact_time/**",
+    }
+    assert view.find_static("/__properties", "RecordingInfo:name") == ["paper"]
+
+
+def test_a_rig_without_samples_has_a_view(record):
+    view = record(lambda log: log.log_setup("", ()), lambda log: log.log_hit(make_hit()))
+
+    assert view.find_traces("/hits/1")[1].shape == (COUNT, 2)

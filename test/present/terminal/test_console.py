@@ -1,0 +1,92 @@
+"""Tables and texts in terminals of all kinds."""
+
+import io
+
+import pytest
+from rich.cells import cell_len
+from rich.console import Console
+
+from impact_rig.present.terminal.console import (
+    ALARM,
+    print_item,
+    print_table,
+    print_text,
+)
+from impact_rig.results.tables import Column, make_optional
+
+NAMES = ("aluminium", "試料番号十二の鋼の円柱", "a_name_without_any_place_to_break_it_at")
+WHY = "overload: 250 points in a row of the hammer at the rail of 1999 m/s^2"
+COLUMNS = (
+    Column("Sample", NAMES, is_text=True),
+    Column("Measured", ("203.20 ± 0.14", "1170.0 ± 7.9", "-")),
+    Column("Why", (WHY, "", WHY), is_text=True, styles=(ALARM, "", ALARM), note="Why: in words."),
+    make_optional("w10/\nw50", ("1.591", "1.590", "-"), "w10/w50: the widths."),
+    make_optional("Spread", ("-", "-", "-"), "Spread: of nothing."),
+)
+
+
+def render(width: int, columns: tuple[Column, ...] = COLUMNS, **options: object) -> str:
+    console = Console(file=io.StringIO(), width=width, **options)  # type: ignore[arg-type]
+    print_table(console, "A table", columns, ["A note."])
+    text: str = console.file.getvalue()  # type: ignore[attr-defined]
+    return text
+
+
+def find_letters(text: str) -> str:
+    return "".join(text.split())
+
+
+@pytest.mark.parametrize("width", [30, 40, 60, 80, 100, 132, 200])
+def test_nothing_is_wider_than_the_terminal_whatever_the_names(width: int) -> None:
+    text = render(width)
+    assert max(map(cell_len, text.splitlines())) <= width
+    for number in ("203.20 ± 0.14", "1170.0 ± 7.9"):
+        assert number in text
+    if width < 40:  # line by line, no cell beside another one
+        for words in (*NAMES, WHY):
+            assert find_letters(words) in find_letters(text)
+
+
+def test_a_terminal_too_narrow_for_the_table_gets_a_line_for_each_cell() -> None:
+    lines = [line.rstrip() for line in render(34).splitlines()]
+    assert lines[1:3] == ["aluminium", "  Measured  203.20 ± 0.14"]
+    assert lines[3].startswith("  Why       overload: 250")
+
+
+def test_a_column_for_which_there_is_no_room_is_named_and_its_note_left_out() -> None:
+    narrow, wide = render(60), render(200)
+    assert "1.591" in wide
+    assert "w10/w50: the widths." in wide
+    assert "wider" not in wide
+    assert "1.591" not in narrow
+    assert "w10/w50: the widths." not in narrow
+    assert "A wider terminal shows w10/w50 as well." in narrow
+
+
+def test_words_wrap_before_a_column_of_numbers_is_left_out_for_them() -> None:
+    columns = (Column("Why", (WHY,), is_text=True), make_optional("Peak", ("1999",)))
+    assert "1999\n" in render(60, columns)
+
+
+def test_an_optional_column_without_a_number_is_nowhere() -> None:
+    for width in (30, 200):
+        assert "Spread" not in render(width)
+
+
+def test_what_would_move_the_cursor_is_shown_as_a_mark() -> None:
+    name = "tin\x1b[2J\x07"
+    text = render(80, (Column("Sample", (name,), is_text=True), Column("n", ("1",))))
+    assert "\x1b" not in text
+    assert "\x07" not in text
+    assert "tin�[2J�" in text
+
+
+def test_paragraphs_and_items_keep_to_lines_that_are_easily_read() -> None:
+    for width, widest in ((40, 40), (80, 80), (200, 100)):
+        console = Console(file=io.StringIO(), width=width)
+        print_text(console, WHY * 5)
+        print_item(console, WHY * 5)
+        lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+        assert max(map(len, lines)) <= widest
+        first = next(place for place, line in enumerate(lines) if line.startswith("- "))
+        assert all(line.startswith("  ") for line in lines[first + 1 :])

@@ -1,0 +1,47 @@
+"""HDF5 files, written by h5py."""
+
+import h5py
+import numpy as np
+import pytest
+
+from impact_rig.core.errors import FileError
+from impact_rig.recordings.formats.registry import (
+    read_measurement,
+)
+
+from .foreign import RATE, TRACE, describe, read_channels
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".hdf5"])
+def test_hdf5_files_are_read_with_what_their_groups_state(tmp_path, suffix):
+    path = tmp_path / f"hit{suffix}"
+    with h5py.File(path, "w") as file:
+        group = file.create_group("hits/first")
+        group.attrs["Sampling_Rate"] = RATE
+        item = group.create_dataset("hammer", data=TRACE.astype(np.float32), compression="gzip")
+        item.attrs["units"] = "N"
+        own = group.create_dataset("slow", data=np.arange(9, dtype=">i2"))
+        own.attrs.update({"dt": 4e-7, "t0": [0.5], "unit": b"g"})
+        file["loop"] = group
+        file["words"] = ["a", "b"]
+        file["elsewhere"] = h5py.ExternalLink("other.h5", "/a")
+        file["nowhere"] = h5py.SoftLink("/lost")
+    channels = read_channels(path)
+    assert list(channels) == ["hits/first/hammer", "hits/first/slow"]
+    single = TRACE.astype(np.float32).astype(np.float64).tolist()
+    assert describe(channels["hits/first/hammer"]) == (single, RATE, "N", 0.0)
+    assert describe(channels["hits/first/slow"]) == (list(range(9)), 2.5e6, "g", 0.5)
+
+
+def test_hdf5_that_promises_too_much_takes_no_memory(tmp_path):
+    with h5py.File(tmp_path / "hit.h5", "w") as file:
+        file.create_dataset("a", shape=(10**13,), dtype="f8", chunks=(1000,))
+    with pytest.raises(FileError, match=r"hit\.h5 is cut off or damaged: a should have 8000"):
+        read_measurement(tmp_path / "hit.h5")
+
+
+def test_hdf5_of_more_axes_is_named(tmp_path):
+    with h5py.File(tmp_path / "hit.h5", "w") as file:
+        file["a"] = np.zeros((2, 3, 4))
+    with pytest.raises(FileError, match=r"hit\.h5 has no vector of real numbers"):
+        read_measurement(tmp_path / "hit.h5")

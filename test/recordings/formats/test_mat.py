@@ -1,0 +1,72 @@
+"""Files of MATLAB, written by scipy and, the new ones, by h5py."""
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from impact_rig.core.errors import FileError
+from impact_rig.recordings.formats.registry import (
+    read_measurement,
+)
+
+from .foreign import RATE, TRACE, describe, read_channels
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("version", ["5", "4"])
+def test_matlab_files_are_read(tmp_path, compressed, version):
+    path = tmp_path / "hit.mat"
+    variables = {"hammer": TRACE, "both": np.array([TRACE, -TRACE]).T, "Fs": RATE, "note": "hi"}
+    scipy.io.savemat(path, variables, format=version, do_compression=compressed)
+    channels = read_channels(path)
+    assert list(channels) == ["hammer", "both 1", "both 2"]
+    assert describe(channels["both 2"]) == ((-TRACE).tolist(), RATE, "", 0.0)
+
+
+def test_a_variable_of_times_gives_the_rate(tmp_path):
+    path = tmp_path / "hit.mat"
+    scipy.io.savemat(path, {"t": 1.0 + np.arange(40) / RATE, "a": np.arange(40, dtype=np.int16)})
+    assert describe(read_channels(path)["a"]) == (list(range(40)), RATE, "", 1.0)
+    assert read_channels(path)["a"].values.dtype == np.int32
+
+
+def write_new_matlab(path, arrays):
+    """Write as MATLAB 7.3 does: HDF5 behind 512 bytes of words, words as numbers."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, (kind, values) in arrays.items():
+            file.create_dataset(name, data=values).attrs["MATLAB_class"] = np.bytes_(kind)
+        file.create_group("#refs#").create_dataset("a", data=TRACE)
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM")
+
+
+def test_new_matlab_files_are_read(tmp_path):
+    path = tmp_path / "hit.mat"
+    words = np.frombuffer("operator".encode("utf-16-le"), np.uint16)
+    arrays = {
+        "hammer": ("double", TRACE[np.newaxis]),
+        "Fs": ("double", [[RATE]]),
+        "note": ("char", words[:, np.newaxis]),
+    }
+    write_new_matlab(path, arrays)
+    channels = read_channels(path)
+    assert list(channels) == ["hammer"]
+    assert describe(channels["hammer"]) == (TRACE.tolist(), RATE, "", 0.0)
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [
+        {},
+        {"a": "words"},
+        {"a": 5.0},
+        {"a": TRACE + 1j},
+        {"a": {"b": TRACE}},
+        {"a": np.zeros((2, 2, 2))},
+    ],
+)
+def test_matlab_files_without_vectors_are_named(tmp_path, variables):
+    scipy.io.savemat(tmp_path / "hit.mat", variables)
+    with pytest.raises(FileError, match=r"hit\.mat has no vector of real numbers"):
+        read_measurement(tmp_path / "hit.mat")

@@ -1,0 +1,102 @@
+"""A channel keeps its file's numbers, and refuses what cannot be meant."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.recordings.formats.measurement import (
+    MeasuredChannel,
+    Measurement,
+    compute_rounding,
+    round_rate,
+)
+
+
+@pytest.mark.parametrize("rate", [1.0, 3.0, 25600.0, 44100.0, 48000.0, 51200.0, 65536.0, 2.5e6])
+@pytest.mark.parametrize("digits", [6, 7, 17])
+def test_usual_rates_come_back_from_few_digits_of_their_step(rate, digits):
+    step = float(f"{1.0 / rate:.{digits - 1}e}")
+    assert round_rate(step, compute_rounding(step, digits)) == rate
+
+
+@given(st.floats(1e-9, 1e9))
+def test_the_rate_is_the_inverse_of_the_step_to_the_last_bits(step):
+    rate = round_rate(step)
+    assert rate == pytest.approx(1.0 / step, rel=1e-15)
+
+
+@given(st.integers(1, 10**9))
+def test_whole_rates_come_back_from_their_step(rate):
+    assert round_rate(1.0 / rate) == rate
+
+
+@pytest.mark.parametrize("step", [0.0, -1.0, math.nan, math.inf, 5e-324])
+def test_what_is_no_step_gives_no_rate(step):
+    assert math.isnan(round_rate(step))
+
+
+def test_nobody_can_change_the_numbers_of_a_channel():
+    values = np.array([1.0, 2.0])
+    channel = MeasuredChannel("a", values)
+    values[0] = 5.0
+    assert channel.values.tolist() == [1.0, 2.0]
+    with pytest.raises(ValueError, match="read-only"):
+        channel.values[0] = 5.0
+
+
+def test_what_a_file_does_not_state_is_not_made_up():
+    channel = MeasuredChannel("a", np.zeros(2))
+    assert math.isnan(channel.sampling_rate)
+    assert (channel.unit, channel.start) == ("", 0.0)
+    assert (channel.recorded_at, channel.stamp) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("start", "stamp"),
+    [
+        (0.0, 1_683_293_990_887_019_931),
+        (-0.5, 1_683_293_990_387_019_931),
+        (1e300, 0),
+        (-1e300, 0),
+    ],
+)
+def test_the_first_point_has_a_date_where_that_can_be_meant(start, stamp):
+    channel = MeasuredChannel("a", np.zeros(2), 1.0, "", start, 1_683_293_990_887_019_931)
+    assert channel.stamp == stamp
+    assert MeasuredChannel("a", np.zeros(2), 1.0, "", start).stamp == 0
+
+
+@pytest.mark.parametrize("recorded_at", [-1, 1, 10**18 // 4, 2**31 * 10**9, 2**63])
+def test_a_date_of_a_clock_that_was_never_set_is_none(recorded_at):
+    assert MeasuredChannel("a", np.zeros(2), recorded_at=recorded_at).recorded_at == 0
+
+
+@pytest.mark.parametrize("unit", ["m/s^2", "m/s²", "m/s2", "m/s**2", " m/s^2 "])
+def test_units_are_spelled_in_one_way(unit):
+    assert MeasuredChannel("a", np.zeros(2), unit=unit).unit == "m/s^2"
+
+
+@pytest.mark.parametrize(
+    ("values", "rate", "start", "told"),
+    [
+        (np.zeros((2, 2)), 1.0, 0.0, "shape"),
+        (np.zeros(2, np.float32), 1.0, 0.0, "float32"),
+        (np.zeros(2), 0.0, 0.0, "sampling rate is 0.0 Hz"),
+        (np.zeros(2), -1.0, 0.0, "sampling rate is -1.0 Hz"),
+        (np.zeros(2), math.inf, 0.0, "sampling rate is inf Hz"),
+        (np.zeros(2), 1.0, math.nan, "starts at nan s"),
+    ],
+)
+def test_what_is_no_channel_is_refused(values, rate, start, told):
+    with pytest.raises(ParameterError, match=rf"channel 'a'.*{told}"):
+        MeasuredChannel("a", values, rate, "", start)
+
+
+def test_a_measurement_of_nothing_is_refused():
+    with pytest.raises(FileError, match=r"hit\.tdms holds no channel"):
+        Measurement(Path("hit.tdms"), ())

@@ -1,0 +1,171 @@
+"""What is written comes back: every number bit by bit, with its name, unit, rate and start."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from impact_rig.core.errors import FileError
+from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
+from impact_rig.recordings.formats.registry import WRITABLE, read_measurement, write_measurement
+
+TEXT = st.text(st.characters(exclude_categories=["C", "Zl", "Zp"]), max_size=12).map(str.strip)
+NAMES = TEXT.filter(lambda name: name and name != "NONE" and name == " ".join(name.split()))
+UNITS = st.sampled_from(["", "m/s^2", "g", "N", "V", "mV", "µm", "Pa·s"])
+RATES = st.floats(1e-3, 1e9)
+STARTS = st.floats(-1e6, 1e6)
+VALUES = st.one_of(
+    hnp.arrays(np.float64, st.integers(1, 30), elements=st.floats()),
+    hnp.arrays(np.int32, st.integers(1, 30)),
+)
+
+
+@st.composite
+def measurements(draw):
+    """Draw channels that share their time, since columns of text do."""
+    rate, start = draw(RATES), draw(STARTS)
+    channels = draw(st.lists(st.tuples(NAMES, VALUES, UNITS), min_size=1, max_size=4))
+    return [MeasuredChannel(name, values, rate, unit, start) for name, values, unit in channels]
+
+
+def write_and_read(path, channels):
+    path.unlink(missing_ok=True)
+    write_measurement(path, Measurement(path, tuple(channels)))
+    return read_measurement(path).channels
+
+
+def describe(channel):
+    return channel.name, channel.unit, repr(channel.sampling_rate), channel.start
+
+
+def list_bits(values):
+    """Return the bits of numbers as float64; one NaN is like any other."""
+    numbers = values.astype(np.float64)
+    numbers[np.isnan(numbers)] = np.nan
+    return numbers.tobytes()
+
+
+@pytest.mark.parametrize("suffix", WRITABLE)
+@given(channels=measurements())
+@settings(
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[
+        HealthCheck.function_scoped_fixture,
+        HealthCheck.too_slow,
+        HealthCheck.filter_too_much,
+    ],
+)
+def test_all_comes_back_as_it_was(tmp_path, suffix, channels):
+    if suffix == ".uff":
+        assume(all(np.isfinite(channel.values).all() for channel in channels))
+    read = write_and_read(tmp_path / f"all{suffix}", channels)
+    assert [describe(channel) for channel in read] == [describe(channel) for channel in channels]
+    for channel, original in zip(read, channels, strict=True):
+        assert list_bits(channel.values) == list_bits(original.values)
+
+
+@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5"])
+def test_counts_stay_counts(tmp_path, suffix):
+    counts = np.array([-(2**31), 0, 2**31 - 1], dtype=np.int32)
+    (channel,) = write_and_read(tmp_path / f"a{suffix}", [MeasuredChannel("a", counts, 1.0)])
+    assert channel.values.dtype == np.int32
+    assert channel.values.tolist() == counts.tolist()
+
+
+@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5"])
+@given(recorded_at=st.integers(10**18, 2 * 10**18))
+@settings(
+    max_examples=20,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+def test_a_date_comes_back_to_the_nanosecond(tmp_path, suffix, recorded_at):
+    channels = [
+        MeasuredChannel(name, np.ones(2), 1.0, "g", 0.5, date)
+        for name, date in (("a", recorded_at), ("b", 0))
+    ]
+    read = write_and_read(tmp_path / f"a{suffix}", channels)
+    assert [channel.recorded_at for channel in read] == [recorded_at, 0]
+
+
+@pytest.mark.parametrize("suffix", WRITABLE)
+def test_hundreds_of_channels_keep_their_order(tmp_path, suffix):
+    channels = [MeasuredChannel(f"hit {n}", np.full(3, float(n)), 10.0) for n in range(300, 0, -1)]
+    read = write_and_read(tmp_path / f"many{suffix}", channels)
+    assert [channel.name for channel in read] == [channel.name for channel in channels]
+    assert [channel.values[0] for channel in read] == list(range(300, 0, -1))
+
+
+ODD_NAMES = [
+    "aluminium large/3.1 hammer", "a/b", "a", "A", "a", "/", ".", "..", "1st", "time", "fs",
+    "channels", "it's", 'the "best"', "a,b;c", "#1", "5", "nan", "x [y]", "für µ", "end", "_x",
+    "a" * 60, "a" * 60 + "b",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("suffix", WRITABLE)
+def test_odd_names_and_names_that_occur_twice_are_kept(tmp_path, suffix):
+    channels = [MeasuredChannel(name, np.arange(2.0), 10.0, "V") for name in ODD_NAMES]
+    read = write_and_read(tmp_path / f"odd{suffix}", channels)
+    assert [channel.name for channel in read] == ODD_NAMES
+    bare = [MeasuredChannel(name, np.arange(2.0), 10.0) for name in ODD_NAMES]
+    read = write_and_read(tmp_path / f"odd{suffix}", bare)
+    assert [describe(channel) for channel in read] == [describe(channel) for channel in bare]
+
+
+@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5", ".uff"])
+def test_channels_may_differ_in_length_rate_and_start(tmp_path, suffix):
+    channels = [
+        MeasuredChannel("long", np.arange(50.0), 51200.0, "g", 0.5),
+        MeasuredChannel("none", np.empty(0), 51200.0, "g"),
+        MeasuredChannel("slow", np.arange(1.0), 1 / 3, "N", -1.0),
+    ]
+    read = write_and_read(tmp_path / f"mixed{suffix}", channels)
+    assert list(map(describe, read)) == list(map(describe, channels))
+    assert [channel.values.tolist() for channel in read] == [
+        channel.values.tolist() for channel in channels
+    ]
+
+
+@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5", ".csv"])
+def test_a_rate_that_is_not_known_stays_unknown(tmp_path, suffix):
+    channels = [MeasuredChannel(name, np.arange(3.0)) for name in ("time", "a")]
+    read = write_and_read(tmp_path / f"a{suffix}", channels)
+    assert [channel.name for channel in read] == ["time", "a"]
+    assert all(math.isnan(channel.sampling_rate) for channel in read)
+
+
+@pytest.mark.parametrize(
+    ("channel", "told"),
+    [
+        (MeasuredChannel("a", np.ones(3)), "'a' has no sampling rate"),
+        (MeasuredChannel("a", np.array([1.0, np.nan]), 1.0), "'a' has points that are no finite"),
+        (MeasuredChannel("a" * 81, np.ones(3), 1.0), "has one line of 80 letters"),
+        (MeasuredChannel("a\nb", np.ones(3), 1.0), "has one line of 80 letters"),
+        (MeasuredChannel("a", np.ones(3), 1.0, "m" * 21), "has one line of 20 letters"),
+    ],
+)
+def test_what_a_universal_file_cannot_hold_is_refused_and_leaves_no_file(tmp_path, channel, told):
+    path = tmp_path / "a.uff"
+    with pytest.raises(FileError, match=told):
+        write_measurement(path, Measurement(tmp_path / "source", (channel,)))
+    assert not list(tmp_path.glob("*.uff*"))
+
+
+@pytest.mark.parametrize("suffix", WRITABLE)
+def test_nothing_is_overwritten(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    path.write_text("mine")
+    with pytest.raises(FileError, match="exists already"):
+        write_measurement(path, Measurement(path, (MeasuredChannel("a", np.ones(3), 1.0),)))
+    assert path.read_text() == "mine"
+
+
+def test_a_format_that_cannot_be_written_is_named(tmp_path):
+    measurement = Measurement(tmp_path, (MeasuredChannel("a", np.ones(3), 1.0),))
+    with pytest.raises(FileError, match=r"a\.wav is of a kind unknown here \(\.wav\): .* \.uff"):
+        write_measurement(tmp_path / "a.wav", measurement)

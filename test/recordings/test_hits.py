@@ -1,0 +1,210 @@
+"""What a recording has of each record and of a running stream is counted, and what it lacks."""
+
+import tracemalloc
+
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.recordings.contents import inspect_recording
+from impact_rig.recordings.hits import REMEMBERED, RecordWatch, StreamWatch
+
+FIRST = HitLabel("brass", record=1)
+SECOND = HitLabel("brass", record=2, impact=2)
+
+
+def add(watch, label, *starts, last=True, points=100):
+    """Add a block for each first sample; the last of them ends the record, unless told so."""
+    for start in starts:
+        watch.add(label, start, points, 1000 + start, last=last and start == starts[-1])
+
+
+def test_a_record_ends_with_its_last_block():
+    watch = RecordWatch()
+    add(watch, FIRST, 0, 100, 200, last=False)
+    assert not watch.has_finished
+    assert watch.unfinished.blocks == 3
+    add(watch, FIRST, 300)
+    (count,) = watch.collect()
+    assert (count.label, count.blocks, count.gaps, count.missing_points) == (FIRST, 4, 0, 0)
+    assert (count.stamp, count.is_complete) == (1300, True)
+    assert watch.unfinished is None
+    assert watch.collect() == ()
+
+
+def test_missing_points_are_counted_by_record_and_in_all():
+    watch = RecordWatch()
+    add(watch, FIRST, 100, 400, 500)
+    add(watch, SECOND, 0, 150)
+    first, second = watch.collect()
+    assert (first.gaps, first.missing_points) == (2, 100 + 200)
+    assert (second.gaps, second.missing_points) == (1, 50)
+    assert (watch.blocks, watch.gaps, watch.missing_points) == (5, 3, 350)
+
+
+def test_repeated_points_are_a_gap_that_lacks_nothing():
+    watch = RecordWatch()
+    add(watch, FIRST, 0, 50)
+    (count,) = watch.collect()
+    assert (count.gaps, count.missing_points) == (1, 0)
+
+
+def test_the_next_record_ends_one_whose_last_block_never_came():
+    watch = RecordWatch()
+    add(watch, FIRST, 0, 100, last=False)
+    add(watch, SECOND, 0, last=False)
+    (count,) = watch.collect()
+    assert (count.label, count.blocks) == (FIRST, 2)
+    assert watch.unfinished.label == SECOND
+
+
+def test_an_arming_that_ends_without_its_last_block_ends_the_record():
+    watch = RecordWatch()
+    add(watch, FIRST, 0, last=False)
+    watch.end(1, "brass")
+    assert [count.blocks for count in watch.collect()] == [1]
+
+
+def test_an_arming_without_any_block_is_a_record_of_none():
+    watch = RecordWatch()
+    add(watch, FIRST, 0)
+    watch.end(2, "brass")
+    assert [(count.label.record, count.blocks) for count in watch.collect()] == [(1, 1), (2, 0)]
+
+
+def test_the_end_of_the_arming_after_the_last_block_says_nothing_new():
+    watch = RecordWatch()
+    add(watch, FIRST, 0)
+    watch.end(1, "brass")
+    assert len(watch.collect()) == 1
+
+
+def test_the_end_of_an_arming_may_be_told_after_the_next_record():
+    watch = RecordWatch()
+    add(watch, FIRST, 0)
+    watch.begin(2)
+    add(watch, SECOND, 0)
+    watch.end(1, "brass")
+    watch.end(2, "brass")
+    assert [count.blocks for count in watch.collect()] == [1, 1]
+
+
+def test_the_end_of_an_arming_that_is_told_late_leaves_the_record_under_way_alone():
+    watch = RecordWatch()
+    add(watch, FIRST, 0)
+    # The word that it began was later still than its blocks.
+    watch.begin(FIRST.record)
+    add(watch, SECOND, 0, 100, last=False)
+    watch.end(FIRST.record, FIRST.sample)
+    add(watch, SECOND, 200)
+    assert [count.label.record for count in watch.collect()] == [1, 1, 2]
+    assert (watch.gaps, watch.missing_points, watch.unfinished) == (0, 0, None)
+
+
+def test_a_number_that_is_used_again_after_a_new_arming_is_another_record():
+    watch = RecordWatch()
+    add(watch, FIRST, 0)
+    watch.begin(1)
+    watch.end(1, "brass")
+    assert [count.blocks for count in watch.collect()] == [1, 0]
+
+
+def test_a_long_record_is_told_in_parts_as_it_grows():
+    watch = RecordWatch()
+    add(watch, FIRST, 0, 100, last=False)
+    assert [count.blocks for count in watch.collect(with_unfinished=True)] == [2]
+    assert watch.collect(with_unfinished=True) == ()
+    add(watch, FIRST, 200, last=False)
+    assert watch.collect() == ()
+    assert [count.blocks for count in watch.collect(with_unfinished=True)] == [3]
+
+
+def test_what_was_told_of_long_ago_is_forgotten():
+    watch = RecordWatch()
+
+    def add_records(first, count):
+        """Return the memory in use after them [byte]."""
+        for record in range(first, first + count):
+            add(watch, HitLabel("brass", record=record), 0, 100)
+            assert [item.label.record for item in watch.collect()] == [record]
+        return tracemalloc.get_traced_memory()[0]
+
+    tracemalloc.start()
+    try:
+        before = add_records(1, 2 * REMEMBERED)
+        after = add_records(2 * REMEMBERED + 1, 10 * REMEMBERED)
+    finally:
+        tracemalloc.stop()
+    assert after - before < 10 * 10 * REMEMBERED, "ten bytes for each record"
+    assert watch.has_ended(12 * REMEMBERED)
+    assert not watch.has_ended(11 * REMEMBERED)
+
+
+def watch_blocks(*starts, points=100):
+    watch = StreamWatch()
+    for start in starts:
+        watch.add(start, points)
+    return watch
+
+
+def test_blocks_that_follow_one_another_lack_nothing():
+    watch = watch_blocks(0, 100, 200)
+    assert (watch.blocks, watch.points, watch.gaps, watch.missing_points) == (3, 300, 0, 0)
+
+
+def test_every_jump_is_a_gap():
+    watch = watch_blocks(0, 250, 350, 1000)
+    assert (watch.gaps, watch.missing_points) == (2, 150 + 550)
+
+
+def test_a_recording_may_begin_in_the_middle_of_a_stream():
+    assert watch_blocks(7000, 7100).gaps == 0
+
+
+def test_accelerometers_that_are_started_again_leave_no_gap():
+    watch = watch_blocks(500, 600, 0, 100, 300)
+    assert (watch.gaps, watch.missing_points) == (1, 100)
+
+
+STREAM = "acceleration/stream"
+TYPE = "impact_rig_msgs/msg/StreamBlock"
+POINTS = 50
+
+
+def add_blocks(maker, *starts):
+    counts = {"counts": [7] * POINTS, "values": [], "scale": 1.0, "offset": 0.0, "full_scale": 9.0}
+    header = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": ""}
+    for start in starts:
+        fields = {"first_sample": start, "sampling_rate": 2.5e6, "record": 0, "sample": ""}
+        label = {"impact": 0, "attempt": 0, "last": False, "hammer": counts, "specimen": counts}
+        maker.add(STREAM, TYPE, {"header": header, **fields, **label})
+
+
+def test_blocks_and_points_of_a_stream_are_counted(make_recording):
+    maker = make_recording(namespace="/hall")
+    add_blocks(maker, 1000, 1050, 1100)
+    (stream,) = inspect_recording(maker.close()).streams
+    assert (stream.topic, stream.blocks) == ("/hall/acceleration/stream", 3)
+    assert (stream.points, stream.gaps, stream.missing_points) == (3 * POINTS, 0, 0)
+
+
+def test_gaps_of_a_stream_are_no_damage_of_the_file(make_recording):
+    maker = make_recording()
+    add_blocks(maker, 0, 100, 150, 500)
+    contents = inspect_recording(maker.close())
+    (stream,) = contents.streams
+    assert (stream.gaps, stream.missing_points) == (2, 50 + 300)
+    assert contents.is_sound
+    assert contents.hits == ()
+
+
+def test_a_stream_goes_on_from_file_to_file(make_recording):
+    maker = make_recording("session", split_size=1, chunk_size=1)
+    add_blocks(maker, 0, 50, 100, 250)
+    contents = inspect_recording(maker.close())
+    assert len(contents.files) > 2
+    assert [(stream.blocks, stream.gaps) for stream in contents.streams] == [(4, 1)]
+
+
+def test_a_recording_of_hits_alone_has_no_stream(make_recording):
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_block(1)
+    assert inspect_recording(maker.close()).streams == ()

@@ -1,0 +1,447 @@
+"""Measured files become a recording that other people's readers take for one of ROS 2."""
+
+import hashlib
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import nptdms
+import numpy as np
+import pytest
+
+from impact_rig.core.errors import FileError, ParameterError, SignalError
+from impact_rig.core.setup.calibration import Sensitivity
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.sensors import ChannelPlan, ChannelUse
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.detection import ImpactDetector
+from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
+from impact_rig.recordings.formats.registry import read_measurement
+from impact_rig.recordings.importing import (
+    check_series,
+    choose_window,
+    map_channels,
+    read_hit,
+    write_imported,
+)
+from impact_rig.recordings.reader import read_recording
+
+DATA = Path(__file__).parents[1] / "data"
+COUNT = 40
+TIME = 0.25 + np.arange(COUNT) * 4e-7
+HAMMER = np.sin(np.arange(COUNT))
+SPECIMEN = np.cos(np.arange(COUNT))
+COUNTS = np.arange(COUNT, dtype=np.int32)
+
+
+def columns(*values, **fields):
+    """Return a measurement whose file states nothing but numbers."""
+    return Measurement(
+        Path("hit.x"),
+        tuple(
+            MeasuredChannel(f"column {number}", np.array(column), **fields)
+            for number, column in enumerate(values, 1)
+        ),
+    )
+
+
+def channel(name, values=HAMMER, rate=25_600.0, unit="m/s^2", start=0.0):
+    return MeasuredChannel(name, values, rate, unit, start)
+
+
+def stated(*channels):
+    return Measurement(Path("hit.x"), channels)
+
+
+def plan(**fields):
+    return ChannelPlan(**fields)
+
+
+def test_three_columns_are_time_hammer_and_sample():
+    found = map_channels(columns(TIME, HAMMER, SPECIMEN), plan())
+    assert found.sampling_rate == pytest.approx(2.5e6, rel=1e-8)
+    assert np.array_equal(found.hammer.output, HAMMER)
+    assert np.array_equal(found.specimen.output, SPECIMEN)
+    assert (found.hammer.scale, found.hammer.offset, found.hammer.full_scale) == (1.0, 0.0, 0.0)
+    assert found.assumed == ("hammer", "sample")
+
+
+def test_two_columns_are_time_and_hammer():
+    found = map_channels(columns(TIME, HAMMER), plan())
+    assert found.specimen.output.size == 0
+    assert np.array_equal(found.hammer.output, HAMMER)
+
+
+def test_a_given_rate_stands_in_for_time():
+    given = plan(sampling_rate=51_200.0)
+    assert map_channels(columns(HAMMER), given).sampling_rate == 51_200.0
+    both = map_channels(columns(HAMMER, SPECIMEN), given)
+    assert np.array_equal(both.specimen.output, SPECIMEN)
+
+
+def test_roles_pick_columns_in_any_order():
+    roles = plan(columns=("specimen", "skip", "time", "skip", "hammer"))
+    found = map_channels(columns(SPECIMEN, HAMMER * np.nan, TIME, TIME, HAMMER), roles)
+    assert np.array_equal(found.hammer.output, HAMMER)
+    assert np.array_equal(found.specimen.output, SPECIMEN)
+
+
+def test_where_files_state_rates_the_first_two_channels_are_hammer_and_sample():
+    slow = channel("temperature", np.zeros(5), 1.0, "degC")
+    file = stated(channel("force", unit="N"), channel("response", SPECIMEN, unit="g"), slow)
+    found = map_channels(file, plan(), hammer_mass=0.5)
+    assert found.names == ("force", "response")
+    assert (found.hammer.scale, found.specimen.scale) == (2.0, 9.80665)
+    assert found.assumed == ()
+
+
+@pytest.mark.parametrize(("hammer", "specimen"), [("b", "a"), ("2", "1")])
+def test_channels_are_told_by_name_or_number(hammer, specimen):
+    file = stated(channel("a", SPECIMEN), channel("b", HAMMER))
+    named = plan(hammer=ChannelUse(hammer), specimen=ChannelUse(specimen))
+    found = map_channels(file, named)
+    assert found.names == ("b", "a")
+    assert np.array_equal(found.hammer.output, HAMMER)
+
+
+def test_with_the_hammers_channel_alone_the_sample_is_not_measured():
+    found = map_channels(stated(channel("a"), channel("b")), plan(hammer=ChannelUse("b")))
+    assert found.names == ("b",)
+    assert found.specimen.output.size == 0
+
+
+def test_beside_named_columns_the_first_one_is_time():
+    named = plan(hammer=ChannelUse("column 3"), specimen=ChannelUse("2"))
+    found = map_channels(columns(TIME, SPECIMEN, HAMMER, HAMMER), named)
+    assert found.sampling_rate == pytest.approx(2.5e6, rel=1e-8)
+    assert np.array_equal(found.hammer.output, HAMMER)
+
+
+def test_times_may_be_stated_in_other_units():
+    file = stated(MeasuredChannel("time", TIME * 1e3, unit="ms"), MeasuredChannel("a", HAMMER))
+    assert map_channels(file, plan()).sampling_rate == pytest.approx(2.5e6, rel=1e-8)
+    odd = stated(MeasuredChannel("time", TIME, unit="V"), MeasuredChannel("a", HAMMER))
+    with pytest.raises(SignalError, match="times are in 'V'"):
+        map_channels(odd, plan())
+
+
+def test_counts_stay_counts_beside_their_calibration():
+    use = ChannelUse(sensitivity=Sensitivity(0.01, "g"), full_scale=5.0, full_scale_unit="V")
+    found = map_channels(stated(channel("a", COUNTS, unit="mV")), plan(hammer=use))
+    assert found.hammer.output.dtype == np.int32
+    # 10 mV/g: one millivolt is 0.1 g; 5 V are 500 g.
+    assert found.hammer.scale == pytest.approx(0.980665, rel=1e-12)
+    assert found.hammer.full_scale == pytest.approx(500 * 9.80665, rel=1e-12)
+
+
+def test_a_force_hammers_voltage_becomes_acceleration_by_its_mass():
+    use = ChannelUse(sensitivity=Sensitivity(-0.002, "N"))
+    found = map_channels(stated(channel("a", unit="V")), plan(hammer=use), hammer_mass=0.5)
+    assert found.hammer.scale == pytest.approx(-1000.0, rel=1e-12)
+
+
+def test_a_force_without_a_mass_is_good_for_contact_times_only():
+    file = stated(channel("a", unit="N"))
+    found = map_channels(file, plan(), needs_scale=False)
+    assert (found.has_scale, found.hammer.scale) == (False, 1.0)
+    with pytest.raises(ParameterError, match=r"hit\.x: hammer: .*needs the hammer's mass"):
+        map_channels(file, plan())
+
+
+@pytest.mark.parametrize("spelling", ["m/s²", "m/s2", " m/s^2 ", "m/s**2"])
+def test_units_are_known_in_their_spellings(spelling):
+    use = ChannelUse(unit="m/s^2")
+    assert map_channels(stated(channel("a", unit=spelling)), plan(hammer=use)).hammer.scale == 1.0
+
+
+def test_hits_of_one_series_share_their_rate():
+    rates = {
+        map_channels(read_measurement(path), plan()).sampling_rate
+        for path in (DATA / "pyfrf_hammer").glob("*.npy")
+    }
+    assert rates == {25_600.0}
+
+
+def test_a_shock_table_of_another_laboratory_is_read():
+    file = read_measurement(DATA / "repeat_shock" / "acc_base_a0_start.txt")
+    found = map_channels(file, plan(hammer=ChannelUse(unit="g")))
+    assert found.sampling_rate == pytest.approx(1 / 2.000278e-5, rel=1e-6)
+    assert found.hammer.scale * found.hammer.output.max() == pytest.approx(486 * 9.80665, rel=1e-3)
+
+
+def replaced(values, index, value):
+    """Return a copy with one point changed."""
+    copy = np.array(values)
+    copy[index] = value
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("file", "given", "told"),
+    [
+        (columns(TIME[:5], HAMMER[:5]), {}, "5 points in 'column 1': a trace needs at least 16"),
+        (columns(HAMMER), {}, "has no time and states no rate: give its sampling rate"),
+        (columns(TIME, HAMMER, SPECIMEN, SPECIMEN), {}, "4 columns: give the role of each"),
+        (columns(*[HAMMER] * 3), {"sampling_rate": 1e6}, "3 columns: give the role of each"),
+        (
+            columns(TIME, HAMMER),
+            {"columns": ("time", "hammer", "specimen")},
+            "2 columns, but 3 roles are given",
+        ),
+        (columns(TIME, replaced(HAMMER, 7, np.nan)), {}, r"hammer is nan at point 7 \(1 such"),
+        (columns(TIME, HAMMER, replaced(SPECIMEN, 3, -np.inf)), {}, "sample is -inf at point 3"),
+        (columns(replaced(TIME, 9, np.nan), HAMMER), {}, "time is nan at point 9"),
+        (columns(np.delete([*TIME, TIME[-1] + 4e-7], 20), HAMMER), {}, "8e-07 s at point 19"),
+        (columns(HAMMER, TIME), {}, "does not grow.*is this the time column"),
+        (columns(TIME[::-1], HAMMER), {}, "does not grow from point 0 to 1"),
+        (columns(TIME * 0, HAMMER), {}, "does not grow"),
+        (stated(channel("a"), channel("b", HAMMER[:20])), {}, "'a' and 'b' have 40 and 20 points"),
+        (stated(channel("a"), channel("b", rate=1e3)), {}, "sampled at 25600 Hz and 1000 Hz"),
+        (stated(channel("a"), channel("b", start=0.1)), {}, "start 0.1 s apart"),
+        (stated(channel("a")), {"hammer": ChannelUse("c")}, "no channel 'c': it has 1 'a'"),
+        (stated(channel("a"), channel("a")), {"hammer": ChannelUse("a")}, "2 channels 'a'"),
+    ],
+)  # fmt: skip
+def test_what_is_no_trace_is_named(file, given, told):
+    with pytest.raises(SignalError, match=rf"hit\.x.*{told}"):
+        map_channels(file, ChannelPlan(**given))
+
+
+@pytest.mark.parametrize(
+    ("file", "given", "told"),
+    [
+        (stated(channel("a")), {"hammer": ChannelUse(unit="g")}, "in m/s.2, as the file states"),
+        (stated(channel("a", unit="Pa")), {}, "in Pa, which is no unit known here"),
+        (stated(channel("a", unit="V")), {}, "channel in V needs a sensitivity"),
+        (stated(channel("a")), {"sampling_rate": 1e3}, "sampled at 25600 Hz, as it states"),
+        (stated(channel("a"), channel("b", unit="N")), {}, "'b' is a force"),
+        (
+            stated(channel("a")),
+            {"hammer": ChannelUse("a"), "specimen": ChannelUse("1")},
+            "are the same channel",
+        ),
+        (
+            stated(channel("a")),
+            {"hammer": ChannelUse(sensitivity=Sensitivity(0.1, "g"))},
+            "as the file states, not in V",
+        ),
+    ],
+)
+def test_what_the_user_contradicts_or_leaves_open_is_named(file, given, told):
+    with pytest.raises(ParameterError, match=rf"hit\.x.*{told}"):
+        map_channels(file, ChannelPlan(**given), math.nan)
+
+
+REAL_HITS = sorted((Path(__file__).parents[1] / "data" / "pyfrf_hammer").glob("*.npy"))
+SETTINGS = AnalysisSettings(cutoff_frequency=0.0)
+PLAN = ChannelPlan(hammer=ChannelUse(unit="N"), specimen=ChannelUse(unit="g"))
+
+
+def read_all(paths):
+    return [
+        read_hit(path, HitLabel("beam", number, number), PLAN, 0.5)
+        for number, path in enumerate(paths, 1)
+    ]
+
+
+def make_setup(hits):
+    return RigSetup(
+        SampleSet((Sample("beam", math.nan),), ""), 0.5, 0.1, choose_window(SETTINGS, hits)
+    )
+
+
+@pytest.fixture
+def imported(tmp_path):
+    """Return a recording of the real hits."""
+    hits = read_all(REAL_HITS)
+    write_imported(tmp_path / "hits.mcap", make_setup(hits), hits)
+    return tmp_path / "hits.mcap"
+
+
+def test_every_number_of_the_files_comes_back_with_its_calibration(imported):
+    events = list(read_recording(imported).events())
+    blocks = [event for event in events if isinstance(event, Block)]
+    assert isinstance(events[0], RigSetup)
+    for number, path in enumerate(REAL_HITS, 1):
+        _, force, acceleration = np.load(path)
+        parts = [block for block in blocks if block.label == HitLabel("beam", number, number)]
+        assert np.concatenate([part.hammer.output for part in parts]).tobytes() == force.tobytes()
+        specimen = np.concatenate([part.specimen.output for part in parts])
+        assert specimen.tobytes() == acceleration.tobytes()
+        assert (parts[0].hammer.scale, parts[0].specimen.scale) == (2.0, 9.80665)
+        assert [part.last for part in parts] == [False] * (len(parts) - 1) + [True]
+
+
+def test_long_files_are_split_into_blocks_that_join_without_a_gap(tmp_path):
+    rows = np.random.default_rng(1).normal(size=25_000)
+    np.save(tmp_path / "long.npy", rows)
+    plan = ChannelPlan(hammer=ChannelUse(unit="g"), sampling_rate=1e6)
+    hit = read_hit(tmp_path / "long.npy", HitLabel("beam"), plan)
+    write_imported(tmp_path / "long.mcap", make_setup([hit]), [hit])
+    _, *blocks = read_recording(tmp_path / "long.mcap").events()
+    assert [block.first_sample for block in blocks] == [0, 10_000, 20_000]
+    assert [block.stamp - blocks[0].stamp for block in blocks] == [0, 10_000_000, 20_000_000]
+    (record,) = [
+        record
+        for detector in [ImpactDetector(choose_window(SETTINGS, [hit]))]
+        for block in blocks
+        for record in detector.feed(block)
+    ]
+    assert record.flaws == ()
+    assert record.hammer.acceleration.size == 25_000
+
+
+def test_rosbags_reads_it(imported):
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([imported]) as reader:
+        messages = [
+            reader.deserialize(data, connection.msgtype)
+            for connection, _, data in reader.messages()
+            if connection.topic == "/acceleration"
+        ]
+    for path, message in zip(REAL_HITS, messages, strict=True):
+        assert np.array_equal(message.hammer.values, np.load(path)[1])
+        assert message.last
+
+
+def test_mcap_ros2_support_reads_it(imported):
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    with imported.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        messages = [
+            (channel.topic, decoded, message.log_time)
+            for _, channel, message, decoded in reader.iter_decoded_messages()
+        ]
+        header = reader.get_header()
+        summary = reader.get_summary()
+    assert header.profile == "ros2"
+    assert [topic for topic, _, _ in messages] == ["/setup"] + ["/acceleration"] * len(REAL_HITS)
+    assert [time for *_, time in messages] == sorted(time for *_, time in messages)
+    force = np.load(REAL_HITS[0])[1]
+    assert np.array_equal(messages[1][1].hammer.values, force)
+    qos = {
+        channel.topic: channel.metadata["offered_qos_profiles"]
+        for channel in summary.channels.values()
+    }
+    assert "durability: transient_local" in qos["/setup"]
+    assert "durability: volatile" in qos["/acceleration"]
+
+
+def test_the_recording_tells_which_files_it_was_made_of(imported):
+    from mcap.reader import make_reader
+
+    with imported.open("rb") as file:
+        records = {item.name: item.metadata for item in make_reader(file).iter_metadata()}
+    assert records["impact_rig"]["software_version"]
+    for number, path in enumerate(REAL_HITS, 1):
+        origin = json.loads(records["impact_rig/import"][str(number)])
+        assert origin == {
+            "file": path.name,
+            "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+            "channels": ["column 2", "column 3"],
+        }
+
+
+def test_the_same_files_make_the_same_recording(imported, tmp_path):
+    hits = read_all(REAL_HITS)
+    write_imported(tmp_path / "again.mcap", make_setup(hits), hits)
+    assert (tmp_path / "again.mcap").read_bytes() == imported.read_bytes()
+
+
+def test_nothing_is_overwritten_and_no_part_is_left(imported, tmp_path):
+    before = imported.read_bytes()
+    hits = read_all(REAL_HITS)
+    with pytest.raises(FileError, match=r"hits\.mcap exists already"):
+        write_imported(imported, make_setup(hits), hits)
+    assert imported.read_bytes() == before
+    gone = replace(hits[0], path=tmp_path / "gone.npy")
+    with pytest.raises(FileError, match=r"gone\.npy cannot be read"):
+        write_imported(tmp_path / "new.mcap", make_setup(hits), [gone])
+    assert not list(tmp_path.glob("*new.mcap*"))
+
+
+@pytest.mark.parametrize("place", [3, 500, 990])
+def test_the_whole_file_is_the_record_wherever_its_pulse_lies(tmp_path, place):
+    pulse = np.zeros(1000)
+    pulse[place : place + 5] = (20.0, 60.0, 100.0, 60.0, 20.0)
+    np.save(tmp_path / "hit.npy", pulse + 0.01 * np.random.default_rng(1).normal(size=1000))
+    plan = ChannelPlan(sampling_rate=1e6)
+    hit = read_hit(tmp_path / "hit.npy", HitLabel("beam"), plan)
+    early = read_hit(REAL_HITS[0], HitLabel("beam", 2), ChannelPlan())
+    settings = choose_window(SETTINGS, [hit, early])
+    (record,) = ImpactDetector(settings).feed(hit.block)
+    assert record.hammer.acceleration.size == 1000
+    assert record.pulse_index == pytest.approx(place, abs=1)
+
+
+FIRST = 1_683_293_990_000_000_000
+"""The fifth of May 2023, 13:39:50 UTC."""
+SECOND = 1_000_000_000
+LENGTH = SECOND // 100
+"""Of a hit in the files below [ns]."""
+
+
+@pytest.mark.parametrize(
+    ("stated", "expected"),
+    [
+        ([None, None], [SECOND, 2 * SECOND + LENGTH]),
+        ([FIRST, FIRST + 3600 * SECOND], [FIRST, FIRST + 3600 * SECOND]),
+        ([FIRST, FIRST + LENGTH], [FIRST, FIRST + LENGTH]),
+        ([FIRST, FIRST], [FIRST, FIRST + LENGTH + SECOND]),
+        ([FIRST, FIRST - SECOND], [FIRST, FIRST + LENGTH + SECOND]),
+        ([FIRST, None, FIRST + 5 * SECOND], [FIRST, FIRST + LENGTH + SECOND, FIRST + 5 * SECOND]),
+        ([None, FIRST], [FIRST, FIRST + LENGTH + SECOND]),
+    ],
+    ids=["none", "dates", "close", "same", "back", "one without", "first without"],
+)
+def test_a_hit_was_when_its_file_says_unless_times_would_not_grow(tmp_path, stated, expected):
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    hits = []
+    for number, time in enumerate(stated, 1):
+        path = tmp_path / f"{number}.tdms"
+        words = {"wf_increment": 1e-6, "unit_string": "g"}
+        if time is not None:
+            words["wf_start_time"] = np.datetime64(time, "ns")
+        values = np.random.default_rng(number).normal(size=10_000)
+        with nptdms.TdmsWriter(str(path)) as writer:
+            writer.write_segment([nptdms.ChannelObject("all", "hammer", values, words)])
+        hits.append(read_hit(path, HitLabel("beam", number, number), ChannelPlan()))
+    write_imported(tmp_path / "hits.mcap", make_setup(hits), hits)
+
+    with (tmp_path / "hits.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        messages = list(reader.iter_decoded_messages(log_time_order=False))
+        origins = next(item for item in reader.iter_metadata() if item.name.endswith("import"))
+    stamps = [
+        decoded.header.stamp.sec * SECOND + decoded.header.stamp.nanosec
+        for *_, decoded in messages
+    ]
+    assert stamps == [expected[0], *expected]  # the set-up's before the hits'
+    log_times = [message.log_time for _, _, message, _ in messages]
+    assert log_times == [expected[0], *(stamp + LENGTH for stamp in expected)]
+    told = [json.loads(origins.metadata[str(number)]) for number in range(1, len(stated) + 1)]
+    assert [origin.get("recorded_at") for origin in told] == stated
+
+
+def test_hits_that_cannot_be_averaged_are_named(tmp_path):
+    rows = np.random.default_rng(1).normal(size=(2, 100))
+    np.save(tmp_path / "fast.npy", rows)
+    np.save(tmp_path / "alone.npy", rows[0])
+    first, other = (
+        read_hit(tmp_path / "fast.npy", HitLabel("beam"), ChannelPlan(sampling_rate=rate))
+        for rate in (1e6, 2e6)
+    )
+    alone = read_hit(tmp_path / "alone.npy", HitLabel("beam"), ChannelPlan(sampling_rate=1e6))
+    check_series([], first)
+    check_series([first], first)
+    with pytest.raises(SignalError, match=r"fast\.npy is sampled at 2e\+06 Hz and .* 1e\+06 Hz"):
+        check_series([first], other)
+    with pytest.raises(SignalError, match=r"fast\.npy has a channel of the sample, .*alone\.npy"):
+        check_series([first], alone)

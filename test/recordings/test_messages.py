@@ -1,0 +1,211 @@
+"""A set-up and a block of the stream, read back from their messages."""
+
+import copy
+import dataclasses
+import math
+from array import array
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from impact_rig.core.errors import FileError
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.record import NOT_ARMED, Block, ChannelBlock, HitLabel
+from impact_rig.recordings.messages import (
+    MessageEncoder,
+    block_from_msg,
+    read_block_head,
+    setup_from_msg,
+    stream_block_from_msg,
+)
+
+MESSAGE = SimpleNamespace(
+    name="bench",
+    description="",
+    hammer_mass=0.1,
+    hammer_mass_uncertainty=2e-4,
+    hammer_stiffness=math.nan,
+    sensors=(),
+    accelerometer_mass=3e-3,
+    accelerometer_mass_uncertainty=1e-4,
+    clock_uncertainty=1e-6,
+    impact_speed=0.08,
+    control_sample="oak",
+    samples=[
+        SimpleNamespace(
+            name="oak",
+            material="wood",
+            mass=0.1,
+            mass_uncertainty=5e-6,
+            reference_contact_time=math.nan,
+            reference_stiffness=math.nan,
+            reference_damping_coefficient=math.nan,
+        )
+    ],
+    analysis=SimpleNamespace(
+        **{name: getattr(AnalysisSettings(), name) for name in vars(AnalysisSettings())}
+    ),
+)
+
+
+def test_stated_uncertainties_are_read():
+    setup = setup_from_msg(MESSAGE)
+    assert setup.hammer_mass_uncertainty == 2e-4
+    assert setup.samples.accelerometer_mass_uncertainty == 1e-4
+    assert setup.clock_uncertainty == 1e-6
+    assert setup.samples.find("oak").mass_uncertainty == 5e-6
+
+
+def test_the_selection_of_a_recording_is_read():
+    new = copy.deepcopy(MESSAGE)
+    new.analysis.maximum_peak, new.analysis.keep_hits = 0.9, 10
+    analysis = setup_from_msg(new).analysis
+    assert (analysis.maximum_peak, analysis.keep_hits) == (0.9, 10)
+
+
+class TestStreamBlock:
+    """A block of the running stream."""
+
+    def make(self, counts: object, values: object = (), **fields: object) -> SimpleNamespace:
+        channel = SimpleNamespace(
+            counts=counts, values=values, scale=0.5, offset=0.0, full_scale=2000.0, overload=False
+        )
+        place = {"record": 0, "sample": "", "impact": 0, "attempt": 0, "last": False, **fields}
+        return SimpleNamespace(
+            header=SimpleNamespace(stamp=SimpleNamespace(sec=2, nanosec=7)),
+            first_sample=5000,
+            sampling_rate=2.5e6,
+            hammer=channel,
+            specimen=channel,
+            **place,
+        )
+
+    def test_reads_the_message_s_own_counts(self) -> None:
+        counts = array("i", range(100))
+        block = stream_block_from_msg(self.make(counts))
+        assert np.shares_memory(block.hammer.output, np.frombuffer(counts, np.int32))
+        assert not block.hammer.output.flags.writeable
+        assert (block.first_sample, block.stamp, block.label) == (5000, 2_000_000_007, NOT_ARMED)
+
+    def test_reads_numbers_of_a_source_that_does_not_count_in_place(self) -> None:
+        values = array("d", [0.25, 0.5])
+        block = stream_block_from_msg(self.make(array("i"), values))
+        assert np.shares_memory(block.hammer.output, np.frombuffer(values))
+        assert block.hammer.resolution == 0.0
+
+    def test_belongs_to_the_arming_under_way(self) -> None:
+        message = self.make(
+            array("i", [1]), record=3, sample="oak", impact=2, attempt=1, last=True
+        )
+        block = stream_block_from_msg(message)
+        assert (block.label, block.last) == (HitLabel("oak", 3, 2, 1), True)
+
+
+STAMP = 1_700_000_000_123_456_789
+
+
+@pytest.fixture
+def decode():
+    """Return a function that decodes by mcap-ros2-support, which shares no code with rosbags."""
+    from mcap_ros2._dynamic import generate_dynamic
+
+    def call(definition, data):
+        return generate_dynamic(definition.type_name, definition.text)[definition.type_name](data)
+
+    return call
+
+
+def make_block(hammer: np.ndarray, specimen: np.ndarray) -> Block:
+    return Block(
+        label=HitLabel("brass, small", 7, 3, 2),
+        first_sample=2**40,
+        sampling_rate=25_600.5,
+        hammer=ChannelBlock(hammer, 0.25, -1.5, 512.0),
+        specimen=ChannelBlock(specimen, -9.80665, 0.0, 0.0),
+        last=True,
+        stamp=STAMP,
+    )
+
+
+@pytest.mark.parametrize(
+    ("hammer", "specimen"),
+    [
+        pytest.param(np.arange(5, dtype=np.int32), np.arange(5) / 3.0, id="counts and numbers"),
+        pytest.param(np.array([0.1, -0.0, 5e-324, 1e308]), np.empty(0), id="no specimen"),
+    ],
+)
+def test_a_block_comes_back_bit_by_bit(decode, hammer, specimen):
+    encoder, block = MessageEncoder(), make_block(hammer, specimen)
+    message = decode(encoder.block_definition, encoder.encode_block(block))
+    assert (message.hammer.counts == []) is (hammer.dtype != np.int32)
+    # The other decoder gives lists, the rig's reads arrays.
+    for channel in (message.hammer, message.specimen):
+        channel.counts = np.array(channel.counts, np.int32)
+        channel.values = np.array(channel.values, np.float64)
+    found = block_from_msg(message)
+    for name in ("label", "first_sample", "sampling_rate", "triggered", "last", "stamp"):
+        assert getattr(found, name) == getattr(block, name)
+    for name, output in (("hammer", hammer), ("specimen", specimen)):
+        sent, came = getattr(block, name), getattr(found, name)
+        assert came.output.tobytes() == output.tobytes()
+        assert (came.scale, came.offset, came.full_scale) == (
+            sent.scale,
+            sent.offset,
+            sent.full_scale,
+        )
+
+
+UNKNOWN = RigSetup(
+    SampleSet((Sample("aluminium, large", math.nan),), ""),
+    hammer_mass=math.nan,
+    impact_speed=0.0819,
+    analysis=AnalysisSettings(cutoff_frequency=0.0, keep_hits=3, record_duration=1.0),
+    description="Größe 5 µm",
+)
+
+
+@pytest.mark.parametrize("setup", [PAPER_SETUP, UNKNOWN], ids=["the paper's", "hardly known"])
+def test_a_setup_comes_back_as_it_was(decode, setup):
+    encoder = MessageEncoder()
+    found = setup_from_msg(decode(encoder.setup_definition, encoder.encode_setup(setup, STAMP)))
+    np.testing.assert_equal(dataclasses.asdict(found), dataclasses.asdict(setup))
+
+
+def encode(sample="brass, small", counts=5, *, numbers=False, last=False):
+    """Return a block as rosbags serialises it."""
+    output = np.arange(counts, dtype=np.float64 if numbers else np.int32)
+    block = Block(
+        label=HitLabel(sample, 7, 3, 2),
+        first_sample=2**40 + 1,
+        sampling_rate=2.5e6,
+        hammer=ChannelBlock(output, 1.0, 0.0, 1e4),
+        specimen=ChannelBlock(output, 1.0, 0.0, 1e4),
+        last=last,
+        stamp=1_700_000_000_123_456_789,
+    )
+    return bytes(MessageEncoder().encode_block(block))
+
+
+# The text before them decides where the numbers are aligned.
+@pytest.mark.parametrize("sample", ["", "a", "ab", "abc", "abcd", "abcde", "Prüfkörper", "x" * 99])
+@pytest.mark.parametrize("last", [False, True])
+def test_all_fields_are_found_wherever_they_are_aligned(sample, last):
+    head = read_block_head(encode(sample, last=last))
+    assert head.label == HitLabel(sample, 7, 3, 2)
+    assert (head.first_sample, head.points, head.last) == (2**40 + 1, 5, last)
+    assert head.stamp == 1_700_000_000_123_456_789
+
+
+@pytest.mark.parametrize("numbers", [False, True])
+@pytest.mark.parametrize("points", [0, 1, 1000])
+def test_points_are_counted_whether_counts_or_numbers(numbers, points):
+    assert read_block_head(encode(counts=points, numbers=numbers)).points == points
+
+
+@pytest.mark.parametrize("length", [0, 1, 4, 11, 30, 60])
+def test_a_block_that_is_cut_off_is_refused(length):
+    with pytest.raises(FileError, match=f"a block of {length} byte is cut off"):
+        read_block_head(encode()[:length])

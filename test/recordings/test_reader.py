@@ -1,0 +1,412 @@
+"""Recordings come back as they were: in file order, from any namespace, however they ended."""
+
+import math
+import tracemalloc
+from pathlib import Path
+
+import mcap.reader
+import mcap.writer
+import numpy as np
+import pytest
+
+from impact_rig.core.errors import FileError
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.recordings.reader import index_hits, read_hit, read_recording
+from impact_rig.recordings.schemas import find_message_definition
+
+OURS = "impact_rig_msgs/msg/"
+
+
+def list_records(path: Path) -> list[int]:
+    """Return the record numbers of the blocks that can be read."""
+    return [e.label.record for e in read_recording(path).events() if isinstance(e, Block)]
+
+
+def test_the_setup_comes_back(make_recording):
+    maker = make_recording()
+    maker.add_setup()
+    setup = read_recording(maker.close()).setup
+    assert isinstance(setup, RigSetup)
+    assert setup.samples.names == ("steel, large", "brass")
+    assert setup.samples.find_moving_mass("brass") == 0.253
+    assert math.isnan(setup.samples.find("brass").reference_stiffness)
+    assert (setup.impact_speed, setup.analysis.overload_run, setup.name) == (0.0819, 3, "bench")
+
+
+def test_blocks_come_back_bit_by_bit(make_recording):
+    maker = make_recording()
+    maker.add_setup()
+    extremes = [2**31 - 1, -(2**31), 0]
+    channel = {"counts": extremes, "scale": 0.1, "offset": -0.3, "full_scale": 7.0}
+    maker.add_block(
+        7, first_sample=2**40, hammer=channel, specimen=channel, triggered=False, last=False
+    )
+    recording = read_recording(maker.close())
+    setup, block = recording.events()
+    assert setup == recording.setup
+    assert block.label == HitLabel("brass", record=7, impact=3, attempt=2)
+    assert (block.first_sample, block.sampling_rate) == (2**40, 2.5e6)
+    assert (block.triggered, block.last) == (False, False)
+    assert block.stamp == 1_700_000_000_000_000_250
+    assert block.hammer.output.dtype == np.int32
+    assert block.hammer.output.tolist() == extremes
+    assert (block.hammer.scale, block.hammer.offset, block.hammer.full_scale) == (0.1, -0.3, 7.0)
+
+
+def test_an_empty_block_comes_back(make_recording):
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_block(1, points=0, triggered=False)
+    *_, block = read_recording(maker.close()).events()
+    assert block.hammer.output.shape == (0,)
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
+def test_events_come_in_file_order_over_many_chunks(make_recording, compression):
+    maker = make_recording(compression=compression, chunk_size=2000)
+    maker.add_setup()
+    for record in (1, 2, 5, 3, 4):
+        maker.add_block(record)
+    maker.add_setup(name="second")
+    maker.add_block(6)
+    recording = read_recording(maker.close())
+    told = [
+        event.name if isinstance(event, RigSetup) else event.label.record
+        for event in recording.events()
+    ]
+    assert told == ["bench", 1, 2, 5, 3, 4, "second", 6]
+    assert recording.warnings == ()
+
+
+def test_the_first_setup_precedes_blocks_that_overtook_it(make_recording):
+    maker = make_recording()
+    maker.add_block(1)
+    maker.add_setup()
+    events = list(read_recording(maker.close()).events())
+    assert [type(event) for event in events] == [RigSetup, Block]
+
+
+def test_injected_faults_are_known_once_the_events_are_read(make_recording):
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_virtual_impact(1)
+    maker.add_virtual_impact(2, "double_hit", "overload")
+    maker.add_block(1)
+    recording = read_recording(maker.close())
+    assert recording.faults == {}
+    for _ in range(2):
+        list(recording.events())
+        assert recording.faults == {
+            HitLabel("brass", 1, 3, 2): (),
+            HitLabel("brass", 2, 3, 2): ("double_hit", "overload"),
+        }
+
+
+@pytest.mark.parametrize("namespace", ["/", "/hall_2", "/hall_2/rig_a"])
+def test_the_namespace_is_found_by_the_types(make_recording, namespace):
+    maker = make_recording(namespace=namespace)
+    maker.add_setup()
+    maker.add_block(1)
+    maker.add("/rosout", "std_msgs/msg/String", {"data": "hello"})
+    recording = read_recording(maker.close())
+    assert recording.namespace == namespace
+    assert len(list(recording.events())) == 2
+    assert [item.topic for item in recording.messages()] == ["setup", "acceleration", "/rosout"]
+
+
+def test_remapped_topics_are_found_by_their_type(make_recording):
+    maker = make_recording()
+    maker.add_setup("/lab/table")
+    maker.add_block(1)
+    assert len(list(read_recording(maker.close()).events())) == 2
+
+
+def test_two_rigs_in_one_file_are_told_apart(make_recording):
+    maker = make_recording(namespace="/a")
+    maker.add_setup()
+    maker.add_block(1)
+    maker.add_setup("/b/setup", name="rig b")
+    maker.add_block(9, topic="/b/acceleration")
+    path = maker.close()
+    with pytest.raises(FileError, match=r"/a, /b.*choose one"):
+        read_recording(path)
+    chosen = read_recording(path, "b")
+    assert chosen.setup.name == "rig b"
+    assert [e.label.record for e in chosen.events() if isinstance(e, Block)] == [9]
+
+
+def test_chosen_topics_are_decoded_with_their_log_time(make_recording):
+    maker = make_recording(namespace="/rig")
+    maker.add_setup()
+    maker.add_virtual_impact(4, "weak_hit")
+    maker.add_block(4)
+    (item,) = read_recording(maker.close()).messages({"virtual_impact"})
+    assert item.topic == "virtual_impact"
+    assert (item.message.record, item.message.faults) == (4, ["weak_hit"])
+    assert item.log_time == 1_700_000_000_002_000_000
+
+
+@pytest.mark.parametrize("cut", [1, 8, 30, 300, 3000, 12_000])
+def test_a_recording_cut_off_is_read_as_far_as_it_goes(make_recording, cut):
+    maker = make_recording(chunk_size=2000, compression="none")
+    maker.add_setup()
+    for record in range(1, 31):
+        maker.add_block(record)
+    path = maker.close()
+    path.write_bytes(path.read_bytes()[:-cut])
+    recording = read_recording(path)
+    assert "never closed" in recording.warnings[0]
+    records = list_records(path)
+    assert records == list(range(1, len(records) + 1))
+    assert len(records) >= (30 if cut <= 3000 else 5)
+
+
+def test_a_recording_still_being_written_is_read_up_to_its_last_chunk(make_recording):
+    maker = make_recording(chunk_size=1000, compression="none")
+    maker.add_setup()
+    for record in range(1, 4):
+        maker.add_block(record)  # each longer than a chunk but the last's end is still to come
+    maker.add_virtual_impact(4)
+    assert list_records(maker.path) == [1, 2, 3]
+
+
+def test_files_of_other_writers_without_chunks_are_read(tmp_path, make_recording):
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_block(5)
+    source = maker.close()
+    path = tmp_path / "plain.mcap"
+    with source.open("rb") as old, path.open("wb") as new:
+        writer = mcap.writer.Writer(new, use_chunking=False)
+        writer.start("ros2", "other")
+        for schema, channel, message in mcap.reader.make_reader(old).iter_messages():
+            number = writer.register_schema(schema.name, schema.encoding, schema.data)
+            topic = writer.register_channel(channel.topic, "cdr", number)
+            writer.add_message(topic, message.log_time, message.data, message.publish_time)
+        writer.finish()
+    assert list_records(path) == [5]
+
+
+def test_reading_holds_one_chunk_at_a_time(make_recording):
+    maker = make_recording(chunk_size=100_000)
+    maker.add_setup()
+    for record in range(1, 101):
+        maker.add_block(record, points=5000)
+    recording = read_recording(maker.close())
+    tracemalloc.start()
+    for _ in recording.events():
+        pass
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1_500_000  # of 4 MB; the compiled decoders take half a megabyte
+
+
+def damage(path: Path, position: int) -> None:
+    """Flip the bits of one byte."""
+    data = bytearray(path.read_bytes())
+    data[position] ^= 0xFF
+    path.write_bytes(data)
+
+
+def test_a_flipped_bit_in_a_chunk_is_noticed(make_recording):
+    maker = make_recording(compression="none")
+    maker.add_setup()
+    maker.add_block(1)
+    path = maker.close()
+    damage(path, path.read_bytes().index(b"brass") + 1)
+    with pytest.raises(FileError, match=r"session\.mcap is damaged: .*its checksum"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
+def test_damage_anywhere_gives_one_clear_error_or_none(make_recording, compression):
+    maker = make_recording(compression=compression, chunk_size=2000)
+    maker.add_setup()
+    for record in range(1, 5):
+        maker.add_block(record)
+    path = maker.close()
+    good = path.read_bytes()
+    generator = np.random.default_rng(1)
+    for position in generator.integers(0, len(good), 100):
+        path.write_bytes(good)
+        damage(path, position)
+        problem = ""
+        events = []
+        try:
+            events = list(read_recording(path).events())
+        except FileError as error:
+            problem = str(error)
+        assert "session.mcap" in problem or (not problem and len(events) <= 5)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"", "is empty"),
+        (b"time,hammer\n0,1\n", "is no MCAP recording"),
+        (b"\x89MCAP0\r\n", "no more than the beginning"),
+        (b"\x89MCAP0\r\n\x01\xff\xff\xff\xff\xff\xff\xff\x7f", "no more than the beginning"),
+        (b"\x89MCAP0\r\n\x01\x02\0\0\0\0\0\0\0\0\0", "header cannot be read"),
+    ],
+)
+def test_what_is_no_recording_is_named(tmp_path, content, told):
+    path = tmp_path / "session.mcap"
+    path.write_bytes(content)
+    with pytest.raises(FileError, match=f"session.mcap .*{told}"):
+        read_recording(path)
+
+
+def test_no_file_and_a_folder_are_named(tmp_path):
+    with pytest.raises(FileError, match=r"there is no file .*lost\.mcap"):
+        read_recording(tmp_path / "lost.mcap")
+    with pytest.raises(FileError, match="is a folder"):
+        read_recording(tmp_path)
+
+
+def write_foreign(path: Path, profile: str = "ros2", **changes: str) -> None:
+    """Write a file as another tool would, with one message."""
+    names = {
+        "schema": OURS + "RigSetup",
+        "schema_encoding": "ros2msg",
+        "encoding": "cdr",
+    } | changes
+    text = changes.get("text", "float64 hammer_mass\n")
+    with path.open("wb") as file:
+        writer = mcap.writer.Writer(file)
+        writer.start(profile)
+        schema = writer.register_schema(names["schema"], names["schema_encoding"], text.encode())
+        channel = writer.register_channel("/setup", names["encoding"], schema)
+        writer.add_message(channel, 1, b"\0\1\0\0" + bytes(8), 1)
+        writer.finish()
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"profile": "ros1"}, "profile 'ros1': it should be 'ros2'"),
+        ({"encoding": "json"}, "'json'.*'cdr' and 'ros2msg'"),
+        ({"schema_encoding": "ros2idl"}, "'ros2idl'.*'cdr' and 'ros2msg'"),
+        ({"schema": "sensor_msgs/msg/Imu"}, "holds no set-up of a rig"),
+        ({}, "has no field '.*': it was recorded with another version"),
+        ({"text": "other_msgs/Lost analysis\n"}, "schema of .*RigSetup on /setup cannot be"),
+        ({"text": "what is this"}, "schema of .*RigSetup on /setup cannot be understood"),
+        ({"text": "float64[3] samples\n"}, "does not fit its schema"),
+    ],
+)
+def test_foreign_recordings_are_refused_by_name(tmp_path, changes, told):
+    path = tmp_path / "foreign.mcap"
+    write_foreign(path, **changes)
+    with pytest.raises(FileError, match=rf"foreign\.mcap.*{told}"):
+        read_recording(path)
+
+
+def test_an_older_interface_is_named_by_the_field_it_lacks(make_recording, install):
+    text = find_message_definition(OURS + "AccelerationBlock").text
+    install(
+        "impact_rig_msgs", "AccelerationBlock", text.split("=" * 80)[0].replace("attempt", "go")
+    )
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_block(1, go=1)
+    with pytest.raises(
+        FileError, match="AccelerationBlock on /acceleration has no field 'attempt'"
+    ):
+        list(read_recording(maker.close()).events())
+
+
+def test_a_field_of_another_kind_is_named(make_recording, install):
+    text = find_message_definition(OURS + "AccelerationBlock").text.split("=" * 80)[0]
+    text = text.replace("uint32 impact", "float64 impact")
+    install("impact_rig_msgs", "AccelerationBlock", text)
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_block(1, impact=math.inf)
+    with pytest.raises(FileError, match=r"on /acceleration has a field of another kind .*inf"):
+        list(read_recording(maker.close()).events())
+
+
+def test_a_block_that_contradicts_itself_is_named(make_recording):
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_block(1, sampling_rate=-1.0)
+    with pytest.raises(FileError, match=r"/acceleration: sampling rate is -1\.0 Hz"):
+        list(read_recording(maker.close()).events())
+
+
+@pytest.mark.parametrize("name", ["session.mcap", "session"])
+def test_hits_are_found_by_campaign_and_read_as_they_were(make_recording, name):
+    maker = make_recording(name, chunk_size=2000)
+    maker.add_setup()
+    for record in (1, 2):
+        for first_sample in (0, 100, 300):
+            maker.add_block(record, first_sample=first_sample, last=first_sample == 300)
+    maker.add_setup(name="second")
+    maker.add_block(1)
+    recording = read_recording(maker.close())
+    first, second = index_hits(recording)
+    assert [hit.label.record for hit in first] == [1, 2]
+    assert [hit.label.record for hit in second] == [1]
+    blocks = read_hit(recording, first[1])
+    assert [block.first_sample for block in blocks] == [0, 100, 300]
+    assert {block.label for block in blocks} == {first[1].label}
+    assert blocks[0].hammer.output[0] == 2
+    assert len(read_hit(recording, second[0])) == 1
+
+
+def test_a_recording_that_was_never_closed_is_read_as_well(make_recording):
+    maker = make_recording(chunk_size=2000)
+    maker.add_setup()
+    for record in range(1, 8):
+        maker.add_block(record, points=1000)
+    whole = maker.close()
+    cut = whole.with_name("cut.mcap")
+    cut.write_bytes(whole.read_bytes()[:-3000])
+    recording = read_recording(cut)
+    assert recording.warnings
+    (hits,) = index_hits(recording)
+    assert hits
+    assert read_hit(recording, hits[-1])[0].label == hits[-1].label
+
+
+def test_the_points_of_the_others_stay_on_the_disk(make_recording):
+    points, records = 20_000, 50
+    maker = make_recording(compression="none", chunk_size=100_000)
+    maker.add_setup()
+    for record in range(1, records + 1):
+        maker.add_block(record, points=points)
+    path = maker.close()
+    tracemalloc.start()
+    try:
+        recording = read_recording(path)
+        (hits,) = index_hits(recording)
+        read_hit(recording, hits[-1])
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(hits) == records
+    assert peak < path.stat().st_size / 4
+
+
+def test_a_block_that_is_none_is_named(make_recording):
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_block(1)
+    channel = maker._channels["acceleration"]
+    maker.writer.add_message(channel, b"\0\1\0\0", 2 * 10**18, 2 * 10**18)
+    with pytest.raises(
+        FileError, match=r"session.mcap: a message on /acceleration does not fit its schema"
+    ):
+        index_hits(read_recording(maker.close()))
+
+
+def test_a_hit_that_is_no_longer_there_is_missed(make_recording):
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_block(1)
+    ((hit,),) = index_hits(read_recording(maker.close()))
+    other = make_recording("other.mcap")
+    other.add_setup()
+    other.add_block(2)
+    with pytest.raises(FileError, match="no longer holds record 1 of 'brass'"):
+        read_hit(read_recording(other.close()), hit)

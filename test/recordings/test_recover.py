@@ -1,0 +1,349 @@
+"""What a damaged recording still holds comes back as it was, and nothing else does."""
+
+import random
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import mcap.reader
+import mcap.writer
+import pytest
+from bench.damage import mutate
+from rosbags.highlevel import AnyReader
+
+from impact_rig.core.errors import FileError
+from impact_rig.recordings.contents import inspect_recording
+from impact_rig.recordings.hits import HitState
+from impact_rig.recordings.recover import name_output, recover_recording
+
+from .damaged import (
+    HITS,
+    OURS,
+    Place,
+    add_hit,
+    find_borders,
+    find_chunks,
+    label,
+    list_states,
+    read_raw,
+    read_recovered,
+    recover,
+    spoil,
+    write_original,
+)
+
+
+@pytest.fixture(params=["zstd", "lz4", "none"])
+def compression(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+def test_of_a_sound_recording_nothing_is_written(original: Path) -> None:
+    recovery = recover(original)
+    assert recovery.output is None
+    assert recovery.is_complete
+    assert list(original.parent.glob("*.mcap")) == [original]
+    assert set(list_states(recovery).values()) == {HitState.SAVED}
+
+
+def test_a_recovered_recording_is_sound_and_the_same_each_time(original: Path) -> None:
+    damaged = spoil(original, original.read_bytes()[:-3000])
+    recovery = recover(damaged)
+    assert recovery.output is not None
+    first = recovery.output.read_bytes()
+    assert recover_recording(recovery.output, original.with_name("again.mcap")).output is None
+    assert recover(damaged).output is not None
+    assert recovery.output.read_bytes() == first
+
+
+def list_cuts(path: Path) -> Iterator[int]:
+    dice = random.Random(1)
+    yield from find_borders(path)[1:]
+    yield from (dice.randrange(100, path.stat().st_size) for _ in range(25))
+
+
+def test_cut_off_anywhere_it_keeps_every_chunk_that_is_whole(
+    make_recording: Any, compression: str
+) -> None:
+    original = write_original(make_recording, compression=compression)
+    content, chunks = original.read_bytes(), find_chunks(original)
+    assert len(chunks) == HITS + 1
+    for cut in list_cuts(original):
+        expected = [m for chunk in chunks if chunk.end <= cut for m in chunk.messages]
+        damaged = spoil(original, content[:cut])
+        if not expected:
+            with pytest.raises(FileError, match=r"nothing of .* can be recovered"):
+                recover(damaged)
+            assert not damaged.with_name("good.mcap").exists()
+            continue
+        assert read_recovered(recover(damaged)) == expected
+        assert damaged.read_bytes() == content[:cut]
+
+
+def test_killed_between_two_chunks_nothing_is_lost(original: Path) -> None:
+    last = find_chunks(original)[-1]
+    content = original.read_bytes()
+    index_size = content[last.end :].index(b"\x0f" + struct.pack("<Q", 4))
+    recovery = recover(spoil(original, content[: last.end + index_size]))
+    assert recovery.is_complete
+    assert read_recovered(recovery) == read_raw(original)
+    assert "never closed" in recovery.contents.problems[0]
+
+
+def test_a_torn_index_costs_no_message(original: Path) -> None:
+    recovery = recover(spoil(original, original.read_bytes()[:-50]))
+    assert recovery.is_complete
+    assert read_recovered(recovery) == read_raw(original)
+
+
+def test_a_dropped_index_is_made_anew(original: Path) -> None:
+    content = original.read_bytes()
+    data_end = content.rindex(b"\x0f" + struct.pack("<Q", 4)) + 13
+    footer = b"\x02" + struct.pack("<QQQI", 20, 0, 0, 0)
+    recovery = recover(spoil(original, content[:data_end] + footer + content[:8]))
+    assert recovery.contents.problems == ("it has no index at its end that could be used",)
+    assert recovery.is_complete
+    assert read_recovered(recovery) == read_raw(original)
+
+
+@pytest.mark.parametrize("number", range(HITS + 1))
+def test_of_an_altered_chunk_nothing_is_taken_and_its_messages_are_counted(
+    make_recording: Any, compression: str, number: int
+) -> None:
+    original = write_original(make_recording, compression=compression)
+    chunks, content = find_chunks(original), bytearray(original.read_bytes())
+    place = chunks[number]
+    content[(place.data_start + place.end) // 2] ^= 0x10
+    recovery = recover(spoil(original, content))
+    rest = [m for item in chunks if item is not place for m in item.messages]
+    assert read_recovered(recovery) == rest
+    assert not recovery.is_complete
+    assert recovery.contents.lost == len(place.messages)
+    (damage,) = recovery.contents.files[0].damages
+    assert (damage.start, damage.start + damage.size) == (place.start, place.end)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_flipped_bit_costs_one_chunk_at_most_and_alters_no_message(
+    make_recording: Any, compression: str, seed: int
+) -> None:
+    original = write_original(make_recording, compression=compression)
+    chunks, content = find_chunks(original), original.read_bytes()
+    whole = [m for chunk in chunks for m in chunk.messages]
+    dice = random.Random(seed)
+    for _ in range(15):
+        spoilt = bytearray(content)
+        spoilt[dice.randrange(len(content))] ^= 1 << dice.randrange(8)
+        recovery = recover(spoil(original, spoilt))
+        if recovery.output is None:
+            continue  # the chance bit was one that tells nobody anything
+        found = read_recovered(recovery)
+        missing = [m for m in whole if m not in found]
+        assert found == [m for m in whole if m not in missing]
+        assert not missing or missing in [chunk.messages for chunk in chunks]
+
+
+def test_bytes_between_the_chunks_are_passed_over(original: Path) -> None:
+    content = original.read_bytes()
+    place = find_chunks(original)[2].start
+    for junk in (b"\x00" * 700, random.Random(3).randbytes(5000), content[50:900]):
+        spoilt = content[:place] + junk + content[place:]
+        assert read_recovered(recover(spoil(original, spoilt))) == read_raw(original)
+
+
+def test_a_wrong_length_of_a_chunk_costs_nothing(original: Path) -> None:
+    place = find_chunks(original)[2]
+    for length in (0, 17, place.end - place.start - 10, 10**6, 2**40, 2**64 - 1):
+        content = bytearray(original.read_bytes())
+        struct.pack_into("<Q", content, place.start + 1, length)
+        recovery = recover(spoil(original, content))
+        assert recovery.is_complete
+        assert read_recovered(recovery) == read_raw(original)
+
+
+def test_nothing_is_overwritten(original: Path) -> None:
+    damaged = spoil(original, original.read_bytes()[:-3000])
+    with pytest.raises(FileError, match="exists already"):
+        recover_recording(damaged, original)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        pytest.param(b"", "is empty", id="empty"),
+        pytest.param(b"no recording at all" * 99, "no MCAP recording", id="other kind"),
+        pytest.param(b"\x89MCAP0\r\n", "no MCAP recording, or nothing", id="magic alone"),
+        pytest.param(bytes(100_000), "no MCAP recording", id="zeros"),
+        pytest.param(
+            b"\x89MCAP0\r\n\x01" + struct.pack("<QI4sI", 12, 4, b"ros1", 0), "'ros1'", id="ROS 1"
+        ),
+    ],
+)
+def test_what_is_no_recording_is_named(tmp_path: Path, content: bytes, words: str) -> None:
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(content)
+    with pytest.raises(FileError, match=words):
+        recover(damaged)
+
+
+def test_a_chunk_that_swells_beyond_belief_is_left_out(tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged.mcap"
+    with damaged.open("wb") as file:
+        writer = mcap.writer.Writer(file)
+        writer.start("ros2", "somebody")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")
+        channel = writer.register_channel("/chatter", "cdr", schema)
+        writer.add_message(channel, 1, b"small", 1, 0)
+        writer.flush()
+        writer.add_message(channel, 2, bytes(70_000_000), 2, 1)
+        writer.finish()
+    assert damaged.stat().st_size < 10_000
+    recovery = recover(damaged)
+    assert [item.data for item in read_recovered(recovery)] == [b"small"]
+    assert recovery.contents.lost == 1
+    assert "claims to hold 70000" in recovery.contents.problems[0]
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_whatever_was_done_to_it_the_result_is_sound(make_recording: Any, seed: int) -> None:
+    kind = ("zstd", "lz4", "none")[seed % 3]
+    original = write_original(make_recording, compression=kind)
+    damaged = spoil(original, mutate(original.read_bytes(), seed))
+    try:
+        recovery = recover(damaged)
+    except FileError:
+        assert not damaged.with_name("good.mcap").exists()
+        return
+    if recovery.output is not None:
+        assert len(read_recovered(recovery)) == recovery.written
+
+
+def test_topics_of_a_lost_first_chunk_are_known_from_the_index(original: Path) -> None:
+    content, place = bytearray(original.read_bytes()), find_chunks(original)[1]
+    content[place.data_start + 40 : place.end] = bytes(place.end - place.data_start - 40)
+    recovery = recover(spoil(original, content))
+    topics = {topic.name: topic.lost for topic in recovery.contents.topics}
+    assert topics["/lab/acceleration"] == 2
+    assert list_states(recovery)[2] is HitState.SAVED
+
+
+def test_without_any_description_messages_are_counted_as_lost(make_recording: Any) -> None:
+    original = write_original(make_recording)
+    place, content = find_chunks(original)[1], bytearray(original.read_bytes())
+    content[place.data_start + 8 : place.data_start + 60] = bytes(52)
+    cut = find_chunks(original)[-1].end
+    contents = inspect_recording(spoil(original, content[:cut]))
+    assert contents.unknown_messages == 5 * (HITS - 1)
+    assert "not described" in " ".join(contents.problems)
+
+
+def test_hits_are_saved_damaged_or_lost(make_recording: Any) -> None:
+    maker = make_recording("original.mcap", chunk_size=1)
+    maker.add_setup()
+    for record in range(1, 6):
+        add_hit(maker, record)
+    original = Path(maker.close())
+    chunks = find_chunks(original)
+    by_topic: dict[str, list[Place]] = {}
+    for chunk in chunks:
+        by_topic.setdefault(chunk.messages[0].topic, []).append(chunk)
+    content = bytearray(original.read_bytes())
+    lost = [by_topic["/acceleration"][place] for place in (3, 4, 5)]
+    lost += [places[3] for places in by_topic.values() if len(places) == 5]
+    lost += by_topic["/acceleration"][6:8]
+    for chunk in lost:
+        content[chunk.data_start + 3] ^= 0xFF
+    recovery = recover(spoil(original, content))
+    reasons = {hit.record: (hit.state.value, hit.reason) for hit in recovery.contents.hits}
+    assert reasons == {
+        1: ("saved", ""),
+        2: ("damaged", "1 of 2 blocks are left"),
+        3: ("lost", "no block of it is left"),
+        4: ("lost", "nothing of it is left"),
+        5: ("saved", ""),
+    }
+
+
+def test_a_set_up_that_was_heard_late_holds_for_the_hits_before_it(make_recording: Any) -> None:
+    maker = make_recording("original.mcap")
+    add_hit(maker, 1)
+    maker.add("release", OURS + "HammerRelease", {**label(2), "swing_time": 0.2})
+    maker.add_setup()
+    add_hit(maker, 2)
+    maker.add_setup(name="another")
+    add_hit(maker, 3)
+    hits = inspect_recording(Path(maker.close())).hits
+    assert [(hit.record, hit.campaign, hit.state.value) for hit in hits] == [
+        (1, 1, "saved"),
+        (2, 1, "saved"),
+        (3, 2, "saved"),
+    ]
+
+
+def test_a_release_that_was_called_off_is_no_lost_hit(make_recording: Any) -> None:
+    maker = make_recording("original.mcap")
+    maker.add_setup()
+    add_hit(maker, 1)
+    maker.add("release", OURS + "HammerRelease", {**label(2), "swing_time": 0.2})
+    hits = inspect_recording(Path(maker.close())).hits
+    assert [(hit.record, hit.state.value) for hit in hits] == [(1, "saved")]
+
+
+def test_topics_metadata_and_attachments_are_taken_over(original: Path) -> None:
+    recovery = recover(spoil(original, original.read_bytes()[:-3000]))
+    assert recovery.output is not None
+    with original.open("rb") as one, recovery.output.open("rb") as other:
+        then, now = mcap.reader.make_reader(one), mcap.reader.make_reader(other)
+        assert [
+            (c.topic, c.message_encoding, c.metadata) for c in then.get_summary().channels.values()
+        ] == [
+            (c.topic, c.message_encoding, c.metadata) for c in now.get_summary().channels.values()
+        ]
+        assert [(s.name, s.data) for s in then.get_summary().schemas.values()] == [
+            (s.name, s.data) for s in now.get_summary().schemas.values()
+        ]
+        assert list(then.iter_attachments()) == list(now.iter_attachments())
+        records = {item.name: item.metadata for item in now.iter_metadata()}
+        assert records["impact_rig"] == {"software_version": "0.1.0", "notes": "Grüße"}
+        assert records["impact_rig/recovery"]["recovered_from"] == "damaged.mcap"
+
+
+def test_other_libraries_read_what_was_recovered(original: Path) -> None:
+    from mcap_ros2.reader import read_ros2_messages
+
+    recovery = recover(spoil(original, original.read_bytes()[:-3000]))
+    assert recovery.output is not None
+    raw = read_recovered(recovery)
+    decoded = [(m.channel.topic, m.ros_msg) for m in read_ros2_messages(str(recovery.output))]
+    assert [topic for topic, _ in decoded] == [item.topic for item in raw]
+    assert [m.record for topic, m in decoded if topic == "/lab/impact"] == [1, 2, 3, 4][: len(raw)]
+    with AnyReader([recovery.output]) as reader:
+        assert [
+            (connection.topic, time, data) for connection, time, data in reader.messages()
+        ] == [(item.topic, item.log_time, item.data) for item in raw]
+
+
+def test_a_folder_becomes_a_folder_with_its_list(make_recording: Any, tmp_path: Path) -> None:
+    folder = tmp_path / "session"
+    folder.mkdir()
+    one = write_original(make_recording)
+    content = one.read_bytes()
+    (folder / "session_0.mcap").write_bytes(content)
+    (folder / "session_1.mcap").write_bytes(content[: find_chunks(one)[2].end])
+    (folder / "session_2.mcap").write_bytes(b"")
+    assert name_output(folder) == tmp_path / "session.recovered"
+    recovery = recover_recording(folder, name_output(folder))
+    assert recovery.output is not None
+    names = sorted(path.name for path in recovery.output.iterdir())
+    assert names == [
+        "metadata.yaml",
+        "session.recovered_0.mcap",
+        "session.recovered_1.mcap",
+    ]
+    assert inspect_recording(recovery.output).is_sound
+    with AnyReader([recovery.output]) as reader:
+        assert len(list(reader.messages())) == recovery.written
+    with pytest.raises(FileError, match="exists already"):
+        recover_recording(folder, recovery.output)
+    assert not list(tmp_path.glob(".*.part"))

@@ -1,0 +1,376 @@
+"""A file is read as the library `mcap` reads it, message by message, however it was written."""
+
+import io
+import os
+from pathlib import Path
+
+import mcap.reader
+import mcap.records
+import mcap.stream_reader
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, IndexType, Writer
+
+from impact_rig.core.errors import FileError
+from impact_rig.recordings.records import Attachment, MetadataRecord
+from impact_rig.recordings.scan import MAX_SIZE, Scan
+from impact_rig.recordings.source import RecordingSource
+
+SCHEMA = b"uint8[] data\n"
+TOPICS = ("/a", "/b", "/c")
+
+
+def write(path: Path, messages=(), **options) -> Path:
+    """Write messages, (topic, log time, data) each, by the library."""
+    with path.open("wb") as file:
+        writer = Writer(file, **options)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("test_msgs/msg/Bytes", "ros2msg", SCHEMA)
+        channels = {}
+        for number, (topic, log_time, data) in enumerate(messages):
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "cdr", schema, {"key": topic})
+            writer.add_message(channels[topic], log_time, data, log_time + 7, number)
+        writer.add_metadata("first", {"a": "1"})
+        writer.add_attachment(5, 6, "rig.toml", "application/toml", b"[rig]")
+        writer.add_metadata("second", {})
+        writer.finish()
+    return path
+
+
+def describe(channel, message) -> tuple:
+    """Return all that a message is."""
+    return (channel.topic, message.sequence, message.log_time, message.publish_time, message.data)
+
+
+def read_by_library(path: Path, topics=None, start=None, end=None) -> list[tuple]:
+    with path.open("rb") as file:
+        found = mcap.reader.make_reader(file).iter_messages(
+            topics, starting_at=start, ending_before=end, log_time_order=False
+        )
+        return [describe(channel, message) for _, channel, message in found]
+
+
+def read(path: Path, topics=TOPICS, start=None, end=None) -> list[tuple]:
+    found = RecordingSource(path).read_messages(
+        lambda channel: channel.topic in topics, start_time=start, end_time=end
+    )
+    return [describe(message.channel, message) for message in found]
+
+
+message_lists = st.lists(
+    st.tuples(st.sampled_from(TOPICS), st.integers(0, 100), st.binary(max_size=60)), max_size=25
+)
+times = st.none() | st.integers(0, 101)
+
+
+@given(
+    messages=message_lists,
+    compression=st.sampled_from(CompressionType),
+    chunk_size=st.sampled_from([50, 300, 5000]),
+    use_chunking=st.booleans(),
+    index_types=st.sampled_from([IndexType.ALL, IndexType.NONE, IndexType.CHUNK]),
+    use_statistics=st.booleans(),
+    repeat_channels=st.booleans(),
+    enable_crcs=st.booleans(),
+    topics=st.sets(st.sampled_from(TOPICS)),
+    start=times,
+    end=times,
+)
+def test_any_file_of_the_library_is_read_as_the_library_reads_it(
+    tmp_path_factory, messages, topics, start, end, **options
+):
+    if start is not None and end is not None and start > end:
+        start, end = end, start
+    path = write(tmp_path_factory.getbasetemp() / "any.mcap", messages, **options)
+    with path.open("rb") as file:
+        records = list(mcap.stream_reader.StreamReader(file).records)
+    channels = {item.id: item for item in records if isinstance(item, mcap.records.Channel)}
+    expected = [
+        describe(channels[item.channel_id], item)
+        for item in records
+        if isinstance(item, mcap.records.Message)
+    ]
+    assert len(expected) == len(messages)
+    assert read(path) == expected
+    assert read(path, topics, start, end) == [
+        item
+        for item in expected
+        if item[0] in topics
+        and (start is None or item[2] >= start)
+        and (end is None or item[2] < end)
+    ]
+    assert {
+        (item.id, item.topic, item.metadata["key"])
+        for item in RecordingSource(path).read_channels()
+    } == {(item.id, item.topic, item.topic) for item in channels.values()}
+
+
+MESSAGES = [(TOPICS[number // 20], number, bytes([number]) * 100) for number in range(60)]
+"""Twenty of each topic, one after the other."""
+
+
+@pytest.fixture(params=[CompressionType.ZSTD, CompressionType.LZ4, CompressionType.NONE])
+def path(request, tmp_path) -> Path:
+    return write(tmp_path / "file.mcap", MESSAGES, compression=request.param, chunk_size=1000)
+
+
+@pytest.mark.parametrize(("start", "end"), [(None, None), (25, 45), (0, 1), (59, None), (60, 99)])
+def test_a_range_of_time_is_what_the_library_reads(path, start, end):
+    assert read(path, {"/b", "/c"}, start, end) == read_by_library(path, {"/b", "/c"}, start, end)
+
+
+def read_beside(path):
+    """Return what stands between the chunks."""
+    return list(Scan(path, kinds=frozenset({MetadataRecord, Attachment})).read())
+
+
+def test_metadata_and_attachments_are_what_the_library_reads(path):
+    with path.open("rb") as file:
+        metadata = list(mcap.reader.make_reader(file).iter_metadata())
+    with path.open("rb") as file:
+        attachments = list(mcap.reader.make_reader(file).iter_attachments())
+    found = read_beside(path)
+    assert [item for item in found if isinstance(item, MetadataRecord)] == [
+        MetadataRecord(item.name, item.metadata) for item in metadata
+    ]
+    assert [item for item in found if isinstance(item, Attachment)] == [
+        Attachment(item.name, item.media_type, item.log_time, item.data) for item in attachments
+    ]
+    assert len(metadata) == 2
+    assert attachments[0].data == b"[rig]"
+
+
+def damage_chunk(path: Path, number: int) -> None:
+    """Flip a bit near the end of a chunk."""
+    with path.open("rb") as file:
+        chunk = mcap.reader.make_reader(file).get_summary().chunk_indexes[number]
+    content = bytearray(path.read_bytes())
+    content[chunk.chunk_start_offset + chunk.chunk_length - 5] ^= 1
+    path.write_bytes(content)
+
+
+def cut_off_summary(path: Path) -> None:
+    """Leave only the data, as of a recorder that was killed."""
+    with path.open("rb") as file:
+        file.seek(-28, os.SEEK_END)  # the footer, but for its head, and the last bytes
+        start = int.from_bytes(file.read(8), "little")
+    path.write_bytes(path.read_bytes()[: start - 13])  # and without the record that ends the data
+
+
+def test_without_its_end_a_file_gives_the_same(path):
+    good = RecordingSource(path)
+    expected = (read(path), good.read_channels(), read_beside(path))
+    cut_off_summary(path)
+    cut = RecordingSource(path)
+    assert not cut.is_complete
+    assert "never closed" in cut.warnings[0]
+    assert expected == (read(path), cut.read_channels(), read_beside(path))
+
+
+def test_a_file_cut_off_at_any_byte_gives_the_messages_before(tmp_path):
+    path = write(tmp_path / "file.mcap", MESSAGES[:12], chunk_size=300)
+    whole, content = read(path), path.read_bytes()
+    counts = []
+    for size in (*range(60, len(content), 7), len(content) - 1):
+        path.write_bytes(content[:size])
+        found = read(path)
+        assert found == whole[: len(found)]
+        counts.append(len(found))
+    assert counts == sorted(counts)
+    assert counts[0] == 0
+    assert counts[-1] == 12
+
+
+def test_zeros_that_a_power_cut_left_at_the_end_are_no_damage(path):
+    whole = read(path)
+    cut_off_summary(path)
+    path.write_bytes(path.read_bytes() + bytes(10_000))
+    assert read(path) == whole
+    content = path.read_bytes().rstrip(b"\0")
+    path.write_bytes(content[:-300] + bytes(10_300))  # the last chunk never reached the disk
+    found = read(path)
+    assert found == whole[: len(found)]
+    assert len(found) >= 40
+
+
+def test_a_file_that_grows_while_it_is_read_is_read_as_it_was(path):
+    whole, content = read(path), path.read_bytes()
+    cut_off_summary(path)
+    path.write_bytes(path.read_bytes()[:-200])
+    found = RecordingSource(path).read_messages()
+    told = [next(found)]
+    path.write_bytes(content)
+    told.extend(found)
+    assert [describe(item.channel, item) for item in told] == whole[: len(told)]
+    assert 40 <= len(told) < 60
+
+
+def test_damage_before_the_end_of_a_file_never_closed_is_named(path):
+    damage_chunk(path, 0)
+    cut_off_summary(path)
+    with pytest.raises(FileError, match=r"file\.mcap is damaged: .*`impact-rig recover`"):
+        read(path)
+
+
+def test_chunks_without_anything_wanted_are_not_looked_into(path):
+    """Their checksums are not checked then: reading everything, as `info` does, checks all."""
+    damage_chunk(path, -1)
+    assert len(read(path, {"/a"})) == 20
+    assert len(read(path, TOPICS, end=40)) == 40
+    with pytest.raises(FileError, match="is damaged"):
+        read(path)
+
+
+def test_an_index_whose_checksum_does_not_fit_is_not_believed(path):
+    content = path.read_bytes()
+    with path.open("rb") as file:
+        first = mcap.reader.make_reader(file).get_summary().chunk_indexes[0]
+    place = first.chunk_start_offset.to_bytes(8, "little") + first.chunk_length.to_bytes(
+        8, "little"
+    )
+    assert content.count(place) == 1
+    path.write_bytes(content.replace(place, bytes(8) + place[8:]))
+    assert len(read(path)) == 60
+    assert len(RecordingSource(path).read_channels()) == 3
+
+
+def replace_chunk(path: Path, **changes) -> None:
+    """Write a file with one chunk that claims something else."""
+    chunk = {
+        "compression": "", "data": bytes(50), "message_start_time": 0, "message_end_time": 0,
+        "uncompressed_crc": 0, "uncompressed_size": 50,
+    } | changes  # fmt: skip
+    builder = mcap.records.RecordBuilder()
+    mcap.records.Header("ros2", "test").write(builder)
+    mcap.records.Chunk(**chunk).write(builder)
+    mcap.records.DataEnd(0).write(builder)
+    path.write_bytes(b"\x89MCAP0\r\n" + builder.end() + b"\x89MCAP0\r\n")
+
+
+def make_bomb() -> dict:
+    import zstandard
+
+    size = 70 << 20
+    return {
+        "compression": "zstd",
+        "data": zstandard.compress(bytes(size)),
+        "uncompressed_size": size,
+    }
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"uncompressed_size": 10 << 30}, "a chunk of 50 byte claims to hold 10737418240"),
+        ({"uncompressed_size": MAX_SIZE + 1}, "claims to hold"),
+        (make_bomb(), "claims to hold 73400320"),
+        ({"uncompressed_size": 51}, "a chunk holds 50 byte: it should hold 51"),
+        ({"uncompressed_crc": 1}, "does not fit its checksum"),
+        ({"compression": "zstd"}, "cannot be decompressed"),
+        ({"compression": "lz4"}, "cannot be decompressed"),
+        ({"compression": "bz2"}, "compressed by 'bz2': it must be zstd or lz4"),
+        ({"compression": "z" * 10_000}, "compressed by 'zzz"),
+        ({}, "what is no message"),
+        ({"data": b"\5" + bytes(49)}, "a message is shorter than its head"),
+        ({"data": b"\5" + b"\xff" * 49}, "a record is longer than what it is in"),
+        ({"data": b"\x05\x16" + bytes(29), "uncompressed_size": 31}, "is not announced"),
+        ({"data": b"\x03\x29" + bytes(7) + b"\xff" * 41}, "a type is damaged"),
+        ({"data": b"\x04\x29" + bytes(7) + b"\xff" * 41}, "a topic is damaged"),
+    ],
+)
+def test_what_a_chunk_claims_and_is_not_is_named(tmp_path, changes, told):
+    path = tmp_path / "file.mcap"
+    replace_chunk(path, **changes)
+    with pytest.raises(FileError, match=rf"file\.mcap is damaged: .*{told}"):
+        read(path)
+
+
+def test_a_chunk_as_other_writers_make_it_is_read(tmp_path):
+    """Without a checksum, and without its size in the frame, as by the writer in Rust."""
+    import zstandard
+
+    messages = write(tmp_path / "plain.mcap", MESSAGES, compression=CompressionType.NONE)
+    with messages.open("rb") as file:
+        (chunk,) = [
+            item
+            for item in mcap.stream_reader.StreamReader(file, emit_chunks=True).records
+            if isinstance(item, mcap.records.Chunk)
+        ]
+    engine = zstandard.ZstdCompressor(write_content_size=False).compressobj()
+    path = tmp_path / "file.mcap"
+    replace_chunk(
+        path,
+        compression="zstd",
+        data=engine.compress(chunk.data) + engine.flush(),
+        uncompressed_size=len(chunk.data),
+    )
+    assert read(path) == read(messages)
+
+
+def test_records_of_later_versions_of_the_format_are_passed_over(tmp_path):
+    path = write(tmp_path / "file.mcap", MESSAGES)
+    content = path.read_bytes()
+    place = len(b"\x89MCAP0\r\n") + 9 + int.from_bytes(content[9:17], "little")
+    private = b"\x99" + (5).to_bytes(8, "little") + b"hello"
+    path.write_bytes(content[:place] + private + content[place:-37] + content[-8:])
+    assert len(read(path)) == 60
+
+
+def test_a_damaged_attachment_is_named_and_harms_nothing_else(tmp_path):
+    path = write(tmp_path / "file.mcap", MESSAGES)
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b"[rig]", b"[rag]"))
+    assert len(read(path)) == 60
+    with pytest.raises(FileError, match=r"is damaged: an attachment is damaged: .*at byte \d+"):
+        read_beside(path)
+
+
+def test_an_attachment_larger_than_the_memory_is_left_on_the_disk(tmp_path):
+    """It has a hole, so that it takes no room there either."""
+    path = tmp_path / "file.mcap"
+    builder = mcap.records.RecordBuilder()
+    mcap.records.Header("ros2", "test").write(builder)
+    size = 20 << 30
+    head = builder.end() + b"\x09" + size.to_bytes(8, "little")
+    with path.open("wb") as file:
+        file.write(b"\x89MCAP0\r\n" + head)
+        file.seek(size, io.SEEK_CUR)
+        file.write(b"\x0f\x04" + bytes(11) + b"\x89MCAP0\r\n")
+    assert read(path) == []
+    with pytest.raises(FileError, match="claims to have 21474836480 byte"):
+        read_beside(path)
+
+
+@pytest.mark.parametrize("name", ["/a\x1b[2J", "/a\nb", "/" + 600 * "a"])
+def test_names_that_cannot_be_shown_are_no_names(tmp_path, name):
+    path = write(tmp_path / "file.mcap", [(name, 1, b"")])
+    with pytest.raises(FileError, match="name of a topic") as caught:
+        RecordingSource(path).read_channels()
+    assert str(caught.value).isprintable()
+
+
+def test_a_topic_without_schema_harms_nobody_who_does_not_want_it(tmp_path):
+    path = tmp_path / "file.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("test_msgs/msg/Bytes", "ros2msg", SCHEMA)
+        writer.add_message(writer.register_channel("/a", "cdr", schema), 1, b"x", 1)
+        writer.add_message(writer.register_channel("/web", "json", 0), 2, b"{}", 2)
+        writer.finish()
+    assert [item[0] for item in read(path, {"/a"})] == ["/a"]
+    assert [item.topic for item in RecordingSource(path).read_channels()] == ["/a", "/web"]
+    with pytest.raises(FileError, match="'/web' is in 'json'"):
+        read(path, {"/web"})
+
+
+def test_a_file_without_permission_is_named(tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    path = write(tmp_path / "file.mcap")
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(FileError, match=r"file\.mcap cannot be read: Permission denied"):
+        RecordingSource(path)

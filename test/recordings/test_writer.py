@@ -1,0 +1,688 @@
+"""A recording, one file or a folder: read by other libraries, and safe once it is synced."""
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tracemalloc
+from pathlib import Path
+from types import SimpleNamespace
+
+import mcap.reader
+import mcap.stream_reader
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosHistory, QosReliability
+
+from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.recordings import new_file
+from impact_rig.recordings.new_file import ROOM_FOR_ENDING
+from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.schemas import (
+    MessageDefinition,
+    find_message_definition,
+)
+from impact_rig.recordings.source import RecordingSource
+from impact_rig.recordings.writer import COMPRESSIONS, HEALTH_RECORD, McapWriter, RecordingWriter
+
+from .text_recordings import (
+    HIT,
+    SECOND,
+    START,
+    Writer,
+    encode,
+    list_hits,
+    read_by_mcap,
+    read_by_stream,
+)
+
+LATCHED = OfferedQos("reliable", "transient_local", "keep_last", 16)
+
+
+@pytest.fixture(params=COMPRESSIONS)
+def recording(request, make_recording) -> Path:
+    """Return a recording of 41 messages on three topics in several chunks."""
+    maker = make_recording(compression=request.param, chunk_size=4000)
+    maker.add_setup()
+    for record in range(1, 21):
+        maker.add_virtual_impact(record)
+        maker.add_block(record)
+    return maker.close()
+
+
+def test_mcap_finds_a_sound_file(recording):
+    with recording.open("rb") as file:
+        records = list(mcap.stream_reader.StreamReader(file, validate_crcs=True).records)
+    assert type(records[0]).__name__ == "Header"
+    assert (records[0].profile, records[0].library) == ("ros2", "impact_rig")
+    with recording.open("rb") as file:
+        reader = mcap.reader.make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        messages = list(reader.iter_messages())
+    assert summary.statistics.message_count == len(messages) == 41
+    assert summary.statistics.chunk_count == len(summary.chunk_indexes) > 5
+    assert sorted(summary.statistics.channel_message_counts.values()) == [1, 20, 20]
+    times = [message.log_time for _, _, message in messages]
+    assert times == sorted(times)
+    assert summary.statistics.message_start_time == times[0]
+    assert summary.statistics.message_end_time == times[-1]
+    assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+    assert {channel.message_encoding for channel in summary.channels.values()} == {"cdr"}
+
+
+def test_mcap_seeks_by_topic_and_time(recording):
+    with recording.open("rb") as file:
+        reader = mcap.reader.make_reader(file)
+        blocks = [message for _, _, message in reader.iter_messages(topics=["/acceleration"])]
+        late = reader.iter_messages(topics=["/acceleration"], starting_at=blocks[15].log_time)
+        assert [message.sequence for message in blocks] == list(range(20))
+        assert [message.sequence for _, _, message in late] == list(range(15, 20))
+        assert all(message.publish_time == message.log_time - 1000 for message in blocks)
+
+
+def test_mcap_ros2_decodes_every_message(recording):
+    with recording.open("rb") as file:
+        reader = mcap.reader.make_reader(file, decoder_factories=[DecoderFactory()])
+        decoded = list(reader.iter_decoded_messages())
+    assert len(decoded) == 41
+    setup = decoded[0].decoded_message
+    assert (setup.hammer_mass, [sample.name for sample in setup.samples]) == (
+        0.3,
+        ["steel, large", "brass"],
+    )
+    block = decoded[-1].decoded_message
+    assert (block.record, list(block.hammer.counts[:3])) == (20, [20, 21, 22])
+
+
+def test_rosbags_decodes_every_message(recording):
+    with AnyReader([recording]) as reader:
+        messages = list(reader.messages())
+        assert len(messages) == 41
+        connection, _, data = messages[-1]
+        block = reader.deserialize(data, connection.msgtype)
+    assert connection.topic == "/acceleration"
+    assert block.specimen.counts[:3].tolist() == [-20, -21, -22]
+
+
+def test_quality_of_service_and_type_hash_stand_with_each_topic(tmp_path):
+    path = tmp_path / "qos.mcap"
+    definition = find_message_definition("std_msgs/msg/String")
+    with McapWriter(path) as writer:
+        channel = writer.add_channel("/text", definition, (LATCHED, OfferedQos()))
+        writer.add_message(channel, b"\0\1\0\0\1\0\0\0\0", 5, 4)
+    with AnyReader([path]) as reader:
+        offers = reader.connections[0].ext.offered_qos_profiles
+    assert [(offer.durability, offer.depth) for offer in offers] == [
+        (QosDurability.TRANSIENT_LOCAL, 16),
+        (QosDurability.VOLATILE, 10),
+    ]
+    assert {offer.reliability for offer in offers} == {QosReliability.RELIABLE}
+    assert {offer.history for offer in offers} == {QosHistory.KEEP_LAST}
+
+
+def test_topics_without_messages_and_empty_recordings_are_sound(tmp_path):
+    definition = find_message_definition("std_msgs/msg/String")
+    with McapWriter(tmp_path / "silent.mcap") as writer:
+        writer.add_channel("/text", definition, ())
+    with McapWriter(tmp_path / "empty.mcap"):
+        pass
+    for name, topics in (("silent.mcap", ["/text"]), ("empty.mcap", [])):
+        with (tmp_path / name).open("rb") as file:
+            summary = mcap.reader.make_reader(file).get_summary()
+            assert [channel.topic for channel in summary.channels.values()] == topics
+            assert summary.statistics.message_count == 0
+
+
+def test_two_versions_of_a_type_keep_their_own_schemas(tmp_path):
+    old = MessageDefinition("rig_msgs/msg/Note", "string data\n")
+    new = MessageDefinition("rig_msgs/msg/Note", "string data\nuint8 level\n")
+    with McapWriter(tmp_path / "both.mcap") as writer:
+        for topic, definition in (("/old", old), ("/new", new), ("/more", old)):
+            writer.add_channel(topic, definition, ())
+    with (tmp_path / "both.mcap").open("rb") as file:
+        summary = mcap.reader.make_reader(file).get_summary()
+    texts = {
+        item.topic: summary.schemas[item.schema_id].data.decode()
+        for item in summary.channels.values()
+    }
+    assert texts == {"/old": old.text, "/new": new.text, "/more": old.text}
+    assert len(summary.schemas) == 2
+
+
+def test_the_free_space_shrinks_by_what_waits_to_be_written(make_recording, monkeypatch):
+    free = SimpleNamespace(f_bavail=ROOM_FOR_ENDING + 1_000_000, f_frsize=1)
+    monkeypatch.setattr(os, "fstatvfs", lambda descriptor: free)
+    maker = make_recording(keep_free=100_000)
+    before = maker.writer.free_space
+    assert 899_000 < before <= 900_000
+    data = maker.add("/text", "std_msgs/msg/String", {"data": "x" * 1000})
+    assert 0 <= before - maker.writer.free_space - len(data) < 200
+    maker.close()
+    assert maker.writer.free_space == 0
+
+
+def test_one_file_never_takes_the_place_of_another(tmp_path):
+    path = tmp_path / "evidence.mcap"
+    path.write_bytes(b"precious")
+    with pytest.raises(FileError, match=r"evidence\.mcap exists already"):
+        McapWriter(path)
+    assert path.read_bytes() == b"precious"
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(FileError, match="No such file or directory"):
+        McapWriter(tmp_path / "nowhere" / "session.mcap")
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [({"compression": "gzip"}, "zstd, lz4, none"), ({"chunk_size": 0}, "must be positive")],
+)
+def test_impossible_options_leave_no_file_behind(tmp_path, options, told):
+    with pytest.raises(ParameterError, match=told):
+        McapWriter(tmp_path / "session.mcap", **options)
+    assert list(tmp_path.glob("*.mcap")) == []
+
+
+def test_the_counters_tell_what_was_written(make_recording):
+    maker = make_recording()
+    maker.add_setup()
+    assert maker.writer.messages == 1
+    maker.add_block(1)
+    maker.close()
+    assert (maker.writer.messages, maker.writer.size) == (2, maker.path.stat().st_size)
+    assert maker.writer.closed
+
+
+def test_what_was_flushed_is_read_while_the_file_is_still_open(make_recording):
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_block(1)
+    before = maker.writer.size
+    maker.writer.flush()
+    maker.writer.flush()
+    assert maker.writer.size > before
+    maker.add_block(2)
+    messages = list(RecordingSource(maker.path).read_messages())
+    assert [message.channel.topic for message in messages] == ["/setup", "/acceleration"]
+
+
+MANY = 1000
+
+
+def add_many_blocks(maker) -> None:
+    for record in range(MANY):
+        maker.add_block(record)
+
+
+def test_a_disk_that_fills_up_is_left_in_time_for_a_sound_end(make_recording, monkeypatch):
+    maker = make_recording(compression="none", chunk_size=3000)
+
+    def tell_free_space(descriptor: int) -> SimpleNamespace:
+        used = os.fstat(descriptor).st_size
+        return SimpleNamespace(f_bavail=ROOM_FOR_ENDING + 25_000 - used, f_frsize=1)
+
+    monkeypatch.setattr(os, "fstatvfs", tell_free_space)
+    with pytest.raises(FileError, match=r"session\.mcap cannot be written: No space left"):
+        add_many_blocks(maker)
+    maker.close()
+    with maker.path.open("rb") as file:
+        messages = list(mcap.reader.make_reader(file, validate_crcs=True).iter_messages())
+    assert 10 < len(messages) < MANY
+    assert maker.writer.messages == len(messages)
+
+
+def test_a_disk_that_fails_without_warning_keeps_all_finished_chunks(tmp_path):
+    """A file-size limit of the process stands for the quota; its child meets it for real."""
+    path = tmp_path / "session.mcap"
+    script = f"""
+import resource, signal
+from pathlib import Path
+from impact_rig.core.errors import FileError
+from impact_rig.recordings.writer import McapWriter
+from impact_rig.recordings.schemas import find_message_definition
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (25_000, 25_000))
+writer = McapWriter(Path({str(path)!r}), compression="none", chunk_size=3000)
+channel = writer.add_channel("/text", find_message_definition("std_msgs/msg/String"), ())
+try:
+    for number in range(1000):
+        writer.add_message(channel, bytes(300), number, number)
+except FileError as error:
+    print(error)
+writer.close()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert "session.mcap cannot be written: File too large" in done.stdout
+    assert done.stderr == ""
+    file = RecordingSource(path)
+    assert not file.is_complete
+    times = [message.log_time for message in file.read_messages()]
+    assert times == list(range(len(times)))
+    assert len(times) > 50
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_messages_of_any_size_and_time_are_found_by_their_time(tmp_path, compression):
+    generator = random.Random(1)
+    messages = [
+        (channel, moment, generator.randbytes(generator.choice([0, 1, 40, 3000])))
+        for moment in generator.sample(range(10**6), 300)
+        for channel in [generator.randint(1, 3)]
+    ]
+    definition = find_message_definition("std_msgs/msg/String")
+    path = tmp_path / "session.mcap"
+    with McapWriter(path, compression=compression, chunk_size=2000) as writer:
+        for number in (1, 2, 3):
+            assert writer.add_channel(f"/{number}", definition, ()) == number
+        for channel, moment, data in messages:
+            writer.add_message(channel, data, moment, moment + 5)
+    with path.open("rb") as file:
+        reader = mcap.reader.make_reader(file, validate_crcs=True)
+        items = [item for *_, item in reader.iter_messages()]
+        some = reader.iter_messages(["/2"], starting_at=200_000, ending_before=700_000)
+        part = [item.log_time for *_, item in some]
+        statistics = reader.get_summary().statistics
+    found = [(item.channel_id, item.log_time, item.data) for item in items]
+    assert found == sorted(messages, key=lambda item: item[1])
+    assert part == sorted(
+        moment for channel, moment, _ in messages if channel == 2 and 200_000 <= moment < 700_000
+    )
+    times = [moment for _, moment, _ in messages]
+    assert (statistics.message_start_time, statistics.message_end_time) == (min(times), max(times))
+
+
+HITS = 500
+TOPICS = 12
+"""In the chunk of a hit, as a rig has them."""
+
+
+def test_ten_thousand_hits_would_take_little_memory(tmp_path):
+    """Each hit is a chunk, of which the library keeps the index as an object to the end."""
+    definition = find_message_definition("std_msgs/msg/String")
+    with McapWriter(tmp_path / "long.mcap", compression="none") as writer:
+        channels = [writer.add_channel(f"/{number}", definition, ()) for number in range(TOPICS)]
+
+        def measure_growth() -> float:
+            """Return the memory that some hits leave behind, for each of them [byte]."""
+            before = tracemalloc.get_traced_memory()[0]
+            for number in range(HITS):
+                for channel in channels:
+                    writer.add_message(channel, bytes(300), number, number)
+                writer.flush()
+            return (tracemalloc.get_traced_memory()[0] - before) / HITS
+
+        tracemalloc.start()
+        try:
+            measure_growth()
+            assert measure_growth() < 2000.0
+        finally:
+            tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", ["session.mcap", "runs/today/session"])
+def test_either_form_is_read_by_three_libraries(make, tmp_path, name):
+    recording = make(name)
+    recording.add(recording.setup, b"set-up")
+    recording.add_hits(1, 2)
+    recording.writer.close()
+
+    assert [(topic, data[:2]) for topic, _, data in read_by_mcap(recording.writer.files[0])] == [
+        ("/setup", "se"),
+        ("/acceleration", "1 "),
+        ("/acceleration", "2 "),
+    ]
+    with AnyReader([tmp_path / name]) as reader:
+        assert next(data for _, _, data in reader.messages()) == encode(b"set-up")
+        assert {item.topic: item.msgcount for item in reader.connections} == {
+            "/setup": 1,
+            "/acceleration": 2,
+        }
+        assert (reader.start_time, reader.end_time) == (
+            START + SECOND // 10,
+            START + 3 * SECOND // 10 + 1,
+        )
+
+
+@pytest.mark.skipif(shutil.which("rerun") is None, reason="the Rerun viewer is not installed")
+def test_rerun_finds_nothing_wrong_with_it(make):
+    recording = make("session.mcap")
+    recording.add_hits(1, 2, 3)
+    recording.writer.close()
+    command = ["rerun", "mcap", "check", str(recording.writer.path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    findings = [line.split() for line in done.stdout.splitlines() if "/acceleration" in line]
+    assert findings
+    assert all((words[0], words[-1]) == ("ok", "—") for words in findings), done.stdout
+
+
+def test_a_folder_is_laid_out_as_rosbag2_does(make, tmp_path):
+    recording = make("bag")
+    recording.writer.close()
+    assert sorted(path.name for path in (tmp_path / "bag").iterdir()) == [
+        "bag_0.mcap",
+        "metadata.yaml",
+    ]
+    assert recording.writer.path == tmp_path / "bag"
+    assert recording.writer.files == (tmp_path / "bag" / "bag_0.mcap",)
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from text_recordings import Writer
+recording = Writer(Path({output!r}), split_size={split_size})
+recording.add(recording.setup, b"set-up")
+for number in (1, 2, 3):
+    recording.add_hits(number)
+    recording.writer.sync()
+recording.add_hits(4)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.parametrize(("name", "split_size"), [("one.mcap", 0), ("bag", 0), ("bag", 5000)])
+def test_after_kill_9_everything_synced_is_in_the_files(tmp_path, name, split_size):
+    script = KILLED.format(
+        tests=str(Path(__file__).parent), output=str(tmp_path / name), split_size=split_size
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    files = sorted((tmp_path / name).glob("*.mcap")) or [tmp_path / name]
+    hits = [data for path in files for data in read_by_stream(path) if HIT in data]
+    assert hits == [encode(b"%d " % number + HIT) for number in (1, 2, 3)]
+    if name == "bag":
+        text = (tmp_path / name / "metadata.yaml").read_text()
+        content = yaml.safe_load(text)["rosbag2_bagfile_information"]
+        assert content["relative_file_paths"] == [path.name for path in files]
+        names = [item["topic_metadata"]["name"] for item in content["topics_with_message_count"]]
+        assert names == ["/setup", "/acceleration"]
+
+
+def test_a_sync_returns_when_the_disk_has_the_hit(make, monkeypatch):
+    recording = make("session.mcap")
+    sizes = []
+    monkeypatch.setattr(os, "fdatasync", lambda file: sizes.append(os.fstat(file).st_size))
+    recording.add_hits(1)
+    recording.writer.flush()
+    assert sizes == []
+    recording.add_hits(2)
+    recording.writer.sync()
+    assert sizes == [recording.writer.size]
+    assert len(HIT) * 2 < sizes[0] == recording.writer.files[0].stat().st_size
+
+
+def test_a_stream_is_sent_to_the_disk_while_it_is_written(make, monkeypatch):
+    """Else a sync, or the end of a file in a stream, waits for seconds of data."""
+    sent = []
+    monkeypatch.setattr(
+        os, "posix_fadvise", lambda file, start, length, advice: sent.append((start, length))
+    )
+    monkeypatch.setattr(new_file, "SENT_AT_ONCE", 10_000)
+    recording = make("session.mcap", chunk_size=4000)
+    recording.add_hits(*range(10))
+    assert [start for start, _ in sent] == [0, sent[0][1]]
+    assert all(10_000 <= length < 20_000 for _, length in sent)
+    assert recording.writer.size - sum(length for _, length in sent) < 10_000
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "told"),
+    [
+        ("session.mcap", {"split_size": 1000}, "cannot be split: name a folder, without .mcap"),
+        ("session.mcap", {"split_duration": 1.0}, "cannot be split"),
+        ("session", {"split_size": -1}, "split_size is -1 byte: it must not be negative"),
+        ("session", {"split_duration": -1.0}, "split_duration is -1.0 s: it must be from 0"),
+        ("session", {"split_duration": float("nan")}, "split_duration is nan s"),
+        ("session", {"keep_free": -1}, "keep_free is -1 byte: it must not be negative"),
+        ("session", {"compression": "gzip"}, "zstd, lz4, none"),
+    ],
+)
+def test_impossible_options_leave_nothing_behind(tmp_path, name, options, told):
+    with pytest.raises(ParameterError, match=told):
+        RecordingWriter(tmp_path / "runs" / name, **options)
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize("name", ["session_0.mcap", "metadata.yaml", "other.db3"])
+def test_a_folder_with_a_recording_is_never_written_to(tmp_path, name):
+    (tmp_path / "session").mkdir()
+    (tmp_path / "session" / name).write_bytes(b"precious")
+    with pytest.raises(FileError, match=rf"session holds a recording already \({name}\)"):
+        RecordingWriter(tmp_path / "session")
+    assert [path.name for path in (tmp_path / "session").iterdir()] == [name]
+    assert (tmp_path / "session" / name).read_bytes() == b"precious"
+
+
+def test_an_existing_file_is_never_overwritten(tmp_path):
+    (tmp_path / "session.mcap").write_bytes(b"precious")
+    with pytest.raises(FileError, match=r"session\.mcap exists already"):
+        RecordingWriter(tmp_path / "session.mcap")
+    assert (tmp_path / "session.mcap").read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("name", ["file", "file/session", "file/session.mcap"])
+def test_a_file_in_the_way_of_a_folder_is_named(tmp_path, name):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match=r"file.* cannot be made: a file is in its way"):
+        RecordingWriter(tmp_path / name)
+
+
+@pytest.fixture
+def locked_folder(tmp_path):
+    """Return a folder in which this process may write nothing, root or not."""
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    is_root = os.geteuid() == 0
+    if is_root:
+        os.seteuid(65534)
+    yield folder
+    if is_root:
+        os.seteuid(0)
+
+
+@pytest.mark.parametrize("name", ["session", "session.mcap", "runs/session"])
+def test_a_folder_without_permission_is_one_sentence(locked_folder, name):
+    with pytest.raises(FileError, match=r"^[^\n]*locked.* cannot be .*: Permission denied$"):
+        RecordingWriter(locked_folder / name)
+
+
+def test_a_file_in_the_way_of_the_next_one_ends_the_recording_well(make, tmp_path):
+    recording = make(split_size=1)
+    recording.add_hits(1)
+    (tmp_path / "session" / "session_1.mcap").write_bytes(b"precious")
+    with pytest.raises(FileError, match=r"session_1\.mcap exists already"):
+        recording.writer.sync()
+    recording.add_hits(2)
+    recording.writer.close()
+    assert list_hits(recording.writer.files[0]) == [1, 2]
+    assert (tmp_path / "session" / "session_1.mcap").read_bytes() == b"precious"
+
+
+def test_a_finished_recording_takes_no_more(make):
+    recording = make()
+    recording.add_hits(1)
+    recording.writer.close()
+    recording.writer.close()
+    assert (recording.writer.closed, recording.writer.free_space) == (True, 0)
+    with pytest.raises(FileError, match="is closed already"):
+        recording.add_hits(2)
+    with pytest.raises(FileError, match="is closed already"):
+        recording.writer.sync()
+
+
+def test_the_next_file_begins_when_a_hit_is_complete(make):
+    recording = make(split_size=8000)
+    for number in range(1, 8):
+        recording.add_hits(number)
+        recording.writer.flush() if number == 1 else recording.writer.sync()
+    recording.writer.close()
+    assert [list_hits(path) for path in recording.writer.files] == [[1, 2, 3], [4, 5, 6], [7]]
+
+
+def test_in_continuous_streaming_the_next_file_begins_with_a_chunk(make):
+    recording = make(split_size=8000)
+    for number in range(1, 8):
+        recording.add_hits(number)
+        recording.writer.flush()
+    recording.writer.close()
+    assert [list_hits(path) for path in recording.writer.files] == [[1, 2, 3], [4, 5, 6], [7]]
+
+
+def test_a_stream_that_is_never_flushed_is_split_too(make):
+    recording = make(split_size=8000, chunk_size=4000)
+    recording.add_hits(*range(1, 12))
+    recording.writer.close()
+    hits = [list_hits(path) for path in recording.writer.files]
+    assert [number for part in hits for number in part] == list(range(1, 12))
+    assert {len(part) for part in hits[:-1]} == {4}
+
+
+def test_a_flush_does_not_cut_a_hit_in_two(make):
+    recording = make(split_size=10_000)
+    recording.add_hits(1)
+    recording.writer.sync()
+    for number in (2, 3, 4):
+        recording.add_hits(number)
+        recording.writer.flush()
+    assert len(recording.writer.files) == 1
+    recording.writer.sync()
+    assert len(recording.writer.files) == 2
+
+
+def test_files_are_split_by_time_as_well(make):
+    recording = make(split_duration=0.3)
+    for number in range(8):
+        recording.add_hits(number)
+        recording.writer.sync()
+    recording.writer.close()
+    assert [list_hits(path) for path in recording.writer.files] == [[0, 1, 2, 3], [4, 5, 6, 7], []]
+
+
+def test_nothing_new_begins_no_file(make):
+    recording = make(split_size=1)
+    recording.add(recording.setup, b"set-up")
+    for _ in range(3):
+        recording.writer.sync()
+        recording.writer.flush()
+    assert len(recording.writer.files) == 2
+
+
+def test_each_file_can_be_read_alone(make):
+    recording = make(split_size=1)
+    recording.writer.add_metadata("impact_rig", {"notes": "old"})
+    recording.writer.add_metadata("impact_rig", {"notes": "new"})
+    recording.writer.add_attachment("rig.toml", "application/toml", b"[hammer]")
+    recording.add(recording.setup, b"first")
+    recording.add(recording.setup, b"second")
+    recording.add_hits(1)
+    recording.writer.sync()
+    recording.add_hits(2)
+    recording.writer.close()
+
+    first, second = recording.writer.files
+    assert [(topic, number) for topic, number, _ in read_by_mcap(first)] == [
+        ("/setup", 0),
+        ("/setup", 1),
+        ("/acceleration", 0),
+    ]
+    # The number of the repeated message tells that it is no new one.
+    assert [(topic, number, text[:6]) for topic, number, text in read_by_mcap(second)] == [
+        ("/setup", 1, "second"),
+        ("/acceleration", 1, "2 xxxx"),
+    ]
+    with second.open("rb") as file:
+        reader = mcap.reader.make_reader(file, validate_crcs=True)
+        records = {record.name: record.metadata for record in reader.iter_metadata()}
+        attachments = [
+            (item.name, item.media_type, item.data) for item in reader.iter_attachments()
+        ]
+        messages = [message for _, _, message in reader.iter_messages()]
+    assert records["impact_rig"] == {"notes": "new"}
+    assert attachments == [("rig.toml", "application/toml", b"[hammer]")]
+    assert [message.log_time - START for message in messages] == [
+        3 * SECOND // 10,
+        4 * SECOND // 10,
+    ]
+    assert messages[0].publish_time == START + 2 * SECOND // 10 - 1000
+    assert (recording.writer.messages, recording.writer.count_messages("/setup")) == (4, 2)
+
+
+def test_a_stream_is_not_repeated(make):
+    recording = make(split_size=1)
+    recording.add_hits(1)
+    recording.writer.sync()
+    recording.writer.close()
+    assert [list_hits(path) for path in recording.writer.files] == [[1], []]
+
+
+def test_the_health_of_a_file_stays_in_it(make):
+    def tell_health() -> None:
+        recording.writer.add_metadata(HEALTH_RECORD, {"end": "split"})
+
+    recording = make(split_size=1, before_split=tell_health)
+    recording.add_hits(1)
+    recording.writer.sync()
+    recording.add_hits(2)
+    recording.writer.add_metadata(HEALTH_RECORD, {"end": "closed"})
+    recording.writer.close()
+    ends = []
+    for path in recording.writer.files:
+        with path.open("rb") as file:
+            records = mcap.reader.make_reader(file).iter_metadata()
+            ends.append([item.metadata["end"] for item in records if item.name == HEALTH_RECORD])
+    assert ends == [["split"], ["closed"]]
+
+
+def test_rosbags_reads_all_files_of_a_folder_as_one(make, tmp_path):
+    recording = make(split_size=1)
+    recording.add(recording.setup, b"set-up")
+    for number in (1, 2, 3):
+        recording.add_hits(number)
+        recording.writer.sync()
+    recording.writer.close()
+    with AnyReader([tmp_path / "session"]) as reader:
+        found = [(item.topic, time, data) for item, time, data in reader.messages()]
+        counts = {item.topic: item.msgcount for item in reader.connections}
+        assert reader.message_count == len(found)
+    assert [data[:10] for topic, _, data in found if topic == "/acceleration"] == [
+        encode(b"%d " % number + HIT)[:10] for number in (1, 2, 3)
+    ]
+    assert counts == {"/setup": 4, "/acceleration": 3}
+    times = [time for _, time, _ in found]
+    assert times == sorted(times)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.sampled_from(["setup", "hit", "flush", "sync"]), max_size=20))
+def test_whatever_the_order_nothing_is_lost_or_counted_twice(tmp_path_factory, steps):
+    recording = Writer(tmp_path_factory.mktemp("law") / "session", split_size=5000)
+    added = []
+    for number, step in enumerate(steps):
+        if step == "hit":
+            recording.add_hits(number)
+            added.append(("/acceleration", str(number)))
+        elif step == "setup":
+            recording.add(recording.setup, b"%d" % number)
+            added.append(("/setup", str(number)))
+        else:
+            getattr(recording.writer, step)()
+    recording.writer.close()
+    seen = set()
+    found = []
+    for path in recording.writer.files:
+        for topic, sequence, text in read_by_mcap(path):
+            if (topic, sequence) not in seen:
+                seen.add((topic, sequence))
+                found.append((topic, text.split()[0]))
+    assert found == added
+    assert recording.writer.messages == len(added)

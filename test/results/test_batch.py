@@ -1,0 +1,79 @@
+"""Many recordings in one table."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.results.batch import BatchCampaign, shorten_paths, tabulate_batch
+from impact_rig.results.campaign import Results
+
+TIMES = (144.61e-6, 144.93e-6, 145.22e-6)
+
+
+def make_campaign(
+    name: str, contact_time: float, number: int = 1, stiffness: float = 15.6e6
+) -> BatchCampaign:
+    sample = SampleEstimate(
+        "aluminium small",
+        10,
+        2,
+        contact_time=Quantity(contact_time, expanded=0.3e-6),
+        stiffness=Quantity(stiffness, expanded=0.4e6),
+    )
+    return BatchCampaign(Path(name), number, Results(PAPER_SETUP, HammerEstimate(), (sample,), ()))
+
+
+@pytest.mark.parametrize(
+    ("paths", "names"),
+    [
+        (["runs/a/session.mcap", "runs/b/session.mcap"], ["a", "b"]),
+        (["runs/a/session.mcap", "old/b.mcap"], ["runs/a/session.mcap", "old/b.mcap"]),
+        (["x/a.mcap", "x/b.mcap"], ["a.mcap", "b.mcap"]),
+        (["x/a.mcap", "x/a.mcap"], ["a.mcap", "a.mcap"]),
+        (["/one/session.mcap", "/two/session.mcap"], ["one", "two"]),
+    ],
+)
+def test_recordings_have_the_shortest_names_that_tell_them_apart(
+    paths: list[str], names: list[str]
+) -> None:
+    assert shorten_paths(list(map(Path, paths))) == names
+
+
+def test_each_row_has_recording_sample_hits_and_values_with_uncertainty() -> None:
+    (table,) = tabulate_batch(
+        [make_campaign("a.mcap", TIMES[0]), make_campaign("b.mcap", TIMES[1])]
+    )
+    first = ("a.mcap", "aluminium small", "10 of 12", "144.61 ± 0.30", "15.60 ± 0.40")
+    assert table.rows[0] == first
+    assert table.marked == {0, 1}
+
+
+def test_the_spread_of_three_recordings_is_the_standard_deviation() -> None:
+    _, table = tabulate_batch([make_campaign(f"{time}.mcap", time) for time in TIMES])
+    (row,) = table.rows
+    mean, spread = np.mean(TIMES) * 1e6, 100 * np.std(TIMES, ddof=1) / np.mean(TIMES)
+    assert row == ("aluminium small", "3", f"{mean:.2f}", f"{spread:.2f}", "15.60", "0.00")
+
+
+def test_what_was_determined_twice_only_has_no_spread() -> None:
+    stiffnesses = (15.5e6, 15.6e6, math.nan)
+    _, table = tabulate_batch(
+        [
+            make_campaign(f"{number}.mcap", TIMES[0], stiffness=stiffness)
+            for number, stiffness in enumerate(stiffnesses)
+        ]
+    )
+    assert [column.header for column in table.columns] == ["Sample", "n", "τp [µs]", "s [%]"]
+
+
+def test_campaigns_of_one_recording_are_numbered() -> None:
+    (table,) = tabulate_batch(
+        [make_campaign("a.mcap", TIMES[0]), make_campaign("a.mcap", TIMES[1], 2)]
+    )
+    assert [row[0] for row in table.rows] == ["a.mcap, 1", "a.mcap, 2"]

@@ -1,0 +1,109 @@
+"""Records to JSON, messages and rows, and back: nothing is lost, nothing changes its name."""
+
+import json
+import math
+from dataclasses import dataclass, field, replace
+
+import pytest
+
+from impact_rig.core.estimation.fits import FittedModel, FreeDecayEstimate
+from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate, ShapeFit
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.quantity import BudgetLine, Quantity, describe
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.results.wire import WireError, from_json, to_json, to_row
+
+STIFFNESS = Quantity(3e6, 4e4, 9e4, budget=(BudgetLine("mass", "B", 4e4, 1.0),))
+ESTIMATE = SampleEstimate(
+    "tin",
+    3,
+    1,
+    contact_time=Quantity(2e-4),
+    stiffness=STIFFNESS,
+    pulse_shape=PulseShapeEstimate("Hertz", True, 1.1, (ShapeFit("Hertz", 0.2, 2e-4),)),
+    free_decay=FreeDecayEstimate(stiffness=STIFFNESS, frequency=2500.0),
+    identifications=(FittedModel("driven", True, stiffness=STIFFNESS, values=(1.0, 2.0)),),
+    notes=("one", "two"),
+)
+SETUP = replace(
+    PAPER_SETUP,
+    samples=SampleSet((Sample("tin", 0.01, "metal", 2e-4, 3e6, 4.0, 1e-3),), "tin", 5e-3, 6e-4),
+    hammer_mass_uncertainty=3e-4,
+    analysis=AnalysisSettings(cutoff_frequency=7e4, keep_hits=12),
+    sensors=(Sensor("hammer", "force", "N", 2.25e-3, 2200.0, "SN 7", "2026-03-01"),),
+)
+
+
+@pytest.mark.parametrize("record", [ESTIMATE, SETUP, HammerEstimate(stiffness=STIFFNESS)])
+def test_a_record_comes_back_from_json_as_it_was(record: object) -> None:
+    content = json.loads(json.dumps(to_json(record), allow_nan=False))
+    assert repr(from_json(type(record), content, 4)) == repr(record)
+
+
+def test_json_tells_a_quantity_by_name_and_unit_and_its_budget_beside_it() -> None:
+    content = to_json(ESTIMATE)
+    assert content["stiffness_n_per_m"] == 3e6
+    assert content["stiffness_u_n_per_m"] == 4e4
+    assert content["stiffness_expanded_n_per_m"] == 9e4
+    assert content["budget"] == [
+        {"quantity": "stiffness", "source": "mass", "kind": "B", "contribution": 4e4, "share": 1.0}
+    ]
+    assert content["contact_time_u_s"] is None
+    assert content["free_decay"]["frequency_hz"] == 2500.0
+    assert "comparisons" not in content
+
+
+def test_json_of_a_set_up_keeps_its_names() -> None:
+    assert set(to_json(SETUP)) == {
+        "name", "description", "hammer_mass_kg", "hammer_mass_u_kg", "hammer_stiffness_n_per_m",
+        "accelerometer_mass_kg", "accelerometer_mass_u_kg", "clock_u", "impact_speed_m_per_s",
+        "control_sample", "samples", "analysis", "sensors",
+    }  # fmt: skip
+    (sample,) = to_json(SETUP)["samples"]
+    assert (sample["mass_kg"], sample["mass_u_kg"]) == (0.01, 1e-3)
+    assert sample["reference_stiffness_n_per_m"] == 3e6
+    assert to_json(SETUP)["analysis"]["cutoff_frequency_hz"] == 7e4
+    assert to_json(SETUP)["sensors"][0]["sensitivity_v_per_unit"] == 2.25e-3
+
+
+def test_whole_numbers_given_for_real_ones_are_written_as_such() -> None:
+    assert repr(to_json(replace(SETUP, hammer_mass=1))["hammer_mass_kg"]) == "1.0"
+
+
+@dataclass(frozen=True)
+class Grown:
+    """A record that has gained two fields in version 5."""
+
+    name: str
+    length: float = field(default=math.nan, metadata=describe("s", since=5))
+    force: Quantity = field(default=STIFFNESS, metadata=describe("N/m", since=5))
+
+
+def test_what_an_older_file_lacks_takes_its_default() -> None:
+    found = from_json(Grown, {"name": "x"}, 4)
+    assert math.isnan(found.length)
+    assert not found.force.is_known
+    for missing in ("length_s", "force_n_per_m"):
+        content = to_json(Grown("x"))
+        del content[missing]
+        with pytest.raises(WireError, match=f"the field {missing} is missing"):
+            from_json(Grown, content, 5)
+
+
+def test_a_set_up_that_cannot_be_meant_is_refused_with_its_place() -> None:
+    content = {**to_json(SETUP), "samples": []}
+    with pytest.raises(WireError, match="setup: the sample set is empty"):
+        from_json(RigSetup, content, 4, "setup")
+
+
+def test_a_row_has_numbers_and_texts_and_leaves_empty_what_is_not_determined() -> None:
+    row = to_row(ESTIMATE, "x_")
+    assert (row["x_name"], row["x_impacts_accepted"]) == ("tin", "3")
+    assert (row["x_stiffness_n_per_m"], row["x_contact_time_u_s"]) == ("3000000.0", "")
+    assert row["x_notes"] == "one; two"
+    assert "x_budget" not in row
+    assert "x_free_decay" not in row

@@ -1,0 +1,139 @@
+"""Rigs started by `ros2 launch`, in a ROS domain of the test run's own."""
+
+import os
+import shutil
+import time
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+
+from impact_rig.nodes.discovery import reserve_domain
+
+from .tools import MARK, Terminal, Tools, list_marked
+
+PATIENCE = 30.0
+"""How long what has been stopped may take to end [s], our choice."""
+
+NODES = {f"/bench/{n}" for n in ("accelerometer", "campaign", "estimator", "hammer", "recorder")}
+SWING = "/**/hammer: {ros__parameters: {swing_time: 0.02}}\n"
+"""Parameter file: a hammer that swings for a tenth of its time."""
+
+
+@dataclass(frozen=True)
+class LaunchedRig:
+    """A rig that `ros2 launch` has started.
+
+    Attributes
+    ----------
+    terminal : Terminal
+        Of `ros2 launch`.
+    folder : Path
+        Of the run.
+    """
+
+    terminal: Terminal
+    folder: Path
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _real_tools() -> None:
+    """Leave everything here out where there is no ROS 2 that has the rig."""
+    if shutil.which("ros2") is None:
+        pytest.skip("no ROS 2 Jazzy is sourced: test/README.md says how these tests are run")
+    try:
+        get_package_prefix("impact_rig")
+        get_package_prefix("launch_ros")
+    except (PackageNotFoundError, LookupError) as error:
+        pytest.skip(f"ROS 2 is sourced without a package that these tests need: {error}")
+
+
+@pytest.fixture(scope="session")
+def tools(_real_tools: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tools]:
+    """Return the tools; at the end nothing that they started is left."""
+    mark = uuid.uuid4().hex
+    with reserve_domain() as domain:
+        environment = {
+            **os.environ,
+            MARK: mark,
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "PYTHONUNBUFFERED": "1",
+            "COLUMNS": "200",
+        }
+        tools = Tools(environment, tmp_path_factory.mktemp("tools"))
+        yield tools
+        tools.run("ros2", "daemon", "stop")
+        # The daemon answers that it stops, and ends a moment later.
+        deadline = time.monotonic() + PATIENCE
+        while list_marked(mark) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert list_marked(mark) == []
+
+
+@pytest.fixture(scope="session")
+def swing_file(tools: Tools) -> Path:
+    """Return a parameter file that lets the hammer swing fast."""
+    path = tools.folder / "swing.yaml"
+    path.write_text(SWING)
+    return path
+
+
+@pytest.fixture(scope="session")
+def rig(tools: Tools, swing_file: Path) -> Iterator[LaunchedRig]:
+    """Return a rig in namespace `bench`, all of whose nodes are found."""
+    folder = tools.folder / "bench"
+    with tools.start(
+        "ros2", "launch", "impact_rig", "rig.launch.py", "namespace:=bench", "visualizer:=false",
+        "bag:=true", "seed:=7", f"output:={folder}", f"params_file:={swing_file}",
+    ) as terminal:  # fmt: skip
+        terminal.wait_for("recording to ")
+        tools.run_until(lambda text: set(text.split()) >= NODES, "ros2", "node", "list")
+        yield LaunchedRig(terminal, folder)
+        assert terminal.interrupt() == 0, terminal.text
+        assert "Traceback" not in terminal.text
+        assert "exit code" not in terminal.text  # launch says so of a process that failed
+
+
+@dataclass(frozen=True)
+class Bags:
+    """What two recorders have kept of one campaign.
+
+    Attributes
+    ----------
+    ours, theirs : Path
+        Folder that the rig's recorder wrote, and the one of `ros2 bag record`.
+    results : str
+        What the campaign found, JSON.
+    """
+
+    ours: Path
+    theirs: Path
+    results: str
+
+
+@pytest.fixture(scope="session")
+def bags(tools: Tools, swing_file: Path) -> Bags:
+    """Return a campaign recorded by the rig and by `ros2 bag record -a` beside it."""
+    folder, theirs = tools.folder / "recorded", tools.folder / "theirs"
+    with (
+        tools.start("ros2", "bag", "record", "-a", "-s", "mcap", "-o", theirs) as recorder,
+        tools.start(
+            "ros2", "launch", "impact_rig", "rig.launch.py", "visualizer:=false", "bag:=true",
+            f"output:={folder}", f"params_file:={swing_file}",
+        ) as launch,
+    ):  # fmt: skip
+        launch.wait_for("recording to ")
+        recorder.wait_for("Subscribed to topic '/acceleration'")
+        recorder.wait_for("Subscribed to topic '/setup'")
+        recorder.wait_for("Subscribed to topic '/impact'")
+        tools.run(
+            "impact-rig", "campaign", "--samples", "aluminium large", "--samples", "steel small",
+            "--impacts", "3",
+        )  # fmt: skip
+        assert launch.interrupt() == 0, launch.text
+        assert recorder.interrupt() == 0, recorder.text
+    return Bags(folder / "session", theirs, (folder / "results.json").read_text("utf-8"))

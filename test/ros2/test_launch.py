@@ -1,0 +1,54 @@
+"""Launch files to their ends: a campaign at once, Ctrl-C in the middle, a replay."""
+
+from pathlib import Path
+
+IMPACT = "impact_rig_msgs/msg/Impact"
+CAMPAIGN = Path(__file__).with_name("launched_campaign.py")
+
+
+def test_every_argument_is_shown(tools):
+    for name in ("rig", "replay"):
+        text = tools.run("ros2", "launch", "impact_rig", f"{name}.launch.py", "--show-args")
+        assert "'visualizer'" in text
+
+
+def test_beside_another_rig_one_runs_its_campaign_and_ends(rig, tools, swing_file):
+    folder = tools.folder / "other"
+    text = tools.run("launch_test", CAMPAIGN, f"output:={folder}", f"params_file:={swing_file}")
+    assert "OK" in text
+    info = tools.run("ros2", "bag", "info", "-s", "mcap", folder / "session.mcap")
+    assert "/other/acceleration" in info
+    assert "/bench/" not in info
+    sound = tools.run("impact-rig", "info", folder)
+    assert "steel small" in sound
+
+
+def test_ctrl_c_in_a_campaign_closes_the_recording(tools, swing_file):
+    folder = tools.folder / "interrupted"
+    with tools.start(
+        "ros2", "launch", "impact_rig", "rig.launch.py", "namespace:=third", "impacts:=100",
+        "visualizer:=false", f"output:={folder}", f"params_file:={swing_file}",
+    ) as terminal:  # fmt: skip
+        terminal.wait_for("recording to ")
+        tools.run("ros2", "topic", "echo", "--once", "/third/impact", IMPACT)
+        code = terminal.interrupt()
+    assert code == 0, terminal.text
+    assert "Traceback" not in terminal.text
+    assert "escalating" not in terminal.text
+    tools.run("impact-rig", "info", folder)
+
+
+def test_what_is_wrong_with_an_argument_is_said(tools):
+    for argument in ("seed:=many", "rig_file:=/nowhere/rig.toml", "only:=hamer"):
+        text = tools.run(
+            "ros2", "launch", "impact_rig", "rig.launch.py", "visualizer:=false", argument, code=1
+        )
+        assert argument.partition(":=")[2] in text
+
+
+def test_a_replay_without_rerun_goes_on_without_the_view(bags, tools):
+    text = tools.run(
+        "ros2", "launch", "impact_rig", "replay.launch.py", f"file:={bags.ours}", "rate:=0",
+        "exit_when_done:=true", "namespace:=replayed", f"view:={tools.folder}/replay.rrd",
+    )  # fmt: skip
+    assert "rerun-sdk is not installed" in text or (tools.folder / "replay.rrd").exists()

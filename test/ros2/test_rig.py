@@ -1,0 +1,90 @@
+"""A rig under `ros2 launch`, asked and told everything by the `ros2` command line."""
+
+import re
+
+STATE = "impact_rig_msgs/msg/RecorderState"
+RUN = "impact_rig_msgs/action/RunCampaign"
+
+
+def test_every_node_has_a_life_cycle_and_is_active(rig, tools):
+    found = tools.run("ros2", "lifecycle", "nodes").split()
+    assert set(found) == {
+        f"/bench/{name}"
+        for name in ("accelerometer", "campaign", "estimator", "hammer", "recorder")
+    }
+    assert tools.run("ros2", "lifecycle", "get", "/bench/estimator").startswith("active")
+
+
+def test_all_names_lie_in_the_namespace(rig, tools):
+    topics = tools.run("ros2", "topic", "list", "-t").splitlines()
+    assert "/bench/acceleration [impact_rig_msgs/msg/AccelerationBlock]" in topics
+    strange = [line for line in topics if not line.startswith("/bench/")]
+    assert {line.split()[0] for line in strange} <= {
+        "/clock", "/diagnostics", "/events/write_split", "/parameter_events", "/rosout",
+    }  # fmt: skip
+    services = tools.run("ros2", "service", "list", "-t").splitlines()
+    assert "/bench/hammer/arm [std_srvs/srv/Trigger]" in services
+    assert tools.run("ros2", "action", "list", "-t").split() == ["/bench/campaign/run", f"[{RUN}]"]
+
+
+def test_the_interfaces_explain_themselves(tools):
+    assert "uint32 impacts" in tools.run("ros2", "interface", "show", RUN)
+    assert RUN in tools.run("ros2", "interface", "package", "impact_rig_msgs").split()
+
+
+def test_parameters_come_from_the_file_and_are_checked(rig, tools):
+    assert "0.02" in tools.run("ros2", "param", "get", "/bench/hammer", "swing_time")
+    assert "swing_time: 0.02" in tools.run("ros2", "param", "dump", "/bench/hammer")
+    refused = tools.run("ros2", "param", "set", "/bench/hammer", "swing_time", "-1.0", code=None)
+    assert "fail" in refused.lower()
+
+
+def test_a_latched_state_is_told_whoever_comes_late(rig, tools):
+    state = tools.run("ros2", "topic", "echo", "--once", "/bench/recorder/state", STATE)
+    assert "recording: true" in state
+    assert f"uri: {rig.folder}" in state
+
+
+def test_a_campaign_runs_to_its_end_as_an_action(rig, tools):
+    goal = '{samples: ["aluminium large", "steel small"], impacts: 3}'
+    text = tools.run("ros2", "action", "send_goal", "--feedback", "/bench/campaign/run", RUN, goal)
+    assert "Goal finished with status: SUCCEEDED" in text
+    assert "sample: aluminium large" in text.partition("Result:")[0]
+    assert re.search(r"success: true", text)
+    answer = tools.run(
+        "ros2", "service", "call", "/bench/estimator/get_results",
+        "impact_rig_msgs/srv/GetResults",
+    )  # fmt: skip
+    assert answer.count("impact_rig_msgs.msg.SampleEstimate(") == 2
+
+
+def test_the_operator_s_enable_is_given_and_taken_by_services(rig, tools):
+    for service, answer in (("disarm", "success=True"), ("arm", "success=True")):
+        call = tools.run(
+            "ros2", "service", "call", f"/bench/hammer/{service}", "std_srvs/srv/Trigger"
+        )
+        assert answer in call
+
+
+def test_a_node_goes_through_its_life_cycle(rig, tools):
+    for transition, state in (("deactivate", "inactive"), ("activate", "active")):
+        tools.run("ros2", "lifecycle", "set", "/bench/estimator", transition)
+        assert tools.run("ros2", "lifecycle", "get", "/bench/estimator").startswith(state)
+
+
+def test_a_node_runs_by_itself_until_ctrl_c(tools):
+    with tools.start(
+        "ros2", "run", "impact_rig", "hammer", "--ros-args",
+        "-r", "__ns:=/alone", "-r", "__node:=one",
+    ) as terminal:  # fmt: skip
+        tools.run_until(lambda text: "/alone/one" in text.split(), "ros2", "node", "list")
+        assert terminal.interrupt() == 0, terminal.text
+    assert "Traceback" not in terminal.text
+
+
+def test_an_impossible_parameter_ends_a_node_in_a_sentence(tools):
+    text = tools.run(
+        "ros2", "run", "impact_rig", "hammer", "--ros-args", "-p", "swing_time:=fast", code=2
+    )
+    assert "swing_time" in text
+    assert "Traceback" not in text

@@ -1,0 +1,172 @@
+"""The stand-in does what Red Pitaya's list of commands says, asked over a plain socket."""
+
+import socket
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.signals.record import ChannelBlock, HitLabel
+from impact_rig.devices.virtual.choices import Fault
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.testing.peers.scpi_digitizer import ScpiDigitizer, ScpiFault
+
+DEADLINE = 20.0
+
+
+class Terminal:
+    """A person with a terminal."""
+
+    def __init__(self, address: str) -> None:
+        host, port = address.split(":")
+        self._socket = socket.create_connection((host, int(port)), DEADLINE)
+        self._file = self._socket.makefile("rb")
+
+    def say(self, *commands: str) -> None:
+        self._socket.sendall("".join(f"{command}\r\n" for command in commands).encode())
+
+    def ask(self, query: str) -> str:
+        self.say(query)
+        return self._file.readline().decode().removesuffix("\r\n")
+
+    def ask_bytes(self, query: str, count: int) -> bytes:
+        self.say(query)
+        return self._file.read(count)
+
+    def wait_for(self, query: str, answer: str) -> None:
+        deadline = time.monotonic() + DEADLINE
+        while self.ask(query) != answer:
+            assert time.monotonic() < deadline
+
+    def close(self) -> None:
+        self._file.close()
+        self._socket.close()
+
+
+@pytest.fixture
+def digitizer():
+    instrument = ScpiDigitizer(1e-3, 2e-3)
+    instrument.start()
+    yield instrument
+    instrument.stop()
+
+
+@pytest.fixture
+def terminal(digitizer):
+    connection = Terminal(digitizer.address)
+    yield connection
+    connection.close()
+
+
+def make_ramp(sign: int = 1):
+    """Return a hit whose hammer rises by 1 m/s^2 a point, at 1 MS/s, from -100 to 400."""
+    hit = VirtualRig(PAPER_SETUP, VirtualRigSettings()).strike(HitLabel("steel small"))
+    ramp = ChannelBlock(np.arange(-100, 400, dtype=np.int32), float(sign), 0.0, 1000.0)
+    return replace(hit, hammer=ramp, specimen=ramp, sampling_rate=1e6)
+
+
+def test_it_tells_who_it_is_in_any_case_and_short_or_long(terminal: Terminal) -> None:
+    assert terminal.ask("*IDN?").startswith("REDPITAYA,")
+    assert terminal.ask("acq:tr:stat?") == terminal.ask("ACQ:TRIG:STAT?") == "TD"
+    assert terminal.ask("ACQ:BUF:SIZE?") == "16384"
+
+
+def test_what_it_does_not_understand_has_no_answer(terminal: Terminal) -> None:
+    terminal.say("ACQ:NONSENSE?", "ACQ:SOUR3:GAIN?", "ACQ:DEC:FACTOR 12", "ACQ:DEC:FACTOR x")
+    assert terminal.ask("ACQ:DEC:FACTOR?") == "1"
+    terminal.say("ACQ:SOUR1:GAIN XV", "ACQ:SOUR2:GAIN HV")
+    assert [terminal.ask(f"ACQ:SOUR{n}:GAIN?") for n in (1, 2)] == ["LV", "HV"]
+
+
+def test_a_reset_forgets_all_settings(terminal: Terminal) -> None:
+    terminal.say("ACQ:DEC:FACTOR 64", "ACQ:TRIG:DLY 5", "ACQ:DATA:UNITS RAW", "ACQ:RST")
+    answers = [terminal.ask(f"ACQ:{query}?") for query in ("DEC:F", "TRIG:DLY", "DATA:UNITS")]
+    assert answers == ["1", "0", "VOLTS"]
+
+
+@pytest.mark.parametrize(("edge", "sign"), [("PE", 1), ("NE", -1)])
+@pytest.mark.parametrize(("channel", "sensitivity"), [(1, 1e-3), (2, 2e-3)])
+def test_the_trigger_is_the_first_point_beyond_its_level(
+    digitizer, terminal: Terminal, edge: str, sign: int, channel: int, sensitivity: float
+) -> None:
+    terminal.say("ACQ:DEC:FACTOR 125", "ACQ:DATA:UNITS RAW", f"ACQ:TRIG:LEV {sign * 0.1} V")
+    # 100 points after the trigger.
+    terminal.say("ACQ:TRIG:DLY -8092", "ACQ:START", f"ACQ:TRIG CH{channel}_{edge}")
+    assert terminal.ask("ACQ:TRIG:STAT?") == "WAIT"
+    assert digitizer.feed(make_ramp(sign)) is not None
+    terminal.wait_for("ACQ:TRIG:FILL?", "1")
+    assert terminal.ask("ACQ:TRIG:STAT?") == "TD"
+    place = int(terminal.ask("ACQ:TPOS?"))
+    assert (int(terminal.ask("ACQ:WPOS?")) - place) % 16384 == 100
+    before = (place - 1) % 16384
+    answer = terminal.ask(f"ACQ:SOUR{channel}:DATA:START:N? {before},3")
+    values = [int(word) for word in answer.strip("{}").split(",")]
+    first = round(0.1 / sensitivity)
+    counts = [sign * sensitivity * value * 8192 for value in range(first - 1, first + 2)]
+    assert values == pytest.approx(counts, abs=0.5)
+
+
+def test_counts_are_two_bytes_the_higher_one_first(digitizer, terminal: Terminal) -> None:
+    terminal.say("ACQ:DEC:FACTOR 125", "ACQ:DATA:UNITS RAW", "ACQ:DATA:FORMAT BIN")
+    terminal.say("ACQ:TRIG:LEV 0.1", "ACQ:TRIG:DLY -8092", "ACQ:START", "ACQ:TRIG CH1_PE")
+    assert terminal.ask("*OPC?") == "1"
+    digitizer.feed(make_ramp())
+    terminal.wait_for("ACQ:TRIG:FILL?", "1")
+    answer = terminal.ask_bytes("ACQ:SOUR1:DATA:LATEST:N? 2", 9)
+    # The 99th and 100th points from 0.1 V on, 1 mV apart.
+    assert answer == b"#14" + (1622).to_bytes(2) + (1630).to_bytes(2) + b"\r\n"
+
+
+@pytest.mark.parametrize("commands", [(), ("ACQ:START",), ("ACQ:START", "ACQ:TRIG CH1_NE")])
+def test_what_it_does_not_wait_for_does_not_trigger(digitizer, terminal, commands) -> None:
+    terminal.say("ACQ:DEC:FACTOR 125", "ACQ:TRIG:LEV 0.1", *commands)
+    terminal.ask("*OPC?")
+    assert digitizer.feed(make_ramp()) is None
+
+
+def test_a_signal_that_never_was_below_the_level_does_not_trigger(digitizer, terminal) -> None:
+    terminal.say("ACQ:DEC:FACTOR 125", "ACQ:TRIG:LEV -0.098", "ACQ:START", "ACQ:TRIG CH1_PE")
+    terminal.ask("*OPC?")
+    assert digitizer.feed(make_ramp()) is None
+
+
+def test_a_hit_whose_trigger_is_missed_is_not_seen(digitizer, terminal) -> None:
+    terminal.say("ACQ:DEC:FACTOR 125", "ACQ:TRIG:LEV 0.1", "ACQ:START", "ACQ:TRIG CH1_PE")
+    terminal.ask("*OPC?")
+    assert digitizer.feed(replace(make_ramp(), faults=(Fault.MISSED_TRIGGER,))) is None
+    assert terminal.ask("ACQ:TRIG:STAT?") == "WAIT"
+    assert digitizer.feed(make_ramp()) is not None
+    assert digitizer.feed(make_ramp()) is None, "it is triggered already"
+
+
+def test_it_vanishes_and_comes_back_where_it_was(digitizer, terminal) -> None:
+    assert terminal.ask("*OPC?") == "1"
+    terminal.say("ACQ:DEC:FACTOR 64")
+    assert terminal.ask("ACQ:DEC:F?") == "64"
+    address = digitizer.address
+    digitizer.unplug()
+    with pytest.raises(ConnectionError):
+        Terminal(address)
+    digitizer.plug()
+    assert digitizer.address == address
+    again = Terminal(address)
+    assert again.ask("ACQ:DEC:F?") == "1"
+    again.close()
+
+
+def test_it_misbehaves_where_it_is_told(digitizer, terminal) -> None:
+    digitizer.misbehave(ScpiFault.SILENT, "FILL")
+    terminal.say("ACQ:TRIG:FILL?")
+    assert terminal.ask("*OPC?") == "1"
+    digitizer.misbehave(ScpiFault.CUT)
+    assert terminal.ask("*IDN?") == "REDPITAYA,INST"
+    assert terminal.ask_bytes("*IDN?", 1) == b""
+
+
+def test_a_hit_between_two_points_is_hardly_seen(digitizer, terminal) -> None:
+    terminal.say("ACQ:DEC:FACTOR 65536", "ACQ:TRIG:LEV 0.1", "ACQ:START", "ACQ:TRIG CH1_PE")
+    terminal.ask("*OPC?")
+    assert digitizer.feed(make_ramp()) is None
+    assert terminal.ask("ACQ:SOUR1:DATA:START:N? 0,2").startswith("{")
