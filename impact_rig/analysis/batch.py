@@ -77,11 +77,11 @@ def analyze_batch(
 
 
 def _choose_workers(paths: Sequence[Path]) -> int:
-    size = sum(_find_size(path) for path in paths)
+    size = sum(_read_size(path) for path in paths)
     return len(os.sched_getaffinity(0)) if size >= WORTH_WORKERS else 1
 
 
-def _find_size(path: Path) -> int:
+def _read_size(path: Path) -> int:
     """Return the size of a recording [byte]; 0 for what cannot be read."""
     try:
         return sum(file.stat().st_size for file in list_files(path))

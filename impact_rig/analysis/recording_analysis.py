@@ -309,7 +309,7 @@ def _trace_campaign(
             report("estimating", done, len(session.names))
 
     found = session.estimate_all(tell) if with_models else session.estimate_all_without_models()
-    means = [(estimate, session.find_mean(estimate.name)) for estimate in found.samples]
+    means = [(estimate, session.compute_mean(estimate.name)) for estimate in found.samples]
     traces = [
         sample_traces_from_estimate(estimate, mean) for estimate, mean in means if mean is not None
     ]

@@ -315,16 +315,16 @@ def read_series(
         try:
             hit = read_hit(path, label, series.plan, mass, needs_scale=needs_scale)
             series = _check_cutoff(hit, series)
-            _check_pulse(hit, _find_setup(series, [hit]))
+            _check_pulse(hit, _make_series_setup(series, [hit]))
             check_series(hits, hit)
         except RigError as error:
             errors[path] = str(error)
         else:
             hits.append(hit)
-    return hits, _find_setup(series, hits), errors
+    return hits, _make_series_setup(series, hits), errors
 
 
-def _find_setup(series: TraceSeries, hits: Sequence[ImportedHit]) -> RigSetup:
+def _make_series_setup(series: TraceSeries, hits: Sequence[ImportedHit]) -> RigSetup:
     """Return the set-up of a series, each file a record if nothing else is given."""
     if series.has_window or not hits:
         return series.setup
@@ -402,7 +402,7 @@ def _finish(
     *,
     has_scale: bool,
 ) -> AnalyzedTraces:
-    selection = session.find_selection(sample)
+    selection = session.get_selection(sample)
     final = {hit.label: hit for hit in selection.kept + selection.left_out}
     # A file's number is the record of its hit. The last word on a hit comes without its traces.
     hits = tuple(
@@ -467,7 +467,7 @@ def _name_options(
         texts[note] = f"{note}; {MASS_OPTIONS}"
     names = {
         f"hit {describe_label(hit.label)} ": f"{paths[hit.label.record - 1].name} "
-        for hit in session.find_selection(sample).kept
+        for hit in session.get_selection(sample).kept
     }
     samples = []
     for item in results.samples:

@@ -29,7 +29,7 @@ from impact_rig.core.calibration.sensitivity import (
 from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import describe_label
-from impact_rig.core.setup.calibration import find_scale
+from impact_rig.core.setup.calibration import compute_scale
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import CHANNELS, Sensor
 from impact_rig.core.signals.detection import ImpactDetector
@@ -153,7 +153,7 @@ def find_tested_sensor(series: HitSeries, sheet: Sensor) -> tuple[Sensor, str]:
             f" {sheet.quantity}: give the rig file that they were measured with"
         )
     # Of a force, the mass that it acts on cancels out.
-    scale = find_scale(sheet.unit, 1.0) / find_scale(used.unit, 1.0)
+    scale = compute_scale(sheet.unit, 1.0) / compute_scale(used.unit, 1.0)
     sensor = replace(sheet, sensitivity=used.sensitivity * scale)
     if math.isclose(sensor.sensitivity, sheet.sensitivity, rel_tol=1e-9):
         return sheet, ""
@@ -402,7 +402,7 @@ def _strike(
 
 
 def _fit(hits: Sequence[JudgedHit], method: CalibrationMethod, series: HitSeries) -> list[HitFit]:
-    factor = method.find_factor(series.setup)
+    factor = method.compute_factor(series.setup)
     return [fit_hit(hit, method.channel, factor) for hit in hits]
 
 

@@ -13,8 +13,8 @@ from impact_rig.results.results_file import read_results
 from impact_rig.results.sample_traces import SampleTraces
 from impact_rig.results.traced_campaign import TracedCampaign
 from impact_rig.simulators.check import check_engine, find_obstacle
-from impact_rig.simulators.contact import find_contacts
-from impact_rig.simulators.parameters import ENGINES, Parameters, find_parameters
+from impact_rig.simulators.contact import make_contacts
+from impact_rig.simulators.parameters import ENGINES, Parameters, compute_parameters
 from impact_rig.simulators.tables import tabulate_checks
 from impact_rig.simulators.texts import SUFFIXES, choose_suffix, format_text
 
@@ -107,8 +107,8 @@ def export_to_simulators(paths: Sequence[Path], task: SimulatorTask) -> None:
     campaigns = [campaign for path in paths for campaign in _read_campaigns(path)]
     results = [campaign.results for campaign in campaigns]
     sample = _choose_sample(task, [item.name for found in results for item in found.samples])
-    measured = find_contacts(results, sample, task.hammer_mass)
-    found = [find_parameters(ENGINES[name], measured, task.speed) for name in task.names]
+    measured = make_contacts(results, sample, task.hammer_mass)
+    found = [compute_parameters(ENGINES[name], measured, task.speed) for name in task.names]
     for parameters in found:
         file = task.files[parameters.engine.name]
         with write_new_file(file) as part:

@@ -12,8 +12,8 @@ from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, rea
 from impact_rig.configuration.units import parse_reading, parse_sensitivity
 from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.core.quantity import list_stored
-from impact_rig.core.setup.calibration import find_scale, normalize_unit
-from impact_rig.core.setup.calibration_age import find_calibration_warnings
+from impact_rig.core.setup.calibration import compute_scale, normalize_unit
+from impact_rig.core.setup.calibration_age import list_calibration_warnings
 from impact_rig.core.setup.samples import (
     DEFAULT_CLOCK_UNCERTAINTY,
     RigSetup,
@@ -126,7 +126,7 @@ def _take_full_scale(table: TomlTable, quantity: str, unit: str) -> float:
     if not value > 0.0:
         raise table.refuse("full_scale", "above zero")
     # Of a force, the mass that it acts on cancels out.
-    return value * find_scale(stated, 1.0) / find_scale(unit, 1.0)
+    return value * compute_scale(stated, 1.0) / compute_scale(unit, 1.0)
 
 
 def _check_unit(table: TomlTable, key: str, unit: str, quantity: str) -> str:
@@ -138,7 +138,7 @@ def _check_unit(table: TomlTable, key: str, unit: str, quantity: str) -> str:
 
 def list_rig_warnings(setup: RigSetup) -> tuple[str, ...]:
     """Return which calibrations are too old on this day."""
-    return find_calibration_warnings(setup, read_today())
+    return list_calibration_warnings(setup, read_today())
 
 
 def read_today() -> str:

@@ -146,7 +146,7 @@ class Session:
             return HammerEstimate(Quantity(self.setup.hammer_stiffness), control_sample=control)
         if not control:
             return HammerEstimate(notes=("k1: the sample set has no control sample",))
-        mean, note = self.find_mean(control), ""
+        mean, note = self.compute_mean(control), ""
         if mean is None:
             note = f"k1: the control sample {control!r} has no accepted hit yet"
         elif unknown := self.setup.find_unknown_masses(control):
@@ -167,7 +167,7 @@ class Session:
         return self._numbers[name]
 
     def _estimate_numbers(self, name: str) -> SampleEstimate:
-        series, mean = self._series[name], self.find_mean(name)
+        series, mean = self._series[name], self.compute_mean(name)
         if mean is None:
             note = f"{name}: not determined, none of {len(series)} hits was accepted"
             return SampleEstimate(name, 0, len(series), notes=(note,))
@@ -191,7 +191,7 @@ class Session:
 
     def estimate_sample(self, name: str) -> SampleEstimate:
         """Return the same with what stands beside it, but for the fitted model."""
-        estimate, mean = self.estimate_numbers(name), self.find_mean(name)
+        estimate, mean = self.estimate_numbers(name), self.compute_mean(name)
         if mean is None or self.setup.find_unknown_masses(name):
             return estimate
         traces = self._estimate_traces(name, mean)
@@ -255,12 +255,12 @@ class Session:
         )
 
     def _estimate_with_models(self, name: str) -> SampleEstimate:
-        estimate, mean = self.estimate_sample(name), self.find_mean(name)
+        estimate, mean = self.estimate_sample(name), self.compute_mean(name)
         if mean is None or self.setup.find_unknown_masses(name):
             return estimate
         return add_models(estimate, mean, self.estimate_hammer(), self.setup)
 
-    def find_mean(self, name: str) -> MeanHit | None:
+    def compute_mean(self, name: str) -> MeanHit | None:
         """Return the mean hit of one sample so far; None: no hit was accepted.
 
         Raises
@@ -268,9 +268,9 @@ class Session:
         SignalError
             If the hits do not belong together.
         """
-        return self._series[name].find_mean() if name in self._series else None
+        return self._series[name].compute_mean() if name in self._series else None
 
-    def find_selection(self, name: str) -> Selection:
+    def get_selection(self, name: str) -> Selection:
         """Return which hits of one sample are averaged so far, and which are left out."""
         return self._series[name].select() if name in self._series else Selection((), ())
 

@@ -53,11 +53,11 @@ class SourceChannel:
     moving_mass: float = math.nan
     options: TomlTable = field(default_factory=lambda: TomlTable({}))
 
-    def find_scale(self) -> float:
-        """Return the acceleration of one volt [m/s^2 per V]; errors as `Sensor.find_scale`."""
-        return self.sensor.find_scale(self.moving_mass)
+    def compute_scale(self) -> float:
+        """Return the acceleration of one volt [m/s^2 per V]; errors as `Sensor.compute_scale`."""
+        return self.sensor.compute_scale(self.moving_mass)
 
-    def find_full_scale(self, input_range: float) -> float:
+    def compute_full_scale(self, input_range: float) -> float:
         """Return the largest acceleration that sensor and input can show [m/s^2].
 
         Parameters
@@ -65,8 +65,8 @@ class SourceChannel:
         input_range : float
             Largest voltage of the device's input, either sign [V].
         """
-        electrical = abs(self.find_scale()) * input_range
-        mechanical = self.sensor.find_full_scale(self.moving_mass)
+        electrical = abs(self.compute_scale()) * input_range
+        mechanical = self.sensor.compute_full_scale(self.moving_mass)
         return min(electrical, mechanical) if mechanical else electrical
 
 

@@ -94,9 +94,9 @@ def compute_count_scale(channel: SourceChannel, known: NameCalibration | None) -
             low=1e-6,
             high=1e6,
         )
-        scale = channel.find_scale() * voltage / FULL_COUNT
-        return CountScale(scale, channel.find_full_scale(voltage), -RAIL_COUNT, RAIL_COUNT)
-    full_scale = sensor.find_full_scale(channel.moving_mass)
+        scale = channel.compute_scale() * voltage / FULL_COUNT
+        return CountScale(scale, channel.compute_full_scale(voltage), -RAIL_COUNT, RAIL_COUNT)
+    full_scale = sensor.compute_full_scale(channel.moving_mass)
     if not full_scale and known is not None and known.unit == "m/s^2":
         full_scale = known.full_scale
     if not full_scale:

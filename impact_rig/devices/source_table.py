@@ -7,7 +7,7 @@ from impact_rig.configuration.rig_file import SENSOR_KEYS
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
 from impact_rig.configuration.units import parse_reading
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup.calibration import find_scale
+from impact_rig.core.setup.calibration import compute_scale
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.devices.drivers import SOURCES, VIRTUAL, make_device
@@ -153,13 +153,13 @@ def _get_moving_mass(sensor: Sensor, setup: RigSetup) -> float:
 def _take_level(table: TomlTable, hammer: SourceChannel, setup: RigSetup) -> float:
     """Return the acceleration that triggers [m/s^2]."""
     if "trigger_level" not in table:
-        full_scale = hammer.sensor.find_full_scale(hammer.moving_mass)
+        full_scale = hammer.sensor.compute_full_scale(hammer.moving_mass)
         if full_scale:
             return setup.analysis.detection_level * full_scale
     else:
         try:
             value, unit = parse_reading("trigger_level of [source]", table["trigger_level"])
-            level = value * find_scale(unit, hammer.moving_mass)
+            level = value * compute_scale(unit, hammer.moving_mass)
         except ParameterError as error:
             raise table.make_error("trigger_level", str(error)) from None
         if not 0.0 < level < math.inf:

@@ -225,7 +225,7 @@ class StreamCapture:
                 f"{self.name} is silent: it has delivered nothing for {silent:.1f} s"
             )
 
-    def find_stamp(self, place: int) -> int:
+    def compute_stamp(self, place: int) -> int:
         """Return when a point was taken [ns since the epoch]; `changed` is held."""
         known, stamp = self._anchor
         return stamp + round((place - known) / self.sampling_rate * 1e9)
@@ -425,5 +425,5 @@ def _make_block(streaming: Streaming, run: Run, origin: int, *, last: bool = Fal
         hammer=blocks[0],
         specimen=blocks[1] if len(blocks) > 1 else NOT_MEASURED,
         last=last,
-        stamp=streaming.capture.find_stamp(run.place),
+        stamp=streaming.capture.compute_stamp(run.place),
     )

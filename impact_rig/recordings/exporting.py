@@ -100,7 +100,7 @@ class ExportedCampaign:
         final = {
             _identify(hit): hit
             for name in self.session.names
-            for selection in [self.session.find_selection(name)]
+            for selection in [self.session.get_selection(name)]
             for hit in (*selection.kept, *selection.left_out)
         }
         seen: Counter[HitLabel] = Counter()
@@ -121,7 +121,7 @@ class ExportedCampaign:
 
         Time 0 is the middle of the hammer pulse.
         """
-        mean: MeanHit | None = self.session.find_mean(name)
+        mean: MeanHit | None = self.session.compute_mean(name)
         if mean is None:
             return ()
         rate = mean.sampling_rate

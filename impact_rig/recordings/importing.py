@@ -17,7 +17,13 @@ import numpy as np
 
 from impact_rig import __version__
 from impact_rig.core.errors import FileError, ParameterError, SignalError
-from impact_rig.core.setup.calibration import FORCES, UNITS, VOLTAGES, find_scale, normalize_unit
+from impact_rig.core.setup.calibration import (
+    FORCES,
+    UNITS,
+    VOLTAGES,
+    compute_scale,
+    normalize_unit,
+)
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import ROLES, ChannelPlan, ChannelUse
 from impact_rig.core.setup.settings import AnalysisSettings
@@ -288,9 +294,9 @@ def _calibrate(
             f"{path}: the sample's channel {channel.name!r} is a force: it must be an acceleration"
         )
     try:
-        scale = find_scale(unit, mass, use.sensitivity)
+        scale = compute_scale(unit, mass, use.sensitivity)
         full_scale = use.full_scale and use.full_scale * abs(
-            find_scale(use.full_scale_unit, mass, use.sensitivity)
+            compute_scale(use.full_scale_unit, mass, use.sensitivity)
         )
     except ParameterError as error:
         raise ParameterError(f"{path}: {BODIES[role]}: {error}") from None

@@ -76,7 +76,7 @@ class Results:
         """Hits that are in no mean, by record."""
         return tuple(hit for hit in self.hits if not hit.accepted)
 
-    def find_accepted(self, sample: str) -> tuple[HitResults, ...]:
+    def select_accepted(self, sample: str) -> tuple[HitResults, ...]:
         """Return the hits in the mean of one sample, by record."""
         return tuple(hit for hit in self.hits if hit.accepted and hit.sample == sample)
 

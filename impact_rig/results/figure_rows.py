@@ -67,7 +67,7 @@ def make_figure_rows(results: Results) -> tuple[FigureRow, ...]:
         If the results name a sample that is not in their set-up.
     """
     samples = results.setup.samples
-    sizes = _find_sizes(samples)
+    sizes = _compute_sizes(samples)
     return tuple(_make_row(results, samples, sizes, sample) for sample in results.samples)
 
 
@@ -77,7 +77,7 @@ def sort_as_figure_5(names: tuple[str, ...]) -> tuple[str, ...]:
     return (*first, *(name for name in names if name not in first))
 
 
-def _find_sizes(samples: SampleSet) -> dict[str, int]:
+def _compute_sizes(samples: SampleSet) -> dict[str, int]:
     by_material = defaultdict(list)
     for sample in samples.samples:
         by_material[sample.material].append(sample)
@@ -91,13 +91,13 @@ def _find_sizes(samples: SampleSet) -> dict[str, int]:
 def _make_row(
     results: Results, samples: SampleSet, sizes: dict[str, int], sample: SampleEstimate
 ) -> FigureRow:
-    hits = results.find_accepted(sample.name)
+    hits = results.select_accepted(sample.name)
     reference = find_reference(samples, sample.name)
     return FigureRow(
         name=sample.name,
         material=samples.find(sample.name).material or sample.name,
         size=sizes[sample.name],
-        relative_mass=_find_relative_mass(results, samples, sample.name),
+        relative_mass=_compute_relative_mass(results, samples, sample.name),
         contact_times=tuple(hit.contact_time for hit in hits if math.isfinite(hit.contact_time)),
         contact_time=sample.contact_time.value,
         contact_time_expanded=sample.contact_time.expanded,
@@ -109,8 +109,8 @@ def _make_row(
     )
 
 
-def _find_relative_mass(results: Results, samples: SampleSet, name: str) -> float:
-    masses = results.setup.hammer_mass, samples.find_moving_mass(name)
+def _compute_relative_mass(results: Results, samples: SampleSet, name: str) -> float:
+    masses = results.setup.hammer_mass, samples.get_moving_mass(name)
     if any(math.isnan(mass) for mass in masses):
         return math.nan
     return estimate_equivalent_mass(*masses)

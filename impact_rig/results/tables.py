@@ -303,7 +303,7 @@ def find_largest_differences(results: Results) -> dict[str, tuple[float, str]]:
     largest = {}
     for quantity in SAMPLE_MEASURANDS:
         differences = [
-            (abs(_find_difference(row, quantity)), row.name)
+            (abs(_compute_difference(row, quantity)), row.name)
             for row in _make_rows(results, with_hammer=False)
         ]
         known = [item for item in differences if math.isfinite(item[0])]
@@ -379,7 +379,7 @@ def _has_values(rows: Sequence[_Row], quantity: Measurand) -> bool:
     return any(quantity.read(row.body).is_known for row in rows)
 
 
-def _find_difference(row: _Row, quantity: Measurand) -> float:
+def _compute_difference(row: _Row, quantity: Measurand) -> float:
     expected = _EXPECTED[quantity.name](row.reference)
     return compute_difference(quantity.read(row.body).value, expected)
 
@@ -558,7 +558,7 @@ def _format_exponent(
     setup = results.setup
     timed = [sample for sample in samples if read(sample).is_known]
     masses = [
-        estimate_equivalent_mass(setup.hammer_mass, setup.samples.find_moving_mass(sample.name))
+        estimate_equivalent_mass(setup.hammer_mass, setup.samples.get_moving_mass(sample.name))
         for sample in timed
     ]
     materials = [setup.samples.find(sample.name).material for sample in timed]

@@ -44,7 +44,7 @@ class WireField(NamedTuple):
     default: Any
     description: Description
 
-    def find_key(self, kind: str = "") -> str:
+    def make_key(self, kind: str = "") -> str:
         """Return its name in JSON; `kind` is "u" or "expanded" for an uncertainty."""
         said = self.description
         unit = (
@@ -78,13 +78,13 @@ def to_json(record: Any) -> Json:
         value = getattr(record, field.name)
         if field.hint is Quantity:
             for kind, name in NUMBERS.items():
-                content[field.find_key(kind)] = _value_to_json(float, getattr(value, name))
+                content[field.make_key(kind)] = _value_to_json(float, getattr(value, name))
             lines += [{"quantity": field.name, **to_json(line)} for line in value.budget]
             content[BUDGET] = lines
         elif field.description.is_inline:
             content |= to_json(value)
         else:
-            content[field.find_key()] = _value_to_json(field.hint, value)
+            content[field.make_key()] = _value_to_json(field.hint, value)
     return content
 
 
@@ -136,10 +136,10 @@ def from_json(kind: type[Record], content: Any, version: int, place: str = "") -
 def _read_quantity(
     field: WireField, content: Mapping[str, Any], version: int, place: str
 ) -> Quantity:
-    if version < field.description.since and field.find_key() not in content:
+    if version < field.description.since and field.make_key() not in content:
         return UNKNOWN
     value, standard, expanded = (
-        _read_number(content, field.find_key(kind), place) for kind in NUMBERS
+        _read_number(content, field.make_key(kind), place) for kind in NUMBERS
     )
     lines = content.get(BUDGET, [])
     if not isinstance(lines, list):
@@ -160,7 +160,7 @@ def _read_number(content: Mapping[str, Any], key: str, place: str) -> float:
 
 
 def _read_value(field: WireField, content: Mapping[str, Any], version: int, place: str) -> Any:
-    key = field.find_key()
+    key = field.make_key()
     if key in content:
         return _value_from_json(field.hint, content[key], version, _join(place, key))
     if version < field.description.since:

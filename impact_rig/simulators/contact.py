@@ -142,7 +142,7 @@ class MeasuredContacts:
         return f"{1e3 * lowest:.2f} to {1e3 * highest:.2f} mm/s"
 
 
-def find_contacts(
+def make_contacts(
     campaigns: Sequence[Results], sample: str, hammer_mass: float | None = None
 ) -> MeasuredContacts:
     """Return the contacts of one sample in campaigns, which may have struck at several speeds.
@@ -172,7 +172,7 @@ def find_contacts(
             if reason := _find_obstacle(law):
                 reasons.append(reason)
                 continue
-            moving = results.setup.samples.find_moving_mass(sample)
+            moving = results.setup.samples.get_moving_mass(sample)
             contacts.append(_make_contact(sample, law, striker, moving))
     if contacts:
         return MeasuredContacts(tuple(sorted(contacts, key=lambda contact: contact.speed)))

@@ -231,7 +231,7 @@ class Engine:
     module: str = ""
 
 
-def find_parameters(
+def compute_parameters(
     engine: Engine, measured: MeasuredContacts, speed: float | None = None
 ) -> Parameters:
     """Find an engine's parameters of a contact.
@@ -293,13 +293,13 @@ def _make_spring(equation: str) -> Callable[[Contact], Law]:
     return lambda _: law
 
 
-def _find_spring(contact: Contact, coefficient: float, scale: float) -> tuple[float, float]:
+def _compute_spring(contact: Contact, coefficient: float, scale: float) -> tuple[float, float]:
     """Return K [N/m] and C [N s/m] of F = K delta + C delta'."""
     mass = contact.equivalent_mass
     return mass / scale**2, coefficient * mass / scale
 
 
-def _find_turn(exponent: float) -> float:
+def _solve_turn(exponent: float) -> float:
     """Return the depth at which bodies turn that lose nothing [v T]."""
     return float(((exponent + 1.0) / 2.0) ** (1.0 / (exponent + 1.0)))
 
@@ -329,7 +329,7 @@ def _fit_impedance(exponent: float) -> tuple[float, float]:
 
 def _choose_mujoco_law(contact: Contact) -> Law:
     start, power = _fit_impedance(contact.exponent)
-    width = BENT_OVER_TURN * _find_turn(contact.exponent)
+    width = BENT_OVER_TURN * _solve_turn(contact.exponent)
 
     def compute_impedance(compression: float) -> float:
         part = min(compression / width, 1.0)
@@ -351,14 +351,16 @@ def _convert_to_mujoco(contact: Contact, coefficient: float, scale: float) -> di
     damper for each kilogram, which never pull, both bent by d. "Solver parameters",
     https://mujoco.readthedocs.io/en/stable/modeling.html#solver-parameters.
     """
-    stiffness, damping = _find_spring(contact, coefficient, scale)
+    stiffness, damping = _compute_spring(contact, coefficient, scale)
     mass = contact.equivalent_mass
     start, power = _fit_impedance(contact.exponent)
     return {
         "stiffness": Value(stiffness / mass, "1/s^2"),
         "damping": Value(damping / mass, "1/s"),
         "d0": Value(start * IMPEDANCE, ""),
-        "width": Value(BENT_OVER_TURN * _find_turn(contact.exponent) * contact.speed * scale, "m"),
+        "width": Value(
+            BENT_OVER_TURN * _solve_turn(contact.exponent) * contact.speed * scale, "m"
+        ),
         "power": Value(power, ""),
     }
 
@@ -368,7 +370,7 @@ def _convert_to_drake(contact: Contact, coefficient: float, scale: float) -> dic
 
     "Compliant point contact", https://drake.mit.edu/doxygen_cxx/group__compliant__contact.html.
     """
-    stiffness, _ = _find_spring(contact, coefficient, scale)
+    stiffness, _ = _compute_spring(contact, coefficient, scale)
     return {
         "point_contact_stiffness": Value(2.0 * stiffness, "N/m"),
         "hunt_crossley_dissipation": Value(coefficient / contact.speed, "s/m"),
@@ -381,7 +383,7 @@ def _convert_to_sdf(contact: Contact, coefficient: float, scale: float) -> dict[
     http://sdformat.org/spec?elem=surface; joined so by Gazebo Classic's ODEPhysics::Collide, which
     makes ERP = h kp / (h kp + kd) and CFM = 1 / (h kp + kd) of them at the step h.
     """
-    stiffness, damping = _find_spring(contact, coefficient, scale)
+    stiffness, damping = _compute_spring(contact, coefficient, scale)
     return {"kp": Value(2.0 * stiffness, "N/m"), "kd": Value(damping / 2.0, "N s/m")}
 
 
@@ -392,7 +394,7 @@ def _convert_to_pybullet(contact: Contact, coefficient: float, scale: float) -> 
     in `_convert_to_sdf` by btSequentialImpulseConstraintSolver. "PyBullet Quickstart Guide",
     changeDynamics.
     """
-    stiffness, damping = _find_spring(contact, coefficient, scale)
+    stiffness, damping = _compute_spring(contact, coefficient, scale)
     return {
         "contactStiffness": Value(2.0 * stiffness, "N/m"),
         "contactDamping": Value(damping / 2.0, "N s/m"),
@@ -417,7 +419,7 @@ def _convert_to_chrono(contact: Contact, coefficient: float, scale: float) -> di
     """
     mass = contact.equivalent_mass
     if contact.exponent < BETWEEN_EXPONENTS:
-        stiffness, damping = _find_spring(contact, coefficient, scale)
+        stiffness, damping = _compute_spring(contact, coefficient, scale)
         return {"kn": Value(stiffness, "N/m"), "gn": Value(damping / mass, "1/s")}
     reach = contact.speed * scale
     return {
@@ -428,7 +430,7 @@ def _convert_to_chrono(contact: Contact, coefficient: float, scale: float) -> di
 
 def _choose_adams_law(contact: Contact) -> Law:
     """Return max(0, k delta^e + STEP(delta, 0, 0, d, cmax) delta')."""
-    depth = _find_turn(contact.exponent)
+    depth = _solve_turn(contact.exponent)
 
     def compute_step(compression: float) -> float:
         part = min(compression / depth, 1.0)
@@ -453,7 +455,7 @@ def _convert_to_adams(contact: Contact, coefficient: float, scale: float) -> dic
         "k": Value(mass / (scale**2 * reach ** (n - 1.0)) / millimetres**n, "N/mm^e"),
         "e": Value(n, ""),
         "cmax": Value(coefficient * mass / scale / millimetres, "N s/mm"),
-        "d": Value(_find_turn(n) * reach * millimetres, "mm"),
+        "d": Value(_solve_turn(n) * reach * millimetres, "mm"),
     }
 
 

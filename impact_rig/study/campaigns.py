@@ -48,7 +48,7 @@ from impact_rig.devices.virtual.rig import (
     DigitizerSettings,
     VirtualRig,
     VirtualRigSettings,
-    find_scale,
+    compute_scale,
     make_nominal_physics,
 )
 from impact_rig.study.cases import CONTACT_LAW, FREE_DECAY, IDENTIFICATION, PAPER, Case
@@ -61,7 +61,7 @@ NO_BOUND: Mapping[str, float] = MappingProxyType({})
 
 
 @lru_cache(maxsize=256)
-def find_bounds(
+def compute_bounds(
     case: Case, rig: VirtualRigSettings, setup: RigSetup, sample: str
 ) -> Mapping[str, float]:
     """Return the bounds of a campaign's results, relative to the truth [-], by quantity.
@@ -84,11 +84,11 @@ def find_bounds(
     """
     digitizer = rig.digitizer
     if rig.plant is Plant.CONTACT and digitizer.noise:
-        return _find_law_bounds(case, rig, setup, sample)
+        return _compute_law_bounds(case, rig, setup, sample)
     if rig.plant is not Plant.DYNAMICS or rig.pulse_shape is not VERSED_SINE:
         return NO_BOUND
     noise = [
-        _find_noise(digitizer, full_scale)
+        _compute_noise(digitizer, full_scale)
         for full_scale in (digitizer.hammer_full_scale, digitizer.specimen_full_scale)
     ]
     model = make_nominal_model(setup, sample, rig.hammer_damping)
@@ -113,7 +113,7 @@ def find_bounds(
         place = bound.names.index(first), bound.names.index(second)
         return float(bound.covariance[place]) / (true[first] * true[second])
 
-    mass, clock = _find_stated_variances(setup, sample)
+    mass, clock = _compute_stated_variances(setup, sample)
     variances = {
         "contact_time": (covary("tau_p", "tau_p") + rig.contact_time_scatter**2) / case.hits
         + clock,
@@ -127,13 +127,13 @@ def find_bounds(
     return MappingProxyType({name: math.sqrt(value) for name, value in variances.items()})
 
 
-def _find_noise(digitizer: DigitizerSettings, full_scale: float) -> float:
+def _compute_noise(digitizer: DigitizerSettings, full_scale: float) -> float:
     """Return the noise of sensor and steps [m/s^2]."""
-    step = find_scale(full_scale, digitizer.bits)
+    step = compute_scale(full_scale, digitizer.bits)
     return math.hypot(digitizer.noise * full_scale, step / math.sqrt(UNIFORM_VARIANCE))
 
 
-def _find_law_bounds(
+def _compute_law_bounds(
     case: Case, rig: VirtualRigSettings, setup: RigSetup, sample: str
 ) -> Mapping[str, float]:
     """Return the bounds of the contact law from the hammer's trace."""
@@ -147,9 +147,9 @@ def _find_law_bounds(
         contact.damping * contact.impact_speed,
         contact.time_unit,
         np.arange(digitizer.count) / digitizer.sampling_rate - digitizer.pre_trigger,
-        _find_noise(digitizer, digitizer.hammer_full_scale) / unit,
+        _compute_noise(digitizer, digitizer.hammer_full_scale) / unit,
     )
-    _, clock = _find_stated_variances(setup, sample)
+    _, clock = _compute_stated_variances(setup, sample)
     # Each hit has its own speed, and with it its own duration and restitution.
     faster = contact.scatter(1.0, 1.0 + SPEED_STEP)
     by_speed = [
@@ -169,13 +169,13 @@ def _find_law_bounds(
     return MappingProxyType({name: math.sqrt(value) for name, value in variances.items()})
 
 
-def _find_stated_variances(setup: RigSetup, sample: str) -> tuple[float, float]:
+def _compute_stated_variances(setup: RigSetup, sample: str) -> tuple[float, float]:
     """Return the relative variances of the moving mass and of the clock [-]."""
     samples = setup.samples
     mass = math.hypot(
         samples.find(sample).mass_uncertainty, samples.accelerometer_mass_uncertainty
     )
-    return (mass / samples.find_moving_mass(sample)) ** 2, setup.clock_uncertainty**2
+    return (mass / samples.get_moving_mass(sample)) ** 2, setup.clock_uncertainty**2
 
 
 MOST_ATTEMPTS = 5
@@ -199,7 +199,7 @@ class Truth:
     setup: RigSetup
     clock_error: float = 0.0
 
-    def find_parameters(
+    def compute_parameters(
         self, sample: str, rig: VirtualRigSettings | None = None
     ) -> dict[str, float]:
         """Return the true parameters of one sample, SI units.
@@ -227,19 +227,19 @@ class Truth:
             "damping_ratio": estimate_damping_ratio_from_coefficient(
                 chosen.reference_damping_coefficient,
                 chosen.reference_stiffness,
-                self.setup.samples.find_moving_mass(sample),
+                self.setup.samples.get_moving_mass(sample),
             ),
             "paper_stiffness": estimate_sample_stiffness(
-                self._find_equivalent_stiffness(sample),
+                self._compute_equivalent_stiffness(sample),
                 estimate_hammer_stiffness(
-                    self._find_equivalent_stiffness(self.setup.samples.control_sample)
+                    self._compute_equivalent_stiffness(self.setup.samples.control_sample)
                 ),
             ),
         }
 
-    def _find_equivalent_stiffness(self, sample: str) -> float:
+    def _compute_equivalent_stiffness(self, sample: str) -> float:
         mass = estimate_equivalent_mass(
-            self.setup.hammer_mass, self.setup.samples.find_moving_mass(sample)
+            self.setup.hammer_mass, self.setup.samples.get_moving_mass(sample)
         )
         return estimate_equivalent_stiffness(
             mass, self.setup.samples.find(sample).reference_contact_time
@@ -282,7 +282,7 @@ def set_damping_ratio(setup: RigSetup, damping_ratio: float) -> RigSetup:
             reference_damping_coefficient=estimate_damping_coefficient(
                 damping_ratio,
                 sample.reference_stiffness,
-                setup.samples.find_moving_mass(sample.name),
+                setup.samples.get_moving_mass(sample.name),
             ),
         )
 
@@ -489,9 +489,9 @@ Estimator = Callable[[_Evidence], dict[str, Quantity]]
 def evaluate(campaign: Campaign) -> tuple[Outcome, ...]:
     """Return every estimate of a campaign beside its truth."""
     case, sample, setup = campaign.case, campaign.sample, campaign.session.setup
-    truth = campaign.truth.find_parameters(sample, campaign.rig)
-    bounds = find_bounds(case, campaign.rig, setup, sample)
-    mean = campaign.session.find_mean(sample)
+    truth = campaign.truth.compute_parameters(sample, campaign.rig)
+    bounds = compute_bounds(case, campaign.rig, setup, sample)
+    mean = campaign.session.compute_mean(sample)
     if mean is None:
         raise NotDeterminedError(f"a campaign on {sample!r}: no hit was accepted")
     bodies = estimate_bodies(mean, setup, sample, campaign.session.estimate_hammer())

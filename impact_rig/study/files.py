@@ -33,7 +33,7 @@ from impact_rig.study.results import (
     SYMBOLS,
     Row,
     StudyResults,
-    find_fraction,
+    compute_fraction,
     judge_goals,
 )
 from impact_rig.study.run import StudyFolder, describe_configuration
@@ -150,7 +150,7 @@ def _draw_bias(panel: Any, rows: Sequence[Row], axis: str, quantity: str) -> Non
                 [places[row.value] + SHIFTS[estimator] for row in chosen],
                 [100.0 * row.bias.bias for row in chosen],
                 yerr=[100.0 * np.nan_to_num(row.bias.spread) for row in chosen],
-                **_find_style(estimator),
+                **_choose_style(estimator),
             )
     panel.axhline(0.0, color="black", linewidth=0.8)
     panel.set_yscale("symlog", linthresh=LINEAR_RANGE)
@@ -185,7 +185,7 @@ def _draw_coverage(panel: Any, rows: Sequence[Row]) -> None:
             [place],
             [value],
             yerr=[[value - 100.0 * row.coverage.low], [100.0 * row.coverage.high - value]],
-            **_find_style(row.estimator),
+            **_choose_style(row.estimator),
         )
     panel.set_ylim(LOWEST_COVERAGE, 100.5)
     panel.set_xlim(-0.5, len(labels) - 0.5)
@@ -233,7 +233,7 @@ def _draw_efficiency(panel: Any, rows: Sequence[Row]) -> None:
         panel.legend(fontsize=7, ncols=3, loc="upper center")
 
 
-def _find_style(estimator: str) -> dict[str, Any]:
+def _choose_style(estimator: str) -> dict[str, Any]:
     return {
         "color": COLOURS[estimator],
         "marker": MARKERS[estimator],
@@ -319,7 +319,7 @@ def list_selection(count: SelectionCount) -> list[Json]:
     ]
     rows = []
     for fault, total, rejected in counts:
-        part = find_fraction(rejected, total)
+        part = compute_fraction(rejected, total)
         rows.append(
             {
                 "fault": fault,

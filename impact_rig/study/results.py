@@ -93,10 +93,10 @@ def estimate_coverage(errors: FloatArray, half_widths: FloatArray) -> Ratio:
     """
     stated = np.isfinite(half_widths)
     covered = np.abs(errors[stated]) <= half_widths[stated]
-    return find_fraction(int(np.count_nonzero(covered)), covered.size)
+    return compute_fraction(int(np.count_nonzero(covered)), covered.size)
 
 
-def find_fraction(successes: int, count: int) -> Ratio:
+def compute_fraction(successes: int, count: int) -> Ratio:
     """Return the fraction of successes with Wilson's 95 % interval; NaN where `count` is 0."""
     if count == 0:
         return UNDETERMINED_RATIO
@@ -439,10 +439,10 @@ def _judge_selection(results: StudyResults) -> Iterator[JudgedGoal]:
             Part.SELECTION,
             f"{fault.replace('_', ' ')}: {detected} of {total} rejected for the right reason",
             "all",
-            find_fraction(detected, total),
+            compute_fraction(detected, total),
             is_reached=detected == total,
         )
-    rejected = find_fraction(count.good_rejected, count.good)
+    rejected = compute_fraction(count.good_rejected, count.good)
     yield _judge_percentage(
         Part.SELECTION,
         f"good hits: {count.good_rejected} of {count.good} rejected",

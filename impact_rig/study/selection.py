@@ -112,7 +112,7 @@ def simulate_series(setup: RigSetup, entropy: tuple[int, ...], number: int) -> S
         label = HitLabel(sample, impact, impact)
         strike(rig, session, label, BLOCK_SIZE, rig.settings.digitizer.sampling_rate)
     # Estimates select among all hits once more, when all have come.
-    return count_verdicts(scheduled, session.find_selection(sample).left_out)
+    return count_verdicts(scheduled, session.get_selection(sample).left_out)
 
 
 def _draw_faults(generator: np.random.Generator) -> tuple[ScheduledFault, ...]:

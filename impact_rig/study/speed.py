@@ -122,7 +122,7 @@ def _fit_by_integration(mean: MeanHit) -> FloatArray:
     measured = IntegratedModel(
         variant=ModelVariant.DRIVEN,
         hammer_mass=setup.hammer_mass,
-        moving_mass=setup.samples.find_moving_mass(SAMPLE),
+        moving_mass=setup.samples.get_moving_mass(SAMPLE),
         impact_speed=setup.impact_speed,
         sampling_rate=mean.sampling_rate,
         count=mean.traces.shape[1],

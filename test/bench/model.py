@@ -277,7 +277,7 @@ def _measure_law(repeats: int) -> Iterator[Figure]:
     session = Session(PAPER_SETUP)
     for block in rig.strike(HitLabel(LAW_SAMPLE)).split(BLOCK_SIZE, 0):
         session.feed(block)
-    mean = session.find_mean(LAW_SAMPLE)
+    mean = session.compute_mean(LAW_SAMPLE)
     assert mean is not None
     window = cut_law_window(mean)
     laws, _ = compare_times(

@@ -81,7 +81,7 @@ def test_the_general_fit_of_a_contact_law_has_the_same_minimum() -> None:
     session = Session(PAPER_SETUP)
     for block in rig.strike(HitLabel("steel medium")).split(5000, 0):
         session.feed(block)
-    mean = session.find_mean("steel medium")
+    mean = session.compute_mean("steel medium")
     assert mean is not None
     window = model.cut_law_window(mean)
     ours = fit_law(window).parameters

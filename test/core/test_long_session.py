@@ -28,7 +28,7 @@ def test_traces_are_not_kept_in_memory(strike: Strike, few_shown: int) -> None:
         # Views of the same array would keep it alive, too.
         traces.append(weakref.ref(hit.filtered.traces))
         del hit
-        means = [mean for name in session.names if (mean := session.find_mean(name))]
+        means = [mean for name in session.names if (mean := session.compute_mean(name))]
         assert sum(mean.count for mean in means) == record
         assert max(len(mean.hits) for mean in means) <= few_shown
     gc.collect()

@@ -65,7 +65,7 @@ def test_it_is_the_trace_that_the_mean_of_one_hit_is(overlay):
     session = Session(PAPER_SETUP)
     for block in blocks:
         session.feed(block)
-    mean = session.find_mean(CONTROL_SAMPLE)
+    mean = session.compute_mean(CONTROL_SAMPLE)
 
     # Means are made of hits in single precision.
     np.testing.assert_array_equal(hit.traces.astype(np.float32), mean.traces)
@@ -173,7 +173,7 @@ def test_results_are_those_of_the_session(told, campaign):
 
 def test_traces_are_those_of_the_session(told, campaign):
     for estimate in told.found.samples:
-        expected = sample_traces_from_estimate(estimate, told.session.find_mean(estimate.name))
+        expected = sample_traces_from_estimate(estimate, told.session.compute_mean(estimate.name))
         shown = campaign.make_traces(estimate.name)
         # Told in single precision.
         tolerance = 1e-6 * np.abs(expected.mean).max()

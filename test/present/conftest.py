@@ -41,7 +41,7 @@ def trace_campaign(
     found = session.estimate_all() if with_models else session.estimate_all_without_models()
     judged = {hit.label: hit for hit in (*found.accepted, *found.rejected)}
     means = [
-        sample_traces_from_estimate(estimate, session.find_mean(estimate.name))
+        sample_traces_from_estimate(estimate, session.compute_mean(estimate.name))
         for estimate in found.samples
     ]
     return TracedCampaign(

@@ -29,7 +29,7 @@ def test_the_setup_comes_back(make_recording):
     setup = read_recording(maker.close()).setup
     assert isinstance(setup, RigSetup)
     assert setup.samples.names == ("steel, large", "brass")
-    assert setup.samples.find_moving_mass("brass") == 0.253
+    assert setup.samples.get_moving_mass("brass") == 0.253
     assert math.isnan(setup.samples.find("brass").reference_stiffness)
     assert (setup.impact_speed, setup.analysis.overload_run, setup.name) == (0.0819, 3, "bench")
 

@@ -30,7 +30,7 @@ def struck():
     for impact in range(1, 6):
         for block in rig.strike(HitLabel(SAMPLE, impact, impact)).split(5000, 0):
             session.feed(block)
-    estimate, mean = session.estimate_sample(SAMPLE), session.find_mean(SAMPLE)
+    estimate, mean = session.estimate_sample(SAMPLE), session.compute_mean(SAMPLE)
     return estimate, sample_traces_from_estimate(estimate, mean)
 
 

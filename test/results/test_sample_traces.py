@@ -44,7 +44,7 @@ def gather(plant: Plant, *, with_models: bool) -> SampleTraces:
     session, _ = strike(plant)
     found = session.estimate_all() if with_models else session.estimate_all_without_models()
     estimate = found.samples[-1]
-    mean = session.find_mean(STRUCK)
+    mean = session.compute_mean(STRUCK)
     assert estimate.name == STRUCK
     assert mean is not None
     traces = sample_traces_from_estimate(estimate, mean)
@@ -132,7 +132,7 @@ def test_a_hit_without_a_pulse_has_no_place() -> None:
 
 def test_what_has_no_contact_has_no_traces() -> None:
     session, _ = strike(Plant.PUBLISHED)
-    estimate, mean = session.estimate_sample(CONTROL), session.find_mean(CONTROL)
+    estimate, mean = session.estimate_sample(CONTROL), session.compute_mean(CONTROL)
     assert mean is not None
     assert sample_traces_from_estimate(replace(estimate, contact_time=UNKNOWN), mean) is None
     assert math.isfinite(estimate.first_peak_time)

@@ -212,7 +212,7 @@ def test_contact_times_over_mass_give_the_exponent_of_each_material_and_of_all()
     names = [name for name in setup.samples.names if name.startswith(("steel", "brass"))]
     samples = []
     for place, name in enumerate(names):
-        mass = 1.0 / (1.0 / setup.hammer_mass + 1.0 / setup.samples.find_moving_mass(name))
+        mass = 1.0 / (1.0 / setup.hammer_mass + 1.0 / setup.samples.get_moving_mass(name))
         scatter = 1.0 + 1e-3 * (-1) ** place
         law = ContactLaw(duration=Quantity(500e-6 * mass**0.4 * scatter))
         times = Quantity(600e-6 * mass**0.5 * scatter)

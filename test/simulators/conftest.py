@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from impact_rig.simulators.check import find_obstacle
 from impact_rig.simulators.contact import Contact, MeasuredContacts
-from impact_rig.simulators.parameters import ENGINES, Parameters, find_parameters
+from impact_rig.simulators.parameters import ENGINES, Parameters, compute_parameters
 
 
 def make_contact(*, exponent: float = 1.5, damping: float = 2.03, **changes: float) -> Contact:
@@ -70,7 +70,9 @@ def contact() -> Contact:
 @pytest.fixture
 def find() -> Callable[..., Parameters]:
     """Return the function that finds an engine's parameters of one contact."""
-    return lambda engine, contact: find_parameters(ENGINES[engine], MeasuredContacts((contact,)))
+    return lambda engine, contact: compute_parameters(
+        ENGINES[engine], MeasuredContacts((contact,))
+    )
 
 
 def skip_without(engine: str) -> None:

@@ -15,7 +15,7 @@ from impact_rig.simulators.check import (
 )
 from impact_rig.simulators.contact import MeasuredContacts
 from impact_rig.simulators.motion import Motion
-from impact_rig.simulators.parameters import ENGINES, IMPEDANCE, find_parameters
+from impact_rig.simulators.parameters import ENGINES, IMPEDANCE, compute_parameters
 from impact_rig.simulators.tables import tabulate_checks
 from impact_rig.simulators.texts import format_text
 
@@ -75,7 +75,7 @@ def test_coarse_steps_do_not_hold_a_contact_of_metal(find, need, contact, engine
 
 
 def test_a_table_shows_the_range_of_what_came_and_its_worst(contact):
-    parameters = find_parameters(ENGINES["mujoco"], MeasuredContacts((contact,)))
+    parameters = compute_parameters(ENGINES["mujoco"], MeasuredContacts((contact,)))
     motions = tuple(
         Motion(contact, 1e-4, np.array([[contact.speed, 0.0], [0.0, e * contact.speed]]))
         for e in (0.5, 1.2, 0.8)

@@ -10,7 +10,7 @@ from scipy.integrate import trapezoid
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.estimation.contact_law import NO_LAW
 from impact_rig.core.quantity import UNKNOWN
-from impact_rig.simulators.contact import MeasuredContacts, find_contacts
+from impact_rig.simulators.contact import MeasuredContacts, make_contacts
 
 from .conftest import integrate, make_contact
 
@@ -44,22 +44,22 @@ def test_at_any_speed_a_contact_is_that_of_the_differential_equation(exponent, d
 
 def test_the_contact_of_a_sample_is_what_its_law_says(results):
     law = next(item for item in results.samples if item.name == SAMPLE).contact_law
-    contact = find_contacts([results], SAMPLE).at_speed()
+    contact = make_contacts([results], SAMPLE).at_speed()
     assert contact.duration == pytest.approx(law.duration.value, rel=1e-9)
     assert contact.peak_force == pytest.approx(law.peak_force.value, rel=1e-9)
     assert contact.peak_indentation == pytest.approx(law.peak_indentation.value, rel=1e-9)
     assert contact.speed == law.impact_speed.value
-    assert contact.sample_mass == results.setup.samples.find_moving_mass(SAMPLE)
+    assert contact.sample_mass == results.setup.samples.get_moving_mass(SAMPLE)
 
 
 def test_more_than_all_speed_is_no_restitution(results):
     law = next(item for item in results.samples if item.name == SAMPLE).contact_law
     assert law.restitution.value > 1.0  # the published plant's pulse is no contact of free bodies
-    assert find_contacts([results], SAMPLE).at_speed().restitution == 1.0
+    assert make_contacts([results], SAMPLE).at_speed().restitution == 1.0
 
 
 def test_another_hammer_strikes_by_the_same_law(results):
-    light, heavy = (find_contacts([results], SAMPLE, mass).at_speed() for mass in (0.1, 1e6))
+    light, heavy = (make_contacts([results], SAMPLE, mass).at_speed() for mass in (0.1, 1e6))
     assert light.stiffness == heavy.stiffness
     ratio = (heavy.equivalent_mass / light.equivalent_mass) ** (1.0 / (light.exponent + 1.0))
     assert heavy.duration == pytest.approx(ratio * light.duration, rel=1e-9)
@@ -78,12 +78,12 @@ def test_another_hammer_strikes_by_the_same_law(results):
 )
 def test_a_sample_without_a_law_is_refused_with_the_reason(results, changes, words):
     with pytest.raises(ParameterError, match=f"'steel small' has no identified.*{words}"):
-        find_contacts([change_law(results, **changes)], SAMPLE)
+        make_contacts([change_law(results, **changes)], SAMPLE)
 
 
 def test_a_sample_that_was_not_struck_is_refused_with_those_that_were(results):
     with pytest.raises(ParameterError, match=r"no result of sample 'gold'.*'steel small'"):
-        find_contacts([results], "gold")
+        make_contacts([results], "gold")
 
 
 def test_between_measured_speeds_the_law_lies_between_theirs():

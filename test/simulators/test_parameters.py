@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from impact_rig.simulators.contact import Contact, MeasuredContacts
-from impact_rig.simulators.parameters import ENGINES, IMPEDANCE, find_parameters
+from impact_rig.simulators.parameters import ENGINES, IMPEDANCE, compute_parameters
 
 from .conftest import integrate, make_contact
 
@@ -182,7 +182,7 @@ def test_the_strangest_law_that_is_identified_has_parameters(find, engine, expon
 def test_over_several_speeds_the_spread_is_told():
     elastic = make_contact(damping=0.0)
     measured = MeasuredContacts(tuple(elastic.at_speed(speed) for speed in (0.04, 0.0819, 0.16)))
-    stiffness = find_parameters(ENGINES["drake"], measured).values["point_contact_stiffness"]
+    stiffness = compute_parameters(ENGINES["drake"], measured).values["point_contact_stiffness"]
     # The duration of a Hertz contact goes as v^(-1/5), and so K of a spring as v^(2/5).
     assert stiffness.highest / stiffness.lowest == pytest.approx(4.0**0.4, rel=1e-6)
     assert stiffness.lowest < stiffness.value < stiffness.highest

@@ -17,9 +17,9 @@ from impact_rig.study.campaigns import (
     CampaignSource,
     Truth,
     adapt_ranges,
+    compute_bounds,
     draw_truth,
     evaluate,
-    find_bounds,
     make_exact,
     set_damping_ratio,
     shift_clock,
@@ -41,7 +41,7 @@ CALM = VirtualRigSettings(plant=Plant.DYNAMICS, contact_time_scatter=0.0)
 
 def find(rig=CALM, setup=EXACT, hits=1):
     case = Case(Part.BIAS, "axis", "value", 0.0, rig, hits=hits)
-    return find_bounds(case, rig, setup, SAMPLE)
+    return compute_bounds(case, rig, setup, SAMPLE)
 
 
 def test_one_exact_hit_has_the_bound_of_its_noise():
@@ -247,7 +247,7 @@ def test_what_is_exact_stays_and_moves_no_other_draw():
 
 
 def test_the_paper_stiffness_is_table_3():
-    truth = Truth(PAPER_SETUP).find_parameters("steel medium")
+    truth = Truth(PAPER_SETUP).compute_parameters("steel medium")
     assert truth["paper_stiffness"] == pytest.approx(45.29e6, rel=1e-3)
     assert truth["stiffness"] == 45.29e6
     # c / (2 sqrt(k m)) by hand, m with the accelerometer.
@@ -257,8 +257,8 @@ def test_the_paper_stiffness_is_table_3():
 def test_the_true_masses_count_in_the_true_stiffness():
     heavy = replace(PAPER_SETUP, hammer_mass=0.101)
     ratio = (
-        Truth(heavy).find_parameters("steel medium")["paper_stiffness"]
-        / Truth(PAPER_SETUP).find_parameters("steel medium")["paper_stiffness"]
+        Truth(heavy).compute_parameters("steel medium")["paper_stiffness"]
+        / Truth(PAPER_SETUP).compute_parameters("steel medium")["paper_stiffness"]
     )
     m1, m2, mc = np.array([0.100, 0.101]), 0.16991, 0.10538
     equivalent = m1 * m2 / (m1 + m2) / 203.2e-6**2
@@ -270,7 +270,7 @@ def test_the_true_masses_count_in_the_true_stiffness():
 def test_one_damping_ratio_for_every_sample():
     changed = Truth(set_damping_ratio(PAPER_SETUP, 0.3))
     for name in PAPER_SETUP.samples.names:
-        assert changed.find_parameters(name)["damping_ratio"] == pytest.approx(0.3)
+        assert changed.compute_parameters(name)["damping_ratio"] == pytest.approx(0.3)
 
 
 def test_a_fast_clock_takes_as_many_points_in_less_time():
@@ -283,7 +283,7 @@ def test_the_laboratory_reads_times_by_the_clock_it_believes_in():
     setup = replace(make_exact(PAPER_SETUP), clock_uncertainty=0.05)
     campaign = CampaignSource(make_case(), setup, (2,)).run(4)
     assert abs(campaign.truth.clock_error) > 1e-3
-    true = campaign.truth.find_parameters(campaign.sample)["contact_time"]
+    true = campaign.truth.compute_parameters(campaign.sample)["contact_time"]
     estimate = campaign.session.estimate_sample(campaign.sample)
     # A fast clock counts more points; the low-pass leaves the width within 1e-4.
     assert estimate.contact_time.value == pytest.approx(

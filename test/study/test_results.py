@@ -16,10 +16,10 @@ from impact_rig.study.results import (
     Ratio,
     Row,
     StudyResults,
+    compute_fraction,
     estimate_bias,
     estimate_coverage,
     estimate_efficiency,
-    find_fraction,
     judge_goals,
     summarize,
 )
@@ -33,13 +33,13 @@ NAN = math.nan
 def test_wilsons_interval_is_that_of_the_textbook():
     # Newcombe 1998, table I: 81 of 263 gives 0.2553 to 0.3662, 15 of 148 gives 0.0624 to 0.1605.
     for successes, count, low, high in ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605)):
-        found = find_fraction(successes, count)
+        found = compute_fraction(successes, count)
         assert found.value == successes / count
         assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
 
 
 def test_no_trial_says_nothing():
-    assert math.isnan(find_fraction(0, 0).value)
+    assert math.isnan(compute_fraction(0, 0).value)
     assert math.isnan(estimate_coverage(np.array([0.1]), np.array([NAN])).value)
 
 

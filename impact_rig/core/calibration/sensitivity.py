@@ -181,7 +181,7 @@ class CalibrationMethod:
         """Whether a body of known mass is struck; else the sensors are back to back."""
         return not math.isnan(self.known_mass)
 
-    def find_factor(self, setup: RigSetup) -> float:
+    def compute_factor(self, setup: RigSetup) -> float:
         """Return the tested channel's acceleration over that of the reference [-].
 
         Parameters

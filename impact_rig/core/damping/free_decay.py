@@ -108,7 +108,7 @@ class DecayFit:
 
     def compute_errors(self, candidates: FloatArray) -> FloatArray:
         """Return the sums of squares, shape (m,), that pairs (a, omega), shape (m, 2), leave."""
-        orthonormal, _ = np.linalg.qr(_make_basis(self._find_wave(candidates)))
+        orthonormal, _ = np.linalg.qr(_make_basis(self._compute_wave(candidates)))
         onto = np.tensordot(self._measured, orthonormal, axes=(0, 1))
         return np.asarray(self._measured @ self._measured - np.square(onto).sum(axis=1))
 
@@ -125,7 +125,7 @@ class DecayFit:
         )
         return np.asarray(slopes - self._orthonormal @ (self._orthonormal.T @ slopes))
 
-    def _find_wave(self, parameters: FloatArray) -> NDArray[np.complex128]:
+    def _compute_wave(self, parameters: FloatArray) -> NDArray[np.complex128]:
         """Return e^((-a + i omega) t), shape (..., n), of pairs (a, omega), shape (..., 2)."""
         # A growing trial step must not overflow.
         decay = np.maximum(parameters[..., 0], -1.0 / (self._points[-1] + 1.0))
@@ -137,7 +137,7 @@ class DecayFit:
         if self._at == (decay, frequency):
             return
         self._at = decay, frequency
-        wave = self._find_wave(parameters)
+        wave = self._compute_wave(parameters)
         self._orthonormal, triangle = np.linalg.qr(_make_basis(wave))
         onto = self._measured @ self._orthonormal
         cosine, sine = _find_amplitudes(triangle.tolist(), onto.tolist())
@@ -333,14 +333,14 @@ class FreeDecay:
     @property
     def damping_ratio_uncertainty(self) -> float:
         """Standard uncertainty of the damping ratio from `covariance` [-]."""
-        return _find_ratio_uncertainty(self.decay_rate, self.angular_frequency, self.covariance)
+        return _compute_ratio_uncertainty(self.decay_rate, self.angular_frequency, self.covariance)
 
-    def find_stiffness(self, mass: float) -> float:
+    def compute_stiffness(self, mass: float) -> float:
         """Return k = m (a^2 + omega^2) [N/m] of a body of `mass` [kg]."""
         check_positive("mass", mass, "kg")
         return mass * self.natural_frequency**2
 
-    def find_damping_coefficient(self, mass: float) -> float:
+    def compute_damping_coefficient(self, mass: float) -> float:
         """Return c = 2 m a [N s/m] of a body of `mass` [kg]."""
         check_positive("mass", mass, "kg")
         return 2.0 * mass * self.decay_rate
@@ -393,7 +393,7 @@ def estimate_free_decay(
     white = float(mean.raw_noise[channel]) / math.sqrt(tail.step)
     white = white * max(1.0, excess) if noise > 0.0 else left
     if excess > MISFIT:
-        white = max(white, _find_misfit_level(fit.residual, float(solution[1])))
+        white = max(white, _estimate_misfit_level(fit.residual, float(solution[1])))
     covariance = np.asarray(white**2 * np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64)
     r_squared = 1.0 - float(np.sum(fit.residual**2)) / (measured.size * spread**2)
     _check_signal(fit.oscillation, white)
@@ -442,7 +442,7 @@ def _find_tail(mean: MeanHit, contact_time: float, cutoff_frequency: float) -> s
     return slice(first, last, step)
 
 
-def _find_misfit_level(residual: FloatArray, frequency: float) -> float:
+def _estimate_misfit_level(residual: FloatArray, frequency: float) -> float:
     """Return the standard deviation of the white noise that is as strong near `frequency`."""
     lines = math.ceil(MISFIT_BAND * frequency / (2.0 * math.pi) * residual.size)
     power = np.abs(np.fft.rfft(residual))[: max(lines, MISFIT_LINES)] ** 2 / residual.size
@@ -479,7 +479,7 @@ def _check_decay(parameters: FloatArray, covariance: FloatArray, points: int) ->
             f"free decay: damping is critical or nearly so (ratio {ratio:.2f}), and the tail does"
             " not tell stiffness and damping apart"
         )
-    uncertainty = _find_ratio_uncertainty(decay, frequency, covariance)
+    uncertainty = _compute_ratio_uncertainty(decay, frequency, covariance)
     if uncertainty > LARGEST_RELATIVE_UNCERTAINTY * ratio:
         raise NotDeterminedError(
             f"free decay: the damping ratio of {ratio:.2g} has a standard uncertainty of"
@@ -487,7 +487,7 @@ def _check_decay(parameters: FloatArray, covariance: FloatArray, points: int) ->
         )
 
 
-def _find_ratio_uncertainty(decay: float, frequency: float, covariance: FloatArray) -> float:
+def _compute_ratio_uncertainty(decay: float, frequency: float, covariance: FloatArray) -> float:
     # Of the damping ratio a over the root of a^2 + omega^2, in a and omega.
     slope = np.array([frequency**2, -decay * frequency]) / math.hypot(decay, frequency) ** 3
     return float(np.sqrt(slope @ covariance @ slope))

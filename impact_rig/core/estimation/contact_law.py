@@ -41,7 +41,7 @@ from impact_rig.core.model.pulses import VERSED_SINE
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Quantity, describe
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import FloatArray
-from impact_rig.core.uncertainty.propagation import RigNumbers, find_rig_numbers
+from impact_rig.core.uncertainty.propagation import RigNumbers, make_rig_numbers
 from impact_rig.core.uncertainty.results import (
     compute_quantity,
     list_variances,
@@ -322,7 +322,7 @@ def describe_contradiction(law: ContactLaw, contact_time: float, factor: float) 
 
 def look_at_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
     """Return the law of a mean hit on `sample`; where it is not determined, its notes say why."""
-    numbers = find_rig_numbers(setup, sample)
+    numbers = make_rig_numbers(setup, sample)
     settings = setup.analysis
     given = settings.contact_exponent
     exponent = None if math.isnan(given) else given

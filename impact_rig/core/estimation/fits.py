@@ -22,7 +22,7 @@ from impact_rig.core.quantity import INTERNAL, UNKNOWN, Quantity, describe
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.uncertainty.propagation import (
     FittedBody,
-    find_rig_numbers,
+    make_rig_numbers,
     propagate_free_decay,
     propagate_identification,
 )
@@ -157,7 +157,7 @@ def estimate_decay(
     body = propagate_free_decay(
         f"scatter of the hits on {sample}",
         decay.hit_values,
-        find_rig_numbers(setup, sample),
+        make_rig_numbers(setup, sample),
         estimates=(decay.decay_rate, decay.angular_frequency),
         averaged=mean.count,
         owner=f"{sample}, free decay",
@@ -258,7 +258,7 @@ def estimate_fitted_body(
     return propagate_identification(
         f"scatter of the hits on {sample}",
         found.hit_values[:, columns],
-        find_rig_numbers(setup, sample),
+        make_rig_numbers(setup, sample),
         estimates=found.values[columns].tolist(),
         averaged=averaged,
         owner=f"{sample}, {found.variant.value} model",

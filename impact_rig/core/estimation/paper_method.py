@@ -21,7 +21,7 @@ from impact_rig.core.damping.log_decrement import (
 from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.estimation.contact_law import ContactLaw, compute_shape_error, look_at_law
 from impact_rig.core.hits.averaging import MeanHit
-from impact_rig.core.hits.pulse_uncertainty import find_quantisation_error
+from impact_rig.core.hits.pulse_uncertainty import compute_quantisation_error
 from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.model.stiffness import (
     estimate_equivalent_mass,
@@ -35,7 +35,7 @@ from impact_rig.core.uncertainty.contact import (
     ContactNumbers,
     estimate_contact_numbers,
 )
-from impact_rig.core.uncertainty.propagation import RigNumbers, find_rig_numbers
+from impact_rig.core.uncertainty.propagation import RigNumbers, make_rig_numbers
 from impact_rig.core.uncertainty.results import compute_quantity, make_input
 
 DAMPING_NAMES = ("c1", "c2")
@@ -104,7 +104,7 @@ def read_mean_hit(
             notes[channel] = "c2: the sample's trace was not measured"
             continue
         # Steps that no noise smooths make peaks of their own.
-        step = find_quantisation_error(
+        step = compute_quantisation_error(
             float(mean.summary.largest_step[channel]),
             float(mean.summary.least_noise[channel]),
         )
@@ -130,7 +130,7 @@ def read_mean_hit(
         )
     except NotDeterminedError as error:
         reason = str(error)
-    rig = find_rig_numbers(setup, sample)
+    rig = make_rig_numbers(setup, sample)
     return MeanReading(mean, pulse, decrements, notes, rig, numbers, reason)
 
 
@@ -261,7 +261,7 @@ def _estimate_contact(series: MeanReading, setup: RigSetup, sample: str) -> Cont
     width = series.pulse.half_amplitude_width / series.mean.sampling_rate
     contact_time = setup.analysis.pulse_factor * width
     stiffness = estimate_equivalent_stiffness(
-        estimate_equivalent_mass(setup.hammer_mass, setup.samples.find_moving_mass(sample)),
+        estimate_equivalent_mass(setup.hammer_mass, setup.samples.get_moving_mass(sample)),
         contact_time,
     )
     rig, numbers = series.rig, series.numbers
@@ -398,7 +398,7 @@ def estimate_bodies(
         except NotDeterminedError as error:
             stiffness = Quantity(notes=(str(error),))
             notes += stiffness.notes
-    body = _estimate_body(series, 1, setup.samples.find_moving_mass(sample), stiffness, number)
+    body = _estimate_body(series, 1, setup.samples.get_moving_mass(sample), stiffness, number)
     return contact, replace(body, notes=notes + body.notes)
 
 

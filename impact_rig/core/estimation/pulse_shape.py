@@ -171,7 +171,7 @@ def cut_window(
     model_points, smoothing = points, None
     # Above, the low-pass is shorter than a fortieth of the width.
     if 0.0 < relative_cutoff * fine <= HIGHEST_RELATIVE_CUTOFF:
-        reach = _find_reach(relative_cutoff * fine)
+        reach = _compute_reach(relative_cutoff * fine)
         model_points = np.arange(first - fine * reach, points[-1] + fine * reach + 1, fine)
         smoothing = _make_smoothing(relative_cutoff * fine, points.size, step // fine)
     return PulseWindow(
@@ -184,7 +184,7 @@ def cut_window(
     )
 
 
-def _find_reach(relative_cutoff: float) -> int:
+def _compute_reach(relative_cutoff: float) -> int:
     """Return how far the low-pass reaches to either side [points]."""
     return max(math.ceil(KERNEL_REACH / relative_cutoff), MINIMUM_POINTS)
 
@@ -192,7 +192,7 @@ def _find_reach(relative_cutoff: float) -> int:
 @lru_cache(maxsize=REMEMBERED_MATRICES)
 def _make_smoothing(relative_cutoff: float, count: int, stride: int) -> FloatArray:
     """Return the low-pass as a matrix of `count` rows: each reads `stride` points further."""
-    reach = _find_reach(relative_cutoff)
+    reach = _compute_reach(relative_cutoff)
     impulse = np.zeros(4 * reach + 1)
     impulse[2 * reach] = 1.0
     half = low_pass(impulse, relative_cutoff, 1.0)[2 * reach : 3 * reach + 1]

@@ -43,7 +43,7 @@ from impact_rig.core.quantity import INTERNAL, UNKNOWN, Quantity, describe
 from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY, RigSetup
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.uncertainty.contact import LEAST_HITS, ONE_HIT, estimate_contact_time
-from impact_rig.core.uncertainty.propagation import find_rig_numbers
+from impact_rig.core.uncertainty.propagation import make_rig_numbers
 from impact_rig.core.uncertainty.results import compute_quantity, make_ensemble
 
 
@@ -386,7 +386,7 @@ def _estimate_peak_force(name: str, mean: MeanHit, setup: RigSetup) -> Quantity:
         len(peaks) - 1,
         owner=name,
     )
-    force = find_rig_numbers(setup, name).hammer_mass * number
+    force = make_rig_numbers(setup, name).hammer_mass * number
     return compute_quantity(setup.hammer_mass * peak, force)
 
 
@@ -451,7 +451,7 @@ def _add_comparisons(
             float(np.nan_to_num(hammer.damping_coefficient.value)),
         ),
         specimen=Body(
-            setup.samples.find_moving_mass(estimate.name),
+            setup.samples.get_moving_mass(estimate.name),
             estimate.stiffness.value,
             estimate.damping_coefficient.value,
         ),
@@ -527,7 +527,7 @@ def check_control(setup: RigSetup) -> tuple[str, ...]:
     control = setup.samples.control_sample
     if not control:
         return ()
-    mass, hammer = setup.samples.find_moving_mass(control), setup.hammer_mass
+    mass, hammer = setup.samples.get_moving_mass(control), setup.hammer_mass
     if abs(mass - hammer) <= LARGEST_MASS_DIFFERENCE * hammer:
         return ()
     warning = (

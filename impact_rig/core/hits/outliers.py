@@ -79,7 +79,7 @@ QUANTITIES = (
 2 %, and 12 bits tell the ratio of widths within a part of 1 %."""
 
 
-def find_threshold(count: int) -> float:
+def compute_threshold(count: int) -> float:
     """Return T(n) for `count` hits [-], see `THRESHOLDS`."""
     return float(np.interp(1.0 / count, _INVERSE_COUNTS, _INVERSE_THRESHOLDS))
 
@@ -154,7 +154,7 @@ class SortedFigures:
         for index, (quantity, column) in enumerate(zip(QUANTITIES, self._columns, strict=True)):
             count = len(column)
             if count >= FEWEST_HITS:
-                threshold = find_threshold(count)
+                threshold = compute_threshold(count)
                 floor = quantity.floor * ENDLESS_THRESHOLD / threshold
                 spread = _compute_spread(column, floor)
                 criteria.append(Criterion(quantity, index, count, *spread, threshold))

@@ -114,31 +114,31 @@ def estimate_pulse_errors(
     """
     upright = trace if pulse.peak > 0 else -trace
     height, width = abs(pulse.peak), pulse.half_amplitude_width
-    rise, fall = (_find_slope(upright, pulse.peak_index, height, step) for step in (-1, 1))
+    rise, fall = (_compute_slope(upright, pulse.peak_index, height, step) for step in (-1, 1))
     both = 1.0 / rise + 1.0 / fall
     crossings = math.hypot(1.0 / rise, 1.0 / fall)
     reading = math.hypot(crossings, both / 2.0)
     # Of a versed-sine of this width, since a second difference would measure the noise.
     curvature = 0.5 * height * (math.pi / width) ** 2
-    trend = find_trend(trace, quality)
+    trend = compute_trend(trace, quality)
     lever = pulse.middle - (quality.baseline_points - 1) / 2.0
     interpolation = CHORD_ERROR * (
-        _find_bend(upright, pulse.rise) / rise + _find_bend(upright, pulse.fall) / fall
+        _compute_bend(upright, pulse.rise) / rise + _compute_bend(upright, pulse.fall) / fall
     )
     return PulseErrors(
         noise=quality.noise * reading,
         zero=quality.raw_noise / math.sqrt(quality.baseline_points) * both / 2.0,
         trend=trend * lever * both / 2.0,
-        quantisation=find_quantisation_error(quality.resolution, quality.dither) * reading,
+        quantisation=compute_quantisation_error(quality.resolution, quality.dither) * reading,
         sampling=math.hypot(PEAK_LOSS * curvature * both / 2.0, interpolation),
-        peak_reading=find_peak_excess(quality.noise, curvature, quality.relative_cutoff)
+        peak_reading=compute_peak_excess(quality.noise, curvature, quality.relative_cutoff)
         * both
         / 2.0,
-        low_pass=width * find_low_pass_widening(2.0 * width * quality.relative_cutoff),
+        low_pass=width * compute_low_pass_widening(2.0 * width * quality.relative_cutoff),
     )
 
 
-def _find_slope(upright: FloatArray, peak_index: int, height: float, step: int) -> float:
+def _compute_slope(upright: FloatArray, peak_index: int, height: float, step: int) -> float:
     """Return how steep a flank is at half amplitude, per point, above zero."""
     low, high = (find_crossing(upright, peak_index, p * height, step) for p in FLANK_LEVELS)
     if math.isnan(low) or low == high:
@@ -149,7 +149,7 @@ def _find_slope(upright: FloatArray, peak_index: int, height: float, step: int) 
     return part * height / max(abs(high - low), np.finfo(float).tiny)
 
 
-def _find_bend(upright: FloatArray, crossing: float) -> float:
+def _compute_bend(upright: FloatArray, crossing: float) -> float:
     """Return |second difference| around a crossing, the mean over both points beside it."""
     inner = math.floor(crossing)
     first, last = inner - 1, inner + 2
@@ -158,7 +158,7 @@ def _find_bend(upright: FloatArray, crossing: float) -> float:
     return abs(float(upright[first] - upright[inner] - upright[inner + 1] + upright[last])) / 2.0
 
 
-def find_trend(trace: FloatArray, quality: TraceQuality) -> float:
+def compute_trend(trace: FloatArray, quality: TraceQuality) -> float:
     """Return how far the baseline is from level, per point; 0 where noise explains it.
 
     Straight line by least squares; its variance by noise, 12 s^2 / n^3, is taken off. A short
@@ -178,7 +178,7 @@ def find_trend(trace: FloatArray, quality: TraceQuality) -> float:
     return min(math.sqrt(slope**2 - own**2), level / max(distance, 1))
 
 
-def find_quantisation_error(resolution: float, dither: float) -> float:
+def compute_quantisation_error(resolution: float, dither: float) -> float:
     """Return what quantisation leaves in a reading's mean, root mean square over one step.
 
     Without noise the error is a saw-tooth of q / sqrt(12). Noise of standard deviation s before
@@ -200,7 +200,7 @@ def find_quantisation_error(resolution: float, dither: float) -> float:
     return resolution * math.sqrt(float(harmonics @ harmonics) / 2.0)
 
 
-def find_peak_excess(noise: float, curvature: float, relative_cutoff: float) -> float:
+def compute_peak_excess(noise: float, curvature: float, relative_cutoff: float) -> float:
     """Return by how much the highest of several noisy points exceeds a rounded top.
 
     The expected largest of n independent normal values (Blom's approximation), n being how many
@@ -223,7 +223,7 @@ def find_peak_excess(noise: float, curvature: float, relative_cutoff: float) -> 
     return noise * float(ndtri((count - 0.375) / (count + 0.25)))
 
 
-def find_low_pass_widening(cutoff_contact_time: float) -> float:
+def compute_low_pass_widening(cutoff_contact_time: float) -> float:
     """Return the relative change of w50 that the low-pass does to a versed-sine [-].
 
     Parameters

@@ -196,7 +196,7 @@ class HitSeries:
         elif now != before | {number}:
             self._sum_up()
 
-    def find_mean(self) -> MeanHit | None:
+    def compute_mean(self) -> MeanHit | None:
         """Return the mean hit; None: there is none in it.
 
         Raises

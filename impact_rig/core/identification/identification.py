@@ -176,7 +176,7 @@ def identify_model(
     measured = MeasuredModel(
         variant=variant,
         hammer_mass=setup.hammer_mass,
-        moving_mass=setup.samples.find_moving_mass(sample),
+        moving_mass=setup.samples.get_moving_mass(sample),
         impact_speed=setup.impact_speed,
         sampling_rate=mean.sampling_rate,
         count=mean.traces.shape[1],

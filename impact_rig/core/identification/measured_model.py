@@ -77,11 +77,11 @@ class MeasuredModel:
 
     def simulate(self, values: FloatArray) -> FloatArray:
         """Compute the low-passed traces alone, shape (2, n) [m/s^2]; parameters as `evaluate`."""
-        bodies = self._find_sensitivities(values)
+        bodies = self._compute_sensitivities(values)
         scales = np.array([[self.hammer_polarity], [values[-3]]])
         return np.asarray(scales * self.low_pass(bodies.traces) + values[-2:, np.newaxis])
 
-    def _find_sensitivities(self, values: FloatArray) -> Sensitivities:
+    def _compute_sensitivities(self, values: FloatArray) -> Sensitivities:
         return compute_sensitivities(
             self.make_model(values),
             self.sampling_rate,
@@ -110,7 +110,7 @@ class MeasuredModel:
             [m/s^2 per unit of the parameter]
         """
         gain = float(values[-3])
-        bodies = self._find_sensitivities(values)
+        bodies = self._compute_sensitivities(values)
         together = np.concatenate([bodies.derivatives, bodies.traces[:, np.newaxis]], axis=1)
         filtered = self.low_pass(together, points)
         rows, traces = filtered[:, :-1], filtered[:, -1]

@@ -24,7 +24,7 @@ from impact_rig.core.checks import check_between, check_not_negative, check_posi
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.oscillator import (
     FreeOscillator,
-    find_padding,
+    compute_padding,
     simulate_free_oscillators,
 )
 from impact_rig.core.model.propagation import Moments, simulate_linear_systems
@@ -353,7 +353,7 @@ def simulate_impacts(
     if not all(map(math.isfinite, starts)):
         raise ParameterError("the start of a time grid must be a finite number")
     # The last row of a record is written whole.
-    result = np.zeros((len(models), 2, count + find_padding(count)))
+    result = np.zeros((len(models), 2, count + compute_padding(count)))
     for first in range(0, len(models), BATCH):
         part = slice(first, first + BATCH)
         chosen = models[part], sampling_rate, starts[part], variant, count

@@ -42,7 +42,7 @@ class FreeOscillator(NamedTuple):
     first: float
 
 
-def find_padding(count: int) -> int:
+def compute_padding(count: int) -> int:
     """Return how much longer a record of `count` points must be that is written in whole rows."""
     return math.isqrt(count) + 1
 
@@ -60,7 +60,7 @@ def simulate_free_oscillators(
         Number of points, one or more: of the longest record.
     out : sequence of ndarray, shape (bodies, m)
         Records that are filled: m is the number of points of each, at most `count`, and
-        `find_padding` of `count` or more, of which the last mean nothing.
+        `compute_padding` of `count` or more, of which the last mean nothing.
     """
     late, grid = _split(count)
     described = [_describe(*oscillator) for oscillator in oscillators]

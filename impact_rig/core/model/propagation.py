@@ -76,7 +76,7 @@ def simulate_linear_systems(
         At the end that each system's moments name.
     """
     systems, outputs, size = readout.shape
-    exponent = _find_reach(matrices)
+    exponent = _compute_reach(matrices)
     # A point that is too far for the series is halved, and its exponential squared.
     squarings, block = max(-exponent, 0), 1 << max(exponent, 0)
     powers = _raise(matrices * 0.5**squarings if squarings else matrices, readout)
@@ -103,7 +103,7 @@ def simulate_linear_systems(
     return values.reshape(systems, outputs, -1)[..., :count], (to_end @ before_end)[..., 0]
 
 
-def _find_reach(matrices: FloatArray) -> int:
+def _compute_reach(matrices: FloatArray) -> int:
     """Return which power of two says how many points the series reaches, or what part of one."""
     norm = np.maximum.reduce(np.add.reduce(np.abs(matrices), 1), None)
     longest = LONGEST_BLOCK.bit_length() - 1

@@ -62,7 +62,7 @@ class PulseShape:
 
 
 def _make_sine_power(name: str, power: float, mean: float) -> PulseShape:
-    def find_width(level: float) -> float:
+    def compute_width(level: float) -> float:
         return 1.0 - 2.0 / np.pi * float(np.arcsin(level ** (1.0 / power)))
 
     def differentiate(phase: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -74,8 +74,8 @@ def _make_sine_power(name: str, power: float, mean: float) -> PulseShape:
         name=name,
         value=lambda phase: np.sin(np.pi * phase) ** power,
         differentiate=differentiate,
-        half_amplitude_width=find_width(0.5),
-        tenth_amplitude_width=find_width(0.1),
+        half_amplitude_width=compute_width(0.5),
+        tenth_amplitude_width=compute_width(0.1),
         mean=mean,
     )
 
@@ -86,7 +86,7 @@ SINE_POWER_1_5 = _make_sine_power("sin^1.5", 1.5, float(beta(1.25, 0.5)) / np.pi
 VERSED_SINE = _make_sine_power(PULSE_NAME, 2.0, 0.5)
 
 
-def _find_hertz_width(level: float) -> float:
+def _compute_hertz_width(level: float) -> float:
     return 1.0 - float(betainc(0.4, 0.5, level ** (5.0 / 3.0)))
 
 
@@ -108,7 +108,7 @@ def _tabulate_compression() -> CubicHermiteSpline:
 _COMPRESSION = _tabulate_compression()
 
 
-def _find_compression(phase: FloatArray) -> FloatArray:
+def _compute_compression(phase: FloatArray) -> FloatArray:
     compression: FloatArray = _COMPRESSION(0.5 - np.abs(0.5 - phase))
     return _limit(compression)
 
@@ -118,12 +118,12 @@ def _limit(values: FloatArray) -> FloatArray:
     return np.asarray(np.minimum(np.maximum(values, 0.0), 1.0))
 
 
-def _find_hertz_force(phase: FloatArray) -> FloatArray:
-    return np.asarray(_find_compression(phase) ** 1.5)
+def _compute_hertz_force(phase: FloatArray) -> FloatArray:
+    return np.asarray(_compute_compression(phase) ** 1.5)
 
 
 def _differentiate_hertz_force(phase: FloatArray) -> tuple[FloatArray, FloatArray]:
-    compression = _find_compression(phase)
+    compression = _compute_compression(phase)
     force = compression**1.5
     speed = HERTZ_DURATION * np.sqrt(1.0 - force * compression)
     return force, np.sign(0.5 - phase) * 1.5 * np.sqrt(compression) * speed
@@ -131,10 +131,10 @@ def _differentiate_hertz_force(phase: FloatArray) -> tuple[FloatArray, FloatArra
 
 HERTZ = PulseShape(
     name="Hertz",
-    value=_find_hertz_force,
+    value=_compute_hertz_force,
     differentiate=_differentiate_hertz_force,
-    half_amplitude_width=_find_hertz_width(0.5),
-    tenth_amplitude_width=_find_hertz_width(0.1),
+    half_amplitude_width=_compute_hertz_width(0.5),
+    tenth_amplitude_width=_compute_hertz_width(0.1),
     mean=2.0 / float(beta(0.4, 0.5)),
 )
 
@@ -170,11 +170,11 @@ def compute_pulse(
     """
     check_positive("pulse duration", duration, "s")
     check_between("asymmetry", asymmetry, -LARGEST_ASYMMETRY, LARGEST_ASYMMETRY)
-    phase, inside = _find_phase(time, duration, asymmetry)
+    phase, inside = _compute_phase(time, duration, asymmetry)
     return np.where(inside, shape.value(phase), 0.0)
 
 
-def _find_phase(
+def _compute_phase(
     time: FloatArray, duration: float, asymmetry: float
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Return the phase, 0 to 1 with the peak at 1/2, and which points lie inside the pulse."""
@@ -204,7 +204,7 @@ def differentiate_pulse(
     """
     check_positive("pulse duration", duration, "s")
     check_between("asymmetry", asymmetry, -LARGEST_ASYMMETRY, LARGEST_ASYMMETRY)
-    phase, inside = _find_phase(time, duration, asymmetry)
+    phase, inside = _compute_phase(time, duration, asymmetry)
     rising = 2.0 * phase < 1.0
     pulse, slope = shape.differentiate(phase)
     derivatives = np.empty((3, time.size))

@@ -64,7 +64,9 @@ def list_units() -> str:
     return ", ".join(UNITS[:-1]) + f" or {UNITS[-1]}"
 
 
-def find_scale(unit: str, mass: float = math.nan, sensitivity: Sensitivity | None = None) -> float:
+def compute_scale(
+    unit: str, mass: float = math.nan, sensitivity: Sensitivity | None = None
+) -> float:
     """Return the acceleration that one unit of a channel stands for.
 
     Parameters
@@ -100,4 +102,4 @@ def find_scale(unit: str, mass: float = math.nan, sensitivity: Sensitivity | Non
         raise ParameterError(f"unit {unit!r} is unknown: a channel is in {list_units()}")
     if sensitivity is None:
         raise ParameterError(f"a channel in {unit} needs a sensitivity, for example 10 mV/g")
-    return VOLTAGES[name] * find_scale(sensitivity.unit, mass) / sensitivity.voltage
+    return VOLTAGES[name] * compute_scale(sensitivity.unit, mass) / sensitivity.voltage

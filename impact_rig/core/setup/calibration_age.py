@@ -8,7 +8,7 @@ LONGEST_INTERVAL = 1
 accelerometers and force sensors usually recommend."""
 
 
-def find_calibration_warnings(setup: RigSetup, today: str) -> tuple[str, ...]:
+def list_calibration_warnings(setup: RigSetup, today: str) -> tuple[str, ...]:
     """Return in one sentence each which sensors were calibrated too long ago.
 
     Parameters
@@ -18,11 +18,11 @@ def find_calibration_warnings(setup: RigSetup, today: str) -> tuple[str, ...]:
     today : str
         Day on which they are used, year-month-day.
     """
-    found = (find_calibration_warning(sensor, today) for sensor in setup.sensors)
+    found = (describe_calibration_age(sensor, today) for sensor in setup.sensors)
     return tuple(text for text in found if text)
 
 
-def find_calibration_warning(sensor: Sensor, today: str) -> str:
+def describe_calibration_age(sensor: Sensor, today: str) -> str:
     """Return what is to be said of a sensor's calibration on a day; empty: nothing."""
     day = sensor.calibration_date
     if not day:

@@ -129,7 +129,7 @@ class SampleSet:
             f"unknown sample {name!r}: the set has " + ", ".join(map(repr, self.names))
         )
 
-    def find_moving_mass(self, name: str) -> float:
+    def get_moving_mass(self, name: str) -> float:
         """Return m2 of the sample called `name`, accelerometer included [kg]."""
         return self.find(name).mass + self.accelerometer_mass
 

@@ -13,7 +13,7 @@ from impact_rig.core.setup.calibration import (
     UNITS,
     VOLTAGES,
     Sensitivity,
-    find_scale,
+    compute_scale,
     list_units,
     normalize_unit,
 )
@@ -89,7 +89,7 @@ class Sensor:
                 " year-month-day, like 2026-03-01"
             )
 
-    def find_scale(self, moving_mass: float = math.nan) -> float:
+    def compute_scale(self, moving_mass: float = math.nan) -> float:
         """Return the acceleration that one volt stands for.
 
         Parameters
@@ -112,14 +112,14 @@ class Sensor:
                 f"the {self.channel} sensor has no sensitivity: a channel in V needs one, for"
                 ' example sensitivity = "10 mV/g"'
             )
-        return find_scale("V", moving_mass, Sensitivity(self.sensitivity, self.unit))
+        return compute_scale("V", moving_mass, Sensitivity(self.sensitivity, self.unit))
 
-    def find_full_scale(self, moving_mass: float = math.nan) -> float:
+    def compute_full_scale(self, moving_mass: float = math.nan) -> float:
         """Return the largest acceleration that the sensor takes [m/s^2]; 0: not known.
 
-        Parameters and errors as `find_scale`; a sensitivity is not needed.
+        Parameters and errors as `compute_scale`; a sensitivity is not needed.
         """
-        return self.full_scale * find_scale(self.unit, moving_mass) if self.full_scale else 0.0
+        return self.full_scale * compute_scale(self.unit, moving_mass) if self.full_scale else 0.0
 
     def describe(self) -> str:
         """Return what is known of the sensor, in a few words."""

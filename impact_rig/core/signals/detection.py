@@ -241,7 +241,7 @@ class ImpactDetector:
                 break
             gaps = [gap for gap in self._gaps if gap.high > wanted and gap.low < last]
             hammer, specimen = segment.read(first, min(last, segment.stop))
-            overloads = segment.find_overloads(first, last)
+            overloads = segment.get_overloads(first, last)
             records.append(self._make_hit(segment, first, hammer, specimen, gaps, overloads))
             if segment.stop >= last:
                 self._hit = hammer
@@ -300,7 +300,7 @@ class ImpactDetector:
             return self._make_record(block, gaps=self._gaps)
         first = max(segment.start, segment.stop - QUIET_RECORDS * self._length)
         hammer, specimen = segment.read(first, segment.stop)
-        overloads = segment.find_overloads(first, segment.stop)
+        overloads = segment.get_overloads(first, segment.stop)
         return self._make_hit(segment, first, hammer, specimen, self._gaps, overloads)
 
     @staticmethod

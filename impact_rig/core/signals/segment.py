@@ -97,7 +97,7 @@ class Segment:
             begin = max(first, chunk.start)
             yield begin, chunk.hammer[begin - chunk.start : last - chunk.start]
 
-    def find_overloads(self, first: int, last: int) -> tuple[bool, bool]:
+    def get_overloads(self, first: int, last: int) -> tuple[bool, bool]:
         """Return whether the device called hammer and sample overloaded from `first` to `last`."""
         hammers, specimens = [False], [False]
         for chunk in reversed(self._chunks):
@@ -108,7 +108,7 @@ class Segment:
                 specimens.append(chunk.overloads[1])
         return any(hammers), any(specimens)
 
-    def find_time(self, point: int) -> int:
+    def get_time(self, point: int) -> int:
         """Return when a point was taken, by its own block, nanoseconds since the epoch."""
         for chunk in reversed(self._chunks):
             if chunk.start <= point:

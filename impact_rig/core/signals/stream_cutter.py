@@ -158,7 +158,7 @@ class StreamBuffer:
             last = min(segment.stop, window.last)
             if first < last:
                 hammer, specimen = segment.read(first, last)
-                overloads = segment.find_overloads(first, last)
+                overloads = segment.get_overloads(first, last)
             elif blocks:
                 # Nothing of the window, but it says where the stream goes on: the gap shows.
                 hammer, specimen = block.hammer.output[:0], block.specimen.output[:0]
@@ -172,7 +172,7 @@ class StreamBuffer:
                     sampling_rate=block.sampling_rate,
                     hammer=replace(block.hammer, output=hammer, overloaded=overloads[0]),
                     specimen=replace(block.specimen, output=specimen, overloaded=overloads[1]),
-                    stamp=segment.find_time(first),
+                    stamp=segment.get_time(first),
                 )
             )
             if segment.stop >= window.last:
@@ -201,7 +201,7 @@ class StreamBuffer:
             specimen=replace(block.specimen, output=block.specimen.output[:0]),
             triggered=False,
             last=True,
-            stamp=segment.find_time(point),
+            stamp=segment.get_time(point),
         )
 
 

@@ -19,10 +19,10 @@ from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_uncertainty import (
     PulseErrors,
     TraceQuality,
+    compute_peak_excess,
+    compute_quantisation_error,
+    compute_trend,
     estimate_pulse_errors,
-    find_peak_excess,
-    find_quantisation_error,
-    find_trend,
 )
 from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.quantity import Quantity
@@ -240,7 +240,7 @@ def _make_decrement_errors(
     trace: FloatArray, peaks: LogDecrement, quality: TraceQuality, owner: str
 ) -> UncertainNumber:
     """Return what is wrong with Delta in all hits alike [-]."""
-    step = find_quantisation_error(quality.resolution, quality.dither)
+    step = compute_quantisation_error(quality.resolution, quality.dither)
     if step > LARGEST_STEP * peaks.second_peak:
         raise NotDeterminedError(
             "uncertainty of zeta and c: not determined, since the second peak is"
@@ -249,13 +249,13 @@ def _make_decrement_errors(
         )
     quantisation = step * math.hypot(1.0 / peaks.first_peak, 1.0 / peaks.second_peak)
     start = (quality.baseline_points - 1) / 2.0
-    trend = find_trend(trace, quality) * abs(
+    trend = compute_trend(trace, quality) * abs(
         (peaks.second_index - start) / peaks.second_peak
         - (peaks.first_index - start) / peaks.first_peak
     )
     # Between both peaks lies one period of the decay: the second is a cosine's top.
     curvature = peaks.second_peak * (2.0 * math.pi / (peaks.second_index - peaks.first_index)) ** 2
-    excess = find_peak_excess(quality.noise, curvature, quality.relative_cutoff)
+    excess = compute_peak_excess(quality.noise, curvature, quality.relative_cutoff)
     total = make_input("quantisation of the peaks", 0.0, quantisation, owner)
     total = total + make_input("trend of the baseline", 0.0, trend, owner)
     return total + make_input("second peak reading", 0.0, excess / peaks.second_peak, owner)

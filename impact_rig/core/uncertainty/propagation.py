@@ -47,7 +47,7 @@ class RigNumbers:
     notes: tuple[str, ...] = ()
 
 
-def find_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
+def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
     """Return masses and clock of the hits on `sample` with their stated uncertainties.
 
     Raises

@@ -129,7 +129,7 @@ def add_input(task: "Task", channel: SourceChannel) -> Input:
         name=channel.sensor.channel,
         # Sensitivities are positive in NI-DAQmx: their sign is here.
         scale=volts_scale / unit_per_volt,
-        full_scale=channel.find_full_scale(electrical),
+        full_scale=channel.compute_full_scale(electrical),
         limit=electrical * unit_per_volt,
     )
 
@@ -154,7 +154,7 @@ def _choose_channel(
         "current_excit_source": ExcitationSource.INTERNAL,
         "current_excit_val": current,
     }
-    unit_per_volt = abs(channel.find_scale())
+    unit_per_volt = abs(channel.compute_scale())
     if channel.sensor.quantity == "force":
         unit_per_volt *= channel.moving_mass
         return partial(
@@ -176,7 +176,7 @@ def _choose_channel(
 def _compute_scale(channel: SourceChannel) -> float:
     """Return the acceleration of one volt, signed [m/s^2 per V]."""
     try:
-        return channel.find_scale()
+        return channel.compute_scale()
     except ParameterError as error:
         raise channel.options.locate(error) from None
 

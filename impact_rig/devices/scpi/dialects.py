@@ -238,7 +238,7 @@ class Generic:
             "pre_trigger_points": str(plan.pre_trigger_points),
             "duration": f"{plan.record_duration:.9g}",
             "pre_trigger": f"{plan.pre_trigger:.9g}",
-            "level": f"{plan.trigger_level / plan.hammer.find_scale():.6g}",
+            "level": f"{plan.trigger_level / plan.hammer.compute_scale():.6g}",
             "hammer": plan.hammer.name,
         }
         if plan.specimen is not None:
@@ -495,7 +495,7 @@ class RedPitaya:
 
     def _make_trigger(self, plan: AcquisitionPlan, input_range: float) -> tuple[str, float]:
         """Return the trigger source by name, and its level [V]."""
-        scale = plan.hammer.find_scale()
+        scale = plan.hammer.compute_scale()
         usual = "rising" if scale > 0 else "falling"
         edge, sign = EDGES[plan.hammer.options.take_choice("edge", tuple(EDGES), usual)]
         level = plan.trigger_level / abs(scale)

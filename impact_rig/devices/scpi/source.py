@@ -321,12 +321,12 @@ def make_channel_block(
 ) -> ChannelBlock:
     """Return points with their calibration, and whether they reach the rails."""
     low, high = program.rails
-    scale = channel.find_scale() * program.step
+    scale = channel.compute_scale() * program.step
     return ChannelBlock(
         output=output,
         scale=scale,
         offset=-program.zero * scale,
-        full_scale=channel.find_full_scale(program.input_range),
+        full_scale=channel.compute_full_scale(program.input_range),
         overloaded=bool(np.any((output <= low) | (output >= high))),
     )
 

@@ -249,7 +249,7 @@ def make_nominal_contact(
     modulus = 1.0 / (MATERIALS[TIP_MATERIAL].compliance + material.compliance)
     hertz = Contact(
         hammer_mass=setup.hammer_mass,
-        moving_mass=setup.samples.find_moving_mass(sample),
+        moving_mass=setup.samples.get_moving_mass(sample),
         exponent=HERTZ_EXPONENT,
         stiffness=4.0 / 3.0 * modulus * math.sqrt(TIP_RADIUS),
         damping=compute_damping(restitution or material.restitution) / speed,

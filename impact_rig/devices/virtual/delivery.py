@@ -17,8 +17,8 @@ from impact_rig.devices.virtual.rig import (
     DigitizerSettings,
     VirtualHit,
     VirtualRigSettings,
+    compute_scale,
     digitize,
-    find_scale,
 )
 
 
@@ -70,10 +70,10 @@ class BlockClock:
         first = self.next_block + lost
         self.next_block = stop
         if first < stop:
-            self.delay = now - self.find_time(first + 1)
+            self.delay = now - self.get_time(first + 1)
         return range(first, stop)
 
-    def find_time(self, number: int) -> float:
+    def get_time(self, number: int) -> float:
         """Return when a block begins [s]."""
         return self._start + number * self._period
 
@@ -141,7 +141,9 @@ class VirtualStream:
         rest = np.zeros(self.block_size)
         counts = digitize(rest, full_scale, self._settings, generator)
         counts.setflags(write=False)
-        return ChannelBlock(counts, find_scale(full_scale, self._settings.bits), 0.0, full_scale)
+        return ChannelBlock(
+            counts, compute_scale(full_scale, self._settings.bits), 0.0, full_scale
+        )
 
     def lay(self, hit: VirtualHit, point: int) -> None:
         """Let the record of a hit begin at a point of the stream; one without a trigger has none.
@@ -250,7 +252,7 @@ class StreamingDigitizer:
         with self._lock:
             if self._stream is None:
                 return
-            begin = contact - self._clock.find_time(0) - digitizer.pre_trigger
+            begin = contact - self._clock.get_time(0) - digitizer.pre_trigger
             unsent = self._clock.next_block * self._block_size
             self._stream.lay(hit, max(round(begin * digitizer.sampling_rate), unsent))
 
@@ -270,7 +272,7 @@ class StreamingDigitizer:
         """Return when a block may be there [s]."""
         if self._stream is None:
             return math.inf
-        return max(self._next_look, self._clock.find_time(self._clock.next_block + 1))
+        return max(self._next_look, self._clock.get_time(self._clock.next_block + 1))
 
     def _take(self) -> Block | None:
         """Return the next block that has been fetched, or is due."""

@@ -309,8 +309,8 @@ def make_virtual_plan(
 
 
 def _follow_plan(digitizer: DigitizerSettings, plan: AcquisitionPlan) -> DigitizerSettings:
-    hammer = plan.hammer.sensor.find_full_scale(plan.hammer.moving_mass)
-    specimen = plan.specimen.sensor.find_full_scale() if plan.specimen else 0.0
+    hammer = plan.hammer.sensor.compute_full_scale(plan.hammer.moving_mass)
+    specimen = plan.specimen.sensor.compute_full_scale() if plan.specimen else 0.0
     return replace(
         digitizer,
         sampling_rate=plan.sampling_rate,

@@ -28,7 +28,7 @@ from impact_rig.core.model.impact import (
 )
 from impact_rig.core.model.oscillator import (
     FreeOscillator,
-    find_padding,
+    compute_padding,
     simulate_free_oscillators,
 )
 from impact_rig.core.model.pulses import (
@@ -86,7 +86,7 @@ def simulate_driven(
     position, speed = _drive(
         matrix, model.peak_force * compute_pulse(grid, model.contact_time, shape) / body.mass, grid
     )
-    record = np.zeros(count + find_padding(count))
+    record = np.zeros(count + compute_padding(count))
     specimen = record[:count]
     inside = (time >= 0.0) & (time <= model.contact_time)
     specimen[inside] = force[inside] / body.mass + matrix[1] @ np.stack(
@@ -226,12 +226,12 @@ def make_nominal_model(setup: RigSetup, sample: str, hammer_damping: float) -> I
     hammer_stiffness = estimate_hammer_stiffness(
         estimate_equivalent_stiffness(
             estimate_equivalent_mass(
-                setup.hammer_mass, setup.samples.find_moving_mass(control_name)
+                setup.hammer_mass, setup.samples.get_moving_mass(control_name)
             ),
             control.reference_contact_time,
         )
     )
-    moving_mass = setup.samples.find_moving_mass(sample)
+    moving_mass = setup.samples.get_moving_mass(sample)
     return ImpactModel(
         hammer=Body(setup.hammer_mass, hammer_stiffness, hammer_damping),
         specimen=Body(

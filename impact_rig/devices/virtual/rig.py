@@ -186,7 +186,7 @@ class DigitizerSettings:
         return round(self.sampling_rate * self.record_duration)
 
 
-def find_scale(full_scale: float, bits: int) -> float:
+def compute_scale(full_scale: float, bits: int) -> float:
     """Return the acceleration of one count [m/s^2]."""
     return full_scale / 2.0 ** (bits - 1)
 
@@ -223,7 +223,7 @@ def digitize(
         + settings.noise * generator.standard_normal(count)
     )
     largest = 2 ** (settings.bits - 1)
-    counts = np.rint(signal / find_scale(full_scale, settings.bits))
+    counts = np.rint(signal / compute_scale(full_scale, settings.bits))
     return np.clip(counts, -largest, largest - 1).astype(np.int32)
 
 
@@ -494,7 +494,7 @@ class VirtualRig:
         counts = digitize(acceleration, full_scale, self.settings.digitizer, generator)
         return ChannelBlock(
             output=counts,
-            scale=find_scale(full_scale, self.settings.digitizer.bits),
+            scale=compute_scale(full_scale, self.settings.digitizer.bits),
             offset=0.0,
             full_scale=full_scale,
         )

@@ -109,14 +109,14 @@ def _list_facts(runs: Sequence[Run]) -> tuple[tuple[str, str], ...]:
     facts = [
         ("Run" if len(runs) == 1 else "Runs", ", ".join(run.name for run in runs)),
         ("Rig", ", ".join(rigs)),
-        ("Measured", _find_dates(runs)),
+        ("Measured", _format_dates(runs)),
         ("Samples", str(len(names))),
         ("Hits in the means", f"{hits - left_out} of {hits}"),
     ]
     return tuple((name, text) for name, text in facts if text)
 
 
-def _find_dates(runs: Sequence[Run]) -> str:
+def _format_dates(runs: Sequence[Run]) -> str:
     """Return the days of the measurements, and the moment where there is one run."""
     found = [run.provenance for run in runs if run.provenance]
     known = sorted(format_time(item.start_time) for item in found if is_dated(item))

@@ -5,8 +5,8 @@ from impact_rig.present.figures.simulators_figure import draw_simulators_figure
 from impact_rig.present.report.document import Paragraph, Part, Picture, Section
 from impact_rig.results.run import Run
 from impact_rig.simulators.check import check_engine, find_obstacle
-from impact_rig.simulators.contact import MeasuredContacts, find_contacts
-from impact_rig.simulators.parameters import ENGINES, find_parameters
+from impact_rig.simulators.contact import MeasuredContacts, make_contacts
+from impact_rig.simulators.parameters import ENGINES, compute_parameters
 from impact_rig.simulators.tables import tabulate_checks, tabulate_parameters
 
 TITLE = "In simulators"
@@ -22,11 +22,13 @@ def make_simulators_section(run: Run, *, prefix: str = "") -> Section:
     prefix : str
         Put before the names of its figures, so that those of several runs differ.
     """
-    contacts, reasons = _find_contacts(run)
+    contacts, reasons = _make_contacts(run)
     if not contacts:
         return Section(TITLE, tuple(Paragraph(f"{reason}.") for reason in reasons))
     tables = [
-        tabulate_parameters([find_parameters(engine, measured) for measured in contacts.values()])
+        tabulate_parameters(
+            [compute_parameters(engine, measured) for measured in contacts.values()]
+        )
         for engine in ENGINES.values()
     ]
     control = run.campaign.results.setup.samples.control_sample
@@ -34,12 +36,12 @@ def make_simulators_section(run: Run, *, prefix: str = "") -> Section:
     return Section(TITLE, (*tables, *_strike(run, name, contacts[name], prefix)))
 
 
-def _find_contacts(run: Run) -> tuple[dict[str, MeasuredContacts], list[str]]:
+def _make_contacts(run: Run) -> tuple[dict[str, MeasuredContacts], list[str]]:
     """Return the contacts by sample, and why others have none."""
     contacts, reasons = {}, []
     for sample in run.campaign.results.samples:
         try:
-            contacts[sample.name] = find_contacts([run.campaign.results], sample.name)
+            contacts[sample.name] = make_contacts([run.campaign.results], sample.name)
         except ParameterError as error:
             reasons.append(str(error))
     return contacts, reasons
@@ -57,7 +59,7 @@ def _strike(run: Run, name: str, measured: MeasuredContacts, prefix: str) -> lis
         if find_obstacle(engine)
     ]
     checks = [
-        check_engine(find_parameters(engine, measured))
+        check_engine(compute_parameters(engine, measured))
         for engine in engines
         if not find_obstacle(engine)
     ]

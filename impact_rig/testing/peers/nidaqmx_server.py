@@ -283,7 +283,7 @@ class SimulatedTask:
         else:
             self._hits.append((begin, resampled))
 
-    def find_end(self) -> float:
+    def compute_end(self) -> float:
         """Return when all samples will be there, by the monotonic clock [s]; inf: not known."""
         if not self.is_running or self._first is None or self.mode == CONTINUOUS:
             return math.inf
@@ -291,7 +291,7 @@ class SimulatedTask:
 
     def is_done(self) -> bool:
         """Return whether all samples are there."""
-        return time.monotonic() >= self.find_end()
+        return time.monotonic() >= self.compute_end()
 
     def read(self, count: int, *, is_late: bool) -> tuple[int, Volts] | None:
         """Return status and samples, one row per channel; None: wait for more.
@@ -643,7 +643,7 @@ class DaqmxService(AttributeService):
             now = time.monotonic()
             if now >= deadline:
                 return False
-            pause = 1e-3 if task.mode != FINITE else task.find_end() - now
+            pause = 1e-3 if task.mode != FINITE else task.compute_end() - now
             self.device.changed.wait(max(1e-4, min(deadline - now, pause, 1.0)))
 
     def _add_sensor(self, request: Any, volts: float) -> Fields:

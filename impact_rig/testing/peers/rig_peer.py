@@ -121,8 +121,8 @@ class RigPeer:
     ) -> None:
         self.bench = VirtualBench(setup, settings)
         self.scpi = ScpiDigitizer(
-            1.0 / Sensor("hammer", "acceleration", "g", HAMMER_SENSITIVITY).find_scale(),
-            1.0 / Sensor("specimen", "acceleration", "g", SPECIMEN_SENSITIVITY).find_scale(),
+            1.0 / Sensor("hammer", "acceleration", "g", HAMMER_SENSITIVITY).compute_scale(),
+            1.0 / Sensor("specimen", "acceleration", "g", SPECIMEN_SENSITIVITY).compute_scale(),
         )
         self.relay = SerialRelayPeer(self._let_go)
         self._swing_time = swing_time

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from impact_rig.configuration.units import parse_sensitivity
 from impact_rig.core.errors import RigError
-from impact_rig.core.setup.calibration import find_scale
+from impact_rig.core.setup.calibration import compute_scale
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.signals.detection import to_acceleration
 from impact_rig.core.signals.record import ChannelBlock, FloatArray, HitLabel
@@ -648,7 +648,7 @@ def _compute_acceleration(channel: ChannelBlock, size: int) -> FloatArray:
 def _parse_sensitivity(text: str) -> float:
     """Return the voltage of 1 m/s^2."""
     try:
-        return 1.0 / find_scale("V", sensitivity=parse_sensitivity("sensitivity", text))
+        return 1.0 / compute_scale("V", sensitivity=parse_sensitivity("sensitivity", text))
     except RigError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
 

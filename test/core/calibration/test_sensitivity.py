@@ -227,11 +227,11 @@ def test_a_flawed_hit_is_left_out():
 
 
 def test_force_is_mass_times_acceleration():
-    assert CalibrationMethod("hammer").find_factor(MASSES) == 1.0
-    assert CalibrationMethod("hammer", 0.25).find_factor(MASSES) == pytest.approx(2.5)
-    assert CalibrationMethod("specimen", 0.25).find_factor(MASSES) == pytest.approx(0.4)
+    assert CalibrationMethod("hammer").compute_factor(MASSES) == 1.0
+    assert CalibrationMethod("hammer", 0.25).compute_factor(MASSES) == pytest.approx(2.5)
+    assert CalibrationMethod("specimen", 0.25).compute_factor(MASSES) == pytest.approx(0.4)
     with pytest.raises(ParameterError, match=r"mass of the hammer is not known"):
-        CalibrationMethod("hammer", 0.25).find_factor(replace(MASSES, hammer_mass=math.nan))
+        CalibrationMethod("hammer", 0.25).compute_factor(replace(MASSES, hammer_mass=math.nan))
 
 
 @pytest.mark.parametrize(

@@ -195,8 +195,8 @@ def test_a_body_followed_by_integration_gives_its_own_stiffness_and_damping() ->
     acceleration = (drive - damping * path.y[1] - stiffness * path.y[0]) / mass
     specimen = np.concatenate((np.zeros(COUNT - after.size), acceleration))
     found = fit(make_mean(specimen))
-    assert found.find_stiffness(mass) == pytest.approx(stiffness, rel=1e-4)
-    assert found.find_damping_coefficient(mass) == pytest.approx(damping, rel=1e-4)
+    assert found.compute_stiffness(mass) == pytest.approx(stiffness, rel=1e-4)
+    assert found.compute_damping_coefficient(mass) == pytest.approx(damping, rel=1e-4)
 
 
 def test_time_and_fit_are_those_of_the_trace() -> None:

@@ -15,7 +15,7 @@ from impact_rig.core.hits.outliers import (
     QUANTITIES,
     THRESHOLDS,
     SortedFigures,
-    find_threshold,
+    compute_threshold,
 )
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.hits.reasons import Reason, Rejection
@@ -158,7 +158,7 @@ class TestSortedFigures:
         assert [item.median for item in criteria] == np.median(figures, axis=0).tolist()
         spreads = 1.4826 * median_abs_deviation(figures, axis=0)
         floors = [
-            item.quantity.floor * ENDLESS_THRESHOLD / find_threshold(count) * abs(item.median)
+            item.quantity.floor * ENDLESS_THRESHOLD / compute_threshold(count) * abs(item.median)
             for item in criteria
         ]
         expected = np.maximum(spreads, floors)
@@ -192,17 +192,17 @@ class TestThresholds:
         values = np.random.default_rng(count).standard_normal((1_200_000 // count, count))
         deviations = np.abs(values - np.median(values, axis=1, keepdims=True))
         spread = 1.4826 * np.median(deviations, axis=1, keepdims=True)
-        found = np.count_nonzero(deviations > find_threshold(count) * spread)
+        found = np.count_nonzero(deviations > compute_threshold(count) * spread)
         assert 15 <= found <= 60
 
     def test_many_hits_are_judged_as_normal_values(self) -> None:
         assert norm.isf(FALSE_ALARM / len(QUANTITIES) / 2) < ENDLESS_THRESHOLD
-        assert find_threshold(10**9) == pytest.approx(ENDLESS_THRESHOLD)
+        assert compute_threshold(10**9) == pytest.approx(ENDLESS_THRESHOLD)
 
     def test_between_two_of_the_table_lies_one_of_their_size(self) -> None:
-        assert THRESHOLDS[18] > find_threshold(19) > THRESHOLDS[20]
+        assert THRESHOLDS[18] > compute_threshold(19) > THRESHOLDS[20]
         for count, value in THRESHOLDS.items():
-            assert find_threshold(count) == value
+            assert compute_threshold(count) == value
 
 
 class TestKeeping:

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from impact_rig.core.hits.pulse_uncertainty import (
     TraceQuality,
+    compute_low_pass_widening,
+    compute_peak_excess,
+    compute_quantisation_error,
+    compute_trend,
     estimate_pulse_errors,
-    find_low_pass_widening,
-    find_peak_excess,
-    find_quantisation_error,
-    find_trend,
 )
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.signals.filtering import low_pass
@@ -75,7 +75,7 @@ def test_a_drifting_baseline_is_extrapolated_to_the_pulse() -> None:
     trace = make_pulse(500.0) + line
     observed = abs(measure_width(trace) - measure_width(make_pulse(500.0)))
     quality = replace(PERFECT, raw_noise=1e-3)
-    assert find_trend(trace, quality) == pytest.approx(drift, rel=1e-3)
+    assert compute_trend(trace, quality) == pytest.approx(drift, rel=1e-3)
     assert estimate(trace, quality)["trend"] == pytest.approx(observed, rel=0.05)
 
 
@@ -83,7 +83,7 @@ def test_noise_alone_is_no_trend() -> None:
     generator = np.random.default_rng(4)
     quality = replace(PERFECT, raw_noise=1.0)
     pulse = make_pulse(500.0)
-    trends = [find_trend(pulse + generator.standard_normal(COUNT), quality) for _ in range(400)]
+    trends = [compute_trend(pulse + generator.standard_normal(COUNT), quality) for _ in range(400)]
     own = math.sqrt(12.0) / 400**1.5
     # One in twenty passes the test of significance, and those are held down by the record's end.
     assert np.count_nonzero(trends) < 40
@@ -94,16 +94,16 @@ def test_a_body_that_still_swings_at_the_end_does_not_hide_a_drift() -> None:
     drift = 2e-3
     ringing = np.where(np.arange(COUNT) > START, 50.0, 0.0)
     trace = ringing + drift * (np.arange(COUNT) - 199.5)
-    assert find_trend(trace, replace(PERFECT, raw_noise=1e-3)) == pytest.approx(drift, rel=1e-3)
+    assert compute_trend(trace, replace(PERFECT, raw_noise=1e-3)) == pytest.approx(drift, rel=1e-3)
 
 
 def test_too_few_points_show_no_trend() -> None:
-    assert find_trend(np.arange(10.0), replace(PERFECT, baseline_points=2)) == 0.0
+    assert compute_trend(np.arange(10.0), replace(PERFECT, baseline_points=2)) == 0.0
 
 
 def test_quantisation_without_noise_is_rectangular_and_is_dithered_away_by_noise() -> None:
-    assert find_quantisation_error(0.0, 1.0) == 0.0
-    assert find_quantisation_error(2.0, 0.0) == pytest.approx(2.0 / math.sqrt(12), rel=0.02)
+    assert compute_quantisation_error(0.0, 1.0) == 0.0
+    assert compute_quantisation_error(2.0, 0.0) == pytest.approx(2.0 / math.sqrt(12), rel=0.02)
     generator = np.random.default_rng(5)
     for sigma in (0.2, 0.35, 0.5):
         # The mean of many noisy readings of levels spread over a step, q = 1.
@@ -113,7 +113,7 @@ def test_quantisation_without_noise_is_rectangular_and_is_dithered_away_by_noise
         observed = float(np.sqrt(np.mean(remains**2)))
         total = math.hypot(sigma, 1.0 / math.sqrt(12.0))
         # What the mean of 200 000 readings still scatters: 0.0013 for these noises.
-        assert find_quantisation_error(1.0, total) == pytest.approx(observed, rel=0.1, abs=2e-3)
+        assert compute_quantisation_error(1.0, total) == pytest.approx(observed, rel=0.1, abs=2e-3)
 
 
 @pytest.mark.parametrize(("power", "duration"), [(2.0, 10.0), (2.0, 30.0), (1.0, 8.0)])
@@ -132,11 +132,11 @@ def test_the_largest_of_noisy_points_is_too_high_as_predicted() -> None:
     points = np.arange(-300, 301)
     for noise, curvature in ((1.0, 0.01), (1.0, 0.1), (0.2, 1e-4)):
         tops = noise * generator.standard_normal((4000, points.size)) - curvature * points**2 / 2
-        assert find_peak_excess(noise, curvature, 0.0) == pytest.approx(
+        assert compute_peak_excess(noise, curvature, 0.0) == pytest.approx(
             float(tops.max(axis=1).mean()), rel=0.2
         )
-    assert find_peak_excess(0.0, 1.0, 0.0) == 0.0
-    assert find_peak_excess(1e-6, 1.0, 0.02) == 0.0
+    assert compute_peak_excess(0.0, 1.0, 0.0) == 0.0
+    assert compute_peak_excess(1e-6, 1.0, 0.02) == 0.0
 
 
 @pytest.mark.parametrize("cutoff_contact_time", [2.0, 5.0, 10.0])
@@ -148,12 +148,12 @@ def test_the_low_pass_widens_a_versed_sine_as_it_does_a_simulated_one(
     filtered = low_pass(raw, cutoff_contact_time / duration, 1.0)
     observed = measure_width(filtered) / measure_width(raw) - 1.0
     # Found for two digits of cutoff times duration, at 400 instead of 500 points.
-    assert find_low_pass_widening(cutoff_contact_time) == pytest.approx(observed, rel=0.05)
+    assert compute_low_pass_widening(cutoff_contact_time) == pytest.approx(observed, rel=0.05)
 
 
 def test_without_a_low_pass_nothing_is_widened() -> None:
-    assert find_low_pass_widening(0.0) == 0.0
-    assert find_low_pass_widening(1e6) == 0.0
+    assert compute_low_pass_widening(0.0) == 0.0
+    assert compute_low_pass_widening(1e6) == 0.0
 
 
 def test_a_pulse_at_the_edge_of_the_record_has_errors_too() -> None:

@@ -56,7 +56,7 @@ def list_reasons(series: HitSeries) -> dict[int, Reason]:
 
 def check_mean(series: HitSeries, hits: list[JudgedHit]) -> None:
     """Hold the mean of a series against the mean of these hits, bit by bit."""
-    mean = series.find_mean()
+    mean = series.compute_mean()
     expected = average_hits([hit.filtered for hit in hits if hit.filtered])
     assert mean is not None
     np.testing.assert_array_equal(mean.traces, expected.traces)
@@ -82,7 +82,7 @@ def test_the_mean_is_that_of_all_hits_bit_by_bit(count: int) -> None:
     hits = [make_hit(number, noise=1.0 + number % 7) for number in range(count)]
     series = make_series(hits)
     check_mean(series, hits)
-    shown = series.find_mean()
+    shown = series.compute_mean()
     assert shown is not None
     for hit, single in zip(shown.cut_hits(), hits, strict=True):
         assert single.filtered is not None
@@ -126,7 +126,7 @@ def test_a_late_outlier_is_taken_out_and_comes_back() -> None:
 def test_of_a_long_series_hits_that_lie_evenly_show_the_scatter(count: int, shown: int) -> None:
     hits = [make_hit(number % 7) for number in range(count)]
     series = make_series(hits)
-    mean = series.find_mean()
+    mean = series.compute_mean()
     assert mean is not None
     assert (mean.count, len(mean.hits)) == (count, shown)
     check_mean(series, hits)

@@ -158,7 +158,7 @@ def test_traces_of_an_integrator_give_the_integrated_parameters() -> None:
 def test_any_sample_is_found_again_from_its_traces_alone(
     frequency: float, ratio: float, tau: float, polarity: tuple[float, float]
 ) -> None:
-    mass = PAPER_SETUP.samples.find_moving_mass(SAMPLE)
+    mass = PAPER_SETUP.samples.get_moving_mass(SAMPLE)
     natural = frequency / tau
     body = Body(mass, mass * natural**2, 2 * ratio * mass * natural)
     model = replace(find_truth(SAMPLE), contact_time=tau, specimen=body)

@@ -6,7 +6,7 @@ from scipy.linalg import block_diag, expm
 
 from impact_rig.core.model.oscillator import (
     FreeOscillator,
-    find_padding,
+    compute_padding,
     simulate_free_oscillators,
 )
 
@@ -38,7 +38,7 @@ def test_oscillators_of_every_damping_agree_side_by_side(count: int) -> None:
         make_oscillator(ratio, state, step, first)
         for ratio, state, step, first in zip(RATIOS, states, steps, late, strict=True)
     ]
-    found = np.full((len(RATIOS), 1 + count + find_padding(count)), np.nan)
+    found = np.full((len(RATIOS), 1 + count + compute_padding(count)), np.nan)
     simulate_free_oscillators(oscillators, count, list(found[:, np.newaxis, 1:]))
     assert np.isnan(found[:, 0]).all()
     for ratio, state, step, first, record in zip(RATIOS, states, steps, late, found, strict=True):
@@ -50,7 +50,7 @@ def test_oscillators_of_every_damping_agree_side_by_side(count: int) -> None:
 
 
 def test_what_has_decayed_for_long_is_zero_and_no_overflow() -> None:
-    found = np.ones((3, 50 + find_padding(50)))
+    found = np.ones((3, 50 + compute_padding(50)))
     simulate_free_oscillators(
         [FreeOscillator(1e16, damping, 1.0, 1.0, 100.0) for damping in (1e6, 2e8, 1e11)],
         50,
@@ -60,7 +60,7 @@ def test_what_has_decayed_for_long_is_zero_and_no_overflow() -> None:
 
 
 def test_records_of_different_lengths_are_filled_to_their_ends_and_no_further() -> None:
-    lengths, padding = (100, 37, 0), find_padding(100)
+    lengths, padding = (100, 37, 0), compute_padding(100)
     whole = np.full((3, 400), np.nan)
     simulate_free_oscillators(
         [make_oscillator(0.1, np.ones(2), 0.1, 0.0)] * 3,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup.calibration import Sensitivity, find_scale, normalize_unit
+from impact_rig.core.setup.calibration import Sensitivity, compute_scale, normalize_unit
 from impact_rig.core.setup.sensors import ChannelPlan, ChannelUse
 
 
@@ -22,7 +22,7 @@ from impact_rig.core.setup.sensors import ChannelPlan, ChannelUse
     ],
 )
 def test_a_unit_stands_for_an_acceleration(unit, mass, sensitivity, scale):
-    assert find_scale(unit, mass, sensitivity) == pytest.approx(scale, rel=1e-7)
+    assert compute_scale(unit, mass, sensitivity) == pytest.approx(scale, rel=1e-7)
 
 
 def test_the_spellings_of_instruments_are_known():
@@ -42,7 +42,7 @@ def test_the_spellings_of_instruments_are_known():
 )
 def test_units_that_give_no_acceleration_are_refused(unit, mass, told):
     with pytest.raises(ParameterError, match=told):
-        find_scale(unit, mass)
+        compute_scale(unit, mass)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.setup.calibration_age import (
-    find_calibration_warning,
-    find_calibration_warnings,
+    describe_calibration_age,
+    list_calibration_warnings,
 )
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.sensors import Sensor
@@ -29,7 +29,7 @@ from impact_rig.core.setup.sensors import Sensor
     ],
 )
 def test_a_calibration_holds_for_a_year(calibrated, today, told):
-    warning = find_calibration_warning(Sensor("hammer", calibration_date=calibrated), today)
+    warning = describe_calibration_age(Sensor("hammer", calibration_date=calibrated), today)
     assert told in warning
     assert bool(told) == bool(warning)
 
@@ -38,7 +38,7 @@ def test_a_calibration_holds_for_a_year(calibrated, today, told):
 def test_days_are_compared_as_the_calendar_has_them(today, age):
     calibrated = today - timedelta(days=age)
     sensor = Sensor("hammer", calibration_date=calibrated.isoformat())
-    warning = find_calibration_warning(sensor, today.isoformat())
+    warning = describe_calibration_age(sensor, today.isoformat())
     assert ("over a year" in warning) == (age > 366 or (age == 366 and bool(warning)))
     assert ("lies ahead" in warning) == (age < 0)
 
@@ -48,9 +48,9 @@ def test_each_sensor_is_told_of_with_its_serial_number():
         Sensor("hammer", serial_number="LW1", calibration_date="2020-01-01"),
         Sensor("specimen", serial_number="LW2", calibration_date="2026-01-01"),
     )
-    (told,) = find_calibration_warnings(replace(PAPER_SETUP, sensors=sensors), "2026-11-21")
+    (told,) = list_calibration_warnings(replace(PAPER_SETUP, sensors=sensors), "2026-11-21")
     assert told.startswith("the hammer sensor LW1 was calibrated on 2020-01-01")
-    assert find_calibration_warnings(PAPER_SETUP, "2026-11-21") == ()
+    assert list_calibration_warnings(PAPER_SETUP, "2026-11-21") == ()
 
 
 def test_a_sensor_says_what_is_known_of_it():

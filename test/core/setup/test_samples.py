@@ -30,12 +30,12 @@ def test_a_name_or_material_that_would_steer_a_terminal_is_refused(text: str) ->
 @given(mass=st.floats(1e-6, 100), accelerometer=st.floats(0, 1))
 def test_what_moves_is_sample_and_accelerometer(mass: float, accelerometer: float) -> None:
     samples = SampleSet((Sample("x", mass),), "", accelerometer)
-    assert samples.find_moving_mass("x") == mass + accelerometer
+    assert samples.get_moving_mass("x") == mass + accelerometer
 
 
 def test_an_unknown_sample_is_named_with_those_there_are() -> None:
     samples = SampleSet((STEEL, BRASS), "")
-    for call in (samples.find, samples.find_moving_mass):
+    for call in (samples.find, samples.get_moving_mass):
         with pytest.raises(ParameterError) as error:
             call("stel")
         assert str(error.value) == "unknown sample 'stel': the set has 'steel', 'brass'"
@@ -101,7 +101,7 @@ def test_a_missing_control_sample_is_named_with_those_there_are() -> None:
 
 
 def test_the_accelerometer_may_weigh_nothing_but_not_less() -> None:
-    assert SampleSet((STEEL,), "").find_moving_mass("steel") == STEEL.mass
+    assert SampleSet((STEEL,), "").get_moving_mass("steel") == STEEL.mass
     with pytest.raises(ParameterError, match=r"accelerometer mass is -0.003 kg"):
         SampleSet((STEEL,), "", -3e-3)
 

@@ -32,7 +32,7 @@ from impact_rig.core.uncertainty.contact import (
     estimate_contact_time,
     estimate_hit_contact_time,
 )
-from impact_rig.core.uncertainty.propagation import find_rig_numbers
+from impact_rig.core.uncertainty.propagation import make_rig_numbers
 from impact_rig.core.uncertainty.results import compute_quantity, make_ensemble
 
 RATE = 2.5e6
@@ -349,7 +349,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
     """Campaigns with true masses, clock and contact times drawn around what is stated."""
     generator = np.random.default_rng(13)
     name, campaigns, hits, scatter = "steel medium", 2000, 10, 3e-3
-    rig, control = find_rig_numbers(SETUP, name), find_rig_numbers(SETUP, CONTROL)
+    rig, control = make_rig_numbers(SETUP, name), make_rig_numbers(SETUP, CONTROL)
     accelerometer, m1 = (
         mass + 0.29e-3 * generator.standard_normal(campaigns) for mass in (3e-3, 0.1)
     )

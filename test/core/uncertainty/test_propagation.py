@@ -11,13 +11,13 @@ from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
 from impact_rig.core.uncertainty.propagation import (
     FittedBody,
-    find_rig_numbers,
+    make_rig_numbers,
     propagate_free_decay,
     propagate_identification,
     propagate_parameters,
 )
 
-RIG = find_rig_numbers(PAPER_SETUP, "steel medium")
+RIG = make_rig_numbers(PAPER_SETUP, "steel medium")
 DECAY, FREQUENCY = 3456.0, 15900.0
 
 
@@ -150,7 +150,7 @@ def test_what_are_no_parameters_is_refused(bad: np.ndarray) -> None:
 
 def test_masses_without_a_stated_uncertainty_are_named() -> None:
     setup = RigSetup(SampleSet((Sample("oak", 0.1),), "oak", 3e-3, 1e-4), 0.1, 0.3)
-    rig = find_rig_numbers(setup, "oak")
+    rig = make_rig_numbers(setup, "oak")
     assert rig.notes == (
         "uncertainty of k and c: none is stated for the mass of the hammer and oak",
     )

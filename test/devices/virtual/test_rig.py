@@ -27,10 +27,10 @@ from impact_rig.devices.virtual.rig import (
     VirtualHit,
     VirtualRig,
     VirtualRigSettings,
+    compute_scale,
     couple,
     digitize,
     fault_from_name,
-    find_scale,
     scheduled_fault_from_text,
 )
 
@@ -51,7 +51,7 @@ def test_quantisation_is_off_by_half_a_step_at_most(
     bits: int, full_scale: float, seed: int
 ) -> None:
     settings = DigitizerSettings(bits=bits, noise=0.0, offset=0.0, coupling_frequency=0.0)
-    step = find_scale(full_scale, bits)
+    step = compute_scale(full_scale, bits)
     largest = full_scale - step
     signal = np.random.default_rng(seed).uniform(-full_scale, largest, 500)
     counts = digitize(signal, full_scale, settings, make_random())
@@ -72,7 +72,7 @@ def test_noise_offset_and_drift_are_parts_of_full_scale() -> None:
         bits=24, noise=1e-3, offset=2e-3, drift=0.1, coupling_frequency=0.0
     )
     counts = digitize(np.zeros(20_000), 2000.0, settings, make_random())
-    signal = counts * find_scale(2000.0, 24)
+    signal = counts * compute_scale(2000.0, 24)
     slope, start = np.polyfit(np.arange(20_000) / 20_000, signal, 1)
     # 20 000 points of noise 2: means within 0.03, slopes within 0.1.
     assert start == pytest.approx(4.0, abs=0.15)
