@@ -22,6 +22,12 @@ choice: a hit recorded as a whole always has one."""
 PULSE_NOISE = 6.0
 """Least height of a pulse, in standard deviations of the noise [-], our choice: noise alone
 reaches it in one record of 100 000."""
+QUIET_END, LEAST_END = 0.05, 8
+"""Part of a record, and points at least, that tell its baseline and noise, our choice: half the
+default pre-trigger."""
+LOUD_BEGINNING = 2.0
+"""Noise of a record's beginning over that of its end from which a pulse is there [-], our choice:
+of 125 points each, noise alone differs by less."""
 SPREAD_OF_MEDIAN = 1.4826
 """Standard deviation over median absolute deviation of normal noise [-]."""
 
@@ -44,8 +50,7 @@ class PulseSearch:
 
     def learn(self, quiet: RawArray) -> float:
         """Take the noise from what holds no pulse, and return its baseline."""
-        baseline = compute_median(quiet)
-        self._noise = SPREAD_OF_MEDIAN * compute_median(np.abs(quiet - baseline))
+        baseline, self._noise = compute_baseline(quiet)
         return baseline
 
     def find(self, segment: Segment, baseline: float, last: int) -> int | None:
@@ -70,7 +75,9 @@ class PulseSearch:
             level = self._settings.detection_level * abs(channel.full_scale / channel.scale)
         else:
             # Without a full scale the level is a part of the largest pulse: of the whole segment.
-            level = compute_relative_level(np.abs(segment.read(segment.start, last)[0] - baseline))
+            deviation = np.abs(segment.read(segment.start, last)[0] - baseline)
+            # A constant trace has no pulse, and no noise to stand out of.
+            level = RELATIVE_LEVEL * float(deviation.max()) or math.inf
         level = max(level, PULSE_NOISE * self._noise, channel.resolution / abs(channel.scale))
         for start, output in segment.read_hammer(segment.searched, last):
             index = _find_departure(output, baseline, level)
@@ -129,14 +136,22 @@ def find_quietest(output: RawArray, count: int) -> RawArray:
     return quietest
 
 
-def compute_relative_level(deviation: FloatArray) -> float:
-    """Return what a pulse must reach where full scale is unknown [unit of the deviation].
+def find_quiet_end(output: RawArray) -> RawArray:
+    """Return what tells baseline and noise of a record: its beginning, or its end.
 
-    Infinite: nothing stands out of the noise.
+    Before the impact nothing happens, unless the pulse begins at once; then what follows is
+    quieter. How long the pulse lasts and rings does not matter.
     """
-    largest = float(deviation.max())
-    noise = SPREAD_OF_MEDIAN * float(np.median(deviation))
-    return RELATIVE_LEVEL * largest if largest > PULSE_NOISE * noise else np.inf
+    count = max(int(QUIET_END * output.size), LEAST_END)
+    first, last = output[:count], output[-count:]
+    noises = [compute_baseline(end)[1] for end in (first, last)]
+    return last if noises[0] > LOUD_BEGINNING * noises[1] else first
+
+
+def compute_baseline(quiet: RawArray) -> tuple[float, float]:
+    """Return median, and standard deviation by the median absolute deviation."""
+    baseline = compute_median(quiet)
+    return baseline, SPREAD_OF_MEDIAN * compute_median(np.abs(quiet - baseline))
 
 
 def _find_departure(output: RawArray, baseline: float, level: float) -> int | None:
@@ -263,7 +278,12 @@ class ImpactDetector:
             self._baseline, self._hit = compute_median(self._hit), None
         baseline = self._baseline
         if baseline is None:
-            quiet = segment.read(segment.start, segment.start + before)[0]
+            # Without a full scale all of the arming is there.
+            quiet = (
+                segment.read(segment.start, segment.start + before)[0]
+                if segment.block.hammer.full_scale > 0.0
+                else find_quiet_end(segment.read(segment.start, segment.stop)[0])
+            )
             baseline = self._search.learn(quiet)
             self._baseline = baseline if complete else None
         pulse = self._search.find(segment, baseline, segment.stop)
@@ -351,13 +371,13 @@ def find_pulse_start(trace: Trace, settings: AnalysisSettings) -> int | None:
     acceleration = trace.acceleration
     if acceleration.size == 0 or not np.all(np.isfinite(acceleration)):
         return None
-    peak = int(np.argmax(np.abs(acceleration - np.median(acceleration))))
-    baseline = float(np.median(acceleration[: max(peak // 2, 1)]))
+    baseline, noise = compute_baseline(find_quiet_end(acceleration))
     deviation = np.abs(acceleration - baseline)
-    above = deviation >= (
+    level = (
         settings.detection_level * trace.full_scale
         if trace.full_scale > 0.0
-        else compute_relative_level(deviation)
+        else RELATIVE_LEVEL * float(deviation.max()) or math.inf
     )
+    above = deviation >= max(level, PULSE_NOISE * noise)
     index = int(np.argmax(above))
     return index if above[index] else None

@@ -25,6 +25,7 @@ from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, Trace
 SETTINGS = AnalysisSettings()
 BEFORE, LENGTH = 200, 2000
 FULL_SCALE, SCALE = 2000.0, 2000.0 / 2048
+NOTHING = ChannelBlock(np.empty(0), 1.0, 0.0, 0.0)
 Make = Callable[..., Any]
 
 
@@ -240,6 +241,29 @@ class TestPulseStart:
         # 60 m/s^2 of full scale, or a tenth of the peak, is reached within 21 points.
         assert start is not None
         assert 512 <= start <= 521
+
+    @pytest.mark.parametrize(
+        ("begin", "width", "ringing"),
+        [(500, 2000, 0.0), (160, 2800, 0.0), (500, 200, 80.0), (0, 200, 0.0), (0, 2000, 0.0)],
+        ids=["half", "most", "rings to the end", "from the first point", "half, from the first"],
+    )
+    def test_is_found_however_long_pulse_and_ringing_are(
+        self, begin: int, width: int, ringing: float
+    ) -> None:
+        """Each is 300 times the noise; what begins at once leaves no baseline before it."""
+        since = np.arange(3000) - begin + (begin == 0) * width / 4
+        values = 7.0 + np.random.default_rng(1).standard_normal(3000)
+        values += np.where(since > 0, ringing * np.sin(0.05 * np.pi * since), 0.0)
+        inside = (since > 0) & (since < width)
+        values += np.where(inside, 300.0 * np.sin(np.pi * since / width) ** 2, 0.0)
+        start = find_pulse_start(Trace(values), SETTINGS)
+        assert start is not None
+        assert begin <= start <= begin + 0.12 * width
+        hammer = ChannelBlock(values, 1.0, 0.0, 0.0)
+        block = Block(0, 1e6, hammer, NOTHING, HitLabel("s"), last=True)
+        found = replace(SETTINGS, pre_trigger=max(start, 1) / 1e6, record_duration=3e-3)
+        (record,) = ImpactDetector(found).feed(block)
+        assert record.pulse_index == start
 
     @pytest.mark.parametrize("full_scale", [2000.0, 0.0])
     def test_is_nowhere_in_noise(self, full_scale: float) -> None:
