@@ -142,7 +142,8 @@ class CampaignNode(RigNode):
             result.success, result.message = True, "complete"
         finally:
             progress, self._progress = self._progress, None
-        await self._finish(result, 0 if progress is None else progress.judged)
+        if not self.stop_requested.done():  # else nobody is waited for any more
+            await self._finish(result, 0 if progress is None else progress.judged)
         if result.success:
             handle.succeed()
         elif handle.is_cancel_requested:

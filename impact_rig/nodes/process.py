@@ -76,6 +76,7 @@ def _run(make_node: Callable[[], RigNode]) -> int:
         gc.freeze()
         spin_until(executor, node.stop_requested)
         node.stop_requested.result()
+        node.wake_waiters()
         _drain(node, executor)
     except ExternalShutdownException:
         pass

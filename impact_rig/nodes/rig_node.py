@@ -1,6 +1,7 @@
 """What all nodes of the rig share: parameters, topics, lifecycle and diagnostics."""
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -388,10 +389,10 @@ class RigNode(LifecycleNode):
         self.wake_waiters()
 
     async def pause(self, delay: float) -> None:
-        """Wait for so long [s]."""
-        future: Future = Future(executor=self.executor)
-        self.run_once_after(delay, lambda: future.set_result(None))
-        await future
+        """Wait for so long [s]; raises `DeviceError` as `wait_until` does."""
+        is_over: list[bool] = []
+        self.run_once_after(delay, lambda: is_over.append(True))
+        await self.wait_until(lambda: bool(is_over), math.inf)
 
     async def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Wait for a condition that some callback of this node makes true.
@@ -408,20 +409,29 @@ class RigNode(LifecycleNode):
         -------
         bool
             Whether the condition came true in time.
+
+        Raises
+        ------
+        DeviceError
+            If the node is to stop: whatever still waited would keep it, and with it what other
+            processes see of it, beyond its end.
         """
-        if condition():
-            return True
         future: Future = Future(executor=self.executor)
         deadline = time.monotonic() + timeout
 
         def look() -> None:
             if future.done():
                 return
-            if condition():
+            if self.stop_requested.done():
+                future.set_exception(DeviceError(f"the {self.get_name()} node has been stopped"))
+            elif condition():
                 future.set_result(True)
             elif time.monotonic() >= deadline:
                 future.set_result(False)
 
+        look()
+        if future.done():
+            return bool(future.result())
         self._waiters.append(look)
         if len(self._waiters) == 1:
             self._looking.reset()

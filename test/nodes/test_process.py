@@ -15,6 +15,16 @@ PATIENCE = 60.0
 """How long a process may take before the test fails [s]."""
 
 
+PRINT_MIDDLEWARE = """
+import os, signal
+from pathlib import Path
+
+def print_middleware():
+    names = [path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")]
+    print(*(name for name in names if name.startswith("dds")))
+"""
+
+
 @pytest.fixture
 def start(ros_domain):
     """Return a function that starts a node as a person would."""
@@ -138,8 +148,7 @@ def test_a_node_that_has_ended_leaves_nothing_behind(run_script, tmp_path):
     the process ends may keep it from ending.
     """
     process = run_script(f"""
-import os, signal
-from pathlib import Path
+{PRINT_MIDDLEWARE}
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.process import run_node
 
@@ -154,13 +163,43 @@ class Ending(HammerNode):
         os.kill(os.getpid(), signal.SIGINT)
 
 code = run_node(Ending)
-print(*(name for path in Path("/proc/self/task").glob("*/comm")
-        if (name := path.read_text().strip()).startswith("dds")))
+print_middleware()
 raise SystemExit(code)
 """)
     assert process.returncode == 0, process.stderr
     assert "Traceback" not in process.stderr
     assert {path.read_bytes() for path in tmp_path.iterdir()} == {b""}
+    assert process.stdout == "dds.shm.wdog\n"
+
+
+def test_a_campaign_that_is_under_way_leaves_nothing_of_its_node(run_script):
+    """Others would still list the node for 20 s, and a rig of its name would have two."""
+    process = run_script(f"""
+{PRINT_MIDDLEWARE}
+from impact_rig_msgs.action import RunCampaign
+from rclpy.action import ActionClient
+from impact_rig.nodes.campaign import CampaignNode
+from impact_rig.nodes.process import run_node
+
+class Interrupted(CampaignNode):
+    def autostart(self):
+        super().autostart()
+        self.client = ActionClient(self, RunCampaign, "campaign/run")
+        sent = self.client.send_goal_async(RunCampaign.Goal(samples=["steel small"], impacts=1))
+        sent.add_done_callback(lambda _: self.run_once_after(0.2, self.interrupt))
+
+    def interrupt(self):
+        self.client.destroy()
+        del self.client
+        os.kill(os.getpid(), signal.SIGINT)
+
+code = run_node(Interrupted)
+print_middleware()
+raise SystemExit(code)
+""")
+    assert process.returncode == 0, process.stderr
+    assert "campaign stopped: the campaign node has been stopped" in process.stderr
+    assert "Traceback" not in process.stderr
     assert process.stdout == "dds.shm.wdog\n"
 
 
