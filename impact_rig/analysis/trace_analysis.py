@@ -25,7 +25,13 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup.calibration import Sensitivity
 from impact_rig.core.setup.paper import IMPACT_SPEED
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
-from impact_rig.core.setup.sensors import ChannelPlan, ChannelUse
+from impact_rig.core.setup.sensors import (
+    CHANNELS,
+    ChannelPlan,
+    ChannelUse,
+    Sensor,
+    SensorResponse,
+)
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.filtering import check_cutoff
@@ -64,6 +70,10 @@ class TraceOptions:
         Of channels in V.
     hammer_full_scale, sample_full_scale : tuple of float and str, or None
         Largest value, with its unit.
+    hammer_resonance, sample_resonance, hammer_low_corner, sample_low_corner : float or None
+        Of the sensors [Hz].
+    hammer_resonance_damping, sample_resonance_damping : float or None
+        Of the sensors, over critical [-].
     sample : str or None
         Name of the struck sample.
     rig_file : Path or None
@@ -87,6 +97,12 @@ class TraceOptions:
     sample_sensitivity: Sensitivity | None = None
     hammer_full_scale: tuple[float, str] | None = None
     sample_full_scale: tuple[float, str] | None = None
+    hammer_resonance: float | None = None
+    sample_resonance: float | None = None
+    hammer_resonance_damping: float | None = None
+    sample_resonance_damping: float | None = None
+    hammer_low_corner: float | None = None
+    sample_low_corner: float | None = None
     sample: str | None = None
     rig_file: Path | None = None
     hammer_mass: float | None = None
@@ -119,10 +135,16 @@ class TraceOptions:
         if not math.isnan(stiffness) and (self.control or file.control):
             raise ParameterError("--hammer-stiffness and --control both give k1: choose one")
         analysis = changes.apply(replace(setup.analysis, **file.settings))
+        plan = self._make_plan(file.plan)
         return TraceSeries(
             name or DEFAULT_NAME,
-            self._make_plan(file.plan),
-            replace(setup, hammer_stiffness=stiffness, analysis=analysis),
+            plan,
+            replace(
+                setup,
+                hammer_stiffness=stiffness,
+                analysis=analysis,
+                sensors=_add_responses(setup.sensors, plan),
+            ),
             has_window="pre_trigger" in file.settings or "record_duration" in file.settings,
         )
 
@@ -140,6 +162,7 @@ class TraceOptions:
             self.hammer_unit,
             self.hammer_sensitivity,
             self.hammer_full_scale,
+            (self.hammer_resonance, self.hammer_resonance_damping, self.hammer_low_corner),
         )
         specimen = _change_use(
             uses[1],
@@ -147,6 +170,7 @@ class TraceOptions:
             self.sample_unit,
             self.sample_sensitivity,
             self.sample_full_scale,
+            (self.sample_resonance, self.sample_resonance_damping, self.sample_low_corner),
         )
         rate = plan.sampling_rate if self.rate is None else self.rate
         return ChannelPlan(hammer, specimen, columns, rate)
@@ -218,15 +242,34 @@ def _change_use(
     unit: str | None,
     sensitivity: Sensitivity | None,
     full_scale: tuple[float, str] | None,
+    response: tuple[float | None, ...],
 ) -> ChannelUse:
     largest, largest_unit = full_scale or (use.full_scale, use.full_scale_unit)
+    known = (use.response.resonance, use.response.damping, use.response.low_corner)
     return ChannelUse(
         use.channel if channel is None else channel,
         use.unit if unit is None else unit,
         sensitivity or use.sensitivity,
         largest,
         largest_unit,
+        SensorResponse(
+            *(old if new is None else new for old, new in zip(known, response, strict=True))
+        ),
     )
+
+
+def _add_responses(sensors: tuple[Sensor, ...], plan: ChannelPlan) -> tuple[Sensor, ...]:
+    """Return the sensors of a set-up with the responses that a plan states."""
+    known = {sensor.channel: sensor for sensor in sensors}
+    for channel, use in zip(CHANNELS, (plan.hammer, plan.specimen), strict=True):
+        if not use.response.is_flat:
+            known[channel] = replace(
+                known.get(channel, Sensor(channel)),
+                resonance=use.response.resonance,
+                resonance_damping=use.response.damping,
+                low_corner=use.response.low_corner,
+            )
+    return tuple(known[channel] for channel in CHANNELS if channel in known)
 
 
 USELESS = {Reason.NO_PULSE, Reason.NON_FINITE}

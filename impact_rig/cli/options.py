@@ -280,6 +280,31 @@ channel_options = _combine(
         help='Largest value that the channel can show: "500 g", "10 V". [not known]',
     ),
     click.option("--sample-full-scale", type=Reading(), metavar="VALUE", help="Likewise."),
+    click.option(
+        "--hammer-resonance",
+        type=Quantity("Hz", "70 kHz"),
+        metavar="FREQUENCY",
+        help="Of the hammer's mounted sensor; the models are sent through it. [not known]",
+    ),
+    click.option(
+        "--sample-resonance", type=Quantity("Hz", "70 kHz"), metavar="FREQUENCY", help="Likewise."
+    ),
+    click.option(
+        "--hammer-resonance-damping",
+        type=float,
+        metavar="RATIO",
+        help="Of that resonance, over critical. [0.02]",
+    ),
+    click.option("--sample-resonance-damping", type=float, metavar="RATIO", help="Likewise."),
+    click.option(
+        "--hammer-low-corner",
+        type=Quantity("Hz", "0.5 Hz"),
+        metavar="FREQUENCY",
+        help="-3 dB of the hammer's sensor and amplifier at the low end. [not known]",
+    ),
+    click.option(
+        "--sample-low-corner", type=Quantity("Hz", "0.5 Hz"), metavar="FREQUENCY", help="Likewise."
+    ),
     click.option("--sample", metavar="NAME", help="Which sample was struck."),
     click.option(
         "--rig-file",

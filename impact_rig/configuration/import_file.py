@@ -7,13 +7,22 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from impact_rig.configuration.rig_file import parse_settings
+from impact_rig.configuration.rig_file import parse_response, parse_settings
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_text_file
 from impact_rig.configuration.units import parse_reading, parse_sensitivity
 from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.core.setup.sensors import ChannelPlan, ChannelUse
 
-CHANNEL_KEYS = ("channel", "unit", "sensitivity", "full_scale", "mass")
+CHANNEL_KEYS = (
+    "channel",
+    "unit",
+    "sensitivity",
+    "full_scale",
+    "mass",
+    "resonance",
+    "resonance_damping",
+    "low_corner",
+)
 NAN = math.nan
 
 
@@ -120,7 +129,9 @@ def _parse_use(table: TomlTable) -> ChannelUse:
             )
         if "sensitivity" in table:
             sensitivity = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
-        return ChannelUse(str(channel), unit, sensitivity, full_scale, full_scale_unit)
+        return ChannelUse(
+            str(channel), unit, sensitivity, full_scale, full_scale_unit, parse_response(table)
+        )
     except ParameterError as error:
         raise table.locate(error) from None
 

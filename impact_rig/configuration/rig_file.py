@@ -20,7 +20,14 @@ from impact_rig.core.setup.samples import (
     Sample,
     SampleSet,
 )
-from impact_rig.core.setup.sensors import CHANNELS, QUANTITIES, Sensor
+from impact_rig.core.setup.sensors import (
+    CHANNELS,
+    DEFAULT_RESONANCE_DAMPING,
+    QUANTITIES,
+    Sensor,
+    SensorResponse,
+    check_response,
+)
 from impact_rig.core.setup.settings import AnalysisSettings
 
 ANALYSIS_QUANTITIES = {
@@ -69,6 +76,12 @@ SENSOR_KEYS = (
     "full_scale",
     "serial_number",
     "calibration_date",
+    "sensitivity_uncertainty",
+    "resonance",
+    "resonance_uncertainty",
+    "resonance_damping",
+    "low_corner",
+    "low_corner_uncertainty",
 )
 """What a calibration sheet says; the other keys of such a table are the driver's."""
 
@@ -91,6 +104,7 @@ def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
         voltage, unit = _take_sensitivity(table, quantity)
     if quantity == "force" and channel != "hammer":
         raise table.refuse("quantity", "acceleration: on the sample nothing else is measured")
+    response = parse_response(table)
     return Sensor(
         channel=channel,
         quantity=quantity,
@@ -99,7 +113,33 @@ def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
         full_scale=_take_full_scale(table, quantity, unit),
         serial_number=table.take_text("serial_number"),
         calibration_date=table.take_date("calibration_date"),
+        sensitivity_uncertainty=table.take_number("sensitivity_uncertainty", 0.0, 1.0, 0.0),
+        resonance=response.resonance,
+        resonance_uncertainty=table.take_quantity("resonance_uncertainty", "Hz", "1 kHz", 0.0),
+        resonance_damping=response.damping,
+        low_corner=response.low_corner,
+        low_corner_uncertainty=table.take_quantity("low_corner_uncertainty", "Hz", "0.1 Hz", 0.0),
     )
+
+
+def parse_response(table: TomlTable) -> SensorResponse:
+    """Return what the table of a channel says of its sensor's response.
+
+    Raises
+    ------
+    ParameterError
+        If it is of no sensor.
+    """
+    response = SensorResponse(
+        resonance=table.take_quantity("resonance", "Hz", "70 kHz", 0.0, low=0.0),
+        damping=table.take_number("resonance_damping", 0.0, 1.0, DEFAULT_RESONANCE_DAMPING),
+        low_corner=table.take_quantity("low_corner", "Hz", "0.5 Hz", 0.0, low=0.0),
+    )
+    try:
+        check_response("sensor", response)
+    except ParameterError as error:
+        raise table.locate(error) from None
+    return response
 
 
 def _take_sensitivity(table: TomlTable, quantity: str) -> tuple[float, str]:

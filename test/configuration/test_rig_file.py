@@ -14,7 +14,7 @@ from impact_rig.configuration.rig_file import (
 from impact_rig.configuration.toml_table import parse_toml_table
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.setup.sensors import Sensor, SensorResponse
 
 
 def read(text):
@@ -52,6 +52,10 @@ def test_a_source_that_measures_in_units_needs_no_sensitivity():
         ('[source.hammer]\nsensitivity = "0 mV/g"', "line 3: sensitivity is .*not be zero"),
         ('[source.hammer]\nunit = "V"', "line 3: unit .* 'V': .*in m/s.2 or g"),
         ('[source.hammer]\nsensitivity = "10 mV/g"\nunit = "m/s^2"', "line 4: .* be g, as"),
+        ('[source.hammer]\nresonance = "70 m"', "line 3: resonance .*Hz"),
+        ('[source.hammer]\nresonance = "-70 kHz"', "line 3: resonance .*0 Hz or more"),
+        ("[source.hammer]\nresonance_damping = 0", "line 3: resonance damping .*above 0"),
+        ('[source.hammer]\nlow_corner = "2 Hz"\nresonance = "1 Hz"', "line 3: low corner .*below"),
         ('[source.hammer]\nfull_scale = "500 N"', "line 3: full_scale .*in m/s.2 or g"),
         ('[source.hammer]\nfull_scale = "-500 g"', "line 3: full_scale .*above zero"),
         ('[source.hammer]\nserial_number = 7', "line 3: serial_number .*text in quotes"),
@@ -206,8 +210,13 @@ def test_what_the_template_comments_out_can_be_used():
     assert (rig.source["driver"], rig.holder["driver"]) == ("scpi", "manual")
     hammer, specimen = rig.setup.sensors
     assert hammer.describe() == (
-        "acceleration, 10 mV per g, up to 500 g, serial number LW1234, calibrated 2026-03-01"
+        "acceleration, 10 mV per g, up to 500 g, serial number LW1234, calibrated 2026-03-01,"
+        " resonance 70 kHz, damping 0.02, low corner 0.5 Hz"
     )
+    assert hammer.response == SensorResponse(70e3, 0.02, 0.5)
+    uncertainties = (hammer.resonance_uncertainty, hammer.low_corner_uncertainty)
+    assert (*uncertainties, hammer.sensitivity_uncertainty) == (2e3, 0.1, 0.005)
+    assert specimen.response.is_flat
     assert specimen.describe() == "acceleration, 10 mV per g"
 
 
@@ -237,6 +246,12 @@ unit = "g"
 full_scale = "500 g"
 serial_number = "LW1234"
 calibration_date = 2026-03-01
+sensitivity_uncertainty = 0.01
+resonance = "70 kHz"
+resonance_uncertainty = "2 kHz"
+resonance_damping = 0.03
+low_corner = "0.5 Hz"
+low_corner_uncertainty = "0.1 Hz"
 [holder]
 swing_time = "207 ms"
 return_time = "1 s"

@@ -25,6 +25,38 @@ QUANTITIES = {"acceleration": tuple(ACCELERATIONS), "force": tuple(FORCES)}
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 
+DEFAULT_RESONANCE_DAMPING = 0.02
+"""Of a mounted accelerometer's resonance where its sheet states none [-], our choice."""
+
+
+@dataclass(frozen=True)
+class SensorResponse:
+    """How a sensor answers to what it measures: a second-order system behind a high-pass.
+
+    Attributes
+    ----------
+    resonance : float
+        As mounted [Hz]; 0: too high to matter, or not known.
+    damping : float
+        Of the resonance, over critical [-].
+    low_corner : float
+        -3 dB at the low end [Hz]; 0: none that matters, or not known.
+    """
+
+    resonance: float = 0.0
+    damping: float = DEFAULT_RESONANCE_DAMPING
+    low_corner: float = 0.0
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether it shows what it measures as it is."""
+        return not (self.resonance or self.low_corner)
+
+
+FLAT = SensorResponse()
+"""Of a sensor of which nothing is known."""
+
+
 @dataclass(frozen=True)
 class Sensor:
     """What the calibration sheet of a channel's sensor says.
@@ -45,6 +77,12 @@ class Sensor:
         As on the sensor; empty: not known.
     calibration_date : str
         Of the sheet, year-month-day; empty: not known.
+    sensitivity_uncertainty : float
+        Relative standard uncertainty of the channel's gain [-]; 0: not stated.
+    resonance, resonance_damping, low_corner : float
+        As in `SensorResponse`.
+    resonance_uncertainty, low_corner_uncertainty : float
+        Their standard uncertainties [Hz]; 0: not stated.
     """
 
     channel: str
@@ -54,6 +92,18 @@ class Sensor:
     full_scale: float = 0.0
     serial_number: str = ""
     calibration_date: str = ""
+    sensitivity_uncertainty: float = field(
+        default=0.0, metadata=describe(written="sensitivity_u", since=4)
+    )
+    resonance: float = field(default=0.0, metadata=describe("Hz", since=4))
+    resonance_uncertainty: float = field(
+        default=0.0, metadata=describe("Hz", written="resonance_u", since=4)
+    )
+    resonance_damping: float = field(default=DEFAULT_RESONANCE_DAMPING, metadata=describe(since=4))
+    low_corner: float = field(default=0.0, metadata=describe("Hz", since=4))
+    low_corner_uncertainty: float = field(
+        default=0.0, metadata=describe("Hz", written="low_corner_u", since=4)
+    )
 
     def __post_init__(self) -> None:
         """Refuse what cannot be meant."""
@@ -88,6 +138,18 @@ class Sensor:
                 f"calibration date of the {name} is {self.calibration_date!r}: write it as"
                 " year-month-day, like 2026-03-01"
             )
+        check_response(name, self.response)
+        for what, standard, unit in (
+            ("sensitivity", self.sensitivity_uncertainty, ""),
+            ("resonance", self.resonance_uncertainty, "Hz"),
+            ("low corner", self.low_corner_uncertainty, "Hz"),
+        ):
+            check_not_negative(f"uncertainty of the {what} of the {name}", standard, unit)
+
+    @property
+    def response(self) -> SensorResponse:
+        """How it answers to what it measures."""
+        return SensorResponse(self.resonance, self.resonance_damping, self.low_corner)
 
     def compute_scale(self, moving_mass: float = math.nan) -> float:
         """Return the acceleration that one volt stands for.
@@ -132,7 +194,28 @@ class Sensor:
             known.append(f"serial number {self.serial_number}")
         if self.calibration_date:
             known.append(f"calibrated {self.calibration_date}")
+        if self.resonance:
+            damping = f"damping {self.resonance_damping:g}"
+            known.append(f"resonance {self.resonance * 1e-3:.6g} kHz, {damping}")
+        if self.low_corner:
+            known.append(f"low corner {self.low_corner:.6g} Hz")
         return ", ".join(known)
+
+
+def check_response(name: str, response: SensorResponse) -> None:
+    """Refuse a response that no sensor has; raises `ParameterError` that names the sensor."""
+    check_not_negative(f"resonance of the {name}", response.resonance, "Hz")
+    check_not_negative(f"low corner of the {name}", response.low_corner, "Hz")
+    if not 0.0 < response.damping <= 1.0:
+        raise ParameterError(
+            f"resonance damping of the {name} is {response.damping!r}: it must be above 0 and 1 at"
+            " most, of critical damping"
+        )
+    if response.resonance and response.low_corner >= response.resonance:
+        raise ParameterError(
+            f"low corner of the {name} is {response.low_corner:g} Hz: it must lie below the"
+            f" resonance of {response.resonance:g} Hz"
+        )
 
 
 ROLES = ("time", "hammer", "specimen", "skip")
@@ -155,6 +238,8 @@ class ChannelUse:
         Largest value that the channel can show, either sign; 0: not known.
     full_scale_unit : str
         One of `UNITS`.
+    response : SensorResponse
+        Of the sensor.
     """
 
     channel: str = ""
@@ -162,6 +247,7 @@ class ChannelUse:
     sensitivity: Sensitivity | None = None
     full_scale: float = 0.0
     full_scale_unit: str = "m/s^2"
+    response: SensorResponse = FLAT
 
     def __post_init__(self) -> None:
         """Refuse unknown units, and a sensitivity of what is no voltage."""
@@ -171,6 +257,7 @@ class ChannelUse:
                     f"{what}unit {unit!r} is unknown: a channel is in {list_units()}"
                 )
         check_not_negative("full scale", self.full_scale, self.full_scale_unit)
+        check_response("channel's sensor", self.response)
         if self.sensitivity and self.unit and normalize_unit(self.unit) not in VOLTAGES:
             raise ParameterError(
                 f"a channel in {self.unit} has no use for a sensitivity: that is for channels in V"

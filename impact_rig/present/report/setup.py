@@ -77,6 +77,12 @@ SETUP_FIELDS = {
     "full_scale": SetupField("full scale", "unit"),
     "serial_number": SetupField("serial number"),
     "calibration_date": SetupField("calibrated"),
+    "sensitivity_uncertainty": SetupField("standard uncertainty of the sensitivity", "%", 100.0),
+    "resonance": SetupField("resonance", "kHz", 1e-3),
+    "resonance_uncertainty": SetupField("standard uncertainty of the resonance", "kHz", 1e-3),
+    "resonance_damping": SetupField("damping of the resonance"),
+    "low_corner": SetupField("low corner", "Hz"),
+    "low_corner_uncertainty": SetupField("standard uncertainty of the low corner", "Hz"),
 }
 """Fields of the whole set-up."""
 
@@ -209,6 +215,8 @@ def _tabulate_sensors(sensors: Sequence[Sensor]) -> list[Part]:
         ("full_scale", "Full scale [unit]", make_column),
         ("serial_number", "Serial number", make_text_column),
         ("calibration_date", "Calibrated", make_text_column),
+        ("resonance", "Resonance [kHz]", make_column),
+        ("low_corner", "Low corner [Hz]", make_column),
     ):
         values = [getattr(sensor, name) or "" for sensor in sensors]
         columns.append(make(header, [SETUP_FIELDS[name].format(value) for value in values]))
