@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from impact_rig.core.errors import FileError
 from impact_rig.recordings.formats.measurement import (
     DIMENSIONS,
-    LARGEST_PACKING,
     RATE_NAMES,
     STEP_NAMES,
     Measurement,
     NamedArray,
-    check_claim,
     clean_name,
     make_measurement,
     make_unique,
@@ -39,7 +38,7 @@ MATLAB_NUMBERS = {
 
 
 def read_hdf5(path: Path) -> Measurement:
-    """Read all data sets of one or two axes, of which the longer is time.
+    """Read all data sets of up to three axes, of which the longest is time.
 
     Rate, unit and start are attributes of the data set or of a group around it, or arrays by
     their names, see `make_measurement`.
@@ -80,7 +79,7 @@ def _read_group(
 
 
 def _is_readable(item: Any) -> bool:
-    """Tell whether a data set holds real numbers of its own, in one or two axes or none."""
+    """Tell whether a data set holds real numbers of its own, in few axes or none."""
     matlab = item.attrs.get(MATLAB_CLASS, b"double")
     kind = matlab.decode() if isinstance(matlab, bytes) else str(matlab)
     return (
@@ -95,7 +94,8 @@ def _is_readable(item: Any) -> bool:
 
 def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
     name = item.name.strip("/")
-    check_claim(path, name, item.size * item.dtype.itemsize, LARGEST_PACKING)
+    if item.size and not item.id.get_storage_size():
+        raise FileError(f"{path}: {name} should have {item.size} numbers, none of them is there")
     rate = _read_number(stated, RATE_NAMES)
     if math.isnan(rate):
         rate = round_rate(_read_number(stated, STEP_NAMES))

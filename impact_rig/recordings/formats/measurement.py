@@ -1,7 +1,9 @@
 """What any file of measured channels comes down to."""
 
 import contextlib
+import itertools
 import math
+import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -106,8 +108,6 @@ def compute_sampling_rate(path: Path, times: FloatArray, unit: str = "") -> floa
     return float(f"{1.0 / step:.{RATE_DIGITS}g}")
 
 
-LARGEST_PACKING = 1032
-"""How many times its packed size data may have: the limit of DEFLATE, which packs them all."""
 SHOWN_LETTERS = 200
 """Of a library's complaint, our choice."""
 
@@ -138,38 +138,15 @@ def blame_file(path: Path) -> Iterator[None]:
         raise FileError(f"{path}: {error}") from None
     except (RigError, ImportError):
         raise
+    except MemoryError:
+        raise FileError(
+            f"{path} cannot be read: it asks for more memory than a file of its size may"
+        ) from None
     except Exception as error:  # noqa: BLE001 - damaged files break libraries in every way there is
         words = str(error).strip().splitlines() or [type(error).__name__]
         raise FileError(
             f"{path} is no sound {path.suffix.lower()} file: {words[0][:SHOWN_LETTERS]}"
         ) from None
-
-
-def check_claim(path: Path, name: str, claimed: int, packing: int = 1) -> None:
-    """Refuse an array that cannot be in its file, before room is made for it.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    name : str
-        Of the array, for the message.
-    claimed : int
-        Size of the array, as the file states it [byte].
-    packing : int
-        How many times smaller it may be in the file; 1: it is not packed.
-
-    Raises
-    ------
-    FileError
-        If the file is too small.
-    """
-    size = path.stat().st_size
-    if not 0 <= claimed <= packing * size:
-        raise FileError(
-            f"{path} is cut off or damaged: {name} should have {claimed} bytes, the file has"
-            f" {size}"
-        )
 
 
 EXACT_INTEGERS = 2**53
@@ -183,8 +160,8 @@ TIME_NAMES = {"t", "time", "time s", "times", "x value"}
 RATE_NAMES = {"fs", "rate", "sampling rate", "sampling rate hz", "sample rate", "samplerate"}
 STEP_NAMES = {"dt", "delta t", "delta x", "step", "ts"}
 """Names of arrays that say when the others were taken, in small letters, underscores as blanks."""
-DIMENSIONS = 2
-"""Of the largest array that is taken for channels side by side."""
+DIMENSIONS = 3
+"""Of the largest array that is taken for channels side by side: hits, channels and time."""
 
 
 @dataclass(frozen=True)
@@ -330,8 +307,9 @@ class NamedArray:
 def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
     """Make channels of the arrays of a file.
 
-    Vectors are channels; of an array with two axes the longer one is time. An array named as a
-    time, a sampling rate or a step says when the others were taken; all else is left out.
+    Vectors are channels; of an array with more axes the longest is time. An array named as a time,
+    a sampling rate or a step says when those were taken that share most groups with it; all else
+    is left out.
 
     Parameters
     ----------
@@ -351,69 +329,93 @@ def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
     SignalError
         If time does not run in even steps.
     """
-    rate = _read_stated_rate(arrays)
+    rates = [array for array in arrays if _read_stated_rate(array) > 0]
     clocks = [array for array in arrays if _is_time(array)]
     channels: list[MeasuredChannel] = []
     for array in arrays:
         if _is_channel(array) and not _is_time(array):
-            channels += _make_channels(path, array, clocks, rate)
+            channels += _make_channels(path, array, clocks, rates)
     if channels:
         return Measurement(path, tuple(channels))
     found = ", ".join(f"{a.name} ({a.values.dtype}, {a.values.shape})" for a in arrays[:5])
     raise FileError(f"{path} has no vector of real numbers: it holds {found or 'nothing'}")
 
 
-def split_columns(values: NDArray[Any]) -> list[NDArray[Any]]:
-    """Return the columns of an array of one or two axes, of which the longer is time."""
-    if values.ndim == 1:
-        return [values]
-    rows = np.atleast_2d(values)
-    return list(rows if rows.shape[0] <= rows.shape[1] else rows.T)
+def split_columns(values: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Return the columns of an array, of whose axes the longest is time, the last of equals.
+
+    Each has its number along the other axes, counted from 1, as text: " 3 1"; of a vector "".
+    """
+    values = np.atleast_1d(values)
+    time = values.ndim - 1 - int(np.argmax(values.shape[::-1]))
+    rows = np.moveaxis(values, time, -1)
+    return {
+        "".join(
+            f" {number + 1}" for number, of in zip(place, rows.shape, strict=False) if of > 1
+        ): (rows[place])
+        for place in np.ndindex(rows.shape[:-1])
+    }
+
+
+PARTS = re.compile(r"[/.]")
+"""What stands between the parts of a name: of groups in a file, or of structs."""
 
 
 def clean_name(name: str) -> str:
     """Return the last part of a name in small letters, underscores as blanks."""
-    return name.rpartition("/")[2].replace("_", " ").strip().lower()
+    return PARTS.split(name)[-1].replace("_", " ").strip().lower()
 
 
 def _make_channels(
-    path: Path, array: NamedArray, clocks: Sequence[NamedArray], rate: float
+    path: Path, array: NamedArray, clocks: Sequence[NamedArray], rates: Sequence[NamedArray]
 ) -> list[MeasuredChannel]:
     columns = split_columns(array.values)
     sampling_rate, start = array.sampling_rate, array.start
     if math.isnan(sampling_rate) and not array.is_channel:
-        sampling_rate = rate
-        time = next((clock for clock in clocks if clock.values.size == columns[0].size), None)
-        if time is not None:
+        if rates:
+            sampling_rate = _read_stated_rate(_find_nearest(rates, array))
+        points = max(array.values.shape)
+        fitting = [clock for clock in clocks if clock.values.size == points]
+        if fitting:
+            time = _find_nearest(fitting, array)
             times = np.asarray(time.values, dtype=np.float64).ravel()
             sampling_rate = compute_sampling_rate(path, times, time.unit)
             start = TIME_UNITS[time.unit.strip()] * float(times[0])
     return [
         MeasuredChannel(
-            name=array.name if len(columns) == 1 else f"{array.name} {number}",
+            name=array.name + place,
             values=keep_values(column, f"{path}, {array.name}"),
             sampling_rate=sampling_rate,
             unit=array.unit,
             start=start,
             recorded_at=array.recorded_at,
         )
-        for number, column in enumerate(columns, start=1)
+        for place, column in columns.items()
     ]
 
 
-def _read_stated_rate(arrays: Sequence[NamedArray]) -> float:
-    """Return the sampling rate that a number in the file states [Hz]; NaN: none does."""
-    for array in arrays:
-        if array.values.size != 1 or array.values.dtype.kind not in "iuf":
-            continue
-        value = float(array.values.ravel()[0])
-        if not (math.isfinite(value) and value > 0):
-            continue
-        if clean_name(array.name) in RATE_NAMES:
-            return value
-        if clean_name(array.name) in STEP_NAMES:
-            return round_rate(value)
-    return math.nan
+def _find_nearest(stated: Sequence[NamedArray], array: NamedArray) -> NamedArray:
+    """Return that one of arrays that shares most groups with another; the outermost of equals."""
+    parts = PARTS.split(array.name)
+
+    def rank(other: NamedArray) -> tuple[int, int]:
+        others = PARTS.split(other.name)
+        pairs = itertools.takewhile(
+            lambda pair: pair[0] == pair[1], zip(parts, others, strict=False)
+        )
+        return len(list(pairs)), -len(others)
+
+    return max(stated, key=rank)
+
+
+def _read_stated_rate(array: NamedArray) -> float:
+    """Return the sampling rate that a number in the file states [Hz]; NaN: it does not."""
+    if array.values.size != 1 or array.values.dtype.kind not in "iuf":
+        return math.nan
+    value = float(array.values.ravel()[0])
+    if clean_name(array.name) in RATE_NAMES and math.isfinite(value):
+        return value
+    return round_rate(value) if clean_name(array.name) in STEP_NAMES else math.nan
 
 
 def _is_time(array: NamedArray) -> bool:

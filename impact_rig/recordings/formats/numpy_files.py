@@ -7,11 +7,10 @@ import numpy as np
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.formats.measurement import (
-    LARGEST_PACKING,
+    DIMENSIONS,
     MeasuredChannel,
     Measurement,
     NamedArray,
-    check_claim,
     keep_values,
     make_measurement,
     split_columns,
@@ -19,7 +18,7 @@ from impact_rig.recordings.formats.measurement import (
 
 
 def read_npy(path: Path) -> Measurement:
-    """Read an array of one or two axes, of which the longer is time; its columns have no names.
+    """Read an array of up to three axes, of which the longest is time; its columns have no names.
 
     Raises
     ------
@@ -32,16 +31,17 @@ def read_npy(path: Path) -> Measurement:
         raise FileError(f"{path} is no .npy file: it holds several arrays")
     if array.dtype.kind not in "fiu":
         raise FileError(f"{path} holds {array.dtype}: traces are real numbers")
-    if array.ndim not in (1, 2) or 0 in array.shape:
+    if not 1 <= array.ndim <= DIMENSIONS or 0 in array.shape:
         raise FileError(
-            f"{path} has shape {array.shape}: it should be (points,), (columns, points)"
-            " or (points, columns)"
+            f"{path} has shape {array.shape}: it should be (points,), (columns, points) or (hits,"
+            " columns, points), in any order"
         )
+    columns = {f"column{place or ' 1'}": item for place, item in split_columns(array).items()}
     return Measurement(
         path,
         tuple(
-            MeasuredChannel(f"column {number}", keep_values(column, f"{path}, column {number}"))
-            for number, column in enumerate(split_columns(array), start=1)
+            MeasuredChannel(name, keep_values(column, f"{path}, {name}"))
+            for name, column in columns.items()
         ),
     )
 
@@ -62,7 +62,6 @@ def read_npz(path: Path) -> Measurement:
             if not member.filename.endswith(".npy"):
                 continue
             name = member.filename.removesuffix(".npy")
-            check_claim(path, name, member.file_size, LARGEST_PACKING)
             with archive.open(member) as file:
                 values = np.lib.format.read_array(file, allow_pickle=False)
             arrays.append(NamedArray(name, values))

@@ -10,6 +10,7 @@ from impact_rig.recordings.formats.lvm import read_lvm
 from impact_rig.recordings.formats.mat import read_mat, write_mat
 from impact_rig.recordings.formats.measurement import Measurement, blame_file
 from impact_rig.recordings.formats.numpy_files import read_npy, read_npz
+from impact_rig.recordings.formats.reading_process import ReadingProcess
 from impact_rig.recordings.formats.tdms import read_tdms, write_tdms
 from impact_rig.recordings.formats.text import read_text, write_text
 from impact_rig.recordings.formats.uff import read_uff, write_uff
@@ -50,8 +51,12 @@ WRITABLE = {suffix: item.kind for suffix, item in FORMATS.items() if item.write}
 """What can be written."""
 
 
+PROCESS = ReadingProcess()
+"""Where files are read, so that none of them can harm this process."""
+
+
 def read_measurement(path: Path) -> Measurement:
-    """Read the channels of a file, whose suffix tells its format.
+    """Read the channels of a file, whose suffix tells its format, in a process of its own.
 
     Parameters
     ----------
@@ -67,17 +72,22 @@ def read_measurement(path: Path) -> Measurement:
     Raises
     ------
     FileError
-        If the file is not there, of a kind unknown here, damaged, or holds no channel.
+        If the file is not there, of a kind unknown here, damaged, takes more memory or time than
+        one of its size may, or holds no channel.
     SignalError
         If its times do not run in even steps.
     """
     path = Path(path)
     _check_readable(path)
-    found = FORMATS.get(path.suffix.lower())
-    if found is None:
+    if path.suffix.lower() not in FORMATS:
         raise _make_suffix_error(path, READABLE)
+    return PROCESS.read(path)
+
+
+def parse_file(path: Path) -> Measurement:
+    """Read the same here, without limits; see `read_measurement`."""
     with blame_file(path):
-        return found.read(path)
+        return FORMATS[path.suffix.lower()].read(path)
 
 
 def write_measurement(path: Path, measurement: Measurement) -> None:
@@ -111,6 +121,8 @@ def _make_suffix_error(path: Path, known: dict[str, str]) -> FileError:
 
 
 def _check_readable(path: Path) -> None:
+    if path.exists() and not path.is_file():  # a pipe would never end
+        raise FileError(f"{path} cannot be read: it is no file")
     try:
         with path.open("rb") as file:
             is_empty = not file.read(1)

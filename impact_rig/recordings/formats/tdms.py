@@ -1,20 +1,19 @@
 """National Instruments' TDMS, by npTDMS."""
 
+import contextlib
 import logging
 import math
-import struct
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from impact_rig.core.errors import FileError
 from impact_rig.recordings.formats.measurement import (
     NANOSECONDS,
     Measurement,
     NamedArray,
-    check_claim,
     make_measurement,
     make_unique,
     round_rate,
@@ -33,14 +32,6 @@ EPOCH = 2_082_844_800
 FRACTION_BITS = 64
 """Of a second, in their times."""
 
-SIGNATURE = b"TDSm"
-LEAD_IN = 28
-"""What each segment begins with [byte]."""
-BIG_ENDIAN = 1 << 6
-"""Flag of a segment."""
-SCALED_SIZE = 8
-"""Bytes of a float64, which one byte in the file may become by its scaling."""
-
 
 def read_tdms(path: Path) -> Measurement:
     """Read the channels of numbers, scaled as the file says.
@@ -57,22 +48,23 @@ def read_tdms(path: Path) -> Measurement:
     """
     from nptdms import TdmsFile
 
-    logging.getLogger("nptdms").setLevel(logging.ERROR)  # what matters of it is checked here
-    _check_segments(path)
     # As an open file: an index beside it may be of another one.
-    with path.open("rb") as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
+    with (
+        path.open("rb") as file,
+        _refuse_doubtful(),
+        TdmsFile.open(file, raw_timestamps=True) as tdms,
+    ):
         groups = tdms.groups()
         arrays = [
-            _read_channel(path, channel, f"{group.name}/" if len(groups) > 1 else "")
+            _read_channel(channel, f"{group.name}/" if len(groups) > 1 else "")
             for group in groups
             for channel in group.channels()
         ]
     return make_measurement(path, arrays)
 
 
-def _read_channel(path: Path, channel: Any, group: str) -> NamedArray:
+def _read_channel(channel: Any, group: str) -> NamedArray:
     properties = channel.properties
-    check_claim(path, channel.name, len(channel), SCALED_SIZE)
     step = _read_number(properties, STEP)
     return NamedArray(
         name=str(properties.get(NAME, group + channel.name)),
@@ -108,24 +100,21 @@ def _read_number(properties: dict[str, Any], name: str, default: float = math.na
     return float(value) if isinstance(value, (int, float, np.number)) else default
 
 
-def _check_segments(path: Path) -> None:
-    """Refuse a file that ends before its last segment does."""
-    size = path.stat().st_size
-    position = 0
-    with path.open("rb") as file:
-        while position < size:
-            file.seek(position)
-            lead_in = file.read(LEAD_IN)
-            if lead_in[:4] != SIGNATURE:
-                raise FileError(
-                    f"{path} is no sound .tdms file: a segment should begin at {position} bytes"
-                )
-            if len(lead_in) == LEAD_IN:
-                flags = struct.unpack_from("<I", lead_in, 4)[0]
-                order = ">" if flags & BIG_ENDIAN else "<"
-                position += LEAD_IN + struct.unpack_from(f"{order}Q", lead_in, 12)[0]
-            if len(lead_in) < LEAD_IN or position > size:
-                raise FileError(f"{path} is cut off: its last segment is not complete")
+class _Complaints(logging.Handler):
+    """Makes errors of what npTDMS warns of: lengths that contradict each other, unknown scales."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        raise ValueError(record.getMessage())
+
+
+@contextlib.contextmanager
+def _refuse_doubtful() -> Iterator[None]:
+    logger, complaints = logging.getLogger("nptdms"), _Complaints(logging.WARNING)
+    logger.addHandler(complaints)
+    try:
+        yield
+    finally:
+        logger.removeHandler(complaints)
 
 
 def write_tdms(path: Path, measurement: Measurement) -> None:

@@ -97,14 +97,15 @@ def _make_channel(path: Path, function: dict[str, Any], number: int) -> Measured
     name = str(function["id1"]).strip()
     values = np.asarray(function["data"], dtype=np.float64)
     points = int(function["num_pts"])
-    if values.size < points:
+    if values.size != points:
+        what = "is cut off" if values.size < points else "contradicts itself"
         raise FileError(
-            f"{path} is cut off: {name!r} should have {points} points, it has {values.size}"
+            f"{path} {what}: {name!r} should have {points} points, it has {values.size}"
         )
     rate, start = _read_clock(path, function, points)
     return MeasuredChannel(
         name=name if name not in ("", NONE) else f"channel {number}",
-        values=values[:points],
+        values=values,
         sampling_rate=rate,
         unit=str(function["ordinate_axis_units_lab"]).strip().replace(NONE, ""),
         start=start,

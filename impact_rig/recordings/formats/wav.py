@@ -10,7 +10,6 @@ from impact_rig.recordings.formats.measurement import (
     MeasuredChannel,
     Measurement,
     keep_values,
-    split_columns,
 )
 
 BYTE_ORDERS = {b"RIFF": "<", b"RIFX": ">", b"RF64": "<"}
@@ -41,7 +40,7 @@ def read_wav(path: Path) -> Measurement:
     rate, array = wavfile.read(io.BytesIO(data))
     if array.dtype.kind == "i" and array.dtype.itemsize > layout.width:
         array = array >> 8 * (array.dtype.itemsize - layout.width)  # 24 bits come shifted up
-    columns = [array] if layout.channels == 1 else split_columns(array.T)
+    columns = [array] if layout.channels == 1 else list(array.T)
     return Measurement(
         path,
         tuple(

@@ -15,6 +15,7 @@ from impact_rig.recordings.formats.measurement import MeasuredChannel, Measureme
 from impact_rig.recordings.formats.registry import (
     READABLE,
     WRITABLE,
+    parse_file,
     read_measurement,
     write_measurement,
 )
@@ -51,7 +52,7 @@ def test_a_missing_library_is_named_whether_a_file_is_read_or_written(
     path = tmp_path / f"hit{suffix}"
     path.write_bytes(b"\0" * 600)
     with pytest.raises(ModuleNotFoundError) as caught:
-        read_measurement(path)
+        parse_file(path)
     assert caught.value.name == library
     with pytest.raises(ModuleNotFoundError):
         write_measurement(tmp_path / f"new{suffix}", Measurement(path, CHANNELS))

@@ -36,12 +36,29 @@ def test_hdf5_files_are_read_with_what_their_groups_state(tmp_path, suffix):
 def test_hdf5_that_promises_too_much_takes_no_memory(tmp_path):
     with h5py.File(tmp_path / "hit.h5", "w") as file:
         file.create_dataset("a", shape=(10**13,), dtype="f8", chunks=(1000,))
-    with pytest.raises(FileError, match=r"hit\.h5 is cut off or damaged: a should have 8000"):
+    with pytest.raises(FileError, match=r"hit\.h5: a should have 10000000000000 numbers, none"):
         read_measurement(tmp_path / "hit.h5")
+
+
+def test_the_longest_of_three_axes_is_time_whichever_it_is(tmp_path):
+    hits = np.arange(3 * 2 * 40).reshape(3, 2, 40)
+    with h5py.File(tmp_path / "hit.h5", "w") as file:
+        file["last"], file["first"] = hits, hits.transpose(2, 0, 1)
+    channels = read_channels(tmp_path / "hit.h5")
+    assert list(channels)[:6] == [
+        "first 1 1",
+        "first 1 2",
+        "first 2 1",
+        "first 2 2",
+        "first 3 1",
+        "first 3 2",
+    ]
+    for name in ("first 3 2", "last 3 2"):
+        assert channels[name].values.tolist() == hits[2, 1].tolist()
 
 
 def test_hdf5_of_more_axes_is_named(tmp_path):
     with h5py.File(tmp_path / "hit.h5", "w") as file:
-        file["a"] = np.zeros((2, 3, 4))
+        file["a"] = np.zeros((2, 3, 4, 5))
     with pytest.raises(FileError, match=r"hit\.h5 has no vector of real numbers"):
         read_measurement(tmp_path / "hit.h5")

@@ -55,6 +55,23 @@ def test_new_matlab_files_are_read(tmp_path):
     assert describe(channels["hammer"]) == (TRACE.tolist(), RATE, "", 0.0)
 
 
+def test_structs_and_cells_are_named_by_their_places(tmp_path):
+    path = tmp_path / "tests.mat"
+    cells = np.empty(2, dtype=object)
+    cells[:] = [TRACE, 2 * TRACE]
+    hits = [{"front": TRACE, "dt": 1 / RATE}, {"front": -TRACE, "dt": 0.5 / RATE}]
+    scipy.io.savemat(path, {"run": {"hits": hits, "who": "B"}, "tests": cells, "Fs": 2 * RATE})
+    channels = read_channels(path)
+    assert {
+        name: (channel.values[1], channel.sampling_rate) for name, channel in channels.items()
+    } == {
+        "run.hits(1).front": (TRACE[1], RATE),
+        "run.hits(2).front": (-TRACE[1], 2 * RATE),
+        "tests{1}": (TRACE[1], 2 * RATE),
+        "tests{2}": (2 * TRACE[1], 2 * RATE),
+    }
+
+
 @pytest.mark.parametrize(
     "variables",
     [
@@ -62,8 +79,7 @@ def test_new_matlab_files_are_read(tmp_path):
         {"a": "words"},
         {"a": 5.0},
         {"a": TRACE + 1j},
-        {"a": {"b": TRACE}},
-        {"a": np.zeros((2, 2, 2))},
+        {"a": np.zeros((2, 2, 2, 2))},
     ],
 )
 def test_matlab_files_without_vectors_are_named(tmp_path, variables):

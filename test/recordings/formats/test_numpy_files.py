@@ -80,7 +80,7 @@ def test_times_in_uneven_steps_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("array", "told"),
     [
-        (np.zeros((2, 2, 20)), r"shape \(2, 2, 20\)"),
+        (np.zeros((2, 2, 2, 20)), r"shape \(2, 2, 2, 20\)"),
         (np.zeros((0, 20)), r"shape \(0, 20\)"),
         (np.array(1.0), r"shape \(\)"),
         (np.zeros(20, dtype=complex), "holds complex128"),
@@ -105,7 +105,9 @@ def test_nothing_is_unpickled(tmp_path):
     np.save(tmp_path / "trap.npy", np.array([Trap()], dtype=object), allow_pickle=True)
     np.savez(tmp_path / "trap.npz", hammer=np.array([Trap()], dtype=object))
     for name in ("trap.npy", "trap.npz"):
-        with pytest.raises(FileError, match=rf"{name} is no sound"):
+        with pytest.raises(
+            FileError, match=rf"{name} (is no sound|cannot be read: it asks for more memory)"
+        ):
             read_measurement(tmp_path / name)
 
 
@@ -152,7 +154,9 @@ def test_a_header_that_promises_too_much_takes_no_memory(tmp_path):
     with zipfile.ZipFile(tmp_path / "cut.npz", "w") as archive:
         archive.writestr("a.npy", make_giant_array())
     for name in ("cut.npy", "cut.npz"):
-        with pytest.raises(FileError, match=rf"{name} is no sound"):
+        with pytest.raises(
+            FileError, match=rf"{name} (is no sound|cannot be read: it asks for more memory)"
+        ):
             read_measurement(tmp_path / name)
 
 
