@@ -35,7 +35,7 @@ EXIT_SIGNALLED = 128
       read     reading a recording, beside mcap.reader doing nothing
       view     logging into Rerun, beside bare calls; view and report
       stream   the running stream at 2.5 MS/s per channel, and faster
-      memory   memory of each node after 10 000 hits
+      memory   by how much each node grows with a hit
       batch    many recordings on two Dask workers, beside one
       fuzz     damaged recordings: no hang, no crash, memory bounded
       kill     kill -9 in campaigns: no published verdict is lost
@@ -45,7 +45,7 @@ EXIT_SIGNALLED = 128
       impact-rig bench                  everything: five minutes
       impact-rig bench --full           50 kills, 2000 damaged recordings ...
       impact-rig bench model hit
-      impact-rig bench memory --hits 100000
+      impact-rig bench series --hits 100000
       impact-rig bench --json > bench.json
       impact-rig bench --against bench.json
 
@@ -74,7 +74,7 @@ EXIT_SIGNALLED = 128
     help="Of the fastest stream in part stream; 200 MB of disk for each. [15]",
 )
 @click.option(
-    "--hits", type=click.IntRange(1), metavar="N", help="In parts series and memory. [10000]"
+    "--hits", type=click.IntRange(1), metavar="N", help="In part series; memory: 0.3 N. [10000]"
 )
 @click.option("--kills", type=click.IntRange(1), metavar="N", help="In part kill. [2]")
 @click.option(
@@ -107,7 +107,7 @@ def command(
     of several measurements, what is asked, and whether it is reached.
     """
     from bench.measure import FULL, Extent, describe_machine, load_part, run_parts
-    from bench.results import BenchProgress, print_bench, read_bench, results_to_json
+    from bench.results import BenchProgress, print_end, print_part, read_bench, results_to_json
     from impact_rig.core.errors import RigError
     from impact_rig.present.terminal.console import make_console, print_warning
     from impact_rig.results.results_file import format_json
@@ -124,11 +124,16 @@ def command(
     if earlier and (difference := earlier.find_difference(describe_machine())):
         print_warning(difference)
     with _end_when_told(), BenchProgress(make_console(stderr=True)) as progress:
-        results = run_parts(names, extent, progress.report)
+        results = run_parts(
+            names,
+            extent,
+            progress.report,
+            lambda part: None if as_json else print_part(make_console(), part, earlier),
+        )
     if as_json:
         click.echo(format_json(results_to_json(results, earlier)), nl=False)
     else:
-        print_bench(make_console(), results, earlier)
+        print_end(make_console(), results, earlier)
     for error in results.errors[:-1]:
         click.echo(f"error: {error}", err=True)
     if results.errors:

@@ -377,7 +377,10 @@ class BenchResults:
 
 
 def run_parts(
-    names: Sequence[str], extent: Extent, report: Callable[[Part, int, int], None]
+    names: Sequence[str],
+    extent: Extent,
+    report: Callable[[Part, int, int], None],
+    show: Callable[[PartResults], None] = lambda _: None,
 ) -> BenchResults:
     """Run parts one after the other, each in an empty folder; one that fails costs no other.
 
@@ -389,10 +392,15 @@ def run_parts(
         How much is measured.
     report : callable
         Takes the part, and done and all of what it counts.
+    show : callable
+        Takes what a part found, as soon as it has.
     """
+    results = []
     with tempfile.TemporaryDirectory(prefix="impact_rig_campaigns_") as folder:
         campaigns = Campaigns(Path(folder))
-        results = [_run_part(load_part(name), extent, campaigns, report) for name in names]
+        for name in names:
+            results.append(_run_part(load_part(name), extent, campaigns, report))
+            show(results[-1])
     return BenchResults(describe_machine(), extent, tuple(results))
 
 

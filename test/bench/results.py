@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import MofNCompleteColumn
 
-from bench.measure import BenchResults, Figure, Machine, Part
+from bench.measure import BenchResults, Figure, Machine, Part, PartResults
 from impact_rig.cli.progress_bar import ProgressBar
 from impact_rig.core.errors import FileError
 from impact_rig.present.terminal.console import ALARM, GOOD, print_table, print_text
@@ -39,13 +39,10 @@ class Change:
     is_beyond_spread: bool | None
 
 
-def compare_figures(
-    results: BenchResults, earlier: MeasuredFigures
-) -> dict[tuple[str, str], Change]:
-    """Return the changes of all figures that another bench has measured, too."""
+def compare_figures(part: PartResults, earlier: MeasuredFigures) -> dict[str, Change]:
+    """Return the changes of a part's figures, by name, that another bench has measured, too."""
     return {
-        (part.name, figure.name): compare_figure(figure, earlier[part.name, figure.name])
-        for part in results.parts
+        figure.name: compare_figure(figure, earlier[part.name, figure.name])
         for figure in part.figures
         if (part.name, figure.name) in earlier
     }
@@ -136,7 +133,10 @@ def results_to_json(results: BenchResults, earlier: EarlierBench | None = None) 
     earlier : EarlierBench, optional
         To compare with: each figure that it has, too, has its change.
     """
-    changes = compare_figures(results, earlier.figures) if earlier else {}
+    changes = {
+        part.name: compare_figures(part, earlier.figures) if earlier else {}
+        for part in results.parts
+    }
     return {
         "machine": to_json(results.machine),
         "extent": to_json(results.extent),
@@ -149,7 +149,7 @@ def results_to_json(results: BenchResults, earlier: EarlierBench | None = None) 
                 "seconds": part.seconds,
                 "announced_seconds": part.announced,
                 "figures": [
-                    _figure_to_json(figure, changes.get((part.name, figure.name)))
+                    _figure_to_json(figure, changes[part.name].get(figure.name))
                     for figure in part.figures
                 ],
             }
@@ -209,29 +209,21 @@ class BenchProgress(ProgressBar):
         self._part = part.name
 
 
-def print_bench(
+def print_part(console: Console, part: PartResults, earlier: EarlierBench | None = None) -> None:
+    """Print the figures of a part beside their goals; `earlier`: with the changes since then."""
+    if not part.figures:
+        return
+    notes = [f"{item.name}: {item.note}" for item in part.figures if item.note]
+    columns = _make_columns(part.figures)
+    if changes := compare_figures(part, earlier.figures) if earlier else {}:
+        columns.append(_make_change_column(part.figures, changes))
+    print_table(console, part.title, columns, notes)
+
+
+def print_end(
     console: Console, results: BenchResults, earlier: EarlierBench | None = None
 ) -> None:
-    """Print the figures of each part beside their goals, and the machine they belong to.
-
-    Parameters
-    ----------
-    console : Console
-        Where to.
-    results : BenchResults
-        What was measured.
-    earlier : EarlierBench, optional
-        To compare with: each figure that it has, too, has its change beside it.
-    """
-    changes = compare_figures(results, earlier.figures) if earlier else {}
-    for part in results.parts:
-        if part.figures:
-            notes = [f"{item.name}: {item.note}" for item in part.figures if item.note]
-            columns = _make_columns(part.figures)
-            own = {name: change for (owner, name), change in changes.items() if owner == part.name}
-            if own:
-                columns.append(_make_change_column(part.figures, own))
-            print_table(console, part.title, columns, notes)
+    """Print how long the parts took, and the machine that the figures belong to."""
     if results.parts:
         print_table(console, "Time that the bench took", _make_time_columns(results))
     if earlier is not None:

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -83,6 +84,20 @@ def test_reached_goals_are_exit_code_zero(run: Run, measure: Callable[..., None]
     assert "ratio: a note" in outcome.stdout
     assert "Python" in outcome.stdout
     assert "write: Title of write" in outcome.stderr
+
+
+def test_what_a_part_found_is_printed_before_the_next_begins(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    printed: list[str] = []
+
+    def give(_: Bench) -> tuple[Figure, ...]:
+        printed.append(sys.stdout.getvalue())  # type: ignore[attr-defined]
+        return (GOOD,)
+
+    monkeypatch.setattr(bench_run, "load_part", lambda name: Part(name, f"All of {name}", give, 1))
+    assert run("bench", "read", "write").exit_code == 0
+    assert ["All of read" in text for text in printed] == [False, True]
 
 
 def test_a_missed_goal_is_exit_code_one(run: Run, measure: Callable[..., None]) -> None:
