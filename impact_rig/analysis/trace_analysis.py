@@ -64,6 +64,8 @@ class TraceOptions:
         Roles, separated by commas.
     rate : float or None
         Sampling rate [Hz].
+    time_unit : str or None
+        Of a column of times.
     hammer_unit, sample_unit : str or None
         Of the channels.
     hammer_sensitivity, sample_sensitivity : Sensitivity or None
@@ -91,6 +93,7 @@ class TraceOptions:
     specimen: str | None = None
     columns: str | None = None
     rate: float | None = None
+    time_unit: str | None = None
     hammer_unit: str | None = None
     sample_unit: str | None = None
     hammer_sensitivity: Sensitivity | None = None
@@ -173,7 +176,8 @@ class TraceOptions:
             (self.sample_resonance, self.sample_resonance_damping, self.sample_low_corner),
         )
         rate = plan.sampling_rate if self.rate is None else self.rate
-        return ChannelPlan(hammer, specimen, columns, rate)
+        unit = plan.time_unit if self.time_unit is None else self.time_unit
+        return ChannelPlan(hammer, specimen, columns, rate, unit)
 
     def _read_setup(self, path: Path, file: ImportFile, name: str) -> RigSetup:
         masses = [getattr(source, mass) for source in (self, file) for mass in MASSES]

@@ -12,7 +12,7 @@ import click
 from impact_rig.configuration.processes import RecordingPlan, make_network_variables
 from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup.calibration import UNITS, Sensitivity
+from impact_rig.core.setup.calibration import TIME_UNITS, UNITS, Sensitivity
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.recordings.writer import COMPRESSIONS
 
@@ -256,7 +256,12 @@ channel_options = _combine(
         "--rate",
         type=Quantity("Hz", "25.6 kHz"),
         metavar="RATE",
-        help="For files that state neither times nor a sampling rate.",
+        help="For files that state no sampling rate; goes before a column of times.",
+    ),
+    click.option(
+        "--time-unit",
+        metavar="UNIT",
+        help=f"Of a column of times: {', '.join(TIME_UNITS)}. [its heading's; s if it can be]",
     ),
     click.option(
         "--hammer-unit",

@@ -87,8 +87,8 @@ def parse_import_file(text: str) -> ImportFile:
         If it is no TOML, has an unknown key, or a value cannot be meant.
     """
     document = parse_toml_table(text)
-    document.check_keys("sample", "description", "columns", "sampling_rate", "hammer", "specimen",
-                        "analysis")  # fmt: skip
+    document.check_keys("sample", "description", "columns", "sampling_rate", "time_unit",
+                        "hammer", "specimen", "analysis")  # fmt: skip
     hammer, specimen = document.take_table("hammer"), document.take_table("specimen")
     hammer.check_keys(*CHANNEL_KEYS, "stiffness")
     specimen.check_keys(*CHANNEL_KEYS, "accelerometer_mass", "control")
@@ -110,7 +110,8 @@ def _parse_plan(document: TomlTable, hammer: TomlTable, specimen: TomlTable) -> 
     columns = _parse_columns(document)
     sampling_rate = document.take_quantity("sampling_rate", "Hz", "25.6 kHz", NAN)
     try:
-        return ChannelPlan(columns=columns, sampling_rate=sampling_rate, **uses)
+        unit = document.take_text("time_unit")
+        return ChannelPlan(columns=columns, sampling_rate=sampling_rate, time_unit=unit, **uses)
     except ParameterError as error:
         raise document.locate(error) from None
 

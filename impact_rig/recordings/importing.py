@@ -19,6 +19,8 @@ from impact_rig import __version__
 from impact_rig.core.errors import FileError, ParameterError, SignalError
 from impact_rig.core.setup.calibration import (
     FORCES,
+    SAMPLES,
+    TIME_UNITS,
     UNITS,
     VOLTAGES,
     compute_scale,
@@ -28,13 +30,14 @@ from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import ROLES, ChannelPlan, ChannelUse
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import ImpactDetector, find_pulse_start
-from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, Trace
+from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, RawArray, Trace
 from impact_rig.recordings.formats.measurement import (
     LARGEST_TIME_ERROR,
     RATE_DIGITS,
     MeasuredChannel,
     Measurement,
     compute_sampling_rate,
+    parse_time_unit,
 )
 from impact_rig.recordings.formats.registry import read_measurement
 from impact_rig.recordings.messages import NANOSECONDS, MessageEncoder
@@ -47,6 +50,9 @@ DEFAULT_ROLES = {1: ("hammer",), 2: ("time", "hammer"), 3: ("time", "hammer", "s
 DEFAULT_UNIT = "m/s^2"
 """What a channel is taken for where neither file nor user state a unit."""
 
+LONGEST_WIDTH, LONGEST_STEP = 10e-3, 1e-3
+"""Widest pulse at half its height and longest step [s] that are believed of times whose unit
+nobody states, our choice: the standard shock of 11 ms is 7 ms wide."""
 MINIMUM_POINTS = 16
 """Shortest trace that is taken for one [points], our choice: a pulse and some baseline."""
 
@@ -154,13 +160,13 @@ def _assign_roles(measurement: Measurement, plan: ChannelPlan) -> dict[str, Meas
                 f" {', '.join(plan.columns)}"
             )
         roles = plan.columns
-    elif not (math.isnan(channels[0].sampling_rate) and math.isnan(plan.sampling_rate)):
+    elif not math.isnan(channels[0].sampling_rate):
         roles = ("hammer", "specimen")
-        if math.isnan(channels[0].sampling_rate) and len(channels) > len(roles):
-            raise SignalError(_ask_for_roles(measurement))
-    elif len(channels) in DEFAULT_ROLES:
-        roles = DEFAULT_ROLES[len(channels)]
+    elif not math.isnan(plan.sampling_rate) and not _is_clock(channels[0]):
+        roles = ("hammer", "specimen")[: len(channels)]
     else:
+        roles = DEFAULT_ROLES.get(len(channels), ())
+    if not roles or (math.isnan(channels[0].sampling_rate) and len(channels) > len(roles)):
         raise SignalError(_ask_for_roles(measurement))
     # More channels than roles: a file that states rates may hold what is of no use here.
     return {role: item for role, item in zip(roles, channels, strict=False) if role != "skip"}
@@ -247,14 +253,22 @@ def _check_pair(path: Path, hammer: MeasuredChannel, specimen: MeasuredChannel) 
         raise SignalError(f"{path}: {names} start {abs(delay):g} s apart: {advice}")
 
 
+def _is_clock(channel: MeasuredChannel) -> bool:
+    """Tell whether a column that never falls must be one of times: no signal is like that."""
+    values = channel.values
+    return values.size > 1 and bool(np.all(values[1:] >= values[:-1]) and values[-1] > values[0])
+
+
 def _choose_rate(
     path: Path, plan: ChannelPlan, hammer: MeasuredChannel, time: MeasuredChannel | None
 ) -> float:
     stated, given = hammer.sampling_rate, plan.sampling_rate
-    if time is not None:
-        return compute_sampling_rate(path, time.values.astype(np.float64), time.unit)
+    if time is not None and math.isnan(given):
+        return _read_clock(path, plan, hammer, time)
     if math.isnan(stated) and math.isnan(given):
-        raise SignalError(f"{path} has no time and states no rate: give its sampling rate")
+        raise SignalError(
+            f"{path} has no time and states no rate: give its sampling rate (--rate)"
+        )
     if math.isnan(given):
         return stated
     if not math.isnan(stated) and not math.isclose(stated, given, rel_tol=10.0**-RATE_DIGITS):
@@ -262,6 +276,51 @@ def _choose_rate(
             f"{path} is sampled at {stated:g} Hz, as it states, not at {given:g} Hz"
         )
     return given
+
+
+def _read_clock(
+    path: Path, plan: ChannelPlan, hammer: MeasuredChannel, time: MeasuredChannel
+) -> float:
+    """Return the rate of a column of times [Hz], whose unit is stated or plausible."""
+    try:
+        stated = parse_time_unit(time.name, time.unit)
+    except SignalError as error:
+        raise SignalError(f"{path}: {error}; if they are, skip them and give --rate") from None
+    if stated == SAMPLES:
+        raise SignalError(f"{path}: {time.name!r} counts samples: give their rate (--rate)")
+    if stated and plan.time_unit and stated != plan.time_unit:
+        raise ParameterError(
+            f"{path}: its times are in {stated}, as the file states, not in {plan.time_unit}"
+        )
+    unit = stated or plan.time_unit
+    rate = compute_sampling_rate(path, time.values.astype(np.float64), unit)
+    width = _count_width(hammer.values) / rate
+    if not unit and (width > LONGEST_WIDTH or 1.0 / rate > LONGEST_STEP):
+        would = ", ".join(
+            f"in {name} {_format_time(scale * width)} ({_format_time(scale / rate)})"
+            for name, scale in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6))
+        )
+        raise SignalError(
+            f"{path} does not state in what unit its times are. Its pulse would be so wide at half"
+            f" its height (and its points so far apart): {would}. Give --time-unit s, ms or us, or"
+            " --rate where they count points"
+        )
+    return rate
+
+
+def _count_width(values: RawArray) -> int:
+    """Return how many points of the highest pulse are above half its height."""
+    deviation = np.abs(values - float(np.median(values)))
+    peak = int(np.argmax(deviation))
+    below = deviation < 0.5 * deviation[peak]
+    before, after = below[:peak][::-1], below[peak:]
+    return sum(int(np.argmax(side)) if side.any() else side.size for side in (before, after))
+
+
+def _format_time(seconds: float) -> str:
+    """Return a time with a unit that suits people."""
+    unit = next((unit for unit in ("s", "ms", "us") if seconds >= TIME_UNITS[unit]), "ns")
+    return f"{seconds / TIME_UNITS[unit]:.3g} {unit}"
 
 
 def _choose_unit(path: Path, role: str, channel: MeasuredChannel, use: ChannelUse) -> str:

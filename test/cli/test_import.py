@@ -201,7 +201,6 @@ def test_good_files_are_imported_whatever_the_others_are(
         (["--hammer-sensitivity", "10"], "'10': it must be a voltage per unit"),
         (["--hammer-sensitivity", "10 mV/N"], "needs the hammer's mass"),
         (["--hammer-full-scale", "many"], "'many': write it with a unit"),
-        (["--rate", "1 MHz"], "3 columns: give the role of each"),
         (["--control"], "needs both masses"),
         (["--channels", "none.toml"], "there is no file of channels none.toml"),
         (["--record-duration", "1 us"], "must be shorter than the record"),

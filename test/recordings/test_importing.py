@@ -127,6 +127,60 @@ def test_times_may_be_stated_in_other_units():
         map_channels(odd, plan())
 
 
+class TestTimesOfOneRecord:
+    """2000 points at 1 MHz of a pulse 100 µs wide at half its height, in times of many kinds."""
+
+    SECONDS = np.arange(2000) / 1e6
+    PULSE = np.exp(-4 * np.log(2) * ((SECONDS - 5e-4) / 1e-4) ** 2)
+
+    def read_rate(self, heading: str, times: np.ndarray, unit: str = "", **given: object) -> float:
+        time = MeasuredChannel(heading, times, unit=unit)
+        file = stated(time, MeasuredChannel("force", self.PULSE, unit="m/s^2"))
+        return map_channels(file, plan(**given)).sampling_rate
+
+    @pytest.mark.parametrize(
+        ("heading", "unit", "scale"),
+        [
+            ("Time", "sec", 1.0), ("Second", "", 1.0), ("TIME", "", 1.0), ("Time", "msec", 1e3),
+            ("X", "ms", 1e3), ("t/ms", "", 1e3), ("time_us", "", 1e6), ("Zeit / µs", "", 1e6),
+            ("Time", "Microseconds", 1e6), ("t", "min", 1 / 60),
+        ],
+    )  # fmt: skip
+    def test_their_unit_is_in_the_heading(self, heading: str, unit: str, scale: float) -> None:
+        assert self.read_rate(heading, scale * self.SECONDS, unit) == pytest.approx(1e6, rel=1e-8)
+
+    @pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e3), ("µs", 1e6)])
+    def test_or_it_is_given(self, unit: str, scale: float) -> None:
+        times = scale * self.SECONDS
+        assert self.read_rate("X", times, time_unit=unit) == pytest.approx(1e6, rel=1e-8)
+        with pytest.raises(ParameterError, match=r"in min, as the file states, not in"):
+            self.read_rate("X", times, "min", time_unit=unit)
+
+    @pytest.mark.parametrize(
+        ("scale", "told"),
+        [
+            (1e3, r"in s 99 ms \(1 ms\), in ms 99 us \(1 us\), in us 99 ns \(1 ns\)"),
+            (1e6, r"in s 99 s \(1 s\), in ms 99 ms \(1 ms\), in us 99 us \(1 us\)"),
+        ],
+    )
+    def test_without_either_what_no_contact_is_is_refused(self, scale: float, told: str) -> None:
+        with pytest.raises(SignalError, match=f"{told}. Give --time-unit s, ms or us, or --rate"):
+            self.read_rate("X", scale * self.SECONDS)
+
+    @pytest.mark.parametrize("heading", ["Sequence", "sample no", "Index", "Point", "#"])
+    def test_counted_samples_need_a_rate(self, heading: str) -> None:
+        with pytest.raises(SignalError, match=f"'{heading}' counts samples: give their rate"):
+            self.read_rate(heading, np.arange(2000.0))
+        assert self.read_rate(heading, np.arange(2000.0), sampling_rate=1e6) == 1e6
+
+    @pytest.mark.parametrize("digits", [5, 4])
+    def test_too_few_digits_are_named_and_a_rate_goes_before_them(self, digits: int) -> None:
+        times = np.round(self.SECONDS, digits)
+        with pytest.raises(SignalError, match=r"too few digits.*give --rate"):
+            self.read_rate("Time", times, "s")
+        assert self.read_rate("Time", times, "s", sampling_rate=1e6) == 1e6
+
+
 def test_counts_stay_counts_beside_their_calibration():
     use = ChannelUse(sensitivity=Sensitivity(0.01, "g"), full_scale=5.0, full_scale_unit="V")
     found = map_channels(stated(channel("a", COUNTS, unit="mV")), plan(hammer=use))

@@ -26,6 +26,25 @@ SPELLINGS = {
 }  # fmt: skip
 """How files write these units, too."""
 
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+"""Units of times [s]."""
+SAMPLES = "samples"
+"""What a column counts that numbers its points."""
+TIME_SPELLINGS = {
+    "µs": "us", "μs": "us", "sec": "s", "sek": "s", "msec": "ms", "usec": "us", "µsec": "us",
+    "nsec": "ns", "second": "s", "millisecond": "ms", "microsecond": "us", "nanosecond": "ns",
+    "minute": "min", "sample": SAMPLES, "point": SAMPLES, "pt": SAMPLES, "index": SAMPLES,
+    "sequence": SAMPLES, "#": SAMPLES,
+}  # fmt: skip
+"""How files write these, too, in small letters and without the s of the plural."""
+
+
+def normalize_time_unit(unit: str) -> str:
+    """Return how a unit of time is written here, or `SAMPLES`; empty: it is none."""
+    name = unit.strip().lower()
+    name = name if name in TIME_UNITS or name in TIME_SPELLINGS else name.removesuffix("s")
+    return name if name in TIME_UNITS else TIME_SPELLINGS.get(name, "")
+
 
 @dataclass(frozen=True)
 class Sensitivity:

@@ -10,11 +10,14 @@ from impact_rig.core.quantity import describe
 from impact_rig.core.setup.calibration import (
     ACCELERATIONS,
     FORCES,
+    SAMPLES,
+    TIME_UNITS,
     UNITS,
     VOLTAGES,
     Sensitivity,
     compute_scale,
     list_units,
+    normalize_time_unit,
     normalize_unit,
 )
 
@@ -276,18 +279,23 @@ class ChannelPlan:
         Role of each channel in its place, one of `ROLES`; None: by the names in `hammer` and
         `specimen`, or by their number.
     sampling_rate : float
-        Of files that do not state it and have no time column [Hz]; NaN: not given.
+        Of files that do not state it [Hz]; goes before a column of times. NaN: not given.
+    time_unit : str
+        Of times whose file does not state it: one of `TIME_UNITS`; empty: not given.
     """
 
     hammer: ChannelUse = field(default_factory=ChannelUse)
     specimen: ChannelUse = field(default_factory=ChannelUse)
     columns: tuple[str, ...] | None = None
     sampling_rate: float = math.nan
+    time_unit: str = ""
 
     def __post_init__(self) -> None:
         """Refuse roles that contradict each other."""
         if not math.isnan(self.sampling_rate):
             check_positive("sampling rate", self.sampling_rate, "Hz")
+        if self.time_unit:
+            object.__setattr__(self, "time_unit", _read_time_unit(self.time_unit))
         if self.columns is not None:
             self._check_columns(self.columns)
         if normalize_unit(self.specimen.unit) in FORCES:
@@ -317,7 +325,12 @@ class ChannelPlan:
             raise ParameterError(
                 "channels are told by the roles of all columns or by name: one of the two"
             )
-        if "time" in columns and not math.isnan(self.sampling_rate):
-            raise ParameterError(
-                "the sampling rate comes from a time column or is given: one of the two"
-            )
+
+
+def _read_time_unit(text: str) -> str:
+    unit = normalize_time_unit(text)
+    if unit == SAMPLES:
+        raise ParameterError("times that count samples need a sampling rate in place of a unit")
+    if not unit:
+        raise ParameterError(f"time unit {text!r} is unknown: it is {', '.join(TIME_UNITS)}")
+    return unit

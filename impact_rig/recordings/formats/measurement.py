@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from impact_rig.core.checks import check_positive
 from impact_rig.core.errors import FileError, ParameterError, RigError, SignalError
-from impact_rig.core.setup.calibration import normalize_unit
+from impact_rig.core.setup.calibration import TIME_UNITS, normalize_time_unit, normalize_unit
 from impact_rig.core.signals.record import FloatArray, RawArray
 
 DOUBLE_DIGITS = 17
@@ -31,8 +31,36 @@ LARGEST_TIME_ERROR = 0.05
 rounding to the printed digits makes of even steps, far below a point that is missing."""
 
 
-TIME_UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
-"""Units of a column of times [s]; none stated: seconds."""
+MANY_UNEVEN = 10
+"""So many steps are uneven where points are missing; where times are rounded, more are [-]. Our
+choice."""
+TIME_HEADING = re.compile(r"[\s_/:.-]+")
+"""What stands between the words of a heading."""
+
+
+def parse_time_unit(name: str, unit: str = "") -> str:
+    """Return the unit that the heading of a column of times states.
+
+    Parameters
+    ----------
+    name, unit : str
+        As in the file: `Time` and `ms`, or `time_ms`, `t / ms`, `Second`, `Sequence` alone.
+
+    Returns
+    -------
+    str
+        One of `TIME_UNITS`, or `SAMPLES`; empty: it states none.
+
+    Raises
+    ------
+    SignalError
+        If it states one that is unknown.
+    """
+    found = normalize_time_unit(unit)
+    if unit.strip() and not found:
+        raise SignalError(f"times are in {unit!r}: they must be in {', '.join(TIME_UNITS)}")
+    words = map(normalize_time_unit, TIME_HEADING.split(name))
+    return found or next(filter(None, words), "")
 
 
 def round_rate(step: float, error: float = 0.0) -> float:
@@ -75,7 +103,7 @@ def compute_sampling_rate(path: Path, times: FloatArray, unit: str = "") -> floa
     times : ndarray, shape (n,)
         Of each point, finite; two at least.
     unit : str
-        Of the times, as the file states it.
+        Of the times, as the file states it; empty: seconds.
 
     Returns
     -------
@@ -87,25 +115,37 @@ def compute_sampling_rate(path: Path, times: FloatArray, unit: str = "") -> floa
     SignalError
         If time does not run in even steps, or its unit is unknown.
     """
-    if unit.strip() not in TIME_UNITS:
-        raise SignalError(f"{path}: times are in {unit!r}: they must be in s, ms, us or ns")
-    time = times * TIME_UNITS[unit.strip()]
+    time = times * TIME_UNITS[parse_time_unit("", unit) or "s"]
     step = (time[-1] - time[0]) / (time.size - 1)
     steps = np.diff(time)
+    deviation = np.abs(time - (time[0] + step * np.arange(time.size)))
+    is_even = deviation.max() <= LARGEST_TIME_ERROR * step
+    if not is_even and step > 0 and _is_rounded(steps, deviation):
+        raise SignalError(
+            f"{path}: its times have too few digits: they go on by {steps.min():.6g} to"
+            f" {steps.max():.6g} s from point to point, by {step:.6g} s on average. If its points"
+            f" are evenly spaced, give --rate {1.0 / step:.6g}"
+        )
     if not (step > 0 and np.isfinite(step)) or steps.min() <= 0:
         worst = int(np.argmin(steps))
         raise SignalError(
             f"{path}: time does not grow from point {worst} to {worst + 1}"
             f" ({time[worst]:g} s, {time[worst + 1]:g} s): is this the time column?"
         )
-    deviation = np.abs(time - (time[0] + step * np.arange(time.size)))
-    if deviation.max() > LARGEST_TIME_ERROR * step:
+    if not is_even:
         worst = int(np.argmax(np.abs(steps - step)))
         raise SignalError(
             f"{path}: time does not run in even steps of {step:g} s: it goes on by"
             f" {steps[worst]:g} s at point {worst}"
         )
     return float(f"{1.0 / step:.{RATE_DIGITS}g}")
+
+
+def _is_rounded(steps: FloatArray, deviation: FloatArray) -> bool:
+    """Tell whether no time is further off an even grid than its last digit, and many are off."""
+    smallest = steps[steps > 0].min()
+    uneven = np.count_nonzero(np.abs(steps - np.median(steps)) > LARGEST_TIME_ERROR * smallest)
+    return bool(steps.min() >= 0 and deviation.max() <= smallest and uneven > MANY_UNEVEN)
 
 
 SHOWN_LETTERS = 200
@@ -380,7 +420,7 @@ def _make_channels(
             time = _find_nearest(fitting, array)
             times = np.asarray(time.values, dtype=np.float64).ravel()
             sampling_rate = compute_sampling_rate(path, times, time.unit)
-            start = TIME_UNITS[time.unit.strip()] * float(times[0])
+            start = TIME_UNITS[parse_time_unit("", time.unit) or "s"] * float(times[0])
     return [
         MeasuredChannel(
             name=array.name + place,

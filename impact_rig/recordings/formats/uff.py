@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from impact_rig.core.errors import FileError
+from impact_rig.core.setup.calibration import TIME_UNITS, normalize_time_unit
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.recordings.formats.measurement import (
-    TIME_UNITS,
     MeasuredChannel,
     Measurement,
     compute_rounding,
@@ -117,7 +117,7 @@ def _read_clock(path: Path, function: dict[str, Any], points: int) -> tuple[floa
     stated = STATED.match(str(function["id5"]))
     if stated is not None:
         return float(stated[1]), float(stated[2])
-    scale = TIME_UNITS.get(str(function["abscissa_axis_units_lab"]).strip(), 1.0)
+    scale = TIME_UNITS.get(normalize_time_unit(str(function["abscissa_axis_units_lab"])), 1.0)
     if function["abscissa_spacing"] == 0:
         times: FloatArray = scale * np.asarray(function["x"], dtype=np.float64)[:points]
         return compute_sampling_rate(path, times), float(times[0])
