@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_text_file
-from impact_rig.configuration.units import parse_reading, parse_sensitivity
+from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
 from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.core.quantity import list_stored
 from impact_rig.core.setup.calibration import compute_scale, normalize_unit
@@ -201,6 +201,8 @@ class RigFile:
     ----------
     setup : RigSetup
         Masses, samples, settings.
+    release_angles : tuple of float
+        From which every sample is struck [rad]; empty: from one, as it comes.
     hammer : mapping
         Parameters of the hammer node, by its names: what [holder] says of the swing.
     source, holder : TomlTable
@@ -209,6 +211,7 @@ class RigFile:
     """
 
     setup: RigSetup
+    release_angles: tuple[float, ...] = ()
     hammer: Mapping[str, Any] = field(default_factory=dict)
     source: TomlTable = field(default_factory=lambda: TomlTable({}, "[source]"))
     holder: TomlTable = field(default_factory=lambda: TomlTable({}, "[holder]"))
@@ -247,8 +250,10 @@ def parse_rig_file(text: str) -> RigFile:
     document.check_keys("name", "description", "hammer", "digitizer", "analysis", "samples",
                         "sample", "source", "holder")  # fmt: skip
     source, holder = document.take_table("source"), document.take_table("holder")
+    setup = _parse_setup(document, parse_sensors(source))
     return RigFile(
-        setup=_parse_setup(document, parse_sensors(source)),
+        setup=setup,
+        release_angles=_parse_angles(document.take_table("hammer"), setup),
         hammer=_parse_swing(holder),
         source=source,
         holder=holder,
@@ -257,7 +262,9 @@ def parse_rig_file(text: str) -> RigFile:
 
 def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
     hammer = document.take_table("hammer")
-    hammer.check_keys("mass", "mass_uncertainty", "impact_speed")
+    hammer.check_keys(
+        "mass", "mass_uncertainty", "impact_speed", "release_angle", "release_angles"
+    )
     samples = _parse_samples(document)
     analysis = _parse_analysis(document)
     clock_uncertainty = _parse_clock_uncertainty(document)
@@ -265,6 +272,7 @@ def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
         "hammer_mass": hammer.take_quantity("mass", "kg", "100 g"),
         "impact_speed": hammer.take_quantity("impact_speed", "m/s", "8.19 cm/s"),
         "hammer_mass_uncertainty": hammer.take_quantity("mass_uncertainty", "kg", "0.29 g", 0.0),
+        "release_angle": hammer.take_quantity("release_angle", "rad", "3.7 deg", math.nan),
     }
     name, description = document.take_text("name"), document.take_text("description")
     try:
@@ -279,6 +287,22 @@ def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
         )
     except ParameterError as error:
         raise hammer.locate(error) from None
+
+
+def _parse_angles(hammer: TomlTable, setup: RigSetup) -> tuple[float, ...]:
+    """Return the angles [rad] from which every sample is struck, if there are several."""
+    given = hammer.get("release_angles", [])
+    if not isinstance(given, list):
+        raise hammer.refuse("release_angles", 'a list like ["5 deg", "10 deg"]')
+    try:
+        angles = tuple(
+            parse_quantity("release_angles of [hammer]", item, "rad", "5 deg") for item in given
+        )
+        if angles:
+            setup.at_angles(angles)
+    except ParameterError as error:
+        raise hammer.make_error("release_angles", str(error)) from None
+    return angles
 
 
 def _parse_analysis(document: TomlTable) -> AnalysisSettings:

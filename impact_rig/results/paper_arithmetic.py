@@ -28,12 +28,11 @@ from impact_rig.core.setup.paper import (
     HAMMER_STIFFNESS,
     IMPACT_SPEED,
     PUBLISHED_SAMPLES,
+    RELEASE_ANGLE,
     PublishedSample,
 )
 from impact_rig.results.numbers import compute_difference
 
-SWING_ANGLE = math.radians(3.7)
-"""Section 3 [rad]."""
 SWING_TIME = 0.207
 """Section 3 [s]."""
 PENDULUM_LENGTH = 0.265
@@ -210,7 +209,7 @@ class PaperArithmetic:
 def compute_paper() -> PaperArithmetic:
     """Compute the paper's tables again from its own printed numbers."""
     samples = tuple(_compute_cell(cell) for cell in PUBLISHED_SAMPLES)
-    angular_speed = SWING_ANGLE / SWING_TIME
+    angular_speed = RELEASE_ANGLE / SWING_TIME
     return PaperArithmetic(
         hammer=_compute_hammer(),
         samples=samples,

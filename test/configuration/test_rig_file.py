@@ -118,6 +118,13 @@ def test_units_are_converted_and_defaults_filled_in():
     assert rig.setup.analysis == PAPER_SETUP.analysis
 
 
+def test_release_angles_are_in_degrees():
+    text = 'release_angle = "3 deg"\nrelease_angles = ["5 deg", "0.35 rad"]'
+    rig = parse_rig_file(SMALLEST.replace("[hammer]", f"[hammer]\n{text}"))
+    assert rig.setup.release_angle == pytest.approx(math.radians(3.0))
+    assert rig.release_angles == pytest.approx((math.radians(5.0), 0.35))
+
+
 def test_uncertainties_of_masses_and_clock_are_stated_beside_them():
     text = SMALLEST.replace('mass = "0.1 kg"', 'mass = "0.1 kg"\nmass_uncertainty = "0.2 g"')
     text = text.replace('mass = "80 g"', 'mass = "80 g"\nmass_uncertainty = "3 mg"')
@@ -156,6 +163,12 @@ def test_uncertainties_of_masses_and_clock_are_stated_beside_them():
         ("[hammer]", '[analysis]\ncutoff_frequency = "50 us"\n[hammer]', r"which is no Hz"),
         ("[hammer]", "[analysis]\noverload_run = 2.5\n[hammer]", r"overload_run.*whole"),
         ("[hammer]", "[analysis]\nkeep_hits = 9.5\n[hammer]", r"keep_hits.*whole"),
+        ("[hammer]", '[hammer]\nrelease_angles = ["5 deg"]', r"release_angle of .* not known"),
+        ("[hammer]", '[hammer]\nrelease_angle = "3 deg"\nrelease_angles = ["5 deg", "0 deg"]',
+         r"release angle is 0°: it must be above 0°"),
+        ("[hammer]", '[hammer]\nrelease_angle = "3 deg"\nrelease_angles = ["5 cm"]',
+         r'release_angles of \[hammer\] is "5 cm", which is no rad'),
+        ("[hammer]", "[hammer]\nrelease_angles = 5", r'is 5: it must be a list like \["5 deg"'),
         ("[hammer]", 'name = 3\n[hammer]', r"name of the file is 3: it must be a text"),
         ('[[sample]]\nname = "oak"\nmass = "80 g"', "", r"sample set is empty"),
     ],

@@ -33,6 +33,7 @@ MESSAGE = SimpleNamespace(
     accelerometer_mass_uncertainty=1e-4,
     clock_uncertainty=1e-6,
     impact_speed=0.08,
+    release_angle=math.nan,
     control_sample="oak",
     samples=[
         SimpleNamespace(
@@ -43,6 +44,7 @@ MESSAGE = SimpleNamespace(
             reference_contact_time=math.nan,
             reference_stiffness=math.nan,
             reference_damping_coefficient=math.nan,
+            release_angle=math.nan,
         )
     ],
     analysis=SimpleNamespace(

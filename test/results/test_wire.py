@@ -77,6 +77,7 @@ def test_json_of_a_set_up_keeps_its_names() -> None:
     assert set(to_json(SETUP)) == {
         "name", "description", "hammer_mass_kg", "hammer_mass_u_kg", "hammer_stiffness_n_per_m",
         "accelerometer_mass_kg", "accelerometer_mass_u_kg", "clock_u", "impact_speed_m_per_s",
+            "release_angle_rad",
         "control_sample", "samples", "analysis", "sensors",
     }  # fmt: skip
     (sample,) = to_json(SETUP)["samples"]

@@ -1,5 +1,6 @@
 """The published campaign: Tables 1 to 4 and the set-up, with the misprint marked."""
 
+import math
 from dataclasses import dataclass
 
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
@@ -16,6 +17,8 @@ SAMPLE_MASS_UNCERTAINTY = 0.0029e-3
 last digit of 100 g, 3 g and 21.31 g, rectangular, so over sqrt(3)."""
 IMPACT_SPEED = 0.0819
 """v1 as printed [m/s]; 0.312 rad/s times 265 mm would be 0.0827."""
+RELEASE_ANGLE = math.radians(3.7)
+"""Section 3: the hammer swings from here [rad]."""
 HAMMER_STIFFNESS = 22.54e6
 """k1, Table 3 [N/m]."""
 HAMMER_DAMPING_COEFFICIENT = 1909.0
@@ -119,6 +122,7 @@ PAPER_SETUP = RigSetup(
     hammer_mass=HAMMER_MASS,
     hammer_mass_uncertainty=HAMMER_MASS_UNCERTAINTY,
     impact_speed=IMPACT_SPEED,
+    release_angle=RELEASE_ANGLE,
     name="paper",
     description="twelve metal cylinders struck by a pendulum hammer",
 )

@@ -1,7 +1,9 @@
 """Samples, sample sets and the set-up of a rig, as the estimators need them."""
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 from impact_rig.core.checks import check_mass_uncertainty, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
@@ -12,6 +14,19 @@ from impact_rig.core.setup.settings import AnalysisSettings
 DEFAULT_CLOCK_UNCERTAINTY = 5.8e-5
 """Relative standard uncertainty of the sampling rate [-]: a crystal good for 100 ppm, taken as
 rectangular, 1e-4 / sqrt(3)."""
+
+
+def format_angle(angle: float) -> str:
+    """Return an angle [rad] as a person writes it: 10°."""
+    return f"{math.degrees(angle):g}°"
+
+
+def check_release_angle(angle: float) -> None:
+    """Raise `ParameterError` unless a hammer can swing down from this angle [rad]."""
+    if not 0.0 < angle <= math.pi / 2.0:
+        raise ParameterError(
+            f"release angle is {format_angle(angle)}: it must be above 0° and 90° at most"
+        )
 
 
 @dataclass(frozen=True)
@@ -31,6 +46,9 @@ class Sample:
         strikes a sample that behaves like this, tables show them beside the measured values.
     mass_uncertainty : float
         Standard uncertainty of the mass [kg]; 0: not stated.
+    release_angle : float
+        Of the hammer in this series of hits [rad]; NaN: the rig's. A sample that is struck from
+        several angles is in the set once for each, "steel small 5°" beside "steel small 10°".
     """
 
     name: str
@@ -40,6 +58,7 @@ class Sample:
     reference_stiffness: float = field(default=math.nan, metadata=describe("N/m"))
     reference_damping_coefficient: float = field(default=math.nan, metadata=describe("N s/m"))
     mass_uncertainty: float = field(default=0.0, metadata=describe("kg", written="mass_u"))
+    release_angle: float = field(default=math.nan, metadata=describe("rad", since=4))
 
     def __post_init__(self) -> None:
         """Refuse a nameless sample and impossible numbers."""
@@ -63,6 +82,23 @@ class Sample:
         ):
             if not math.isnan(value):
                 check_positive(f"{quantity} of sample {self.name!r}", value, unit)
+        if self.has_angle:
+            check_release_angle(self.release_angle)
+
+    @property
+    def has_angle(self) -> bool:
+        """Whether this is the series of one release angle."""
+        return not math.isnan(self.release_angle)
+
+    @property
+    def body(self) -> str:
+        """Name of what is struck, without the release angle."""
+        angle = f" {format_angle(self.release_angle)}" if self.has_angle else ""
+        return self.name.removesuffix(angle)
+
+    def at_angle(self, angle: float) -> Self:
+        """Return the series of hits on this sample from one release angle [rad]."""
+        return replace(self, name=f"{self.name} {format_angle(angle)}", release_angle=angle)
 
 
 @dataclass(frozen=True)
@@ -129,6 +165,17 @@ class SampleSet:
             f"unknown sample {name!r}: the set has " + ", ".join(map(repr, self.names))
         )
 
+    def find_series(self, bodies: Sequence[str]) -> tuple[str, ...]:
+        """Return the names of all series on some bodies, in the order of the bodies."""
+        return tuple(item.name for body in bodies for item in self.samples if item.body == body)
+
+    def find_control(self, angle: float) -> str:
+        """Return the control sample's series of a release angle [rad]; NaN: its only one."""
+        for item in self.samples:
+            if item.release_angle == angle and item.body == self.find(self.control_sample).body:
+                return item.name
+        return self.control_sample
+
     def get_moving_mass(self, name: str) -> float:
         """Return m2 of the sample called `name`, accelerometer included [kg]."""
         return self.find(name).mass + self.accelerometer_mass
@@ -146,6 +193,8 @@ class RigSetup:
         Effective seismic mass m1 [kg]; NaN: not known, and then neither k nor c is.
     impact_speed : float
         Hammer speed at contact v1 [m/s].
+    release_angle : float
+        From which the hammer reaches it [rad]; NaN: not known.
     analysis : AnalysisSettings
         How hits are judged and evaluated.
     name, description : str
@@ -174,6 +223,7 @@ class RigSetup:
     )
     hammer_stiffness: float = field(default=math.nan, metadata=describe("N/m"))
     sensors: tuple[Sensor, ...] = field(default=(), metadata=describe(since=4))
+    release_angle: float = field(default=math.nan, metadata=describe("rad", since=4))
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
@@ -185,6 +235,8 @@ class RigSetup:
         if not math.isnan(self.hammer_stiffness):
             check_positive("hammer stiffness", self.hammer_stiffness, "N/m")
         check_positive("impact speed", self.impact_speed, "m/s")
+        if not math.isnan(self.release_angle):
+            check_release_angle(self.release_angle)
         check_mass_uncertainty(
             "hammer mass uncertainty", self.hammer_mass_uncertainty, self.hammer_mass
         )
@@ -194,3 +246,48 @@ class RigSetup:
         """Return whose mass, of hammer and sample called `name`, is not known."""
         masses = (("hammer", self.hammer_mass), (name, self.samples.find(name).mass))
         return tuple(body for body, mass in masses if math.isnan(mass))
+
+    def at_angles(self, angles: Sequence[float]) -> Self:
+        """Return the set-up with every sample once for each release angle [rad].
+
+        Raises
+        ------
+        ParameterError
+            If an angle cannot be meant, or no speed can be told from it.
+        """
+        for place, angle in enumerate(angles):
+            check_release_angle(angle)
+            if format_angle(angle) in map(format_angle, angles[:place]):
+                raise ParameterError(
+                    f"release angle {format_angle(angle)} is given twice: once is enough"
+                )
+        if math.isnan(self.release_angle):
+            raise ParameterError(
+                "release_angle of the hammer is not known: give in the rig file's [hammer] the"
+                " one from which it reaches its impact_speed, so that others tell theirs"
+            )
+        samples = tuple(item.at_angle(angle) for item in self.samples.samples for angle in angles)
+        control = self.samples.control_sample
+        if control:
+            control = self.samples.find(control).at_angle(angles[0]).name
+        return replace(
+            self, samples=replace(self.samples, samples=samples, control_sample=control)
+        )
+
+    def for_series(self, name: str) -> Self:
+        """Return the set-up as it is for one sample: speed and control sample of its angle.
+
+        A pendulum of length l that falls from the angle theta is at the bottom as fast as
+        v = sqrt(2 g l (1 - cos theta)) = 2 sqrt(g l) sin(theta / 2).
+        """
+        sample = self.samples.find(name)
+        if not sample.has_angle:
+            return self
+        angle = sample.release_angle
+        return replace(
+            self,
+            impact_speed=self.impact_speed
+            * (math.sin(angle / 2.0) / math.sin(self.release_angle / 2.0)),
+            release_angle=angle,
+            samples=replace(self.samples, control_sample=self.samples.find_control(angle)),
+        )

@@ -64,7 +64,7 @@ def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
         samples.accelerometer_mass,
         samples.accelerometer_mass_uncertainty,
     )
-    sample_mass = make_input(f"mass of {sample}", struck.mass, struck.mass_uncertainty)
+    sample_mass = make_input(f"mass of {struck.body}", struck.mass, struck.mass_uncertainty)
     unstated = [
         name
         for name, mass, uncertainty in (
@@ -74,7 +74,7 @@ def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
                 samples.accelerometer_mass,
                 samples.accelerometer_mass_uncertainty,
             ),
-            (sample, struck.mass, struck.mass_uncertainty),
+            (struck.body, struck.mass, struck.mass_uncertainty),
         )
         if mass > 0.0 and uncertainty == 0.0
     ]

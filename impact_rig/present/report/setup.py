@@ -64,6 +64,7 @@ SETUP_FIELDS = {
     "accelerometer_mass_uncertainty": SetupField("standard uncertainty of it", "g", GRAM),
     "clock_uncertainty": SetupField("standard uncertainty of the clock", "ppm", 1e6),
     "impact_speed": SetupField("impact speed v1", "cm/s", 100.0),
+    "release_angle": SetupField("release angle", "°", math.degrees(1.0)),
     "control_sample": SetupField("control sample"),
     "material": SetupField("material"),
     "mass": SetupField("mass", "g", GRAM),

@@ -122,3 +122,53 @@ def test_an_uncertainty_that_leaves_nothing_of_its_mass_is_refused() -> None:
         SampleSet((Sample("oak", 0.1),), "oak", accelerometer_mass_uncertainty=1e-3)
     with pytest.raises(ParameterError, match=r"hammer mass uncertainty is 0\.3 kg"):
         RigSetup(SampleSet((Sample("oak", 0.1),), "oak"), 0.1, 0.3, hammer_mass_uncertainty=0.3)
+
+
+SERIES = RigSetup(
+    SampleSet((STEEL, BRASS), control_sample="brass"), 0.1, 0.0819, release_angle=math.radians(3.7)
+)
+
+
+def test_a_sample_is_in_the_set_once_for_each_release_angle() -> None:
+    setup = SERIES.at_angles([math.radians(5.0), math.radians(12.5)])
+    assert setup.samples.names == ("steel 5°", "steel 12.5°", "brass 5°", "brass 12.5°")
+    assert setup.samples.find_series(["brass"]) == ("brass 5°", "brass 12.5°")
+    assert {item.body for item in setup.samples.samples} == {"steel", "brass"}
+    assert setup.samples.control_sample == "brass 5°"
+
+
+@pytest.mark.parametrize("degrees", [0.5, 3.7, 20.0, 90.0])
+def test_a_series_is_as_fast_as_its_pendulum_falls(degrees: float) -> None:
+    angle, rig = math.radians(degrees), SERIES.release_angle
+    setup = SERIES.at_angles([angle, math.radians(1.0)])
+    series = setup.for_series(f"steel {degrees:g}°")
+    # By the energy, of the pendulum that the rig's own angle and speed describe.
+    length = 0.0819**2 / (2.0 * 9.80665 * (1.0 - math.cos(rig)))
+    speed = math.sqrt(2.0 * 9.80665 * length * (1.0 - math.cos(angle)))
+    assert series.impact_speed == pytest.approx(speed, rel=1e-9)
+    assert series.samples.control_sample == f"brass {degrees:g}°"
+    assert series.for_series(f"steel {degrees:g}°") == series
+
+
+def test_a_set_without_angles_is_its_own_series() -> None:
+    assert SERIES.for_series("steel") is SERIES
+
+
+@pytest.mark.parametrize(
+    ("degrees", "told"),
+    [
+        ([0.0], "release angle is 0°: it must be above 0° and 90° at most"),
+        ([5.0, -2.0], "release angle is -2°"),
+        ([90.5], "release angle is 90.5°"),
+        ([math.nan], "release angle is nan°"),
+        ([5.0, 10.0, 5.0], "release angle 5° is given twice"),
+    ],
+)
+def test_angles_that_cannot_be_meant_are_refused(degrees: list[float], told: str) -> None:
+    with pytest.raises(ParameterError, match=told):
+        SERIES.at_angles([math.radians(each) for each in degrees])
+
+
+def test_angles_tell_no_speed_where_none_is_known() -> None:
+    with pytest.raises(ParameterError, match=r"release_angle of the hammer is not known: give"):
+        RigSetup(SampleSet((STEEL,), ""), 0.1, 0.08).at_angles([0.1])
