@@ -73,7 +73,7 @@ def compute_law_curves(
         return low_pass(force, cutoff_frequency, rate) if cutoff_frequency else force
 
     def compute_force(begin: float) -> FloatArray:
-        return filter_force(height * pulse.compute_force(0, (time - begin) / unit)[0])
+        return filter_force(height * pulse.compute_force((time - begin) / unit)[0][0])
 
     # The middle of the width at half amplitude is where the trace's is.
     begin = -law.duration.value / 2.0

@@ -86,7 +86,7 @@ class Contact:
     def compute_force(self, time: FloatArray) -> FloatArray:
         """Return the law's force [N] over time from first touch [s], shape (n,)."""
         pulse = compute_pulses(np.array([self.exponent]), np.array([self.damping * self.speed]))
-        force, _ = pulse.compute_force(0, time / self.time_scale)
+        (force,), _ = pulse.compute_force(time / self.time_scale)
         return self.equivalent_mass * self.speed / self.time_scale * force
 
 

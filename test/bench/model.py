@@ -11,7 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 from bench.measure import Bench, Figure, at_least, at_most, compare_times, divide, part
 from impact_rig.core.estimation.contact_law import MARGINS, look_at_law
 from impact_rig.core.estimation.law_fit import fit_law
-from impact_rig.core.estimation.pulse_shape import PulseWindow, cut_window
+from impact_rig.core.estimation.pulse_window import PulseWindow, cut_window
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.hit import judge_hit
 from impact_rig.core.hits.pulse_width import measure_pulse
@@ -295,14 +295,12 @@ def _measure_law(repeats: int) -> Iterator[Figure]:
 
 def cut_law_window(mean: MeanHit) -> PulseWindow:
     """Return the pulse that a law is fitted to."""
-    pulse = measure_pulse(mean.traces[0])
     return cut_window(
-        mean.traces[0] / pulse.peak,
-        pulse.peak_index,
-        pulse.middle,
-        pulse.half_amplitude_width,
-        PAPER_SETUP.analysis.cutoff_frequency / mean.sampling_rate,
-        MARGINS,
+        mean.traces[0],
+        measure_pulse(mean.traces[0]),
+        mean.sampling_rate,
+        PAPER_SETUP.analysis.cutoff_frequency,
+        margins=MARGINS,
     )
 
 

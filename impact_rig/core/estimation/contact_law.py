@@ -25,12 +25,8 @@ from impact_rig.core.estimation.law_fit import (
     LawFit,
     fit_law,
 )
-from impact_rig.core.estimation.pulse_shape import (
-    PulseWindow,
-    cut_window,
-    fit_pulse,
-    is_worse,
-)
+from impact_rig.core.estimation.pulse_shape import fit_pulse, is_worse
+from impact_rig.core.estimation.pulse_window import PulseWindow, cut_window
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.pulse_width import TENTH_LEVEL, measure_pulse
 from impact_rig.core.identification.fitting import compute_noise_correlation, compute_raw_noise
@@ -40,6 +36,7 @@ from impact_rig.core.model.contact_law import (
 from impact_rig.core.model.pulses import VERSED_SINE
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Quantity, describe
 from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.core.uncertainty.propagation import RigNumbers, make_rig_numbers
 from impact_rig.core.uncertainty.results import (
@@ -174,12 +171,17 @@ _QUANTITIES = tuple(item.name for item in fields(ContactLaw) if item.type is Qua
 """What follows from the hammer's trace alone, in the order of `_describe_law`."""
 
 
+SENSORS = (Sensor("hammer"), Sensor("specimen"))
+"""Of which nothing is known."""
+
+
 def estimate_contact_law(
     mean: MeanHit,
     cutoff_frequency: float,
     masses: RigNumbers,
     sample: str,
     exponent: float | None = None,
+    sensors: tuple[Sensor, Sensor] = SENSORS,
 ) -> ContactLaw:
     """Estimate the contact law of one sample from its mean hit.
 
@@ -197,6 +199,8 @@ def estimate_contact_law(
         Its name, for the budget.
     exponent : float, optional
         n where it is known [-]; otherwise it is fitted.
+    sensors : tuple of Sensor
+        Of hammer and sample.
 
     Raises
     ------
@@ -212,15 +216,8 @@ def estimate_contact_law(
             f"contact law: {width:.2g} points in the pulse's width at half amplitude do not tell"
             f" it, {FEWEST_POINTS} may; sample faster"
         )
-    relative_cutoff = cutoff_frequency / mean.sampling_rate
-    window = cut_window(
-        mean.traces[0] / pulse.peak,
-        pulse.peak_index,
-        pulse.middle,
-        width,
-        relative_cutoff,
-        MARGINS,
-    )
+    seen = (mean.sampling_rate, cutoff_frequency, sensors[0].response)
+    window = cut_window(mean.traces[0], pulse, *seen, MARGINS)
     fit = fit_law(window, exponent)
     correlation = compute_noise_correlation(cutoff_frequency, mean.sampling_rate, window.step)
     correlation = correlation[correlation.size // 2 :]
@@ -228,12 +225,7 @@ def estimate_contact_law(
     percent = 100.0 * fit.residual
     white = float(mean.raw_noise[0]) / abs(pulse.peak)
     is_allowed, excludes_versed_sine = _compare_with_versed_sine(
-        fit,
-        cut_window(
-            mean.traces[0] / pulse.peak, pulse.peak_index, pulse.middle, width, relative_cutoff
-        ),
-        white,
-        noise,
+        fit, cut_window(mean.traces[0], pulse, *seen), white, noise
     )
     if not fit.is_inside or fit.residual > max(LARGEST_RESIDUAL, RESIDUAL_OVER_NOISE * noise):
         why = f"the best leaves {percent:.2g} % of the peak" if fit.is_inside else "no fit ends"

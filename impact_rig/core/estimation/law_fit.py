@@ -1,12 +1,11 @@
 """A pulse of the contact law fitted to a window of the hammer's trace; what no fit can beat."""
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.optimize import leastsq
 
-from impact_rig.core.estimation.pulse_shape import PulseWindow
+from impact_rig.core.estimation.pulse_window import Evaluation, PulseWindow, minimise
 from impact_rig.core.model.contact_law import (
     LARGEST_DAMPING,
     LARGEST_EXPONENT,
@@ -14,7 +13,7 @@ from impact_rig.core.model.contact_law import (
     SMALLEST_EXPONENT,
     compute_pulses,
 )
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.signals.record import FloatArray, make_read_only
 
 STARTING_EXPONENT, STARTING_DAMPING = 1.5, 0.1
 """Where a fit begins [-]: metal on metal."""
@@ -28,8 +27,6 @@ START_POINTS = 401
 """At which the half-amplitude width of the starting pulse is read [-]."""
 SHORTEST_TIME = 0.05
 """T, in w50 [-]: no pulse of the family is so wide."""
-CONVERGED = (1, 2, 3, 4)
-"""What MINPACK says of a fit that ended at its minimum."""
 COUNT = 6
 START, TIME, HEIGHT, OFFSET, DAMPING, EXPONENT = range(COUNT)
 """Places of the parameters; the last one is not varied where it is given."""
@@ -64,13 +61,9 @@ class LawFit:
 
     def move_to(self, window: PulseWindow) -> "LawFit":
         """Return the same pulse on another window of the same trace, not fitted again."""
-        problem = _LawProblem(window, float(self.parameters[EXPONENT]))
-        residual = problem.compute_residual(self.parameters[self.varied])
-        return replace(
-            self,
-            jacobian=problem.compute_jacobian(self.parameters[self.varied]),
-            residual=_compute_deviation(residual, len(self.varied)),
-            fitted=window.measured + residual,
+        evaluation = evaluate_law(window, self.parameters, len(self.varied))
+        return _describe_fit(
+            window, self.parameters, self.varied, evaluation, is_inside=self.is_inside
         )
 
     def project(self, changes: FloatArray) -> FloatArray:
@@ -104,106 +97,82 @@ class LawFit:
 def fit_law(window: PulseWindow, exponent: float | None = None) -> LawFit:
     """Fit a pulse of the family to a window, with n given or fitted."""
     varied = list(range(COUNT) if exponent is None else range(COUNT - 1))
-    problem = _LawProblem(window, STARTING_EXPONENT if exponent is None else exponent)
-    # MINPACK itself: what `least_squares` puts around it takes longer than these fits.
-    found = leastsq(
-        problem.compute_residual,
-        problem.estimate_start()[varied],
-        Dfun=problem.compute_jacobian,
-        full_output=True,
-        col_deriv=True,
-        ftol=TOLERANCE,
-        xtol=TOLERANCE,
-        maxfev=MOST_EVALUATIONS,
+    fixed = STARTING_EXPONENT if exponent is None else exponent
+    found, evaluation, converged = minimise(
+        lambda parameters: evaluate_law(window, _complete(parameters, fixed), len(varied)),
+        _estimate_start(fixed)[varied],
+        TOLERANCE,
+        MOST_EVALUATIONS,
     )
-    parameters = problem.complete(found[0])
-    residual = problem.compute_residual(found[0])
+    parameters = _complete(found, fixed)
     inside = SMALLEST_EXPONENT < parameters[EXPONENT] < LARGEST_EXPONENT
     inside = inside and SMALLEST_DAMPING < parameters[DAMPING] < LARGEST_DAMPING
+    inside = inside and parameters[TIME] > SHORTEST_TIME and converged
+    return _describe_fit(window, parameters, varied, evaluation, is_inside=bool(inside))
+
+
+def _describe_fit(
+    window: PulseWindow,
+    parameters: FloatArray,
+    varied: list[int],
+    evaluation: Evaluation,
+    *,
+    is_inside: bool,
+) -> LawFit:
+    residual, jacobian = evaluation
     return LawFit(
         parameters=parameters,
-        jacobian=problem.compute_jacobian(found[0]),
+        jacobian=jacobian,
         varied=varied,
-        residual=_compute_deviation(residual, len(varied)),
+        residual=float(np.sqrt(residual @ residual / (residual.size - len(varied)))),
         fitted=window.measured + residual,
-        is_inside=bool(inside and parameters[TIME] > SHORTEST_TIME and found[-1] in CONVERGED),
+        is_inside=is_inside,
     )
 
 
-def _compute_deviation(residual: FloatArray, fitted: int) -> float:
-    return float(np.sqrt(residual @ residual / (residual.size - fitted)))
+def _complete(varied: FloatArray, exponent: float) -> FloatArray:
+    """Return all parameters, shape (6,), n and A within their limits."""
+    values = [*varied.tolist(), exponent][:COUNT]
+    values[EXPONENT] = min(max(values[EXPONENT], SMALLEST_EXPONENT), LARGEST_EXPONENT)
+    values[DAMPING] = min(max(values[DAMPING], SMALLEST_DAMPING), LARGEST_DAMPING)
+    values[TIME] = max(values[TIME], SHORTEST_TIME)
+    return np.array(values)
 
 
-class _LawProblem:
-    """Residual and Jacobian of the law; keeps the last evaluation."""
+@lru_cache(maxsize=8)
+def _estimate_start(exponent: float) -> FloatArray:
+    """Return parameters from the pulse's width and peak alone, shape (6,)."""
+    pulse = compute_pulses(np.array([exponent]), np.array([STARTING_DAMPING]))
+    times = np.linspace(0.0, pulse.duration[0], START_POINTS)
+    force = pulse.compute_force(times)[0][0]
+    above = times[force >= force.max() / 2.0]
+    time = 1.0 / (above[-1] - above[0])
+    middle = (above[-1] + above[0]) / 2.0
+    return make_read_only(
+        np.array([-middle * time, time, 1.0 / force.max(), 0.0, STARTING_DAMPING, exponent])
+    )
 
-    def __init__(self, window: PulseWindow, exponent: float) -> None:
-        self._window = window
-        self._exponent = exponent
-        self._at = b""
-        self._residual = self._jacobian = window.measured
 
-    def estimate_start(self) -> FloatArray:
-        """Return parameters from the pulse's width and peak alone, shape (6,)."""
-        pulse = compute_pulses(np.array([self._exponent]), np.array([STARTING_DAMPING]))
-        times = np.linspace(0.0, pulse.duration[0], START_POINTS)
-        force = pulse.compute_force(0, times)[0]
-        above = times[force >= force.max() / 2.0]
-        time = 1.0 / (above[-1] - above[0])
-        middle = (above[-1] + above[0]) / 2.0
-        return np.array(
-            [-middle * time, time, 1.0 / force.max(), 0.0, STARTING_DAMPING, self._exponent]
-        )
-
-    def complete(self, varied: FloatArray) -> FloatArray:
-        """Return all parameters, shape (6,), n and A within their limits."""
-        parameters = np.append(varied, self._exponent)[:COUNT]
-        parameters[EXPONENT] = min(max(parameters[EXPONENT], SMALLEST_EXPONENT), LARGEST_EXPONENT)
-        parameters[DAMPING] = min(max(parameters[DAMPING], SMALLEST_DAMPING), LARGEST_DAMPING)
-        parameters[TIME] = max(parameters[TIME], SHORTEST_TIME)
-        return parameters
-
-    def compute_residual(self, varied: FloatArray) -> FloatArray:
-        """Return fitted minus measured, shape (n,)."""
-        self._evaluate(varied)
-        return self._residual
-
-    def compute_jacobian(self, varied: FloatArray) -> FloatArray:
-        """Return its derivatives, shape (varied, n)."""
-        self._evaluate(varied)
-        return self._jacobian
-
-    def _evaluate(self, varied: FloatArray) -> None:
-        if self._at == varied.tobytes():
-            return
-        self._at = varied.tobytes()
-        start, time, height, offset, damping, exponent = self.complete(varied).tolist()
-        pulses = compute_pulses(
-            np.array([exponent, exponent, exponent + STEP]),
-            np.array([damping, damping + STEP, damping]),
-        )
-        times, smoothing = self._window.model_time, self._window.smoothing
-        part = slice(None)
-        if smoothing is not None:
-            # What is zero need not be filtered.
-            end = start + time * float(pulses.duration.max())
-            part = slice(*np.searchsorted(times, (start, end)))
-        scaled = (times[part] - start) / time
-        force, slope = pulses.compute_force(0, scaled)
-        more_damping, more_exponent = (pulses.compute_force(i, scaled)[0] for i in (1, 2))
-        rows = np.stack(
-            [
-                -height / time * slope,
-                -height / time * slope * scaled,
-                force,
-                height / STEP * (more_damping - force),
-                height / STEP * (more_exponent - force),
-            ]
-        )
-        if smoothing is not None:
-            rows = rows @ smoothing[:, part].T
-        self._residual = height * rows[HEIGHT] + offset - self._window.measured
-        self._jacobian = np.insert(rows, OFFSET, 1.0, axis=0)[: varied.size]
+def evaluate_law(window: PulseWindow, parameters: FloatArray, varied: int = COUNT) -> Evaluation:
+    """Return fitted minus measured, and its derivatives in the first `varied` parameters."""
+    start, time, height, offset, damping, exponent = parameters.tolist()
+    pulses = compute_pulses(
+        np.array([exponent, exponent, exponent + STEP]),
+        np.array([damping, damping + STEP, damping]),
+    )
+    part = window.find_part(start, start + time * float(pulses.duration.max()))
+    scaled = (window.model_time[part] - start) / time
+    (force, more_damping, more_exponent), slopes = pulses.compute_force(scaled)
+    rows = np.empty((COUNT, scaled.size))
+    rows[START] = -height / time * slopes[0]
+    rows[TIME] = rows[START] * scaled
+    rows[HEIGHT] = force
+    rows[OFFSET] = 0.0
+    rows[DAMPING] = height / STEP * (more_damping - force)
+    rows[EXPONENT] = height / STEP * (more_exponent - force)
+    shown = window.show(rows, part)
+    shown[OFFSET] = 1.0
+    return height * shown[HEIGHT] + offset - window.measured, shown[:varied]
 
 
 @dataclass(frozen=True)
@@ -242,7 +211,7 @@ def compute_law_bound(
     scaled = times / time_unit
     window = PulseWindow(scaled, np.zeros(times.size), scaled, None, 1, slice(0, times.size))
     parameters = np.array([0.0, 1.0, 1.0, 0.0, damping, exponent])
-    jacobian = _LawProblem(window, exponent).compute_jacobian(parameters)
+    _, jacobian = evaluate_law(window, parameters)
     covariance = noise**2 * np.linalg.inv(jacobian @ jacobian.T)
     slopes = np.zeros((2, COUNT))
     for place in (TIME, DAMPING, EXPONENT):

@@ -7,18 +7,20 @@ least squares, low-passed as the trace was.
 
 import math
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import CubicSpline
-from scipy.optimize import leastsq
 
 from impact_rig.core.checks import check_not_negative
-from impact_rig.core.errors import NotDeterminedError
+from impact_rig.core.estimation.pulse_window import (
+    Evaluation,
+    PulseWindow,
+    cut_window,
+    minimise,
+)
 from impact_rig.core.hits.averaging import MeanHit
-from impact_rig.core.hits.pulse_width import TENTH_LEVEL, PulseWidth, find_crossing, measure_pulse
+from impact_rig.core.hits.pulse_width import PulseWidth, find_crossing, measure_pulse
 from impact_rig.core.model.pulses import (
     LARGEST_ASYMMETRY,
     PULSE_SHAPES,
@@ -27,30 +29,11 @@ from impact_rig.core.model.pulses import (
     differentiate_pulse,
 )
 from impact_rig.core.quantity import INTERNAL, describe
-from impact_rig.core.signals.filtering import (
-    HIGHEST_RELATIVE_CUTOFF,
-    MINIMUM_POINTS,
-    low_pass,
-)
-from impact_rig.core.signals.record import FloatArray, make_read_only
+from impact_rig.core.setup.sensors import FLAT, SensorResponse
+from impact_rig.core.signals.record import FloatArray
 
 FITTED = 5
 """Parameters of a fit: start, duration, asymmetry, amplitude and offset."""
-FEWEST_POINTS = FITTED + 3
-"""In the window of a pulse [-], our choice."""
-MARGIN_BEFORE = 0.5
-"""Baseline in the window before the pulse is at a tenth of its peak, in w50 [-], our choice: the
-slow foot of a versed-sine takes 0.2 of it, the rest holds the offset."""
-MARGIN_AFTER = 0.1
-"""The same after the pulse [-], our choice: the foot, but not the ringing behind it."""
-POINTS_PER_WIDTH = 96
-"""Points of the model in w50, where the trace has so many [-], our choice: every second is
-compared."""
-KERNEL_REACH = 1.5
-"""Half length of the low-pass's kernel, in periods of the cutoff [-], our choice: 1e-3 of it lies
-outside."""
-REMEMBERED_MATRICES = 4
-"""Of the low-pass [-], our choice: the hits of a sample need one or two, of a megabyte or so."""
 SHORTEST_DURATION = 0.5
 """Of a pulse, in w50 [-]: none is shorter than its own half-amplitude width."""
 TOLERANCE = 1e-5
@@ -59,34 +42,6 @@ time is then within 5e-6 of its best value, a hundredth of what noise and scatte
 MOST_EVALUATIONS = 16
 """Of the model [-], our choice: a pulse needs four to seven; what is none runs out of all bounds,
 and what it leaves no longer changes by more than a hundredth."""
-
-
-@dataclass(frozen=True)
-class PulseWindow:
-    """What a pulse shape is fitted to: of unit height, in units of w50.
-
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        From the middle of the pulse [w50].
-    measured : ndarray, shape (n,)
-        Over the peak [-].
-    model_time : ndarray, shape (m,)
-        Where the model is computed before it is filtered [w50].
-    smoothing : ndarray, shape (n, m), or None
-        The low-pass, from `model_time` to `time`; None: no filter that matters.
-    step : int
-        Points of the trace from one of `time` to the next.
-    points : slice
-        Which points of the trace are `measured`.
-    """
-
-    time: FloatArray
-    measured: FloatArray
-    model_time: FloatArray
-    smoothing: FloatArray | None
-    step: int
-    points: slice
 
 
 @dataclass(frozen=True)
@@ -119,110 +74,28 @@ class PulseFit:
     residual: float
 
 
-def cut_window(
-    upright: FloatArray,
-    peak_index: int,
-    middle: float,
-    width: float,
-    relative_cutoff: float,
-    margins: tuple[float, float] = (MARGIN_BEFORE, MARGIN_AFTER),
-) -> PulseWindow:
-    """Cut the pulse out of a trace, and prepare the low-pass for its model.
-
-    Parameters
-    ----------
-    upright : ndarray, shape (n,)
-        Trace of a positive pulse of unit peak.
-    peak_index : int
-        Its highest point.
-    middle, width : float
-        Of the pulse at half amplitude, in points.
-    relative_cutoff : float
-        Of the low-pass that the trace went through, over the sampling rate [-]; 0: none.
-    margins : tuple of float
-        How much lies before and behind where the pulse is at a tenth of its peak [w50].
-
-    Returns
-    -------
-    PulseWindow
-
-    Raises
-    ------
-    NotDeterminedError
-        If the trace does not come down to a tenth of the peak on both sides, or the pulse has too
-        few points for a fit.
-    """
-    low, high = (find_crossing(upright, peak_index, TENTH_LEVEL, side) for side in (-1, 1))
-    if math.isnan(low) or math.isnan(high):
-        raise NotDeterminedError(
-            "pulse shape: the trace does not come down to a tenth of the peak on both sides;"
-            " record more"
-        )
-    fine = max(1, int(width / POINTS_PER_WIDTH))
-    step = fine if width < POINTS_PER_WIDTH else 2 * fine
-    first = max(0, math.ceil(low - margins[0] * width))
-    last = min(upright.size, math.floor(high + margins[1] * width) + 1)
-    points = np.arange(first, last, step)
-    if points.size < FEWEST_POINTS:
-        raise NotDeterminedError(
-            f"pulse shape: {points.size} points on the pulse do not tell it, {FEWEST_POINTS} may;"
-            " sample faster"
-        )
-    model_points, smoothing = points, None
-    # Above, the low-pass is shorter than a fortieth of the width.
-    if 0.0 < relative_cutoff * fine <= HIGHEST_RELATIVE_CUTOFF:
-        reach = _compute_reach(relative_cutoff * fine)
-        model_points = np.arange(first - fine * reach, points[-1] + fine * reach + 1, fine)
-        smoothing = _make_smoothing(relative_cutoff * fine, points.size, step // fine)
-    return PulseWindow(
-        time=np.asarray((points - middle) / width, dtype=np.float64),
-        measured=upright[points],
-        model_time=np.asarray((model_points - middle) / width, dtype=np.float64),
-        smoothing=smoothing,
-        step=step,
-        points=slice(first, int(points[-1]) + 1, step),
-    )
-
-
-def _compute_reach(relative_cutoff: float) -> int:
-    """Return how far the low-pass reaches to either side [points]."""
-    return max(math.ceil(KERNEL_REACH / relative_cutoff), MINIMUM_POINTS)
-
-
-@lru_cache(maxsize=REMEMBERED_MATRICES)
-def _make_smoothing(relative_cutoff: float, count: int, stride: int) -> FloatArray:
-    """Return the low-pass as a matrix of `count` rows: each reads `stride` points further."""
-    reach = _compute_reach(relative_cutoff)
-    impulse = np.zeros(4 * reach + 1)
-    impulse[2 * reach] = 1.0
-    half = low_pass(impulse, relative_cutoff, 1.0)[2 * reach : 3 * reach + 1]
-    kernel = np.concatenate((half[:0:-1], half))
-    margin = np.zeros((count - 1) * stride)
-    padded = np.concatenate((margin, kernel / kernel.sum(), margin))
-    rows = sliding_window_view(padded, kernel.size + margin.size)
-    return make_read_only(np.ascontiguousarray(rows[::-stride][:count]))
-
-
 def fit_pulse(window: PulseWindow, shape: PulseShape) -> PulseFit:
     """Fit start, duration, asymmetry, amplitude and offset of one shape."""
-    problem = _PulseProblem(window, shape)
+
+    def evaluate(parameters: FloatArray) -> Evaluation:
+        start, duration, asymmetry, amplitude, offset = parameters.tolist()
+        # What is no pulse at all may lead a step astray: it ends at the border.
+        duration = max(duration, SHORTEST_DURATION)
+        asymmetry = min(max(asymmetry, -LARGEST_ASYMMETRY), LARGEST_ASYMMETRY)
+        part = window.find_part(start, start + duration)
+        pulse, derivatives = differentiate_pulse(
+            window.model_time[part] - start, duration, shape, asymmetry
+        )
+        rows = window.show(np.concatenate((amplitude * derivatives, pulse[np.newaxis])), part)
+        residual = amplitude * rows[3] + offset - window.measured
+        return residual, np.concatenate((rows, np.ones((1, rows.shape[1]))))
+
     duration = shape.pulse_factor
-    # MINPACK itself: what `least_squares` puts around it takes longer than these fits.
-    found = leastsq(
-        problem.compute_residual,
-        np.array([-duration / 2.0, duration, 0.0, 1.0, 0.0]),
-        Dfun=problem.compute_jacobian,
-        full_output=True,
-        col_deriv=True,
-        ftol=TOLERANCE,
-        xtol=TOLERANCE,
-        maxfev=MOST_EVALUATIONS,
-    )[0]
-    residual = problem.compute_residual(found)
-    start, duration, asymmetry, amplitude, offset = (float(value) for value in found)
-    is_inside = duration > SHORTEST_DURATION and abs(asymmetry) < LARGEST_ASYMMETRY
+    begin = np.array([-duration / 2.0, duration, 0.0, 1.0, 0.0])
+    found, (residual, _), _ = minimise(evaluate, begin, TOLERANCE, MOST_EVALUATIONS)
+    start, duration, asymmetry, amplitude, offset = found.tolist()
     return PulseFit(
-        is_inside=is_inside,
+        is_inside=duration > SHORTEST_DURATION and abs(asymmetry) < LARGEST_ASYMMETRY,
         start=start,
         duration=duration,
         asymmetry=asymmetry,
@@ -231,53 +104,6 @@ def fit_pulse(window: PulseWindow, shape: PulseShape) -> PulseFit:
         fitted=window.measured + residual,
         residual=float(np.sqrt(residual @ residual / (residual.size - FITTED))),
     )
-
-
-class _PulseProblem:
-    """Residual and Jacobian of one shape; keeps the last evaluation."""
-
-    def __init__(self, window: PulseWindow, shape: PulseShape) -> None:
-        self._window = window
-        self._shape = shape
-        self._at = b""
-        self._residual = self._jacobian = window.measured
-
-    def compute_residual(self, parameters: FloatArray) -> FloatArray:
-        """Return fitted minus measured, shape (n,)."""
-        self._evaluate(parameters)
-        return self._residual
-
-    def compute_jacobian(self, parameters: FloatArray) -> FloatArray:
-        """Return its derivatives, shape (5, n)."""
-        self._evaluate(parameters)
-        return self._jacobian
-
-    def _evaluate(self, parameters: FloatArray) -> None:
-        if self._at == parameters.tobytes():
-            return
-        self._at = parameters.tobytes()
-        start, duration, asymmetry, amplitude, offset = parameters.tolist()
-        # What is no pulse at all may lead a step astray: it ends at the border.
-        duration = max(duration, SHORTEST_DURATION)
-        asymmetry = min(max(asymmetry, -LARGEST_ASYMMETRY), LARGEST_ASYMMETRY)
-        rows = self._smooth_pulse(start, duration, asymmetry, amplitude)
-        self._residual = amplitude * rows[3] + offset - self._window.measured
-        self._jacobian = np.concatenate((rows, np.ones((1, rows.shape[1]))))
-
-    def _smooth_pulse(
-        self, start: float, duration: float, asymmetry: float, amplitude: float
-    ) -> FloatArray:
-        """Return derivatives in start, duration, asymmetry and amplitude, shape (4, n)."""
-        times, smoothing = self._window.model_time, self._window.smoothing
-        part = slice(None)
-        if smoothing is not None:
-            # What is zero need not be filtered.
-            part = slice(*np.searchsorted(times, (start, start + duration)))
-        pulse, derivatives = differentiate_pulse(
-            times[part] - start, duration, self._shape, asymmetry
-        )
-        rows = np.concatenate((amplitude * derivatives, pulse[np.newaxis]))
-        return rows if smoothing is None else rows @ smoothing[:, part].T
 
 
 NAN = math.nan
@@ -381,7 +207,9 @@ NO_SHAPE = PulseShapeEstimate()
 """Where it is not determined."""
 
 
-def estimate_pulse_shape(mean: MeanHit, cutoff_frequency: float) -> PulseShapeEstimate:
+def estimate_pulse_shape(
+    mean: MeanHit, cutoff_frequency: float, response: SensorResponse = FLAT
+) -> PulseShapeEstimate:
     """Fit every pulse shape to the hammer's mean trace and compare what they leave.
 
     Parameters
@@ -391,6 +219,8 @@ def estimate_pulse_shape(mean: MeanHit, cutoff_frequency: float) -> PulseShapeEs
     cutoff_frequency : float
         Of the low-pass that the traces went through [Hz], which the shapes go through as well;
         0: none.
+    response : SensorResponse
+        Of the hammer's sensor, which they go through before.
 
     Returns
     -------
@@ -408,7 +238,7 @@ def estimate_pulse_shape(mean: MeanHit, cutoff_frequency: float) -> PulseShapeEs
     pulse = measure_pulse(mean.traces[0])
     upright = mean.traces[0] / pulse.peak
     width = pulse.half_amplitude_width
-    window = cut_window(upright, pulse.peak_index, pulse.middle, width, cutoff_frequency / rate)
+    window = cut_window(mean.traces[0], pulse, rate, cutoff_frequency, response)
     fits = [fit_pulse(window, shape) for shape in PULSE_SHAPES]
     shape_fits = tuple(
         _scale_fit(fit, shape, width / rate, pulse.peak)

@@ -46,9 +46,12 @@ _INTEGRATION = make_read_only(
 
 def _compute_energy_root(u: FloatArray) -> FloatArray:
     """Return y(u)/u, 1 at u = 0."""
+    near = np.abs(u) < SERIES_BELOW
+    if not near.any():
+        return np.asarray(np.sqrt(2.0 * (u - np.log1p(u)) / u**2))
     series = 1 - u * (2 / 3 - u * (1 / 2 - u * (2 / 5 - u * (1 / 3 - u * (2 / 7)))))
-    far = np.where(np.abs(u) < SERIES_BELOW, 1.0, u)
-    return np.sqrt(np.where(far == u, 2.0 * (far - np.log1p(far)) / far**2, series))
+    far = np.where(near, 1.0, u)
+    return np.sqrt(np.where(near, series, 2.0 * (far - np.log1p(far)) / far**2))
 
 
 def _tabulate_speed() -> tuple[FloatArray, FloatArray]:
@@ -111,28 +114,37 @@ class ScaledPulses:
         slope = down / left - curvature * left
         return np.asarray(forces[1] - slope**2 / (4.0 * curvature))
 
-    def compute_force(self, index: int, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return force and its derivative in time, shape (n,), of one pulse; zero outside it.
+    def compute_force(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return force and its derivative in time of each pulse, zero outside it.
 
         Compression and speed are cubic between the nodes, from their known slopes; the force,
         whose foot has no such polynomial, follows from them.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            In T of each pulse.
+
+        Returns
+        -------
+        force, slope : ndarray, shape (pulses, n)
         """
-        nodes, compression, speed = self.time[index], self.compression[index], self.speed[index]
-        exponent, damping = float(self.exponent[index]), float(self.damping[index])
-        force, slope = np.zeros(time.size), np.zeros(time.size)
-        first, last = np.searchsorted(time, (0.0, nodes[-1]))
-        inside = time[first:last]
-        place = np.searchsorted(nodes[1:-1], inside, side="right")
-        step = nodes[place + 1] - nodes[place]
-        phase = (inside - nodes[place]) / step
-        deceleration = compression**exponent * (1.0 + damping * speed)
-        x = _interpolate(compression, speed, place, step, phase)
-        v = _interpolate(speed, -deceleration, place, step, phase)
+        exponent, damping = self.exponent[:, None], self.damping[:, None]
+        place = np.stack([nodes[1:-1].searchsorted(time, side="right") for nodes in self.time])
+        place += NODES * np.arange(len(place))[:, None]
+        nodes = self.time.ravel()
+        start = nodes[place]
+        step = nodes[place + 1] - start
+        phase = np.clip((time - start) / step, 0.0, 1.0)
+        deceleration = self.compression**exponent * (1.0 + damping * self.speed)
+        x = _interpolate(self.compression, self.speed, place, step, phase)
+        v = _interpolate(self.speed, -deceleration, place, step, phase)
+        inside = (time >= 0.0) & (time < self.time[:, -1:])
         x = np.maximum(x, 1e-30)
         elastic, factor = x**exponent, 1.0 + damping * v
-        force[first:last] = elastic * factor
-        slope[first:last] = elastic * (exponent * v * factor / x - damping * elastic * factor)
-        return force, slope
+        force = elastic * factor
+        slope = elastic * (exponent * v * factor / x - damping * force)
+        return np.where(inside, force, 0.0), np.where(inside, slope, 0.0)
 
 
 def _interpolate(
@@ -142,8 +154,10 @@ def _interpolate(
     step: FloatArray,
     phase: FloatArray,
 ) -> FloatArray:
-    """Return cubic Hermite interpolation."""
-    start, change = values[place], values[place + 1] - values[place]
+    """Return cubic Hermite interpolation; `place` counts through all pulses."""
+    values, slopes = values.ravel(), slopes.ravel()
+    start = values[place]
+    change = values[place + 1] - start
     first, second = slopes[place] * step - change, change - slopes[place + 1] * step
     return np.asarray(
         start + phase * (change + (1.0 - phase) * ((1.0 - phase) * first + phase * second))

@@ -8,7 +8,7 @@ from typing import Self
 from impact_rig.core.checks import check_mass_uncertainty, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.quantity import INLINE, describe
-from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.setup.sensors import Sensor, SensorResponse
 from impact_rig.core.setup.settings import AnalysisSettings
 
 DEFAULT_CLOCK_UNCERTAINTY = 5.8e-5
@@ -241,6 +241,16 @@ class RigSetup:
             "hammer mass uncertainty", self.hammer_mass_uncertainty, self.hammer_mass
         )
         check_not_negative("clock uncertainty", self.clock_uncertainty, "of the sampling rate")
+
+    def find_sensor(self, channel: str) -> Sensor:
+        """Return what is known of the sensor of a channel."""
+        known = (sensor for sensor in self.sensors if sensor.channel == channel)
+        return next(known, Sensor(channel))
+
+    @property
+    def responses(self) -> tuple[SensorResponse, SensorResponse]:
+        """Of both channels' sensors."""
+        return self.find_sensor("hammer").response, self.find_sensor("specimen").response
 
     def find_unknown_masses(self, name: str) -> tuple[str, ...]:
         """Return whose mass, of hammer and sample called `name`, is not known."""

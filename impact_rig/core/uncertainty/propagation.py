@@ -4,7 +4,7 @@ What the rig states about itself, masses and clock, enters as uncertain numbers.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from impact_rig.core.damping.log_decrement import estimate_damping_ratio_from_co
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.quantity import UNKNOWN, Quantity
 from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.sensors import CHANNELS
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.core.uncertainty.contact import LEAST_HITS, ONE_HIT
 from impact_rig.core.uncertainty.results import compute_quantity, make_ensemble, make_input
@@ -39,12 +40,24 @@ class RigNumbers:
         with it, rates against it.
     notes : tuple of str
         Which masses state no uncertainty.
+    gains : tuple of UncertainNumber
+        Of the channels of hammer and sample over what is taken for them [-]: 1, exact where
+        their sensors state no uncertainty.
     """
 
     hammer_mass: UncertainNumber
     moving_mass: UncertainNumber
     clock: UncertainNumber
     notes: tuple[str, ...] = ()
+    gains: tuple[UncertainNumber, ...] = field(default_factory=lambda: make_gains(0.0, 0.0))
+
+
+def make_gains(*uncertainties: float) -> tuple[UncertainNumber, ...]:
+    """Return the gains of the channels, by their relative standard uncertainties [-]."""
+    return tuple(
+        make_input(f"gain of the {body}'s channel", 1.0, uncertainty)
+        for body, uncertainty in zip(("hammer", "sample"), uncertainties, strict=True)
+    )
 
 
 def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
@@ -88,6 +101,9 @@ def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
         moving_mass=sample_mass + accelerometer_mass,
         clock=make_input("sampling clock", 1.0, setup.clock_uncertainty),
         notes=notes,
+        gains=make_gains(
+            *(setup.find_sensor(channel).sensitivity_uncertainty for channel in CHANNELS)
+        ),
     )
 
 

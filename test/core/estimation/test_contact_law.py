@@ -15,7 +15,7 @@ from impact_rig.core.estimation.contact_law import (
     estimate_contact_law,
 )
 from impact_rig.core.estimation.law_fit import fit_law
-from impact_rig.core.estimation.pulse_shape import cut_window
+from impact_rig.core.estimation.pulse_window import cut_window
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import measure_pulse
@@ -326,15 +326,7 @@ def test_too_few_points_are_not_fitted() -> None:
 def test_the_minimum_is_that_of_a_general_least_squares_with_an_integrator() -> None:
     pulse_mean = make_mean(strike(1.5, 0.9).traces, NOISE)
     trace = pulse_mean.traces[0]
-    pulse = measure_pulse(trace)
-    window = cut_window(
-        trace / pulse.peak,
-        pulse.peak_index,
-        pulse.middle,
-        pulse.half_amplitude_width,
-        CUTOFF / RATE,
-        MARGINS,
-    )
+    window = cut_window(trace, measure_pulse(trace), RATE, CUTOFF, margins=MARGINS)
     fit = fit_law(window)
 
     def find_residual(parameters):

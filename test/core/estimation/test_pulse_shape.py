@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
 from impact_rig.core.estimation.pulse_shape import (
     PulseShapeEstimate,
-    cut_window,
     estimate_pulse_shape,
     fit_pulse,
 )
+from impact_rig.core.estimation.pulse_window import cut_window
 from impact_rig.core.hits.averaging import HitSummary, MeanHit, shift_hit
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import measure_pulse
@@ -132,7 +132,7 @@ def test_the_fit_is_filtered_as_the_trace_is() -> None:
     hammer = low_pass(strike(HALF_SINE) / PEAK, CUTOFF, RATE)
     pulse = measure_pulse(hammer)
     width = pulse.half_amplitude_width
-    window = cut_window(hammer, pulse.peak_index, pulse.middle, width, CUTOFF / RATE)
+    window = cut_window(hammer, pulse, RATE, CUTOFF)
     fit = fit_pulse(window, HERTZ)
     time = np.arange(hammer.size) - (pulse.middle + fit.start * width)
     model = compute_pulse(time, fit.duration * width, HERTZ, fit.asymmetry)
@@ -148,7 +148,7 @@ def test_no_other_parameters_leave_less() -> None:
     hammer = low_pass(strike(HALF_SINE, 0.1) / PEAK, CUTOFF, RATE)
     pulse = measure_pulse(hammer)
     width = pulse.half_amplitude_width
-    window = cut_window(hammer, pulse.peak_index, pulse.middle, width, CUTOFF / RATE)
+    window = cut_window(hammer, pulse, RATE, CUTOFF)
     fit = fit_pulse(window, VERSED_SINE)
     points = np.rint(window.time * width + pulse.middle).astype(int)
     best = np.array([fit.start, fit.duration, fit.asymmetry, fit.amplitude, fit.offset])
