@@ -22,6 +22,7 @@ from launch.actions import (
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
+from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     LAUNCHER,
     NodeProcess,
@@ -174,6 +175,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
         viewers=split_names(read("viewer")),
         only=split_names(read("only")),
     )
+    check_free(join_names(read("namespace"), (process.name for process in processes)))
     if any("output" in process.parameters for process in processes):
         make_run_folder(folder)
     actions = [make_node(process, read("params_file")) for process in processes]

@@ -17,6 +17,7 @@ from honcho.printer import Message, Printer
 from impact_rig.cli import options
 from impact_rig.cli.options import recording_options
 from impact_rig.configuration import run
+from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     ACTIVE,
     LAUNCHER,
@@ -263,6 +264,7 @@ def command(
         overrides=overrides,
         only=only,
     )
+    check_free(join_names(namespace, (process.name for process in processes)))
     if any("output" in process.parameters for process in processes):
         run.make_run_folder(folder)
     log = log_file.open("w", encoding="utf-8") if log_file else sys.stdout

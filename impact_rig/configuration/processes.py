@@ -64,6 +64,8 @@ LOG_NAME = "nodes.log"
 
 ACTIVE = "this node is active"
 """What every node logs when it has become so."""
+TAKE_REPLAYS = "take_replays"
+"""Parameter of the nodes that are of use without a rig, too."""
 LAUNCHER = "IMPACT_RIG_LAUNCHER"
 """Names the process that started a node, whose death, however sudden, stops the node."""
 
@@ -189,10 +191,11 @@ def list_rig_processes(
         raise ParameterError(
             "there is no running stream to be recorded: choose continuous mode as well"
         )
+    live = {TAKE_REPLAYS: False}
     processes = [
         NodeProcess("hammer", hammer),
         NodeProcess("accelerometer", accelerometer),
-        NodeProcess("estimator"),
+        NodeProcess("estimator", live),
         NodeProcess("campaign", described),
     ]
     if record:
@@ -204,10 +207,10 @@ def list_rig_processes(
         }
         given = {name: value for name, value in content.items() if value}
         processes.append(
-            NodeProcess("recorder", {"output": str(folder / recording.name), **given})
+            NodeProcess("recorder", {**live, "output": str(folder / recording.name), **given})
         )
     if visualize:
-        view = {"output": str(folder / VIEW_NAME), **make_viewer_parameters(viewers)}
+        view = {**live, "output": str(folder / VIEW_NAME), **make_viewer_parameters(viewers)}
         processes.append(NodeProcess("visualizer", view))
     elif viewers:
         raise ParameterError(

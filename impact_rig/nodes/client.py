@@ -82,8 +82,8 @@ class RigClient:
         callback: Callable[[Any], None],
         qos: QoSProfile | None = None,
     ) -> None:
-        """Subscribe to one of the rig's topics, with its own quality unless there is another."""
-        self._node.create_subscription(topic.type, topic.name, callback, qos or topic.qos)
+        """Hear one of the rig's topics from its nodes alone, unless `qos` says otherwise."""
+        self._node.create_subscription(topic.type, topic.name, callback, qos or topic.leased_qos)
 
     def spin_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Take messages until a condition is true; return whether it came true in time [s]."""
@@ -194,10 +194,12 @@ RESEND_PERIOD = 3.0
 """How soon an unanswered goal is sent again [s], our choice."""
 SERVICE_TIMEOUT = 20.0
 """How long the rig may take to answer what a person has done [s], our choice."""
-NEW_ONES = QoSProfile(
-    depth=interfaces.RELEASE.qos.depth,
-    reliability=interfaces.RELEASE.qos.reliability,
-    durability=DurabilityPolicy.VOLATILE,
+NEW_ONES = interfaces.RELEASE.lease_qos(
+    QoSProfile(
+        depth=interfaces.RELEASE.qos.depth,
+        reliability=interfaces.RELEASE.qos.reliability,
+        durability=DurabilityPolicy.VOLATILE,
+    )
 )
 """Releases of the past are nobody's business here."""
 TRUTH_TIMEOUT = 2.0

@@ -48,6 +48,7 @@ class EstimatorNode(RigNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("estimator", **options)
+        self.declare_replays()
         self.declare(
             "stream_depth", interfaces.STREAM_DEPTH,
             "blocks of a running stream that may wait before the oldest are lost [-]",
@@ -72,7 +73,7 @@ class EstimatorNode(RigNode):
         self._counts = {"impacts accepted": 0, "impacts rejected": 0, "blocks": 0}
         self.listen(interfaces.SETUP, self._take_setup)
         self.listen(interfaces.RECORD_STORED, self._take_stored)
-        self.listen(interfaces.RECORDER_STATE, self._follow_recorder)
+        self._of_recorder = self.listen(interfaces.RECORDER_STATE, self._follow_recorder)
         self._missed_start = MissedStart()
         self.listen(interfaces.ACCELERATION, self._take_block, is_informed=True)
         self.create_service(GetResults, interfaces.GET_RESULTS, self._answer)
@@ -134,7 +135,7 @@ class EstimatorNode(RigNode):
     def _is_recorded(self) -> bool:
         """Whether a recorder records; one that is there and has not been heard of may well do."""
         if self._recorder is None:
-            return self.count_publishers(interfaces.RECORDER_STATE.name) > 0
+            return bool(self._of_recorder.get_publisher_count())
         return self._recorder.recording
 
     def _warn(self, text: str) -> None:

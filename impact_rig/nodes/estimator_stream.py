@@ -155,7 +155,8 @@ class StreamListener:
         )
         # Resolved by the node: it knows what is remapped.
         name = node.resolve_topic_name(topic.name)
-        self._listener.create_subscription(topic.type, name, self._take_reporting, topic.qos)
+        qos = node.choose_qos(topic, topic.qos)
+        self._listener.create_subscription(topic.type, name, self._take_reporting, qos)
         self._executor = make_executor(node.context)
         self._executor.add_node(self._listener)
         self._stop: Future = Future()

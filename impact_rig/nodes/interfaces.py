@@ -73,7 +73,7 @@ class Topic:
         Used by publisher and subscribers alike.
     lease : float
         After what time without a sign of life from the publisher whoever asks for it is told [s];
-        0: never.
+        0: never, it is no topic of the rig's own nodes.
     """
 
     name: str
@@ -83,25 +83,29 @@ class Topic:
 
     @property
     def leased_qos(self) -> QoSProfile:
-        """What the publisher offers, and what is asked for by those who must know that it lives.
+        """What the rig's own publisher offers, and what is asked for by who takes no other's.
 
-        Others take what anybody publishes, a replayer for example, which offers no lease.
+        Who publishes a recording again offers no lease: whoever asks for one does not hear it.
         """
+        return self.lease_qos(self.qos)
+
+    def lease_qos(self, qos: QoSProfile) -> QoSProfile:
+        """Return a profile with this topic's lease."""
         if not self.lease:
-            return self.qos
+            return qos
         return QoSProfile(
-            history=self.qos.history,
-            depth=self.qos.depth,
-            reliability=self.qos.reliability,
-            durability=self.qos.durability,
+            history=qos.history,
+            depth=qos.depth,
+            reliability=qos.reliability,
+            durability=qos.durability,
             liveliness=LivelinessPolicy.AUTOMATIC,
             liveliness_lease_duration=Duration(seconds=self.lease),
         )
 
 
-SETUP = Topic("setup", RigSetup, _make_qos(1, latched=True))
-ACCELERATION = Topic("acceleration", AccelerationBlock, _make_qos(200, latched=False))
-STREAM = Topic("acceleration/stream", StreamBlock, _make_qos(STREAM_DEPTH, latched=False))
+SETUP = Topic("setup", RigSetup, _make_qos(1, latched=True), LEASE)
+ACCELERATION = Topic("acceleration", AccelerationBlock, _make_qos(200, latched=False), LEASE)
+STREAM = Topic("acceleration/stream", StreamBlock, _make_qos(STREAM_DEPTH, latched=False), LEASE)
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
 
 
@@ -110,18 +114,22 @@ def make_stream_topic(depth: int) -> Topic:
     return replace(STREAM, qos=_make_qos(depth, latched=False))
 
 
-RELEASE = Topic("release", HammerRelease, _make_qos(RESULT_DEPTH, latched=True))
-VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _make_qos(RESULT_DEPTH, latched=True))
+RELEASE = Topic("release", HammerRelease, _make_qos(RESULT_DEPTH, latched=True), LEASE)
+VIRTUAL_IMPACT = Topic(
+    "virtual_impact", VirtualImpact, _make_qos(RESULT_DEPTH, latched=True), LEASE
+)
 IMPACT = Topic("impact", Impact, _make_qos(RESULT_DEPTH, latched=True), LEASE)
-ESTIMATE = Topic("estimate", SampleEstimate, _make_qos(RESULT_DEPTH, latched=True))
-HAMMER_ESTIMATE = Topic("hammer_estimate", HammerEstimate, _make_qos(1, latched=True))
-COMPARISON = Topic("comparison", ModelComparison, _make_qos(COMPARISON_DEPTH, latched=True))
+ESTIMATE = Topic("estimate", SampleEstimate, _make_qos(RESULT_DEPTH, latched=True), LEASE)
+HAMMER_ESTIMATE = Topic("hammer_estimate", HammerEstimate, _make_qos(1, latched=True), LEASE)
+COMPARISON = Topic("comparison", ModelComparison, _make_qos(COMPARISON_DEPTH, latched=True), LEASE)
 HAMMER_STATE = Topic("hammer/state", HammerState, _make_qos(1, latched=True), LEASE)
 ACQUISITION_STATE = Topic(
     "accelerometer/state", AcquisitionState, _make_qos(1, latched=True), LEASE
 )
 RECORDER_STATE = Topic("recorder/state", RecorderState, _make_qos(1, latched=True), LEASE)
-RECORD_STORED = Topic("recorder/stored", RecordStored, _make_qos(RESULT_DEPTH, latched=True))
+RECORD_STORED = Topic(
+    "recorder/stored", RecordStored, _make_qos(RESULT_DEPTH, latched=True), LEASE
+)
 """A record is on the recorder's disk. The stamp is that of its last block in the file; of a record
 that goes on for long, this comes several times, each time with the blocks so far."""
 NOTE = Topic("note", String, _make_qos(10, latched=False))

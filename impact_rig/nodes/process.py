@@ -15,6 +15,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
+from impact_rig.configuration.node_claim import claim_node
 from impact_rig.configuration.processes import LAUNCHER
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.discovery import offer_profile
@@ -64,10 +65,11 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
 def _run(make_node: Callable[[], RigNode]) -> int:
     """Run a node until it is told to stop, and close it; return the exit code."""
     executor = make_executor()
-    node = None
+    node = claim = None
     try:
         with offer_profile():
             node = make_node()
+        claim = claim_node(node.get_fully_qualified_name())
         executor.add_node(node)
         _stop_on_signals(node)
         node.autostart()
@@ -88,6 +90,8 @@ def _run(make_node: Callable[[], RigNode]) -> int:
         if node is not None:
             node.close()
             node.destroy_node()
+        if claim is not None:
+            claim.close()
     return 0
 
 

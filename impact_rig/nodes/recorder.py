@@ -38,6 +38,7 @@ LARGEST_SIZE = 2**62
 
 def declare_parameters(node: RigNode) -> None:
     """Declare them all."""
+    node.declare_replays()
     _declare_file(node)
     _declare_content(node)
 

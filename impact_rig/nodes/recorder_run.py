@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import rclpy
 from impact_rig_msgs.msg import AcquisitionState, RecordStored
 from rcl_interfaces.msg import ParameterEvent
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -274,7 +275,8 @@ class RecordedTopics:
 
     def _record_own(self, topic: Topic, depth: int) -> None:
         offer = describe_qos(topic.qos)
-        self._record(topic.name, topic.type, make_qos(offer, depth), (offer,))
+        qos = self._node.choose_qos(topic, make_qos(offer, depth))
+        self._record(topic.name, topic.type, qos, (offer,))
 
     def _record(
         self, name: str, kind: Any, qos: QoSProfile, offers: tuple[OfferedQos, ...]
@@ -303,7 +305,15 @@ class RecordedTopics:
                 self._fail(error)
 
         self._subscriptions[topic] = self._node.create_subscription(
-            kind, name, accept_message_info(write), qos, raw=True
+            kind,
+            name,
+            accept_message_info(write),
+            qos,
+            event_callbacks=SubscriptionEventCallbacks(
+                incompatible_qos=lambda _: self._node.note_refusal(name),
+                use_default_callbacks=False,
+            ),
+            raw=True,
         )
 
     def _count_lost(self, topic: str, count: int) -> None:

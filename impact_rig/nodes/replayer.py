@@ -10,6 +10,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import Trigger
 
+from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.messages import stamp_to_msg
@@ -79,6 +80,8 @@ def declare_parameters(node: RigNode) -> None:
 
 CONNECTION_PERIOD = 0.05
 """How often it is looked whether the subscribers are connected [s], our choice."""
+NODES_OF_A_RIG = ("accelerometer", "campaign", "hammer")
+"""Beside which nothing is replayed: it could be taken for what happens."""
 STATE_PERIOD = 1.0
 """How often the state is published while it does not change but in its numbers [s]."""
 
@@ -128,7 +131,8 @@ class ReplayerNode(RigNode):
         return bool(self._phase == ReplayerState.PAUSED)
 
     def configure(self) -> None:
-        """Open the recording and announce its topics."""
+        """Open the recording and announce its topics, where no rig is up."""
+        check_free(join_names(self.get_namespace(), NODES_OF_A_RIG))
         self._recording = recording = self._open()
         for warning in recording.warnings:
             self.get_logger().warning(warning)

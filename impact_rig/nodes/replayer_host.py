@@ -62,8 +62,11 @@ class ReplayHost(RigClient):
         set_logger_level(self._replayer.get_logger().name, LoggingSeverity.FATAL)
         self._executor.add_node(self._replayer)
         if self._estimator is not None:
-            self.listen(interfaces.VIRTUAL_IMPACT, self._keep_truth)
-            self.listen(interfaces.SETUP, self._keep_setup)
+            for topic, keep in (
+                (interfaces.VIRTUAL_IMPACT, self._keep_truth),
+                (interfaces.SETUP, self._keep_setup),
+            ):
+                self.listen(topic, keep, topic.qos)
 
     def __exit__(self, *_: object) -> None:
         """Stop the replay, and leave ROS."""

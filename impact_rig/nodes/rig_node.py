@@ -16,16 +16,18 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidHandle
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 from rclpy.task import Future
 
-from impact_rig.configuration.processes import ACTIVE
+from impact_rig.configuration.processes import ACTIVE, TAKE_REPLAYS
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.nodes.executor import accept_message_info
-from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic
+from impact_rig.nodes.interfaces import DIAGNOSTICS, LEASE, Topic
 
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two diagnostic messages [s]: the convention of diagnostic aggregators."""
@@ -36,6 +38,8 @@ LIFECYCLE_STATES = ("unconfigured", "inactive", IS_ACTIVE)
 _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 """What stands for the name of a node that the middleware has not heard, or not again: after a long
 break of the network it knows the endpoints anew, but not whose they are."""
+NAMING_TIME = 0.5
+"""How long the name of a node may take to be known after its topics [s], our choice."""
 WAITING_PERIOD = 0.05
 """How often a condition without a callback is looked at [s], our choice."""
 SERVICE_TIMEOUT = 20.0
@@ -46,7 +50,6 @@ RESEND_PERIOD = 3.0
 that of a hammer which has not met the rest of the rig yet."""
 
 _NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
-_NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 """rclpy's own warn when somebody's QoS does not fit, as theirs do on the other side; and each has
 a share in what every message costs, whichever it is."""
 
@@ -99,6 +102,7 @@ class RigNode(LifecycleNode):
         )  # fmt: skip
         self.messages_handled = 0
         self._listeners: dict[bytes, str] = {}
+        self._refused: set[str] = set()
         self._fault = ""
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS.name, 10, event_callbacks=_NO_PUBLISHER_EVENTS
@@ -254,8 +258,7 @@ class RigNode(LifecycleNode):
         is_informed : bool
             Called with what the middleware knows of the message, too.
         note_liveliness : callable, optional
-            Called with how many publishers are alive and how many silent, when that changes. One
-            that does not offer the topic's lease is not heard then.
+            Called with how many publishers are alive and how many silent, when that changes.
         """
 
         def take(*message: Any) -> None:
@@ -277,18 +280,50 @@ class RigNode(LifecycleNode):
                 note_liveliness(status)
             self.wake_waiters()
 
-        is_asked = note_liveliness is not None
         return self.create_subscription(
             topic.type,
             topic.name,
             accept_message_info(take_informed) if is_informed else take_message,
-            topic.leased_qos if is_asked else topic.qos,
+            self.choose_qos(topic, topic.qos),
             event_callbacks=SubscriptionEventCallbacks(
-                liveliness=note, use_default_callbacks=False
-            )
-            if is_asked
-            else _NO_SUBSCRIPTION_EVENTS,
+                liveliness=note if note_liveliness is not None else None,
+                incompatible_qos=lambda _: self.note_refusal(topic.name),
+                use_default_callbacks=False,
+            ),
         )
+
+    def declare_replays(self) -> None:
+        """Declare that the node can be told to take what is published again of a recording."""
+        self.declare(
+            TAKE_REPLAYS, True,
+            "take also what a replayer or `ros2 bag play` publishes; off in a rig, which takes"
+            " what its own nodes publish and nothing else", read=Read.AT_START,
+        )  # fmt: skip
+
+    def choose_qos(self, topic: Topic, qos: QoSProfile) -> QoSProfile:
+        """Return the profile by which a topic is heard: of the rig's own nodes, or of anybody."""
+        takes_replays = self.has_parameter(TAKE_REPLAYS) and self.get_value(TAKE_REPLAYS)
+        return qos if takes_replays else topic.lease_qos(qos)
+
+    def note_refusal(self, topic: str) -> None:
+        """Hear that a publisher of a topic is none of the rig's nodes; say so, by its name."""
+        if not self._refused:
+            self.run_once_after(NAMING_TIME, self._name_refused)
+        self._refused.add(self.resolve_topic_name(topic))
+
+    def _name_refused(self) -> None:
+        topics: dict[str, list[str]] = {}
+        for topic in sorted(self._refused):
+            for item in self.get_publishers_info_by_topic(topic):
+                if item.qos_profile.liveliness_lease_duration > Duration(seconds=LEASE):
+                    name = f"{item.node_namespace.rstrip('/')}/{item.node_name}"
+                    topics.setdefault(name, []).append(topic)
+        self._refused.clear()
+        for name, published in topics.items():
+            self.get_logger().warning(
+                f"{name} publishes {', '.join(published)} and is no node of this rig, a replay"
+                " perhaps: nothing of it is taken; give it another ROS_DOMAIN_ID or namespace"
+            )
 
     def describe_missing_subscribers(self, publisher: Any, required: str) -> str:
         """Return which subscriber would miss what is published next; empty: none.

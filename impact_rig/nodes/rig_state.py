@@ -82,7 +82,7 @@ class RigMember:
         self._is_active = True
         self._alive = 0
         self._silent = 0
-        node.listen(topic, self._take, note_liveliness=self._take_liveliness)
+        self._heard = node.listen(topic, self._take, note_liveliness=self._take_liveliness)
 
     @property
     def is_gone(self) -> bool:
@@ -90,7 +90,7 @@ class RigMember:
         if self._alive or self._silent:
             return not self._alive
         # A message may come before its first sign of life, and one of this process gives none.
-        return self._is_heard and not self._node.count_publishers(self._topic)
+        return self._is_heard and not self._heard.get_publisher_count()
 
     @property
     def has_left(self) -> bool:

@@ -110,6 +110,7 @@ class VisualizerNode(RigNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("visualizer", **options)
+        self.declare_replays()
         self.declare("output", "", "path of the .rrd file to be written; empty: none")
         self.declare(
             "connect",

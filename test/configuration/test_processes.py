@@ -44,6 +44,7 @@ def test_transports_that_somebody_has_chosen_are_left_alone(name):
     assert make_network_variables({name: "own"}, network=True) == {DISCOVERY: "SUBNET"}
 
 
+LIVE = {"take_replays": False}
 ADDRESS = "rerun+http://desk:9876/proxy"
 
 
@@ -58,10 +59,10 @@ def test_a_whole_rig_records_and_shows_into_its_folder():
     assert nodes == {
         "hammer": {"rig_file": "my.toml", "swing_time": 0.3},
         "accelerometer": {"rig_file": "my.toml", "source": 'seed = 3\nplant = "dynamics"'},
-        "estimator": {},
+        "estimator": LIVE,
         "campaign": {"rig_file": "my.toml"},
-        "recorder": {"output": "out/session.mcap", "attachments": "my.toml"},
-        "visualizer": {"output": "out/session.rrd"},
+        "recorder": {**LIVE, "output": "out/session.mcap", "attachments": "my.toml"},
+        "visualizer": {**LIVE, "output": "out/session.rrd"},
     }
 
 
@@ -77,7 +78,7 @@ def test_a_running_stream_is_recorded_where_there_is_one():
     plan = RecordingPlan(stream=True)
     nodes = by_name(continuous=True, recording=plan)
     assert nodes["accelerometer"] == {"mode": "continuous"}
-    assert nodes["recorder"] == {"output": "out/session.mcap", "record_stream": True}
+    assert nodes["recorder"] == {**LIVE, "output": "out/session.mcap", "record_stream": True}
     for options in ({"overrides": {"accelerometer": {"mode": "continuous"}}},):
         assert by_name(recording=plan, **options)["recorder"]["record_stream"]
     with pytest.raises(ParameterError, match="there is no running stream to be recorded"):
@@ -106,6 +107,7 @@ def test_a_node_that_the_rig_has_not_cannot_be_started_alone(options, name):
 
 def test_viewers_stand_beside_the_file():
     assert by_name(viewers=("spawn", "web", ADDRESS))["visualizer"] == {
+        **LIVE,
         "output": "out/session.rrd",
         "spawn": True,
         "web": True,
@@ -147,6 +149,7 @@ def test_run_folders_sort_by_time():
 def test_a_run_is_recorded_as_it_is_asked_for():
     plan = RecordingPlan(bag=True, compression="lz4", notes="bench 3")
     assert by_name(recording=plan)["recorder"] == {
+        **LIVE,
         "output": "out/session",
         "compression": "lz4",
         "notes": "bench 3",

@@ -13,7 +13,9 @@ from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
 
 
-def start_rig(harness, namespace="", *, campaign=None, hammer=None, **accelerometer) -> Any:
+def start_rig(
+    harness, namespace="", *, campaign=None, hammer=None, estimator=None, **accelerometer
+) -> Any:
     """Start the rig's nodes with these parameters; return a client of the campaign."""
     harness.add(
         HammerNode,
@@ -26,7 +28,7 @@ def start_rig(harness, namespace="", *, campaign=None, hammer=None, **accelerome
         required_subscribers="estimator",
         **{"trigger_timeout": 0.2, **accelerometer},
     )
-    harness.add(EstimatorNode, namespace=namespace)
+    harness.add(EstimatorNode, namespace=namespace, **(estimator or {}))
     harness.add(CampaignNode, namespace=namespace, **(campaign or {}))
     return make_client(harness, namespace)
 

@@ -96,8 +96,8 @@ def test_the_original_timing_and_multiples_of_it_are_kept(harness, tmp_path):
     harness.add(ReplayerNode, required_subscribers=PEER, file=str(path), rate=2.0)
     collector.wait_for_count(10)
     harness.wait_until(lambda: len(arrivals) == 10)
-    # Never early; a busy machine may be late.
-    assert arrivals[-1] - arrivals[0] > 9 * 0.04 / 2 - 0.01
+    # Never early; a busy machine may be late, with the first one too.
+    assert arrivals[-1] - arrivals[0] > 9 * 0.04 / 2 - 0.06
 
 
 def test_it_waits_for_those_who_must_not_miss_the_beginning(harness, tmp_path):

@@ -71,6 +71,18 @@ def test_a_node_of_this_process_lives_though_it_gives_no_signs_until_it_ends(har
     )
 
 
+def test_what_is_published_again_of_a_recorder_keeps_nobody_from_missing_it(harness, node, tell):
+    recorder = node.rig[RECORDER]
+    again = harness.peer.create_publisher(
+        RecorderState, "/rig1/recorder/state", interfaces.RECORDER_STATE.qos
+    )
+    own = tell(interfaces.RECORDER_STATE, record("a.mcap"))
+    again.publish(record("b.mcap"))
+    harness.peer.destroy_publisher(own)
+    harness.wait_until(lambda: recorder.is_gone)
+    assert recorder.state.uri == "a.mcap"
+
+
 def test_a_device_that_is_lost_is_told_until_it_is_back_and_counted_once(node, tell):
     fault = AcquisitionState(state=AcquisitionState.FAULT, message="the cable is out")
     for _ in range(2):

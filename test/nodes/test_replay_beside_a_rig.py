@@ -1,0 +1,60 @@
+"""A recording that is played where a rig is up: nothing of it is judged or recorded."""
+
+import os
+
+from rcl_interfaces.msg import Log
+
+from impact_rig.configuration.node_claim import claim_node
+from impact_rig.configuration.processes import TAKE_REPLAYS
+from impact_rig.core.signals.record import Block
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.recorder import RecorderNode
+from impact_rig.nodes.replayer import ReplayerNode
+from impact_rig.recordings.reader import read_recording
+
+from .campaigns import begin, start_rig
+from .replays import make_hits
+
+LIVE = {TAKE_REPLAYS: False}
+
+
+def play(harness, events):
+    """Publish what was recorded as `ros2 bag play` does."""
+    publishers = {}
+    for _, topic, message in events:
+        if topic.name not in publishers:
+            publishers[topic.name] = harness.peer.create_publisher(
+                topic.type, topic.name, topic.qos
+            )
+        publishers[topic.name].publish(message)
+
+
+def test_a_live_campaign_and_its_recording_hold_its_own_hits_alone(harness, tmp_path):
+    new = tmp_path / "new.mcap"
+    client = start_rig(harness, estimator=LIVE)
+    recorder = harness.add(RecorderNode, output=str(new), **LIVE)
+    impacts = harness.listen(interfaces.IMPACT)
+    told = harness.make_collector()
+    harness.peer.create_subscription(Log, "/rosout", told.take, 100)
+    handle, feedback = begin(harness, client, samples=["steel small"], impacts=1000)
+    feedback.wait(lambda messages: messages[-1].impact > 2)
+    play(harness, make_hits({"brass small": 3}))
+    told.wait(lambda logs: any("/peer publishes /acceleration, /setup" in log.msg for log in logs))
+    seen = feedback.messages[-1].impact
+    feedback.wait(lambda messages: messages[-1].impact > seen + 2)
+    harness.wait(handle.cancel_goal_async())
+    result = harness.wait(handle.get_result_async()).result
+    harness.close(recorder)
+    assert {hit.sample for hit in impacts.messages} == {"steel small"}
+    assert [hit.impact for hit in result.accepted] == [*range(1, len(result.accepted) + 1)]
+    assert result.rejected == []
+    assert {
+        item.label.sample for item in read_recording(new).events() if isinstance(item, Block)
+    } == {"steel small"}
+
+
+def test_a_replay_into_a_rig_of_this_computer_is_refused(harness, ros_domain, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    with claim_node("/bench/accelerometer"):
+        node = harness.add(ReplayerNode, namespace="bench", file="absent.mcap")
+    assert node.fault.startswith(f"process {os.getpid()} is /bench/accelerometer")
