@@ -189,6 +189,7 @@ machine, most of which is six Python processes that load their libraries: 4 s of
     Examples:
       impact-rig campaign                      the whole set, 10 hits each
       impact-rig campaign --samples "steel small" --impacts 5
+      impact-rig campaign --angles 5,10,20     from each of these release angles
       impact-rig campaign --impacts 12 --keep 10    the ten most consistent of twelve
       impact-rig campaign --notes "new tip, 21 °C"
       impact-rig campaign --namespace rig1 --network    a rig on another host
@@ -196,6 +197,7 @@ machine, most of which is six Python processes that load their libraries: 4 s of
 )
 @options.samples_option
 @options.impacts_option
+@options.angles_option
 @options.keep_option
 @click.option(
     "--attempts",
@@ -221,6 +223,7 @@ machine, most of which is six Python processes that load their libraries: 4 s of
 def command(
     samples: tuple[str, ...],
     impacts: int,
+    angles: tuple[float, ...],
     keep: int,
     attempts: int | None,
     ask: bool | None,
@@ -248,7 +251,9 @@ def command(
             client.publish_note(notes, RIG_TIMEOUT)
         confirm = not client.is_simulated if ask is None else ask
         outcome = run_campaign(
-            client, CampaignRequest(samples, impacts, attempts or 0, confirm, keep), view
+            client,
+            CampaignRequest(samples, impacts, attempts or 0, confirm, keep, angles),
+            view,
         )
     recorded = Path(outcome.recording) if outcome.recording else None
     if output is None:

@@ -144,6 +144,7 @@ PAGE_NOTICE = "the view is at"
       impact-rig demo --faults 0.1             what goes wrong on a real rig
       impact-rig demo --impacts 12 --keep 10   the ten most consistent of twelve
       impact-rig demo --plant contact          free bodies under a contact law, beside the truth
+      impact-rig demo --plant contact --angles 5,10,20    how they go with the impact speed
       impact-rig demo --continuous             impacts found in a running stream
       impact-rig demo --viewer spawn           watch it in Rerun
       impact-rig demo --json > results.json
@@ -157,6 +158,7 @@ PAGE_NOTICE = "the view is at"
 @options.viewer_option
 @options.samples_option
 @options.impacts_option
+@options.angles_option
 @options.keep_option
 @options.json_option
 def command(
@@ -170,6 +172,7 @@ def command(
     viewers: tuple[str, ...],
     samples: tuple[str, ...],
     impacts: int,
+    angles: tuple[float, ...],
     keep: int,
     as_json: bool,
 ) -> None:
@@ -186,6 +189,8 @@ def command(
     rig = run.load_rig_file(rig_file)
     _check_virtual(rig)
     run.check_samples(rig, samples)
+    if angles:
+        rig.setup.at_angles(angles)
     make_viewer_parameters(viewers)
     list_rig_processes("", continuous=continuous, recording=recording)
     folder = run.make_run_folder(output)
@@ -209,7 +214,9 @@ def command(
                 client.wait_for_listeners(SUBSCRIBERS + continuous, VIEW_TIMEOUT)
                 if PAGE in viewers:
                     click.echo(running.wait_for_line(PAGE_NOTICE, VIEW_TIMEOUT), err=True)
-                request = CampaignRequest(samples, impacts, ATTEMPTS, keep_hits=keep)
+                request = CampaignRequest(
+                    samples, impacts, ATTEMPTS, keep_hits=keep, release_angles=angles
+                )
                 outcome = run_campaign(client, request, view)
     except KeyboardInterrupt:
         click.echo(f"stopped; the recording so far: {folder / recording.name}", err=True)
@@ -223,21 +230,36 @@ def command(
 
 def _print_truth(rig: RigFile, plant: str | None, results: "Results") -> None:
     """Print law and paper's method beside the truth, where the plant has a contact law."""
+    from dataclasses import replace
+
     from impact_rig.configuration.toml_table import TomlTable
+    from impact_rig.core.estimation.speed_exponents import estimate_speed_exponents
+    from impact_rig.core.quantity import UNKNOWN
     from impact_rig.devices.virtual.drivers import read_virtual_rig
     from impact_rig.devices.virtual.rig import make_nominal_physics
     from impact_rig.present.terminal.console import make_console, print_result
-    from impact_rig.results.tables import tabulate_true_contacts
+    from impact_rig.results.tables import tabulate_speed_exponents, tabulate_true_contacts
 
     given = run.make_virtual_source(plant=plant, seed=None, faults=None)
     settings = read_virtual_rig(TomlTable({**rig.source, **given}, "[source]"))
     truths = {
         sample.name: physics.contact.describe()
         for sample in results.samples
-        if (physics := make_nominal_physics(rig.setup, sample.name, settings)).contact is not None
+        if (physics := make_nominal_physics(results.setup, sample.name, settings)).contact
+        is not None
     }
-    if truths:
-        print_result(make_console(), tabulate_true_contacts(results.samples, truths))
+    if not truths:
+        return
+    true_samples = [
+        replace(sample, contact_law=truths[sample.name], contact_time=UNKNOWN)
+        for sample in results.samples
+    ]
+    exponents = estimate_speed_exponents(results.setup, true_samples)
+    for table in (
+        tabulate_true_contacts(results.samples, truths),
+        *tabulate_speed_exponents(exponents, "Contact over impact speed, the truth"),
+    ):
+        print_result(make_console(), table)
 
 
 def _check_virtual(rig: RigFile) -> None:

@@ -2,6 +2,7 @@
 
 import contextlib
 import functools
+import math
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ from impact_rig.configuration.processes import RecordingPlan, make_network_varia
 from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup.calibration import TIME_UNITS, UNITS, Sensitivity
+from impact_rig.core.setup.samples import check_release_angles
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.recordings.writer import COMPRESSIONS
 
@@ -81,6 +83,25 @@ class Reading(click.ParamType):
     ) -> tuple[float, str]:
         """Return number and unit; raises `ParameterError`."""
         return parse_reading(param.opts[-1] if param else self.name, value)
+
+
+class Angles(click.ParamType):
+    """Release angles in degrees between commas."""
+
+    name = "angles"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """Return the angles [rad]; raises `ParameterError`."""
+        try:
+            angles = tuple(math.radians(float(text)) for text in str(value).split(","))
+        except ValueError:
+            raise ParameterError(
+                f"--angles is {value}: write numbers of degrees between commas, like 5,10,20"
+            ) from None
+        check_release_angles(angles)
+        return angles
 
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -168,6 +189,16 @@ keep_option = click.option(
     default=0,
     metavar="N",
     help="Average the N most consistent of a sample's hits. [that of the rig file; else all]",
+)
+
+
+angles_option = click.option(
+    "--angles",
+    type=Angles(),
+    default=(),
+    metavar="DEGREES,...",
+    help="Strike every sample from each of these release angles. [those of the rig file, or its"
+    " one]",
 )
 
 

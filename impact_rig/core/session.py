@@ -20,6 +20,7 @@ from impact_rig.core.estimation.sample import (
     estimate_numbers,
     estimate_traces,
 )
+from impact_rig.core.estimation.speed_exponents import SpeedExponents, estimate_speed_exponents
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import (
@@ -53,6 +54,8 @@ class SessionResults:
     rejected : tuple of JudgedHit
         Every hit that is in no mean, with all reasons, in the order of arrival: rejected when it
         came, an outlier, surplus, or left out by hand; without its traces.
+    speed_exponents : tuple of SpeedExponents
+        Of samples that were struck from several release angles.
     """
 
     setup: RigSetup
@@ -60,6 +63,7 @@ class SessionResults:
     samples: tuple[SampleEstimate, ...]
     accepted: tuple[JudgedHit, ...]
     rejected: tuple[JudgedHit, ...]
+    speed_exponents: tuple[SpeedExponents, ...] = ()
 
 
 class Session:
@@ -82,7 +86,8 @@ class Session:
         self._detector = ImpactDetector(setup.analysis)
         self._overrules = overrules
         self._series: dict[str, HitSeries] = {}
-        self._hammer: tuple[MeanHit, HammerEstimate] | None = None
+        self._setups: dict[str, RigSetup] = {}
+        self._hammers: dict[str, tuple[MeanHit, HammerEstimate]] = {}
         self._numbers: dict[str, SampleEstimate] = {}
         self._laws: dict[str, tuple[MeanHit, ContactLaw]] = {}
         self._traces: dict[str, tuple[MeanHit, TraceEstimates]] = {}
@@ -139,26 +144,41 @@ class Session:
         """Samples with hits, in the order of the sample set."""
         return tuple(name for name in self.setup.samples.names if name in self._series)
 
-    def estimate_hammer(self) -> HammerEstimate:
-        """Return what the control experiment says of the hammer so far."""
-        control = self.setup.samples.control_sample
-        if math.isfinite(self.setup.hammer_stiffness):
-            return HammerEstimate(Quantity(self.setup.hammer_stiffness), control_sample=control)
+    def get_setup(self, name: str) -> RigSetup:
+        """Return the set-up as it is for one sample, see `RigSetup.for_series`."""
+        if name not in self._setups:
+            self._setups[name] = self.setup.for_series(name)
+        return self._setups[name]
+
+    def is_control(self, name: str) -> bool:
+        """Return whether a sample is the control sample of its release angle."""
+        return name == self.get_setup(name).samples.control_sample
+
+    def estimate_hammer(self, name: str = "") -> HammerEstimate:
+        """Return what the control experiment says of the hammer so far.
+
+        Parameters
+        ----------
+        name : str
+            Of the sample whose release angle counts; empty: that of the set's control sample.
+        """
+        setup = self.get_setup(name) if name else self.setup
+        control = setup.samples.control_sample
+        if math.isfinite(setup.hammer_stiffness):
+            return HammerEstimate(Quantity(setup.hammer_stiffness), control_sample=control)
         if not control:
             return HammerEstimate(notes=("k1: the sample set has no control sample",))
         mean, note = self.compute_mean(control), ""
         if mean is None:
             note = f"k1: the control sample {control!r} has no accepted hit yet"
-        elif unknown := self.setup.find_unknown_masses(control):
+        elif unknown := setup.find_unknown_masses(control):
             note = f"k1: the mass of {' and '.join(unknown)} is not known"
         if mean is None or note:
             return HammerEstimate(notes=(note,), control_sample=control)
-        if self._hammer is None or self._hammer[0] is not mean:
-            self._hammer = (
-                mean,
-                estimate_hammer(mean, self.setup, self._estimate_law(control, mean)),
-            )
-        return self._hammer[1]
+        if control not in self._hammers or self._hammers[control][0] is not mean:
+            estimate = estimate_hammer(mean, setup, self._estimate_law(control, mean))
+            self._hammers[control] = mean, estimate
+        return self._hammers[control][1]
 
     def estimate_numbers(self, name: str) -> SampleEstimate:
         """Return tau_p, k and c of one sample so far: at once after a hit."""
@@ -167,19 +187,19 @@ class Session:
         return self._numbers[name]
 
     def _estimate_numbers(self, name: str) -> SampleEstimate:
-        series, mean = self._series[name], self.compute_mean(name)
+        series, mean, setup = self._series[name], self.compute_mean(name), self.get_setup(name)
         if mean is None:
             note = f"{name}: not determined, none of {len(series)} hits was accepted"
             return SampleEstimate(name, 0, len(series), notes=(note,))
         spread, rejected = series.contact_time_spread, len(series) - mean.count
         if unknown := self.setup.find_unknown_masses(name):
             law = self._estimate_law(name, mean)
-            estimate = estimate_contact_alone(name, mean, spread, rejected, self.setup, law)
+            estimate = estimate_contact_alone(name, mean, spread, rejected, setup, law)
             note = f"k and c: the mass of {' and '.join(unknown)} is not known"
             estimate = replace(estimate, notes=(*estimate.notes, note))
         else:
-            hammer, law = self.estimate_hammer(), self._estimate_law(name, mean)
-            estimate = estimate_numbers(name, mean, spread, rejected, hammer, self.setup, law)
+            hammer, law = self.estimate_hammer(name), self._estimate_law(name, mean)
+            estimate = estimate_numbers(name, mean, spread, rejected, hammer, setup, law)
         notes = estimate.notes
         if len(mean.hits) < mean.count:
             shown = f"{len(mean.hits)} of {mean.count} hits, evenly over the series"
@@ -195,18 +215,19 @@ class Session:
         if mean is None or self.setup.find_unknown_masses(name):
             return estimate
         traces = self._estimate_traces(name, mean)
-        return add_checks(estimate, mean, self.estimate_hammer(), self.setup, traces)
+        hammer = self.estimate_hammer(name)
+        return add_checks(estimate, mean, hammer, self.get_setup(name), traces)
 
     def _estimate_traces(self, name: str, mean: MeanHit) -> TraceEstimates:
         # Another k1, as each hit on the control sample brings one, changes nothing in these.
         if name not in self._traces or self._traces[name][0] is not mean:
             law = self._estimate_law(name, mean)
-            self._traces[name] = mean, estimate_traces(name, mean, self.setup, law)
+            self._traces[name] = mean, estimate_traces(name, mean, self.get_setup(name), law)
         return self._traces[name][1]
 
     def _estimate_law(self, name: str, mean: MeanHit) -> ContactLaw:
         if name not in self._laws or self._laws[name][0] is not mean:
-            self._laws[name] = mean, look_at_law(mean, self.setup, name)
+            self._laws[name] = mean, look_at_law(mean, self.get_setup(name), name)
         return self._laws[name][1]
 
     def estimate_all(self, report: Callable[[int], None] | None = None) -> SessionResults:
@@ -234,11 +255,10 @@ class Session:
     ) -> tuple[SampleEstimate, ...]:
         # Hammer and control sample share their hits: made one after the other, they share what
         # is uncertain in them, too.
-        self._hammer = None
+        self._hammers.clear()
         self._numbers.clear()
-        control = self.setup.samples.control_sample
         found: dict[str, SampleEstimate] = {}
-        for name in sorted(self.names, key=lambda name: name != control):
+        for name in sorted(self.names, key=lambda name: not self.is_control(name)):
             found[name] = estimate(name)
             if report is not None:
                 report(len(found))
@@ -252,13 +272,14 @@ class Session:
             samples=samples,
             accepted=_sort_hits(selection.kept for selection in selections),
             rejected=_sort_hits(selection.left_out for selection in selections),
+            speed_exponents=estimate_speed_exponents(self.setup, samples),
         )
 
     def _estimate_with_models(self, name: str) -> SampleEstimate:
         estimate, mean = self.estimate_sample(name), self.compute_mean(name)
         if mean is None or self.setup.find_unknown_masses(name):
             return estimate
-        return add_models(estimate, mean, self.estimate_hammer(), self.setup)
+        return add_models(estimate, mean, self.estimate_hammer(name), self.get_setup(name))
 
     def compute_mean(self, name: str) -> MeanHit | None:
         """Return the mean hit of one sample so far; None: no hit was accepted.

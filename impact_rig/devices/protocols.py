@@ -330,6 +330,21 @@ class HammerHolder(Protocol):
         ...
 
 
+@runtime_checkable
+class AngledHolder(Protocol):
+    """What a `HammerHolder` has besides if it can bring the hammer to a release angle."""
+
+    def set_angle(self, angle: float) -> bool:
+        """Move the held hammer towards an angle from its rest position [rad]; errors as all.
+
+        Returns
+        -------
+        bool
+            Whether it is there; until it is, this is called again.
+        """
+        ...
+
+
 class ToldHolder:
     """What holders share that do what they were told last.
 

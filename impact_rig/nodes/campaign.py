@@ -1,5 +1,6 @@
 """The campaign: samples times impacts, the next sample asked for, rejected hits repeated."""
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,10 +13,10 @@ from impact_rig_msgs.srv import ConfirmSample, GetResults
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 
-from impact_rig.configuration.rig_file import read_rig_file
+from impact_rig.configuration.rig_file import RigFile, read_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.samples import RigSetup, format_angle
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.campaign_hits import (
@@ -58,6 +59,7 @@ class CampaignNode(RigNode):
             low=0.0, high=1e6, read=Read.AT_USE,
         )  # fmt: skip
         self._setup_of_rig: RigSetup = PAPER_SETUP
+        self._angles: tuple[float, ...] = ()
         self._progress: CampaignProgress | None = None
         self._confirmed = ""
         self._setup = self.advertise(interfaces.SETUP)
@@ -79,11 +81,12 @@ class CampaignNode(RigNode):
     def configure(self) -> None:
         """Read the rig file."""
         path = self.get_value("rig_file")
-        self._setup_of_rig = read_rig_file(Path(path)).setup if path else PAPER_SETUP
+        rig = read_rig_file(Path(path)) if path else RigFile(PAPER_SETUP)
+        self._setup_of_rig, self._angles = rig.setup, rig.release_angles
 
     def activate(self) -> None:
         """Publish the set-up, so that the rig's other nodes know what it is."""
-        self._publish_setup()
+        self._publish_setup(self._setup_of_rig)
 
     def diagnose(self) -> dict[str, Any]:
         """Return where the campaign stands."""
@@ -99,11 +102,7 @@ class CampaignNode(RigNode):
         """Return whose clocks differ."""
         return self._rig.describe_clock_differences()
 
-    def _publish_setup(self, keep_hits: int = 0) -> Any:
-        """Publish the set-up, with another number of hits to keep unless that is 0."""
-        setup = self._setup_of_rig
-        if keep_hits:
-            setup = replace(setup, analysis=replace(setup.analysis, keep_hits=keep_hits))
+    def _publish_setup(self, setup: RigSetup) -> Any:
         message = messages.setup_to_msg(setup, self.get_clock().now().to_msg())
         self._setup.publish(message)
         return message.header.stamp
@@ -163,20 +162,26 @@ class CampaignNode(RigNode):
                 f"keep_hits is {goal.keep_hits} of {goal.impacts} impacts: no more hits can be"
                 " kept than are struck"
             )
-        samples: Sequence[str] = goal.samples or self._setup_of_rig.samples.names
+        setup = self._setup_of_rig
+        samples: Sequence[str] = goal.samples or setup.samples.names
         for name in samples:
-            self._setup_of_rig.samples.find(name)
+            setup.samples.find(name)
             if list(samples).count(name) > 1:
                 raise ParameterError(f"sample {name!r} is asked for twice: once is enough")
+        if angles := tuple(goal.release_angles) or self._angles:
+            setup = setup.at_angles(angles)
+        if goal.keep_hits:
+            setup = replace(setup, analysis=replace(setup.analysis, keep_hits=goal.keep_hits))
         return CampaignProgress(
             handle=handle,
-            samples=tuple(samples),
+            setup=setup,
+            samples=setup.samples.find_series(samples),
             impacts=goal.impacts,
             attempts=goal.attempts_per_impact or self.get_value("attempts_per_impact"),
         )
 
     async def _run(self, progress: CampaignProgress) -> None:
-        await self._begin(progress.handle.request.keep_hits)
+        await self._begin(progress.setup)
         progress.started = time.monotonic()
         for number, sample in enumerate(progress.samples, start=1):
             progress.publish(
@@ -186,14 +191,13 @@ class CampaignNode(RigNode):
                 impact=0,
                 impacts=progress.impacts,
             )
-            if progress.handle.request.confirm_samples:
-                await self._await_sample(progress, sample)
+            await self._mount(progress, number - 1)
             for impact in range(1, progress.impacts + 1):
                 await self._strike_until_accepted(progress, sample, impact)
 
-    async def _begin(self, keep_hits: int) -> None:
+    async def _begin(self, setup: RigSetup) -> None:
         """Give every node the set-up anew, which starts the estimates afresh, and arm."""
-        stamp = self._publish_setup(keep_hits)
+        stamp = self._publish_setup(setup)
         deadline = time.monotonic() + float(self.get_value("verdict_timeout"))
         while (await self.call(self._results, GetResults.Request())).setup_stamp != stamp:
             if time.monotonic() > deadline:
@@ -207,9 +211,30 @@ class CampaignNode(RigNode):
         if refusal := await self._readiness.enable():
             raise DeviceError(f"the hammer cannot be armed: {refusal}")
 
-    async def _await_sample(self, progress: CampaignProgress, sample: str) -> None:
+    async def _mount(self, progress: CampaignProgress, place: int) -> None:
+        """See that a sample is mounted and the hammer comes from its release angle.
+
+        The holder sets the angle where it can; otherwise a person is asked to.
+        """
+        series = [progress.setup.samples.find(name) for name in progress.samples[: place + 1]]
+        sample, before = series[-1], series[-2:-1]
+        hammer, is_attended = self._rig[HAMMER].state, progress.handle.request.confirm_samples
+        is_set = sample.has_angle and hammer is not None and hammer.sets_angle
+        progress.angle = sample.release_angle if is_set else math.nan
+        if is_attended and not (is_set and [item.body for item in before] == [sample.body]):
+            angle = "" if is_set or not sample.has_angle else format_angle(sample.release_angle)
+            await self._await_sample(
+                progress, sample.name, angle and f"set the release angle of the hammer to {angle}"
+            )
+        elif sample.has_angle and not is_set:
+            raise ParameterError(
+                f"the holder ({hammer.holder if hammer else 'none'}) cannot set a release angle,"
+                " and nobody is asked to: let the campaign confirm the samples (--ask)"
+            )
+
+    async def _await_sample(self, progress: CampaignProgress, sample: str, wanted: str) -> None:
         self._confirmed = ""
-        progress.publish(phase=RunCampaign.Feedback.WAITING_FOR_SAMPLE)
+        progress.publish(phase=RunCampaign.Feedback.WAITING_FOR_SAMPLE, message=wanted)
         confirmed = await self.wait_until(
             lambda: self._confirmed == sample or progress.is_cancelled,
             CONFIRMATION_TIMEOUT,
@@ -217,7 +242,7 @@ class CampaignNode(RigNode):
         progress.check_cancel()
         if not confirmed:
             raise DeviceError(f"nobody confirmed that {sample!r} is mounted")
-        progress.publish(phase=RunCampaign.Feedback.RUNNING)
+        progress.publish(phase=RunCampaign.Feedback.RUNNING, message="")
 
     async def _strike_until_accepted(
         self, progress: CampaignProgress, sample: str, impact: int
@@ -257,6 +282,7 @@ class CampaignNode(RigNode):
         if results is not None:
             result.hammer = results.hammer
             result.samples = results.samples
+            result.speed_exponents = results.speed_exponents
             result.accepted = results.accepted
             result.rejected = results.rejected
             known = sum(each.impacts_accepted + each.impacts_rejected for each in results.samples)

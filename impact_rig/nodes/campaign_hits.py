@@ -7,11 +7,12 @@ from typing import Any
 
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import HammerState, Impact
-from impact_rig_msgs.srv import Arm, Release
+from impact_rig_msgs.srv import Arm, Release, SetAngle
 from rclpy.action.server import ServerGoalHandle
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError, RigError
+from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.rig_node import RigNode
@@ -37,6 +38,8 @@ class CampaignProgress:
     ----------
     handle : ServerGoalHandle
         What the client asked for.
+    setup : RigSetup
+        Of this campaign.
     samples : tuple of str
         Names, in their order.
     impacts : int
@@ -47,16 +50,20 @@ class CampaignProgress:
         By the monotonic clock [s].
     accepted : int
         Hits of all samples so far.
+    angle : float
+        Release angle that the holder sets before each hit [rad]; NaN: it is not asked to.
     feedback : RunCampaign.Feedback
         What the client heard last.
     """
 
     handle: ServerGoalHandle
+    setup: RigSetup
     samples: tuple[str, ...]
     impacts: int
     attempts: int
     started: float = field(default_factory=time.monotonic)
     accepted: int = 0
+    angle: float = math.nan
     feedback: RunCampaign.Feedback = field(default_factory=RunCampaign.Feedback)
 
     def publish(self, **fields: Any) -> None:
@@ -338,6 +345,7 @@ class Striker:
         self._is_armed_in_vain = False
         self._arm = node.create_client(Arm, interfaces.ARM_ACCELEROMETER)
         self._disarm = node.create_client(Trigger, interfaces.DISARM_ACCELEROMETER)
+        self._set_angle = node.create_client(SetAngle, interfaces.SET_ANGLE)
         self._release = node.create_client(Release, interfaces.RELEASE_HAMMER)
 
     def begin(self) -> None:
@@ -411,6 +419,10 @@ class Striker:
 
     async def _strike(self, progress: CampaignProgress, label: HitLabel, losses: int) -> Impact:
         hit = {"sample": label.sample, "impact": label.impact, "attempt": label.attempt}
+        if math.isfinite(progress.angle):
+            angle = SetAngle.Request(angle=progress.angle)
+            failure = "the release angle is not set"
+            await self._ask(progress, self._set_angle, angle, losses, failure)
         armed = await self._ask(
             progress, self._arm, Arm.Request(**hit), losses, "the accelerometers cannot be armed"
         )

@@ -26,6 +26,7 @@ from std_srvs.srv import Trigger
 from impact_rig.core.errors import DeviceError
 from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.estimation.speed_exponents import SpeedExponents
 from impact_rig.core.setup.samples import RigSetup as CoreRigSetup
 from impact_rig.nodes import interfaces, result_messages
 from impact_rig.nodes.discovery import offer_profile
@@ -222,6 +223,8 @@ class CampaignRequest:
         Whether a person mounts each sample.
     keep_hits : int
         Of a sample's accepted hits, the most consistent are kept; 0: as the rig file says.
+    release_angles : sequence of float
+        Of the hammer, each for every sample [rad]; empty: as the rig file says.
     """
 
     samples: Sequence[str] = ()
@@ -229,6 +232,7 @@ class CampaignRequest:
     attempts_per_impact: int = 0
     confirm_samples: bool = False
     keep_hits: int = 0
+    release_angles: Sequence[float] = ()
 
 
 @dataclass(frozen=True)
@@ -303,6 +307,9 @@ def results_from_msgs(
         hits=tuple(
             result_messages.hit_results_from_msg(hit, faults_by_record.get(hit.record, ()))
             for hit in hits
+        ),
+        speed_exponents=tuple(
+            from_message(SpeedExponents, each) for each in result.speed_exponents
         ),
     )
 
@@ -413,6 +420,7 @@ class CampaignClient(RigClient):
             attempts_per_impact=request.attempts_per_impact,
             confirm_samples=request.confirm_samples,
             keep_hits=request.keep_hits,
+            release_angles=list(request.release_angles),
         )
         self._goal = self._send_goal(goal, lambda message: self._follow(message.feedback))
         result_future = self._goal.get_result_async()

@@ -22,7 +22,12 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator_gate import MissedStart, StorageGate
 from impact_rig.nodes.estimator_stream import StreamCutting, StreamListener
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.result_messages import comparison_to_msg, estimate_to_msg, hit_to_msg
+from impact_rig.nodes.result_messages import (
+    comparison_to_msg,
+    estimate_to_msg,
+    hit_to_msg,
+    record_to_msg,
+)
 from impact_rig.nodes.rig_node import Read, RigNode
 from impact_rig.recordings.messages import block_from_msg, setup_from_msg
 
@@ -171,7 +176,7 @@ class EstimatorNode(RigNode):
             self._publish(session, hit)
 
     def _publish(self, session: Session, hit: JudgedHit) -> None:
-        struck, control = hit.label.sample, session.setup.samples.control_sample
+        struck, is_control = hit.label.sample, session.is_control(hit.label.sample)
         try:
             # Made before the verdict is out, which wakes everybody else.
             numbers = session.estimate_numbers(struck) if hit.accepted else None
@@ -182,14 +187,14 @@ class EstimatorNode(RigNode):
             return
         stamp = self.get_clock().now().to_msg()
         self._publish_estimate(numbers, stamp)
-        if struck == control:
-            hammer = session.estimate_hammer()
+        if is_control:
+            hammer = session.estimate_hammer(struck)
             self._hammer_estimate.publish(estimate_to_msg(hammer, stamp, self._setup_stamp))
         # What stands beside the numbers takes most of the time: it follows when nothing hurries.
         self._unchecked[struck] = None
         self._checking.reset()
         self._outdated.pop(struck, None)
-        if struck == control:
+        if is_control:
             # What the control sample says of the hammer changes every other sample's k2. The next
             # hit does not wait for them: they follow when no more come on the control sample.
             self._outdated |= dict.fromkeys(name for name in session.names if name != struck)
@@ -251,6 +256,7 @@ class EstimatorNode(RigNode):
         response.samples = [
             estimate_to_msg(estimate, stamp, setup_stamp) for estimate in results.samples
         ]
+        response.speed_exponents = [record_to_msg(item) for item in results.speed_exponents]
         for estimate in response.samples:
             # Now with the model fitted: recorder and view want to know.
             self._estimate.publish(estimate)

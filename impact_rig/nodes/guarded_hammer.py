@@ -10,7 +10,7 @@ from enum import IntEnum
 from typing import Any
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.devices.protocols import HammerHolder, HolderState
+from impact_rig.devices.protocols import AngledHolder, HammerHolder, HolderState
 
 
 class HammerPlace(IntEnum):
@@ -30,6 +30,7 @@ class Disarming(IntEnum):
     EMERGENCY_STOP = 2
 
 
+ON_ITS_WAY = "the holder moves the hammer to its release angle"
 _AWAY = "put it back and call hammer/confirm_held"
 
 
@@ -161,6 +162,25 @@ class GuardedHammer:
         if condition.place is HammerPlace.SWINGING:
             return "the hammer is not in its holder: wait for the swing to end"
         return ""
+
+    @property
+    def can_set_angle(self) -> bool:
+        """Whether the holder can set a release angle."""
+        return isinstance(self._holder, AngledHolder)
+
+    def set_angle(self, angle: float) -> str:
+        """Let the holder move the hammer to a release angle [rad].
+
+        Returns
+        -------
+        str
+            Why it is not there, `ON_ITS_WAY` until it is; empty: it is there.
+        """
+        if reason := self.describe_obstacle():
+            return reason
+        if not isinstance(self._holder, AngledHolder):
+            return "the holder cannot set a release angle"
+        return "" if self._holder.set_angle(angle) else ON_ITS_WAY
 
     def release(self, obstacle: str) -> str:
         """Let the hammer go, if nothing forbids it.

@@ -2,21 +2,28 @@
 
 import math
 import time
-from typing import Any
+from typing import Any, TypeVar
 
 from impact_rig_msgs.msg import AcquisitionState, HammerRelease
-from impact_rig_msgs.srv import Release
+from impact_rig_msgs.srv import Release, SetAngle
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.setup.samples import check_release_angles
 from impact_rig.devices.drivers import HOLDERS, make_device
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.device_node import DeviceNode
-from impact_rig.nodes.guarded_hammer import GuardedHammer, HammerCondition, HammerPlace
+from impact_rig.nodes.guarded_hammer import (
+    ON_ITS_WAY,
+    GuardedHammer,
+    HammerCondition,
+    HammerPlace,
+)
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import Read
 from impact_rig.nodes.rig_state import ACCELEROMETER, RECORDER, RigState
 
+Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
 WATCH_PERIOD = 0.5
 """How often holder, accelerometers and recorder are looked after [s], our choice: an operator who
 pulls a plug wants to see the enable go."""
@@ -73,6 +80,7 @@ class HammerNode(DeviceNode):
             (interfaces.RESET_HAMMER, self._reset),
         ):
             self.create_service(Trigger, name, callback)
+        self.create_service(SetAngle, interfaces.SET_ANGLE, self._set_angle)
         self.create_service(Release, interfaces.RELEASE_HAMMER, self._let_go)
         self.create_timer(WATCH_PERIOD, self._watch)
 
@@ -138,6 +146,7 @@ class HammerNode(DeviceNode):
                 disarmed_by=condition.disarmed_by,
                 message=condition.message,
                 holder=self._identity,
+                sets_angle=self._hammer.can_set_angle,
             )
 
     def _take_acquisition(self, message: AcquisitionState) -> None:
@@ -260,6 +269,20 @@ class HammerNode(DeviceNode):
             self.lose_device(error)
             return _answer(response, str(error))
 
+    def _set_angle(
+        self, request: SetAngle.Request, response: SetAngle.Response
+    ) -> SetAngle.Response:
+        try:
+            check_release_angles([request.angle])
+            reason = self._hammer.set_angle(request.angle)
+        except DeviceError as error:
+            self.lose_device(error)
+            reason = str(error)
+        except ParameterError as error:
+            reason = str(error)
+        is_moving = reason == ON_ITS_WAY
+        return _answer(response, interfaces.NOT_YET * is_moving + reason, "there")
+
     def _stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.get_logger().warning("emergency stop")
         try:
@@ -349,7 +372,7 @@ def _read_clock() -> float:
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
-def _answer(response: Trigger.Response, reason: str, done: str = "") -> Trigger.Response:
+def _answer(response: Answer, reason: str, done: str = "") -> Answer:
     """Fill in an answer: why not, or what was done."""
     response.success, response.message = not reason, reason or done
     return response

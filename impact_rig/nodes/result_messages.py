@@ -18,6 +18,7 @@ from impact_rig.core.estimation.fits import FittedModel, FreeDecayEstimate
 from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate, ShapeFit
 from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.estimation.speed_exponents import SpeedExponents
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.signals.record import FloatArray
@@ -40,6 +41,7 @@ MESSAGES: dict[type, type] = {
     Quantity: msg.Quantity,
     SampleEstimate: msg.SampleEstimate,
     ShapeFit: msg.ShapeFit,
+    SpeedExponents: msg.SpeedExponents,
 }
 """Results, and the messages that carry them."""
 

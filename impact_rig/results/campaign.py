@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 
 from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.sample import PEAK, TIME, SampleEstimate
+from impact_rig.core.estimation.speed_exponents import SpeedExponents
 from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.quantity import drop_internals
+from impact_rig.core.quantity import describe, drop_internals
 from impact_rig.core.session import SessionResults
 from impact_rig.core.setup.samples import RigSetup
 
@@ -64,12 +65,15 @@ class Results:
         Those with hits, in the order of the sample set.
     hits : tuple of HitResults
         All, by record.
+    speed_exponents : tuple of SpeedExponents
+        Of samples that were struck from several release angles.
     """
 
     setup: RigSetup
     hammer: HammerEstimate
     samples: tuple[SampleEstimate, ...]
     hits: tuple[HitResults, ...]
+    speed_exponents: tuple[SpeedExponents, ...] = field(default=(), metadata=describe(since=4))
 
     @property
     def rejections(self) -> tuple[HitResults, ...]:
@@ -103,6 +107,7 @@ def results_from_session(
                 session.accepted + session.rejected, key=lambda hit: hit.label.record
             )
         ),
+        speed_exponents=tuple(map(drop_internals, session.speed_exponents)),
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from impact_rig.core.estimation.fits import FittedModel
 from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.estimation.speed_exponents import SpeedExponents
 from impact_rig.results.campaign import Results
 from impact_rig.results.wire import to_row
 
@@ -23,8 +24,8 @@ def format_results_table(campaigns: Sequence[Results]) -> str:
     str
         A line of names as in results.json, with their units, then a line for each sample. What is
         not determined is empty. Numbers are written with the digits that bring them back bit by
-        bit. Free decay, preferred identification and hammer follow with their names before
-        each column; budgets and other models are in results.json alone.
+        bit. Contact law, free decay, preferred identification, hammer and speed exponents follow
+        with their names before each column; budgets and other models are in results.json alone.
     """
     rows = [
         {"campaign": str(number), **_make_row(results, sample)}
@@ -40,6 +41,8 @@ def format_results_table(campaigns: Sequence[Results]) -> str:
 
 def _make_row(results: Results, sample: SampleEstimate) -> dict[str, str]:
     identification = sample.identification or FittedModel("")
+    struck = results.setup.samples.find(sample.name)
+    exponents = (item for item in results.speed_exponents if item.sample == struck.body)
     return {
         **to_row(sample),
         "best_shape": sample.pulse_shape.best_shape,
@@ -47,4 +50,6 @@ def _make_row(results: Results, sample: SampleEstimate) -> dict[str, str]:
         **to_row(sample.free_decay, "free_decay_"),
         **to_row(identification, "identification_"),
         **to_row(results.hammer, "hammer_"),
+        "release_angle_rad": to_row(struck)["release_angle_rad"],
+        **to_row(next(exponents, SpeedExponents("", 0)), "speed_exponents_"),
     }

@@ -19,6 +19,12 @@ from impact_rig.core.estimation.size_exponent import (
     SPRING_EXPONENT,
     estimate_size_exponent,
 )
+from impact_rig.core.estimation.speed_exponents import (
+    ALL_SAMPLES,
+    HERTZ_SPEED_EXPONENTS,
+    SPRING_SPEED_EXPONENTS,
+    SpeedExponents,
+)
 from impact_rig.core.model.pulses import HALF_SINE, HERTZ, VERSED_SINE
 from impact_rig.core.model.stiffness import estimate_equivalent_mass
 from impact_rig.core.quantity import Quantity
@@ -253,6 +259,8 @@ def tabulate_stiffness(results: Results) -> list[Table]:
     if results.hammer.control_sample:
         control = results.hammer.control_sample
         notes.append(f"Hammer: k1 = 2 k_eq of the control sample, {control}.")
+        if results.setup.samples.find(control).has_angle:
+            notes.append("k2 at another release angle: by k1 at that angle.")
     return [make_table("Table 3. Stiffness k", columns, notes, _mark(rows, STIFFNESS))]
 
 
@@ -285,6 +293,7 @@ def tabulate_results(results: Results) -> list[Table]:
         *tabulate_errors(samples),
         *tabulate_checks(samples),
         *tabulate_size_exponents(results),
+        *tabulate_speed_exponents(results.speed_exponents),
     ]
 
 
@@ -561,12 +570,43 @@ def _format_exponent(
         estimate_equivalent_mass(setup.hammer_mass, setup.samples.get_moving_mass(sample.name))
         for sample in timed
     ]
-    materials = [setup.samples.find(sample.name).material for sample in timed]
+    struck = [setup.samples.find(sample.name) for sample in timed]
+    # At one impact speed: each release angle has constants of its own.
+    groups = [f"{item.material} {item.release_angle}" for item in struck]
     try:
-        found = estimate_size_exponent(materials, masses, [read(sample).value for sample in timed])
+        found = estimate_size_exponent(groups, masses, [read(sample).value for sample in timed])
     except NotDeterminedError:
         return MISSING, MISSING
     return format_quantity(found.exponent, 3), format_number(100.0 * found.residual, 2)
+
+
+def tabulate_speed_exponents(
+    found: Sequence[SpeedExponents], caption: str = "Contact over impact speed"
+) -> list[Table]:
+    """Return how the contact goes with the impact speed; nothing without release angles."""
+    if not found:
+        return []
+
+    def column(header: str, name: str) -> Column:
+        return make_column(header, [format_quantity(getattr(item, name), 3) for item in found])
+
+    columns = [
+        make_text_column("Sample", [item.sample for item in found]),
+        make_column("Series", [str(item.series) for item in found]),
+        column("p of τp, paper", "contact_time"),
+        column("p of τ, law", "duration"),
+        column("p of Fmax", "peak_force"),
+        column("p of e", "restitution"),
+    ]
+    hertz, spring = HERTZ_SPEED_EXPONENTS, SPRING_SPEED_EXPONENTS
+    note = (
+        "Each goes as v^p over the series of a sample's release angles, v by the contact law."
+        f" Without loss p is {hertz['duration']:g} of τ and {hertz['peak_force']:g} of Fmax for"
+        f" Hertz, {spring['duration']:g} and {spring['peak_force']:g} for a linear spring; a loss"
+        " that grows with the speed draws the contact out. ±: by the hits, or by what v^p leaves"
+        f" if that is more. {ALL_SAMPLES}: with a constant for each sample."
+    )
+    return [make_table(caption, columns, [note])]
 
 
 def tabulate_true_contacts(

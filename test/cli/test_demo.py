@@ -108,21 +108,32 @@ def test_prints_the_tables_and_says_where_everything_is(demo):
     }
 
 
-def test_a_contact_law_stands_beside_the_truth(tmp_path):
+def test_a_contact_law_stands_beside_the_truth_at_every_angle(tmp_path, run):
     code, output, errors = run_rig_command(
         "demo", "--plant", "contact", "--samples", "steel small", "aluminium large",
-        "--impacts", "3", "--seed", "7", "--output", "run", folder=tmp_path,
+        "--angles", "3.7,10", "--impacts", "3", "--seed", "7", "--output", "run", folder=tmp_path,
     )  # fmt: skip
     assert code == 0, errors
-    _, truth = output.split("Contact law against the truth")
+    tables, truth = output.split("Contact law against the truth")
     assert "τp, paper" in truth
+    assert "Contact over impact speed" in tables
+    assert "Contact over impact speed, the truth" in truth
     results = json.loads((tmp_path / "run" / "results.json").read_text("utf-8"))
-    assert [sample["name"] for sample in results["samples"]] == ["aluminium large", "steel small"]
-    for sample, restitution in zip(results["samples"], (0.90, 0.95), strict=True):
-        law = sample["contact_law"]
-        assert abs(law["exponent"] - 1.5) < 0.02
-        assert abs(law["restitution"] - restitution) < 0.005
+    samples = {sample["name"]: sample for sample in results["samples"]}
+    bodies, angles = ("aluminium large", "steel small"), ("3.7°", "10°")
+    assert list(samples) == [f"{body} {angle}" for body in bodies for angle in angles]
+    assert all(abs(item["contact_law"]["exponent"] - 1.5) < 0.02 for item in samples.values())
+    # The paper's angle gives the paper's speed, at which the materials' restitution is told.
+    for name, restitution in (("aluminium large 3.7°", 0.90), ("steel small 3.7°", 0.95)):
+        assert abs(samples[name]["contact_law"]["restitution"] - restitution) < 0.005
         assert f"{restitution:.4f}" in truth
+    exponents = {item["sample"]: item for item in results["speed_exponents"]}
+    assert list(exponents) == ["aluminium large", "steel small", "all"]
+    # Hertz, drawn out by a loss that grows with the speed.
+    assert -0.20 < exponents["steel small"]["duration"] < -0.17
+    assert 1.15 < exponents["steel small"]["peak_force"] < 1.20
+    outcome = run("analyze", tmp_path / "run" / "session.mcap", "--json")
+    assert json.loads(outcome.stdout) == results
 
 
 def test_the_analysis_of_the_recording_gives_the_same_results_bit_for_bit(demo, run):

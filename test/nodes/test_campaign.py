@@ -1,6 +1,7 @@
 """A campaign strikes until every sample has its hits, and stops with a reason when it cannot."""
 
 import functools
+import math
 
 import pytest
 from action_msgs.msg import GoalStatus
@@ -8,6 +9,7 @@ from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import RecorderState
 from impact_rig_msgs.srv import ConfirmSample
 
+from impact_rig.configuration.rig_file import read_template
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
@@ -94,6 +96,7 @@ def test_the_most_consistent_of_more_hits_are_kept(harness, start):
         ({"samples": ["tin"], "impacts": 1}, "unknown sample 'tin'"),
         ({"samples": ["steel small"], "impacts": 0}, "impacts is 0"),
         ({"samples": ["steel small", "steel small"], "impacts": 1}, "asked for twice"),
+        ({"release_angles": [0.1, -0.1], "impacts": 1}, "release angle is -5.72958°: it must be"),
         ({"samples": [], "impacts": 3, "keep_hits": 4}, "keep_hits is 4 of 3 impacts"),
     ],
 )
@@ -101,6 +104,41 @@ def test_an_impossible_goal_is_refused_by_name(harness, start, goal, word):
     answer = run(harness, start(), **goal)
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert word in answer.result.message
+
+
+def test_every_angle_of_a_manual_holder_is_asked_for(harness, start, tmp_path):
+    rig_file = tmp_path / "rig.toml"
+    rig_file.write_text(read_template() + '[holder]\ndriver = "manual"\n', "utf-8")
+    client = start(hammer={"rig_file": str(rig_file)})
+    goal = {
+        "samples": [CONTROL_SAMPLE],
+        "impacts": 1,
+        "release_angles": [math.radians(5.0), math.radians(10.0)],
+    }
+    refused = run(harness, client, **goal)
+    assert "the holder (operator) cannot set a release angle" in refused.result.message
+
+    handle, feedback = begin(harness, client, **goal, confirm_samples=True)
+    for angle in ("5°", "10°"):
+        sample = f"{CONTROL_SAMPLE} {angle}"
+        asked = (sample, RunCampaign.Feedback.WAITING_FOR_SAMPLE)
+        newest = feedback.wait(
+            lambda got, asked=asked: got[-1:] and (got[-1].sample, got[-1].phase) == asked
+        )[-1]
+        assert newest.message == f"set the release angle of the hammer to {angle}"
+        request = ConfirmSample.Request(sample=sample)
+        assert harness.call(ConfirmSample, interfaces.CONFIRM_SAMPLE, request).success
+    answer = harness.wait(handle.get_result_async())
+    assert answer.result.success, answer.result.message
+    assert [item.name for item in answer.result.samples] == [
+        f"{CONTROL_SAMPLE} 5°",
+        f"{CONTROL_SAMPLE} 10°",
+    ]
+    # The paper's contact is a spring: its time is the same from any angle.
+    (found,) = answer.result.speed_exponents
+    assert (found.sample, found.series) == (CONTROL_SAMPLE, 2)
+    assert found.contact_time.value == pytest.approx(0.0, abs=0.02)
+    assert found.peak_force.value == pytest.approx(1.0, abs=0.02)
 
 
 def test_waits_for_the_sample_that_a_person_mounts(harness, start):

@@ -9,6 +9,7 @@ from impact_rig_msgs.msg import HammerState
 from impact_rig.core.errors import DeviceError
 from impact_rig.devices.protocols import HolderState
 from impact_rig.nodes.guarded_hammer import (
+    ON_ITS_WAY,
     Disarming,
     GuardedHammer,
     HammerCondition,
@@ -243,3 +244,36 @@ def test_why_the_holder_is_lost_is_told_until_it_is_back(held):
 @pytest.mark.parametrize("value", [*HammerPlace, *Disarming], ids=lambda value: value.name)
 def test_numbers_are_those_of_the_message(value):
     assert getattr(HammerState, value.name) == value
+
+
+class AngledHolder(Holder):
+    """Moves half of the way each time it is asked."""
+
+    angle = 0.0
+
+    def set_angle(self, angle):
+        self._obey(HolderState.HOLDING)
+        self.angle = angle if self.angle else angle / 2.0
+        return self.angle == angle
+
+
+def test_a_holder_moves_the_hammer_only_while_it_is_held_and_armed():
+    hammer, holder = GuardedHammer(lambda _: None), AngledHolder()
+    hammer.take(holder, confirm_return=False)
+    assert "not armed" in hammer.set_angle(0.1)
+    hammer.arm()
+    assert [hammer.set_angle(0.1), hammer.set_angle(0.1)] == [ON_ITS_WAY, ""]
+    assert (holder.angle, holder.releases) == (0.1, 0)
+    hammer.release("")
+    assert "wait for the swing to end" in hammer.set_angle(0.2)
+    hammer.stop()
+    assert "emergency stop" in hammer.set_angle(0.2)
+    assert holder.angle == 0.1
+
+
+def test_a_holder_that_cannot_set_an_angle_says_so():
+    hammer = GuardedHammer(lambda _: None)
+    hammer.take(Holder(), confirm_return=False)
+    hammer.arm()
+    assert not hammer.can_set_angle
+    assert hammer.set_angle(0.1) == "the holder cannot set a release angle"

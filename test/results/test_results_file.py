@@ -74,7 +74,7 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path: Pat
             "injected_faults": ["weak_hit"],
         }
     ]
-    assert set(content) == {"format", "setup", "hammer", "samples", "hits"}
+    assert set(content) == {"format", "setup", "hammer", "samples", "hits", "speed_exponents"}
 
 
 def test_what_is_not_determined_is_null(tmp_path: Path) -> None:

@@ -120,6 +120,9 @@ class ContactLaw:
         Of the errors of n and A = alpha v [-].
     notes : tuple of str
         What is not determined, and why; what the data do not tell apart.
+    own_covariances : tuple of (str, ndarray of shape (4, 4))
+        Of the relative errors of `SCALED`, by sources that no other sample has: masses and clock,
+        which all share, change no exponent.
     is_allowed : bool
         The data allow it: it leaves no more of the pulse than a versed-sine does, chance apart.
     excludes_versed_sine : bool
@@ -156,6 +159,9 @@ class ContactLaw:
     residual_percent: float = math.nan
     correlation: float = math.nan
     notes: tuple[str, ...] = ()
+    own_covariances: tuple[tuple[str, FloatArray], ...] = field(
+        default=(), compare=False, repr=False, metadata=INTERNAL
+    )
     is_allowed: bool = field(default=False, metadata=INTERNAL)
     excludes_versed_sine: bool = field(default=False, metadata=INTERNAL)
 
@@ -169,6 +175,9 @@ NO_LAW = ContactLaw()
 """Where it is not determined."""
 _QUANTITIES = tuple(item.name for item in fields(ContactLaw) if item.type is Quantity)[:-1]
 """What follows from the hammer's trace alone, in the order of `_describe_law`."""
+
+SCALED = ("impact_speed", "duration", "peak_force", "restitution")
+"""What goes with the impact speed, itself first."""
 
 
 SENSORS = (Sensor("hammer"), Sensor("specimen"))
@@ -244,7 +253,9 @@ def estimate_contact_law(
     total = sources[0][1] + sources[1][1]
     spread = math.sqrt(total[EXPONENT, EXPONENT] * total[DAMPING, DAMPING])
     told = float(total[EXPONENT, DAMPING]) / spread if spread > 0.0 else math.nan
-    quantities = _compute_quantities(fit.parameters * scales, np.diag(scales), sources, masses)
+    quantities, own = _compute_quantities(
+        fit.parameters * scales, np.diag(scales), sources, masses
+    )
     restitution = quantities["restitution"]
     if restitution.value > LARGEST_RESTITUTION:
         why = (
@@ -261,6 +272,7 @@ def estimate_contact_law(
         loop_energy=_compute_loop_energy(mean, contact, quantities.get("impact_speed"), masses),
         residual_percent=percent,
         correlation=told,
+        own_covariances=own,
         notes=_list_notes(told, exponent, masses)
         + _judge_fit(fit.residual, noise, quantities["restitution"])
         + _judge_momenta(ratio),
@@ -380,8 +392,8 @@ def _compute_quantities(
     scales: FloatArray,
     sources: Sequence[tuple[str, FloatArray, float]],
     masses: RigNumbers,
-) -> dict[str, Quantity]:
-    """Return the law's quantities, with uncertainties to first order.
+) -> tuple[dict[str, Quantity], tuple[tuple[str, FloatArray], ...]]:
+    """Return the law's quantities, with uncertainties to first order, and `own_covariances`.
 
     Parameters
     ----------
@@ -415,12 +427,19 @@ def _compute_quantities(
     for place, factor, body in inputs:
         squares = (factor * slopes[:, place]) ** 2
         parts += [(label, share * squares) for label, share in list_variances(body).items()]
-    return {
+    known = {
         _QUANTITIES[row]: make_quantity(
             float(values[row]), {label: float(part[row]) for label, part in parts}
         )
         for row in np.flatnonzero(np.isfinite(values))
     }
+    rows = [_QUANTITIES.index(name) for name in SCALED]
+    relative = effect[rows] / values[rows, np.newaxis]
+    own = tuple(
+        (make_label(source, freedom), relative @ covariance @ relative.T)
+        for source, covariance, freedom in sources
+    )
+    return known, own
 
 
 def _describe_laws(points: FloatArray) -> FloatArray:

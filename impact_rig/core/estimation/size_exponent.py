@@ -54,7 +54,10 @@ def estimate_size_exponent(
     ParameterError
         If a mass or a time is not a positive number.
     """
-    mass, time = _center(materials, equivalent_masses), _center(materials, contact_times)
+    mass, time = (
+        center_logarithms(materials, equivalent_masses),
+        center_logarithms(materials, contact_times),
+    )
     degrees = mass.size - len(set(materials)) - 1
     spread = float(mass @ mass)
     if spread == 0.0 or degrees < 1:
@@ -79,15 +82,17 @@ def compute_size_residual(
     exponent: float,
 ) -> float:
     """Return the RMS of what a given p leaves of ln(tau) [-]; parameters and errors as above."""
-    left = _center(materials, contact_times) - exponent * _center(materials, equivalent_masses)
+    left = center_logarithms(materials, contact_times) - exponent * center_logarithms(
+        materials, equivalent_masses
+    )
     return math.sqrt(float(left @ left) / left.size)
 
 
-def _center(materials: Sequence[str], values: Sequence[float]) -> FloatArray:
-    """Return the logarithms less their mean over the same material, shape (samples,)."""
+def center_logarithms(groups: Sequence[str], values: Sequence[float]) -> FloatArray:
+    """Return the logarithms less their mean over the same group, shape (samples,)."""
     for value in values:
-        check_positive("equivalent mass or contact time", value, "SI units")
+        check_positive("value of a power law", value, "SI units")
     logarithms = np.log(values)
-    groups = np.array(materials)
-    means = {name: logarithms[groups == name].mean() for name in set(materials)}
-    return np.asarray(logarithms - [means[name] for name in materials])
+    names = np.array(groups)
+    means = {name: logarithms[names == name].mean() for name in set(groups)}
+    return np.asarray(logarithms - [means[name] for name in groups])

@@ -21,12 +21,14 @@ def format_angle(angle: float) -> str:
     return f"{math.degrees(angle):g}°"
 
 
-def check_release_angle(angle: float) -> None:
-    """Raise `ParameterError` unless a hammer can swing down from this angle [rad]."""
-    if not 0.0 < angle <= math.pi / 2.0:
-        raise ParameterError(
-            f"release angle is {format_angle(angle)}: it must be above 0° and 90° at most"
-        )
+def check_release_angles(angles: Sequence[float]) -> None:
+    """Raise `ParameterError` unless a hammer can swing down from these angles [rad]."""
+    names = [format_angle(angle) for angle in angles]
+    for angle, name in zip(angles, names, strict=True):
+        if not 0.0 < angle <= math.pi / 2.0:
+            raise ParameterError(f"release angle is {name}: it must be above 0° and 90° at most")
+        if names.count(name) > 1:
+            raise ParameterError(f"release angle {name} is given twice: once is enough")
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ class Sample:
             if not math.isnan(value):
                 check_positive(f"{quantity} of sample {self.name!r}", value, unit)
         if self.has_angle:
-            check_release_angle(self.release_angle)
+            check_release_angles([self.release_angle])
 
     @property
     def has_angle(self) -> bool:
@@ -236,7 +238,7 @@ class RigSetup:
             check_positive("hammer stiffness", self.hammer_stiffness, "N/m")
         check_positive("impact speed", self.impact_speed, "m/s")
         if not math.isnan(self.release_angle):
-            check_release_angle(self.release_angle)
+            check_release_angles([self.release_angle])
         check_mass_uncertainty(
             "hammer mass uncertainty", self.hammer_mass_uncertainty, self.hammer_mass
         )
@@ -265,12 +267,7 @@ class RigSetup:
         ParameterError
             If an angle cannot be meant, or no speed can be told from it.
         """
-        for place, angle in enumerate(angles):
-            check_release_angle(angle)
-            if format_angle(angle) in map(format_angle, angles[:place]):
-                raise ParameterError(
-                    f"release angle {format_angle(angle)} is given twice: once is enough"
-                )
+        check_release_angles(angles)
         if math.isnan(self.release_angle):
             raise ParameterError(
                 "release_angle of the hammer is not known: give in the rig file's [hammer] the"

@@ -155,6 +155,7 @@ class Contact:
             impact_speed=Quantity(self.impact_speed),
             duration=Quantity(self.duration),
             restitution=Quantity(self.restitution),
+            peak_force=Quantity(self.make_model().peak_force),
             equivalent_stiffness=Quantity(stiffness),
         )
 
@@ -226,7 +227,7 @@ def make_nominal_contact(
     setup : RigSetup
         Masses, speed and the samples' materials.
     sample : str
-        Name of the sample.
+        Name of the sample; its release angle gives the speed.
     exponent : float
         n [-]; other than 3/2: k is such that T is as with Hertz.
     restitution : float
@@ -258,4 +259,6 @@ def make_nominal_contact(
     stiffness = hertz.equivalent_mass / (
         speed ** (exponent - 1.0) * hertz.time_unit ** (exponent + 1.0)
     )
-    return replace(hertz, exponent=exponent, stiffness=stiffness)
+    # Stiffness and damping are the contact's own, whatever the speed.
+    struck = setup.for_series(sample).impact_speed
+    return replace(hertz, exponent=exponent, stiffness=stiffness, impact_speed=struck)

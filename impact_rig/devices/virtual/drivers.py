@@ -181,7 +181,9 @@ class VirtualSource:
 
     def _make_rig(self) -> None:
         if self._setup is not None:
-            self._rig = VirtualRig(self._setup, self._settings)
+            # A running stream has one range.
+            is_ranged = isinstance(self._digitizer, TriggeredDigitizer)
+            self._rig = VirtualRig(self._setup, self._settings, is_ranged=is_ranged)
 
     def _get_rig(self) -> VirtualRig:
         if self._rig is None:
@@ -345,3 +347,7 @@ class VirtualHolder(ToldHolder):
         """Hold."""
         self.hold()
         return IDENTITY
+
+    def set_angle(self, angle: float) -> bool:
+        """Return that the hammer is there."""
+        return True

@@ -232,15 +232,16 @@ def make_nominal_model(setup: RigSetup, sample: str, hammer_damping: float) -> I
         )
     )
     moving_mass = setup.samples.get_moving_mass(sample)
+    speed = setup.for_series(sample).impact_speed
     return ImpactModel(
         hammer=Body(setup.hammer_mass, hammer_stiffness, hammer_damping),
         specimen=Body(
             moving_mass, chosen.reference_stiffness, chosen.reference_damping_coefficient
         ),
         contact_time=chosen.reference_contact_time,
-        impact_speed=setup.impact_speed,
+        impact_speed=speed,
         peak_force=compute_peak_force(
-            setup.hammer_mass, moving_mass, setup.impact_speed, chosen.reference_contact_time
+            setup.hammer_mass, moving_mass, speed, chosen.reference_contact_time
         ),
     )
 

@@ -402,11 +402,17 @@ class VirtualRig:
         Masses, speed and the samples' reference values.
     settings : VirtualRigSettings
         Physics, scatter and faults.
+    is_ranged : bool
+        The digitizer's full scales go with the speed of the release angle, as who turns the
+        amplifiers' knobs would have it.
     """
 
-    def __init__(self, setup: RigSetup, settings: VirtualRigSettings) -> None:
+    def __init__(
+        self, setup: RigSetup, settings: VirtualRigSettings, *, is_ranged: bool = True
+    ) -> None:
         self.setup = setup
         self.settings = settings
+        self._is_ranged = is_ranged
 
     def check_sample(self, name: str) -> None:
         """Raise `ParameterError` if the sample is unknown or lacks a reference value."""
@@ -437,28 +443,39 @@ class VirtualRig:
             1 + settings.amplitude_scatter * scatter[1],
         )
         faults = settings.faults.draw(label, fault_source)
-        hammer, specimen = self._simulate(physics, faults, physics_source, fault_source)
+        digitizer = self._choose_range(label.sample)
+        hammer, specimen = self._simulate(physics, digitizer, faults, physics_source, fault_source)
         return VirtualHit(
             label=label,
             faults=faults,
             model=physics.model,
-            hammer=self._make_channel(
-                hammer, settings.digitizer.hammer_full_scale, physics_source
+            hammer=_make_channel(hammer, digitizer.hammer_full_scale, digitizer, physics_source),
+            specimen=_make_channel(
+                specimen, digitizer.specimen_full_scale, digitizer, physics_source
             ),
-            specimen=self._make_channel(
-                specimen, settings.digitizer.specimen_full_scale, physics_source
-            ),
-            sampling_rate=settings.digitizer.sampling_rate,
+            sampling_rate=digitizer.sampling_rate,
+        )
+
+    def _choose_range(self, sample: str) -> DigitizerSettings:
+        """Return the digitizer as it is set for the hits on a sample."""
+        digitizer, setup = self.settings.digitizer, self.setup
+        if not (self._is_ranged and setup.samples.find(sample).has_angle):
+            return digitizer
+        factor = setup.for_series(sample).impact_speed / setup.impact_speed
+        return replace(
+            digitizer,
+            hammer_full_scale=factor * digitizer.hammer_full_scale,
+            specimen_full_scale=factor * digitizer.specimen_full_scale,
         )
 
     def _simulate(
         self,
         physics: HitPhysics,
+        digitizer: DigitizerSettings,
         faults: tuple[Fault, ...],
         physics_source: np.random.Generator,
         fault_source: np.random.Generator,
     ) -> tuple[FloatArray, FloatArray]:
-        digitizer = self.settings.digitizer
         start = -digitizer.pre_trigger + digitizer.trigger_jitter * float(
             physics_source.standard_normal()
         )
@@ -488,13 +505,16 @@ class VirtualRig:
             traces[fault_source.integers(2)] = 0.0
         return traces[0], traces[1]
 
-    def _make_channel(
-        self, acceleration: FloatArray, full_scale: float, generator: np.random.Generator
-    ) -> ChannelBlock:
-        counts = digitize(acceleration, full_scale, self.settings.digitizer, generator)
-        return ChannelBlock(
-            output=counts,
-            scale=compute_scale(full_scale, self.settings.digitizer.bits),
-            offset=0.0,
-            full_scale=full_scale,
-        )
+
+def _make_channel(
+    acceleration: FloatArray,
+    full_scale: float,
+    digitizer: DigitizerSettings,
+    generator: np.random.Generator,
+) -> ChannelBlock:
+    return ChannelBlock(
+        output=digitize(acceleration, full_scale, digitizer, generator),
+        scale=compute_scale(full_scale, digitizer.bits),
+        offset=0.0,
+        full_scale=full_scale,
+    )

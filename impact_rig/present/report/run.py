@@ -8,6 +8,7 @@ from impact_rig.core.setup.calibration_age import list_calibration_warnings
 from impact_rig.present.figures.law_figure import draw_law_figure
 from impact_rig.present.figures.paper_figures import draw_campaign_figures
 from impact_rig.present.figures.sample_figure import draw_sample_figure
+from impact_rig.present.figures.speed_figure import draw_speed_figure
 from impact_rig.present.report.document import (
     Folded,
     Paragraph,
@@ -97,8 +98,16 @@ def _make_result_sections(run: Run, prefix: str) -> tuple[Section, ...]:
             "Contact law",
             (*tables.tabulate_contact_laws(samples), *tables.tabulate_size_exponents(results)),
         ),
+        _make_speed_section(results, prefix),
         Section("Identification", tuple(tables.tabulate_identifications(samples))),
     )
+
+
+def _make_speed_section(results: Results, prefix: str) -> Section | None:
+    """Tell how the contact goes with the impact speed; None: it is one."""
+    found = tables.tabulate_speed_exponents(results.speed_exponents)
+    figure = Picture(draw_speed_figure(results, prefix=prefix)) if found else None
+    return Section("Contact over impact speed", (*found, figure)) if figure else None
 
 
 def _make_table_section(title: str, parts: Sequence[Part]) -> Section:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from impact_rig.core.quantity import list_stored
-from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.samples import RigSetup, format_angle
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.present.report.document import Facts, Folded, Listing, Paragraph, Part, Section
@@ -129,7 +129,7 @@ def _list_facts(run: Run) -> tuple[tuple[str, str], ...]:
     clock = _format_unit(setup.clock_uncertainty, "clock_uncertainty")
     facts = [
         ("Rig", ": ".join(text for text in (setup.name, setup.description) if text)),
-        ("Impact speed v1", _format_unit(setup.impact_speed, "impact_speed")),
+        ("Impact speed v1", _describe_speeds(setup)),
         ("Clock", f"standard uncertainty {clock}"),
         ("Hammer stiffness k1", _describe_hammer_stiffness(setup)),
         ("Read from", run.source),
@@ -163,6 +163,17 @@ def _format_unit(value: float, field: str) -> str:
     return text if text == MISSING else f"{text} {shown.unit}"
 
 
+def _describe_speeds(setup: RigSetup) -> str:
+    """Return the impact speed, of series from several release angles each with its angle."""
+    series = {item.release_angle: item.name for item in setup.samples.samples if item.has_angle}
+    if not series:
+        return _format_unit(setup.impact_speed, "impact_speed")
+    return ", ".join(
+        f"{100.0 * setup.for_series(name).impact_speed:.4g} cm/s from {format_angle(angle)}"
+        for angle, name in series.items()
+    )
+
+
 def _describe_hammer_stiffness(setup: RigSetup) -> str:
     if math.isfinite(setup.hammer_stiffness):
         given = _format_unit(setup.hammer_stiffness, "hammer_stiffness")
@@ -173,11 +184,13 @@ def _describe_hammer_stiffness(setup: RigSetup) -> str:
 
 
 def _tabulate_bodies(setup: RigSetup) -> Table:
-    carried, samples = setup.samples, setup.samples.samples
+    carried = setup.samples
+    # One line for a sample, from however many angles it is struck.
+    samples = {item.body: item for item in carried.samples}.values()
     rows = [
         ("hammer", "", setup.hammer_mass, setup.hammer_mass_uncertainty),
         ("accelerometer", "", carried.accelerometer_mass, carried.accelerometer_mass_uncertainty),
-        *((item.name, item.material, item.mass, item.mass_uncertainty) for item in samples),
+        *((item.body, item.material, item.mass, item.mass_uncertainty) for item in samples),
     ]
 
     def refer(field: str, digits: int) -> list[str]:
@@ -186,7 +199,8 @@ def _tabulate_bodies(setup: RigSetup) -> Table:
         return ["", "", *(format_number(value, digits) for value in values)]
 
     roles = ["", "part of every m2"] + [
-        "control sample" if item.name == carried.control_sample else "" for item in samples
+        "control sample" if item.name == carried.find_control(item.release_angle) else ""
+        for item in samples
     ]
     columns = [
         make_text_column("Body", [name for name, *_ in rows]),

@@ -1,0 +1,86 @@
+"""The figure of the impact speed has a point for each series and the exponents in words."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from impact_rig.core.estimation.contact_law import ContactLaw
+from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.estimation.speed_exponents import estimate_speed_exponents
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.present.figures.speed_figure import draw_speed_figure
+from impact_rig.results.campaign import Results
+from impact_rig.results.results_table import format_results_table
+from impact_rig.results.tables import tabulate_speed_exponents
+
+ANGLES = tuple(map(math.radians, (4.0, 8.0, 16.0)))
+BODIES = ("steel small", "brass large")
+
+
+def make_law(speed, place):
+    """Return a Hertz contact without loss."""
+    return ContactLaw(
+        impact_speed=Quantity(speed, 1e-3, 2e-3),
+        duration=Quantity((150e-6 + 50e-6 * place) * speed**-0.2, 1e-7, 2e-7),
+        peak_force=Quantity(100.0 * (1.0 + place) * speed**1.2, 0.1, 0.2),
+        restitution=Quantity(0.9, 1e-3, 2e-3),
+    )
+
+
+@pytest.fixture(scope="module")
+def results():
+    setup = PAPER_SETUP.at_angles(ANGLES)
+    samples = tuple(
+        SampleEstimate(
+            name, 1, 0, contact_law=make_law(setup.for_series(name).impact_speed, place)
+        )
+        for place, body in enumerate(BODIES)
+        for name in setup.samples.find_series([body])
+    )
+    exponents = estimate_speed_exponents(setup, samples)
+    return Results(setup, HammerEstimate(), samples, (), exponents)
+
+
+def test_each_series_is_a_point_on_a_straight_line(results, read):
+    panels = read(draw_speed_figure(results))
+    assert len(panels) == 3
+    for panel, exponent in zip(panels, (-0.2, 1.2, 0.0), strict=True):
+        assert panel.list_parts("point-") == ["point-1", "point-2"]
+        points = panel.read_points("point-1")
+        assert len(points) == len(ANGLES)
+        slopes = np.diff(points[:, 1]) / np.diff(points[:, 0])
+        assert slopes == pytest.approx(slopes[0], rel=0.02, abs=0.01)
+        assert np.sign(-slopes[0]) == np.sign(exponent)
+
+
+def test_the_words_have_the_exponents(results):
+    figure = draw_speed_figure(results, prefix="run-1")
+    assert figure.name != draw_speed_figure(results).name
+    assert "steel small: τ as v^-0.200" in figure.alternative
+    assert "Fmax as v^1.200" in figure.alternative
+
+
+def test_the_table_has_a_row_for_each_sample_and_one_for_all(results):
+    (table,) = tabulate_speed_exponents(results.speed_exponents)
+    assert [row[:2] for row in table.rows] == [
+        ("steel small", "3"),
+        ("brass large", "3"),
+        ("all", "6"),
+    ]
+    assert [float(cell.split()[0]) for cell in table.rows[2][2:]] == pytest.approx(
+        [-0.2, 1.2, 0.0], abs=1e-3
+    )
+    assert tabulate_speed_exponents(()) == []
+
+
+def test_spreadsheets_have_angle_and_exponents_in_each_row(results):
+    header, first, *_ = format_results_table([results]).splitlines()
+    row = dict(zip(header.split(","), first.split(","), strict=True))
+    assert float(row["release_angle_rad"]) == pytest.approx(ANGLES[0])
+    assert float(row["speed_exponents_duration"]) == pytest.approx(-0.2)
+    plain = format_results_table([replace(results, speed_exponents=())])
+    assert plain.splitlines()[0] == header
