@@ -37,6 +37,7 @@ from impact_rig.recordings.formats.measurement import (
     MeasuredChannel,
     Measurement,
     compute_sampling_rate,
+    is_clock,
     parse_time_unit,
 )
 from impact_rig.recordings.formats.registry import read_measurement
@@ -162,7 +163,7 @@ def _assign_roles(measurement: Measurement, plan: ChannelPlan) -> dict[str, Meas
         roles = plan.columns
     elif not math.isnan(channels[0].sampling_rate):
         roles = ("hammer", "specimen")
-    elif not math.isnan(plan.sampling_rate) and not _is_clock(channels[0]):
+    elif not math.isnan(plan.sampling_rate) and not is_clock(channels[0].values):
         roles = ("hammer", "specimen")[: len(channels)]
     else:
         roles = DEFAULT_ROLES.get(len(channels), ())
@@ -221,6 +222,9 @@ def _ask_for_roles(measurement: Measurement) -> str:
 
 def _check_values(path: Path, role: str, channel: MeasuredChannel) -> None:
     values = channel.values
+    if channel.flaw:
+        advice = "skip it (--columns) and give --rate" if role == "time" else "name another one"
+        raise SignalError(f"{path}, {channel.flaw}: {channel.name!r} is not of numbers: {advice}")
     if values.size < MINIMUM_POINTS:
         raise SignalError(
             f"{path} has {values.size} points in {channel.name!r}: a trace needs at least"
@@ -251,12 +255,6 @@ def _check_pair(path: Path, hammer: MeasuredChannel, specimen: MeasuredChannel) 
     delay = specimen.start - hammer.start
     if abs(delay) * np.nan_to_num(rates[0], nan=0.0) > LARGEST_TIME_ERROR:
         raise SignalError(f"{path}: {names} start {abs(delay):g} s apart: {advice}")
-
-
-def _is_clock(channel: MeasuredChannel) -> bool:
-    """Tell whether a column that never falls must be one of times: no signal is like that."""
-    values = channel.values
-    return values.size > 1 and bool(np.all(values[1:] >= values[:-1]) and values[-1] > values[0])
 
 
 def _choose_rate(

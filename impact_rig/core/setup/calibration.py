@@ -23,6 +23,7 @@ SPELLINGS = {
     "m/s²": "m/s^2", "m/s2": "m/s^2", "m/s**2": "m/s^2", "m/s/s": "m/s^2", "m s^-2": "m/s^2",
     "m/(s^2)": "m/s^2", "m/sec^2": "m/s^2", "ms^-2": "m/s^2", "G": "g", "gn": "g", "g_n": "g",
     "g0": "g", "newton": "N", "Newton": "N", "volt": "V", "Volt": "V", "volts": "V", "Volts": "V",
+    "VOLT": "V", "v": "V", "VOLTS": "V", "mVolt": "mV", "millivolts": "mV", "MV": "mV",
 }  # fmt: skip
 """How files write these units, too."""
 

@@ -5,12 +5,14 @@ of what is cut off, takes columns of times for channels, leaves step, start and 
 channel to the caller, and unpickles any `.lvm.pkl` that lies beside the file.
 """
 
+import bisect
 import datetime as dt
 import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +25,7 @@ from impact_rig.recordings.formats.measurement import (
     Measurement,
     round_rate,
 )
-from impact_rig.recordings.formats.text import Line, Style, read_lines
+from impact_rig.recordings.formats.text import Line, Style, read_pieces, read_text, split_lines
 
 X_VALUE = "X_Value"
 """Heading of every column of times."""
@@ -33,7 +35,7 @@ DAY = re.compile(r"(\d{4})\D(\d{1,2})\D(\d{1,2})")
 CLOCK = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)")
 SECONDS_OF_A_DAY = 86400
 EPOCH = dt.date(1970, 1, 1)
-FIRST_WORDS = "LabVIEW Measurement"
+FIRST_WORDS, END_OF_HEADER = "LabVIEW Measurement", "***End_of_Header***"
 SEPARATORS = {"Tab": "\t", "Comma": ","}
 SPECIAL_START, SPECIAL_END = "***Start_Special***", "***End_Special***"
 """Around what a program adds for itself."""
@@ -75,6 +77,11 @@ class Segment:
     def get_cells(self, column: int) -> list[str]:
         """Return the cells of a column; empty where a row ends before it."""
         return [cells[column] if column < len(cells) else "" for _, cells in self.rows]
+
+    @cached_property
+    def axes(self) -> list[int]:
+        """Columns of times, each of the channels that follow it."""
+        return [column for column, name in enumerate(self.headings) if name == X_VALUE]
 
     def list_columns(self) -> list[int]:
         """Return the columns of the channels: neither of times nor of words."""
@@ -180,7 +187,7 @@ def _read_rate(segment: Segment, column: int) -> float:
     if not text:
         return math.nan
     step, error = _parse_rounded(segment, text)
-    axis = max(i for i in range(column) if segment.headings[i] == X_VALUE)
+    axis = segment.axes[bisect.bisect(segment.axes, column) - 1]
     cells, numbers = segment.get_cells(axis), segment.get_cells(column)
     while numbers and not numbers[-1]:
         numbers.pop()
@@ -247,9 +254,11 @@ def read_lvm(path: Path) -> Measurement:
     FileError
         If the file is no `.lvm`, is cut off, or its table contradicts its header.
     """
-    lines = read_lines(path)
+    lines = split_lines("".join(read_pieces(path)))
     if not lines or not lines[0].text.startswith(FIRST_WORDS):
-        raise FileError(f"{path} is no .lvm file: it should begin with {FIRST_WORDS!r}")
+        if any(line.text.startswith(END_OF_HEADER) for line in lines):
+            raise FileError(f"{path} is no .lvm file: it should begin with {FIRST_WORDS!r}")
+        return read_text(path)  # LabVIEW's plain tables are often called so, too
     segments = list(_split_segments(path, lines))
     if not segments:
         raise FileError(f"{path} is cut off: it holds no table of numbers")

@@ -141,6 +141,11 @@ def compute_sampling_rate(path: Path, times: FloatArray, unit: str = "") -> floa
     return float(f"{1.0 / step:.{RATE_DIGITS}g}")
 
 
+def is_clock(values: RawArray) -> bool:
+    """Tell whether a column that never falls must be one of times: no signal is like that."""
+    return values.size > 1 and bool(np.all(values[1:] >= values[:-1]) and values[-1] > values[0])
+
+
 def _is_rounded(steps: FloatArray, deviation: FloatArray) -> bool:
     """Tell whether no time is further off an even grid than its last digit, and many are off."""
     smallest = steps[steps > 0].min()
@@ -198,7 +203,10 @@ NANOSECONDS = 1_000_000_000
 """In a second [ns]."""
 TIME_NAMES = {"t", "time", "time s", "times", "x value"}
 RATE_NAMES = {"fs", "rate", "sampling rate", "sampling rate hz", "sample rate", "samplerate"}
-STEP_NAMES = {"dt", "delta t", "delta x", "step", "ts"}
+STEP_NAMES = {
+    "dt", "delta t", "delta x", "step", "ts", "sample interval", "sampling interval", "increment",
+    "tinc",
+}  # fmt: skip
 """Names of arrays that say when the others were taken, in small letters, underscores as blanks."""
 DIMENSIONS = 3
 """Of the largest array that is taken for channels side by side: hits, channels and time."""
@@ -224,6 +232,8 @@ class MeasuredChannel:
     recorded_at : int
         When that time was 0, nanoseconds since the epoch in UTC; 0: the file does not state it,
         or a date that is not between `EARLIEST` and `LATEST`.
+    flaw : str
+        Why the file's numbers could not be read: then there are no values; empty: they could.
     """
 
     name: str
@@ -232,11 +242,15 @@ class MeasuredChannel:
     unit: str = ""
     start: float = 0.0
     recorded_at: int = 0
+    flaw: str = ""
 
     def __post_init__(self) -> None:
         """Copy the values, make them read-only, and refuse what cannot be meant."""
         what = f"channel {self.name!r}"
-        values = np.array(self.values)
+        # Numbers in a file that cannot be written are not copied into memory.
+        values: NDArray[Any] = self.values
+        if not isinstance(values, np.memmap) or values.flags.writeable:
+            values = np.array(values)
         if values.ndim != 1 or values.dtype not in (np.int32, np.float64):
             raise ParameterError(
                 f"{what} is an array of {values.dtype} with shape {values.shape}: it must be one"

@@ -19,11 +19,20 @@ from impact_rig.recordings.new_file import write_new_file
 
 
 class Format(NamedTuple):
-    """What a file is, and who reads and writes it; None: it is not written."""
+    """What a file is, and who reads and writes it; None: it is not written.
+
+    Text is read here, piece by piece, and its numbers may be more than memory holds; all else by
+    libraries, in a process of its own.
+    """
 
     kind: str
     read: Callable[[Path], Measurement]
     write: Callable[[Path, Measurement], None] | None = None
+
+    @property
+    def is_text(self) -> bool:
+        """Whether reading it takes no more than a piece of it."""
+        return self.read is read_text
 
 
 _UFF = "universal file, data set 58"
@@ -56,7 +65,7 @@ PROCESS = ReadingProcess()
 
 
 def read_measurement(path: Path) -> Measurement:
-    """Read the channels of a file, whose suffix tells its format, in a process of its own.
+    """Read the channels of a file, whose suffix tells its format.
 
     Parameters
     ----------
@@ -79,9 +88,10 @@ def read_measurement(path: Path) -> Measurement:
     """
     path = Path(path)
     _check_readable(path)
-    if path.suffix.lower() not in FORMATS:
+    found = FORMATS.get(path.suffix.lower())
+    if found is None:
         raise _make_suffix_error(path, READABLE)
-    return PROCESS.read(path)
+    return parse_file(path) if found.is_text else PROCESS.read(path)
 
 
 def parse_file(path: Path) -> Measurement:

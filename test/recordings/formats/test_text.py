@@ -1,11 +1,14 @@
 """Columns of text are read however they were written, and refused by line when they cannot."""
 
+import contextlib
 import csv
+import time
 
 import numpy as np
 import pytest
 
 from impact_rig.core.errors import FileError
+from impact_rig.recordings.formats import text
 from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
 from impact_rig.recordings.formats.registry import read_measurement, write_measurement
 
@@ -21,7 +24,7 @@ def read_names(path):
 
 
 @pytest.mark.parametrize(
-    "text",
+    "content",
     [
         "0.0,1.5\n0.5,-2.25\n1.0,3e-3\n",
         "0.0, 1.5\r\n0.5, -2.25\r\n1.0, 3e-3",
@@ -39,9 +42,9 @@ def read_names(path):
         "run 7\n\nchannels,2\n5,hammer\n0.0,1.5\n0.5,-2.25\n1.0,3e-3\n\x1a",
     ],
 )
-def test_text_of_many_styles_is_understood(tmp_path, text):
+def test_text_of_many_styles_is_understood(tmp_path, content):
     path = tmp_path / "hit.csv"
-    path.write_text(text, encoding="utf-8", newline="")
+    path.write_text(content, encoding="utf-8", newline="")
     assert read_columns(path) == EXPECTED
 
 
@@ -54,7 +57,7 @@ def test_names_and_units_are_understood_in_any_encoding(tmp_path, encoding):
 
 
 @pytest.mark.parametrize(
-    ("text", "expected"),
+    ("content", "expected"),
     [
         ("1 2\n3 4\n", [("column 1", ""), ("column 2", "")]),
         ("# time(s), \t \t acceleration(g)\n0 6.5\n", [("time", "s"), ("acceleration", "g")]),
@@ -64,9 +67,9 @@ def test_names_and_units_are_understood_in_any_encoding(tmp_path, encoding):
         ("only [V]\n5\n", [("only", "V")]),
     ],
 )
-def test_names_and_units_come_from_the_lines_above_the_numbers(tmp_path, text, expected):
+def test_names_and_units_come_from_the_lines_above_the_numbers(tmp_path, content, expected):
     path = tmp_path / "hit.txt"
-    path.write_text(text.replace("time,", "time [s],"), encoding="utf-8")
+    path.write_text(content.replace("time,", "time [s],"), encoding="utf-8")
     assert read_names(path) == expected
 
 
@@ -93,7 +96,6 @@ def test_what_is_no_finite_number_is_kept(tmp_path):
         ("long.csv", b"0,1\n1,2,3\n", "line 2: 3 columns, above there are 2"),
         ("hole.csv", b"0,1,2\n1,,2\n2,3,4", "line 2: '' is no number"),
         ("word.csv", b"# x\n0 1\n1 over\n", "line 3: 'over' is no number"),
-        ("clock.csv", b"12:00:00,1\n12:00:01,2\n", "line 1: '12:00:00' is no number"),
         ("picture.csv", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "is no text"),
         ("wide.csv", b"\xff\xfe0", "is no text|holds no numbers|is no number"),
     ],
@@ -102,6 +104,47 @@ def test_what_cannot_be_read_is_named(tmp_path, name, content, told):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(FileError, match=f"{name}.*({told})"):
         read_measurement(tmp_path / name)
+
+
+def test_columns_of_words_are_channels_without_points(tmp_path):
+    path = tmp_path / "clock.csv"
+    path.write_text("12:00:00,1\n12:00:01,2\n")
+    clock, values = read_measurement(path).channels
+    assert (clock.values.size, clock.flaw) == (0, "line 1: '12:00:00' is no number")
+    assert values.values.tolist() == [1.0, 2.0]
+
+
+def test_a_file_of_many_pieces_is_the_same_as_its_parts(tmp_path, monkeypatch):
+    monkeypatch.setattr(text, "HEAD", 100)
+    monkeypatch.setattr(text, "PIECE", 1000)
+    rows = np.random.default_rng(1).normal(size=(500, 3))
+    lines = [",".join(map(repr, row)) for row in rows.tolist()]
+    lines[400:] = [line.rpartition(",")[0] + "," for line in lines[400:]]
+    path = tmp_path / "long.csv"
+    path.write_text("a [s],b [g],c\n" + "\n".join(lines))
+    columns = read_columns(path)
+    assert columns == [rows[:, 0].tolist(), rows[:, 1].tolist(), rows[:400, 2].tolist()]
+    path.write_text("a,b,c\n" + "\n".join([*lines[:300], "1,2,x"]))
+    with pytest.raises(FileError, match="line 302: 'x' is no number"):
+        read_measurement(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("heading.csv", "time," + "a (" * 70_000 + "\n" + "0,1\n1,2\n"),
+        ("wide.csv", "\t".join(["1.5"] * 50_000) + "\n"),
+        ("word.csv", "x" * 5_000_000),
+    ],
+)
+def test_monstrous_lines_take_no_monstrous_time(tmp_path, name, content):
+    """A heading of 200 kB took 87 s."""
+    path = tmp_path / name
+    path.write_text(content)
+    begin = time.process_time()
+    with contextlib.suppress(FileError):
+        read_measurement(path)
+    assert time.process_time() - begin < 10
 
 
 def test_text_is_written_for_people_and_spreadsheets(tmp_path):

@@ -1,0 +1,191 @@
+"""Text as instruments write it: the same pulse, found in each of their ways to put it down.
+
+Each file is written here line by line as its instrument writes it; where that is documented, or
+shown by programs of others that read or write it, stands with each.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from impact_rig.core.errors import SignalError
+from impact_rig.core.setup.calibration import Sensitivity
+from impact_rig.core.setup.sensors import ChannelPlan, ChannelUse
+from impact_rig.recordings.formats.registry import read_measurement
+from impact_rig.recordings.importing import map_channels
+
+COUNT, RATE, START = 400, 1e6, -100e-6
+TIME = START + np.arange(COUNT) / RATE
+PULSE = np.round(2.5 * np.exp(-(((TIME - 80e-6) / 40e-6) ** 2)), 4)
+Pairs = Sequence[tuple[float, float]]
+PAIRS: Pairs = list(zip(TIME.tolist(), PULSE.tolist(), strict=True))
+
+
+def write_tektronix_tds(pairs: Pairs) -> Iterator[str]:
+    """TDS1000/2000: Tektronix 071-1075 "Saving waveform data": settings beside the first rows."""
+    beside = [
+        "Record Length,2.500000e+03", f"Sample Interval,{1 / RATE:.6e}",
+        "Trigger Point,1.000000000000e+02", ",", ",", ",", "Source,CH1", "Vertical Units,V",
+        "Vertical Scale,5.000000e-01", "Vertical Offset,0.000000e+00", "Horizontal Units,s",
+        "Horizontal Scale,5.000000e-05", "Pt Fmt,Y", "Yzero,0.000000e+00",
+        "Probe Atten,1.000000e+00", "Model Number,TDS2024B", "Serial Number,C000000",
+        "Firmware Version,FV:v22.11",
+    ]  # fmt: skip
+    for number, (time, value) in enumerate(pairs):
+        yield f"{beside[number] if number < len(beside) else ','},,{time:018.12f},{value:10.5f},"
+
+
+def write_tektronix_mso(pairs: Pairs) -> Iterator[str]:
+    """MSO/DPO 2000 to 5 series: settings above, blank cells between, names last."""
+    yield from ("Model,MSO54", "Firmware Version,1.26.6", "", "Waveform Type,ANALOG")
+    yield from ("Point Format,Y", "Horizontal Units,s", f"Sample Interval,{1 / RATE}")
+    yield from (f"Record Length,{COUNT}", "Vertical Units,V", "Vertical Scale,0.5", ",", ",")
+    yield from ("Label,", "TIME,CH1")
+    yield from (f"{time:.6E},{value}" for time, value in pairs)
+
+
+def write_rigol(pairs: Pairs) -> Iterator[str]:
+    """DS1000Z: points are counted; start and increment stand in the heading.
+
+    Programs that read the DS1054Z's files quote these two lines, for example glscopeclient.
+    """
+    yield from ("X,CH1,Start,Increment,", f"Sequence,Volt,{START:.6e},{1 / RATE:.6e}")
+    yield from (f"{number},{value:.2e}," for number, (_, value) in enumerate(pairs))
+
+
+def write_rigol_steps(pairs: Pairs) -> Iterator[str]:
+    """DHO800/MSO5000: no times, start and step in words beside the name of the channel."""
+    yield f"CH1(V),t0 = {START}s, tInc = {1 / RATE}s,"
+    yield from (f"{value:.5f}" for _, value in pairs)
+
+
+def write_keysight(pairs: Pairs) -> Iterator[str]:
+    """InfiniiVision: channels are called by their numbers."""
+    yield from ("x-axis,1", "second,Volt")
+    yield from (f"{time * 1e6:+.2f}E-06,{value:.4E}" for time, value in pairs)
+
+
+def write_lecroy(pairs: Pairs) -> Iterator[str]:
+    """WaveRunner, HDO: five lines of heading that state no unit."""
+    yield from ("LECROYHDO9404,30152,Waveform", "Segments,1,SegmentSize,402")
+    yield from ("Segment,TrigTime,TimeSinceSegment1", "#1,28-Dec-2020 13:34:10,0   ", "Time,Ampl")
+    yield from (f"{time:.6g},{value}" for time, value in pairs)
+
+
+def write_siglent(pairs: Pairs) -> Iterator[str]:
+    """SDS1000X: settings by channel; the unit stands with the channel's name."""
+    yield from (f"Record Length,Analog:{COUNT},", f"Sample Interval,Analog:{1 / RATE:E},")
+    yield from ("Vertical Units,CH1:V,,", "Vertical Scale,CH1:1.00,,", "Horizontal Units,s,")
+    yield from ("Model Number,SDS1104X-E,", "Second,Value")
+    yield from (f"{time:+.6E},{value:+.6E}" for time, value in pairs)
+
+
+def write_picoscope(pairs: Pairs) -> Iterator[str]:
+    """PicoScope 6: names, units in brackets, a blank line; times in what suits them."""
+    yield from ("Time,Channel A", "(us),(V)", "")
+    yield from (f"{time * 1e6:.8f},{value:.8f}" for time, value in pairs)
+
+
+def write_digilent(pairs: Pairs) -> Iterator[str]:
+    """WaveForms: settings as comments; as WaveForms' own importer in glscopeclient expects it."""
+    yield from ("#Digilent WaveForms Oscilloscope Acquisition", "#Device Name: Discovery2")
+    yield from (f"#Sample rate: {RATE:g}Hz", f"#Samples: {COUNT}", "")
+    yield "Time (s),Channel 1 (V)"
+    yield from (f"{time:.9g},{value:.9g}" for time, value in pairs)
+
+
+def write_dewesoft(pairs: Pairs) -> Iterator[str]:
+    """Text export with semicolons and decimal commas, units in their own line."""
+    yield from ("File name: Impact_0001.dxd", f"Sample rate: {RATE:g} Hz", "")
+    yield from ("Time;Hammer", "s;V")
+    yield from (f"{time:.7f};{value:.5f}".replace(".", ",") for time, value in pairs)
+
+
+def write_saleae(pairs: Pairs) -> Iterator[str]:
+    """Logic 2: support.saleae.com, "Binary and CSV export formats"."""
+    yield "Time [s],Channel 0 [V]"
+    yield from (f"{time:.9f},{value}" for time, value in pairs)
+
+
+def write_quoted_rows(pairs: Pairs) -> Iterator[str]:
+    """Every row in one pair of quotes, as spreadsheets do with what they took for one cell."""
+    yield '"Time (s),Force (V)"'
+    yield from (f'"{time:.7f},{value}"' for time, value in pairs)
+
+
+def write_quoted_commas(pairs: Pairs) -> Iterator[str]:
+    """German decimals in quotes between commas."""
+    yield '"Zeit (s)","Kraft (V)"'
+    for time, value in pairs:
+        yield f'"{time:.7f}'.replace(".", ",") + f'","{value}"'.replace(".", ",")
+
+
+def write_labview_without_header(pairs: Pairs) -> Iterator[str]:
+    """LabVIEW, "Write Delimited Spreadsheet" into a file called .lvm: tabs and numbers alone."""
+    yield from (f"{time:.6f}\t{value:.6f}" for time, value in pairs)
+
+
+def write_dates(pairs: Pairs) -> Iterator[str]:
+    """Loggers: a date and a clock before time and value."""
+    yield "Date,Clock,Time (s),Force (V)"
+    yield from (
+        f"2026-11-22,16:37:{index % 60:02},{t:.7f},{v}" for index, (t, v) in enumerate(pairs)
+    )
+
+
+DIALECTS = {
+    "tektronix_tds.csv": write_tektronix_tds,
+    "tektronix_mso.csv": write_tektronix_mso,
+    "rigol.csv": write_rigol,
+    "rigol_steps.csv": write_rigol_steps,
+    "keysight.csv": write_keysight,
+    "lecroy.csv": write_lecroy,
+    "siglent.csv": write_siglent,
+    "picoscope.csv": write_picoscope,
+    "digilent.csv": write_digilent,
+    "dewesoft.txt": write_dewesoft,
+    "saleae.csv": write_saleae,
+    "quoted_rows.csv": write_quoted_rows,
+    "quoted_commas.csv": write_quoted_commas,
+    "labview.lvm": write_labview_without_header,
+}
+COARSE = {"rigol.csv": 0.005}
+"""Files that give fewer digits [V]."""
+SENSOR = ChannelUse(sensitivity=Sensitivity(0.01, "m/s^2"))
+
+
+def save(folder: Path, name: str, lines: Iterator[str]) -> Path:
+    path = folder / name
+    path.write_text("\r\n".join(lines) + "\r\n", encoding="utf-8", newline="")
+    return path
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_every_point_is_found_with_its_time_and_unit(tmp_path: Path, name: str) -> None:
+    file = read_measurement(save(tmp_path, name, DIALECTS[name](PAIRS)))
+    assert file.channels[-1].unit == ("" if name in ("lecroy.csv", "labview.lvm") else "V")
+    found = map_channels(file, ChannelPlan(SENSOR))
+    assert found.sampling_rate == pytest.approx(RATE, rel=1e-6)
+    # 10 mV for a m/s².
+    np.testing.assert_allclose(found.hammer.output, PULSE, atol=COARSE.get(name, 1e-5))
+    assert found.hammer.scale == pytest.approx(100.0)
+
+
+def test_columns_of_words_are_in_nobodys_way(tmp_path: Path) -> None:
+    file = read_measurement(save(tmp_path, "logger.csv", write_dates(PAIRS)))
+    assert [channel.name for channel in file.channels] == ["Date", "Clock", "Time", "Force"]
+    skipped = ChannelPlan(SENSOR, columns=("skip", "skip", "time", "hammer"))
+    np.testing.assert_allclose(map_channels(file, skipped).hammer.output, PULSE, atol=1e-5)
+    used = ChannelPlan(SENSOR, columns=("time", "skip", "skip", "hammer"))
+    with pytest.raises(SignalError, match=r"line 2: '2026-11-22' is no number.*give --rate"):
+        map_channels(file, used)
+
+
+def test_a_channel_beyond_its_range_is_infinite(tmp_path: Path) -> None:
+    lines = [*write_picoscope(PAIRS)]
+    lines[150] = lines[150].split(",")[0] + ",-∞"
+    file = read_measurement(save(tmp_path, "picoscope.csv", iter(lines)))
+    with pytest.raises(SignalError, match=r"hammer is -inf at point 147 \(1 such"):
+        map_channels(file, ChannelPlan(SENSOR))
