@@ -37,6 +37,8 @@ class AveragedHit:
         As in `FilteredHit`, one for each channel [m/s^2].
     baseline_points : int
         Points of the baseline that was removed.
+    zero_uncertainty : float
+        As in `FilteredHit` [m/s^2].
     """
 
     traces: NDArray[np.float32]
@@ -47,6 +49,7 @@ class AveragedHit:
     raw_noise: tuple[float, ...]
     resolution: tuple[float, ...]
     baseline_points: int
+    zero_uncertainty: float = 0.0
 
 
 def shift_hit(hit: FilteredHit) -> AveragedHit:
@@ -63,6 +66,7 @@ def shift_hit(hit: FilteredHit) -> AveragedHit:
         raw_noise=tuple(hit.raw_noise.tolist()),
         resolution=tuple(hit.resolution.tolist()),
         baseline_points=hit.baseline_points,
+        zero_uncertainty=hit.zero_uncertainty,
     )
 
 
@@ -82,6 +86,8 @@ class HitSummary:
         Sum of the squares of these accelerations [m^2/s^4].
     baseline_points : float
         Points of the baseline that all hits have, counted from the origin: 0 ends there.
+    zero_uncertainty : float
+        Sum of the uncertainties of the hammer's zero under the pulse, alike in all [m/s^2].
     """
 
     count: int = 0
@@ -89,6 +95,7 @@ class HitSummary:
     largest_step: FloatArray = field(default_factory=lambda: np.array(0.0))
     square_steps: FloatArray = field(default_factory=lambda: np.array(0.0))
     baseline_points: float = math.inf
+    zero_uncertainty: float = 0.0
 
     def add(self, hit: AveragedHit) -> Self:
         """Return the summary with one more hit."""
@@ -98,6 +105,7 @@ class HitSummary:
             largest_step=np.maximum(self.largest_step, hit.resolution),
             square_steps=self.square_steps + np.square(hit.resolution),
             baseline_points=min(self.baseline_points, hit.baseline_points - hit.origin),
+            zero_uncertainty=self.zero_uncertainty + abs(hit.zero_uncertainty),
         )
 
 
@@ -142,6 +150,11 @@ class MeanHit:
     def baseline_points(self) -> int:
         """Points of the mean's baseline, 1 or more."""
         return max(int(self.summary.baseline_points) + self.origin, 1)
+
+    @property
+    def zero_uncertainty(self) -> float:
+        """Standard uncertainty of the hammer's zero under the pulse by corrections [m/s^2]."""
+        return self.summary.zero_uncertainty / self.count
 
     def cut_hit(self, index: int) -> NDArray[np.float32]:
         """Return one of `hits` over the mean's window, shape (channels, n)."""

@@ -1,7 +1,7 @@
 """One hit from raw record to verdict: baseline, low-pass, pulse, alignment, reasons."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,11 +11,13 @@ from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.hits.verdict import (
     BASELINE_POINTS,
+    CHANNELS,
     check_channels,
     check_pulse,
     check_stream,
     check_strength,
 )
+from impact_rig.core.hits.zero import judge_zeros
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.filtering import check_cutoff, interpolate_between, low_pass
 from impact_rig.core.signals.record import FloatArray, HitLabel, Record
@@ -70,6 +72,8 @@ class FilteredHit:
         Acceleration of one count [m/s^2]; 0: not known.
     baseline_points : int
         Points of the baseline that was removed.
+    zero_uncertainty : float
+        Standard uncertainty of the hammer's zero under the pulse by what was corrected [m/s^2].
     """
 
     traces: FloatArray
@@ -79,6 +83,7 @@ class FilteredHit:
     raw_noise: FloatArray
     resolution: FloatArray
     baseline_points: int
+    zero_uncertainty: float = 0.0
 
     @cached_property
     def aligned(self) -> tuple[FloatArray, int]:
@@ -115,6 +120,8 @@ class JudgedHit:
         The traces of a hit whose pulse could be measured, rejected or not.
     overruled : tuple of Rejection
         Reasons that were set aside by hand; empty: none.
+    findings : tuple of Rejection
+        What is not as it should be and was corrected, or cannot be told from what is harmless.
     """
 
     label: HitLabel
@@ -128,6 +135,7 @@ class JudgedHit:
     specimen_peak: float = math.nan
     filtered: FilteredHit | None = None
     overruled: tuple[Rejection, ...] = ()
+    findings: tuple[Rejection, ...] = ()
 
     @property
     def accepted(self) -> bool:
@@ -167,13 +175,17 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
         return JudgedHit(record.label, rejections, record.stamp)
     try:
         filtered = _filter_record(record, baseline_stop, settings)
+        filtered, corrected, unsure = _correct_zero(filtered)
     except SignalError as error:
         rejections += (Rejection(Reason.TRUNCATED, str(error)),)
         return JudgedHit(record.label, rejections, record.stamp)
     pulse, peaks = filtered.pulse, np.abs(filtered.traces).max(axis=1).tolist()
     overloaded = any(item.reason is Reason.OVERLOAD for item in rejections)
     rejections += check_strength(record, peaks, settings, overloaded=overloaded)
-    rejections += check_pulse(record, filtered.traces[0], pulse, settings)
+    against, harmless = check_pulse(
+        filtered.traces[0], pulse, float(filtered.noise[0]), record.sampling_rate, settings
+    )
+    rejections += unsure + against
     width = pulse.half_amplitude_width / record.sampling_rate
     return JudgedHit(
         label=record.label,
@@ -186,7 +198,44 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
         hammer_peak=peaks[0],
         specimen_peak=peaks[1] if len(peaks) > 1 else math.nan,
         filtered=filtered,
+        findings=corrected + harmless,
     )
+
+
+def _correct_zero(
+    hit: FilteredHit,
+) -> tuple[FilteredHit, tuple[Rejection, ...], tuple[Rejection, ...]]:
+    """Take off what the zero is after the impact; return what was, and what was not sure enough.
+
+    Raises
+    ------
+    SignalError
+        If no whole pulse is left.
+    """
+    corrected, unsure, traces = [], [], hit.traces
+    zero_uncertainty = 0.0
+    shifts = judge_zeros(
+        traces, hit.pulse, hit.baseline_points, hit.raw_noise, hit.sampling_rate
+    )
+    for channel, (name, shift) in enumerate(zip(CHANNELS, shifts, strict=False)):
+        if shift is None:
+            continue
+        named = Rejection(shift.reason, f"zero of the {name} after the impact: {shift.explanation}")
+        if shift.correction is None:
+            unsure.append(named)
+            continue
+        corrected.append(named)
+        traces = traces.copy()
+        traces[channel] -= shift.correction
+        if channel == 0:
+            zero_uncertainty = shift.uncertainty
+    if not corrected:
+        return hit, (), tuple(unsure)
+    traces.setflags(write=False)
+    better = replace(
+        hit, traces=traces, pulse=measure_pulse(traces[0]), zero_uncertainty=zero_uncertainty
+    )
+    return better, tuple(corrected), tuple(unsure)
 
 
 def _filter_record(record: Record, baseline_stop: int, settings: AnalysisSettings) -> FilteredHit:

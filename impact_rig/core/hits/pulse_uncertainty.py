@@ -57,6 +57,8 @@ class TraceQuality:
         Points of the baseline that was removed.
     relative_cutoff : float
         Of the low-pass, over the sampling rate [-]; 0: none.
+    zero_uncertainty : float
+        Of the zero under the pulse, by what was corrected there.
     """
 
     noise: float
@@ -65,6 +67,7 @@ class TraceQuality:
     resolution: float
     baseline_points: int
     relative_cutoff: float
+    zero_uncertainty: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,8 @@ class PulseErrors:
         The highest of several noisy points on a flat top is too high.
     low_pass : float
         Signed: by so much the low-pass widens a versed-sine of this width.
+    correction : float
+        What the zero was after the impact, and was not known of it under the pulse.
     """
 
     noise: float
@@ -96,6 +101,7 @@ class PulseErrors:
     sampling: float
     peak_reading: float
     low_pass: float
+    correction: float = 0.0
 
 
 def estimate_pulse_errors(
@@ -135,6 +141,7 @@ def estimate_pulse_errors(
         * both
         / 2.0,
         low_pass=width * compute_low_pass_widening(2.0 * width * quality.relative_cutoff),
+        correction=quality.zero_uncertainty * both / 2.0,
     )
 
 

@@ -1,138 +1,18 @@
-"""Every reason against a hit, named.
-
-A second hit is a contact like the first: it starts from the baseline, goes to one side, and lasts
-about as long. Ringing of one contact swings to both sides, or is much shorter.
-"""
+"""Every reason against a hit, named."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import g
-from scipy.signal import find_peaks, peak_prominences
 
-from impact_rig.core.hits.pulse_width import PulseWidth, find_crossing
+from impact_rig.core.hits.clipping import find_dropout, find_longest_rail_run
+from impact_rig.core.hits.pulse_width import PulseWidth
 from impact_rig.core.hits.reasons import Reason, Rejection
-from impact_rig.core.model.pulses import HALF_SINE, VERSED_SINE
+from impact_rig.core.hits.second_pulse import Kind, find_second_pulse
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import FloatArray, Record, Trace
 
-LEVEL_MARGIN = 0.9
-"""Where the second pulse is read, part of the level asked for [-], our choice: noise and what the
-first contact leaves behind must not let a pulse of exactly that level through."""
-SECOND_PULSE_DELAY = 1.2
-"""Least distance of two contacts, in contact times [-], our choice: what follows sooner belongs
-to the same contact."""
-DELAY_MARGIN = 0.9
-"""Where that distance is read, part of it [-], our choice: the contact time is known within some
-5 % by the shape of the pulse, and the middle of a small pulse within as much by its noise."""
-RINGING_SWING = 0.5
-"""How far ringing swings to the other side next to a bump, part of its height [-], our choice: a
-lightly damped wave has nearly 1, a contact 0."""
-SHORTEST_SECOND_PULSE = 0.5
-"""Width of a second contact over that of the first [-], our choice: a softer hit lasts longer, if
-anything (Hertz: with the speed to the power of -1/5)."""
-
-
-@dataclass(frozen=True)
-class SecondPulse:
-    """Another contact in the record of a hit.
-
-    Attributes
-    ----------
-    height : float
-        Over the height of the largest pulse [-].
-    delay : float
-        Middle to middle, in points; negative: it comes before the largest pulse.
-    """
-
-    height: float
-    delay: float
-
-
-def estimate_duration(pulse: PulseWidth) -> float:
-    """Estimate how long a pulse lasts [points], whatever its shape.
-
-    The factor of the width at half amplitude goes from that of a half-sine to that of a
-    versed-sine with the ratio of widths w10 / w50 [-]; for sin^1.5 and Hertz this is within 5 %.
-    The shortest where the ratio is not known.
-    """
-    ratio = HALF_SINE.width_ratio if math.isnan(pulse.width_ratio) else pulse.width_ratio
-    factor = np.interp(
-        ratio,
-        (HALF_SINE.width_ratio, VERSED_SINE.width_ratio),
-        (HALF_SINE.pulse_factor, VERSED_SINE.pulse_factor),
-    )
-    return float(factor) * pulse.half_amplitude_width
-
-
-def find_second_pulse(trace: FloatArray, pulse: PulseWidth, level: float) -> SecondPulse | None:
-    """Find the largest pulse beside the largest of all that is a contact of its own.
-
-    Where ringing reaches half the height of a second contact, the two cannot be told apart, and
-    none is reported.
-
-    Parameters
-    ----------
-    trace : ndarray, shape (n,)
-        Filtered hammer trace, baseline zero.
-    pulse : PulseWidth
-        Its largest pulse.
-    level : float
-        Least height that counts, part of the largest pulse [-].
-    """
-    upright = trace if pulse.peak > 0 else -trace
-    least = LEVEL_MARGIN * level * abs(pulse.peak)
-    peaks, _ = find_peaks(upright, height=least)
-    if peaks.size <= 1:
-        return None
-    peaks = peaks[peak_prominences(upright, peaks)[0] >= least]
-    duration = estimate_duration(pulse)
-    for index in sorted(map(int, peaks), key=lambda index: -upright[index]):
-        if index == pulse.peak_index:
-            continue
-        rise, fall = _find_half_crossings(upright, index)
-        delay = (rise + fall) / 2.0 - pulse.middle
-        is_contact = (
-            abs(delay) >= DELAY_MARGIN * SECOND_PULSE_DELAY * duration
-            and fall - rise >= SHORTEST_SECOND_PULSE * pulse.half_amplitude_width
-            and _find_swing(upright, pulse, index, duration) < RINGING_SWING * upright[index]
-        )
-        if is_contact:
-            return SecondPulse(float(upright[index]) / abs(pulse.peak), delay)
-    return None
-
-
-def _find_half_crossings(upright: FloatArray, index: int) -> tuple[float, float]:
-    """Return where a pulse crosses half its height; the trace's end where it does not [points]."""
-    half = 0.5 * float(upright[index])
-    rise, fall = (find_crossing(upright, index, half, step) for step in (-1, 1))
-    return (
-        0.0 if math.isnan(rise) else rise,
-        upright.size - 1.0 if math.isnan(fall) else fall,
-    )
-
-
-def _find_swing(upright: FloatArray, pulse: PulseWidth, index: int, duration: float) -> float:
-    """Return how far the trace swings to the other side within one contact time of a bump."""
-    low, high = max(index - int(duration), 0), index + int(duration) + 1
-    if index > pulse.peak_index:
-        low = max(low, math.ceil(pulse.fall))
-    else:
-        high = min(high, math.floor(pulse.rise) + 1)
-    return -float(np.min(upright[low:high]))
-
-
-RAIL_TOLERANCE = 2e-3
-"""How near to full scale a point counts as at the rail, part of full scale [-], our choice: four
-steps of 12 bits, room for an offset."""
-RAIL_STEPS = 1.0
-"""The same for the converter's steps [-]: of b bits the largest count is 2^(b-1) - 1."""
-CORNER_STEP = 0.01
-"""Where full scale is unknown: the least step into a flat top that makes it a clipped one, part
-of the peak [-], our choice. A rounded top that merely repeats a value has none."""
 DEAD_LEVEL = 0.005
 """Largest deviation of a channel that shows nothing, part of full scale [-], our choice: half of
 the smallest signal worth a range."""
@@ -142,10 +22,13 @@ record of 100 000 has such a point by chance."""
 QUIET_PART = 0.05
 """Part of a record in which its noise is looked for [-], our choice: half the default pre-trigger,
 since a weak pulse has long begun when it reaches the detection level."""
+LARGEST_WANDER = 0.05
+"""Height of a bump in a wandering zero that a hit may have, over the peak [-], our choice: it
+changes tau_p by some 3 %."""
 TAIL_CONTACTS = 1.0
 """What must follow the pulse, in its half-amplitude widths [-], our choice."""
-HAMMER = "hammer"
-"""The channel that tells how strong a hit was, for people."""
+CHANNELS = ("hammer", "sample")
+"""For people; the first tells how strong a hit was."""
 BASELINE_POINTS = 3
 """What must come before the pulse, in points, for a baseline."""
 
@@ -167,19 +50,20 @@ def check_stream(record: Record) -> tuple[Rejection, ...]:
 
 
 def check_channels(record: Record, settings: AnalysisSettings) -> tuple[Rejection, ...]:
-    """Find dead and overloaded channels of a finite record."""
+    """Find dead and overloaded channels of a finite record, and points that cannot be."""
     channels = _name_channels(record)
     quiet = int(QUIET_PART * record.hammer.acceleration.size)
     if record.pulse_index is not None:
         quiet = min(quiet, record.pulse_index)
-    dead = [name for name, trace in channels if _is_dead(trace, max(quiet, 1))]
+    quiet = max(quiet, 1)
+    dead = [name for name, trace in channels if _is_dead(trace, quiet)]
     found = []
     if dead and len(dead) < len(channels):
         found.append(Rejection(Reason.DEAD_CHANNEL, f"the {dead[0]} channel shows no signal"))
     elif record.pulse_index is None:
         found.append(Rejection(Reason.NO_PULSE, "the hammer trace never leaves its baseline"))
     for name, trace in channels:
-        run = find_longest_rail_run(trace)
+        run = find_longest_rail_run(trace, quiet)
         if run >= settings.overload_run:
             rail = float(np.max(np.abs(trace.acceleration)))
             found.append(
@@ -192,6 +76,16 @@ def check_channels(record: Record, settings: AnalysisSettings) -> tuple[Rejectio
         elif trace.overloaded:
             found.append(
                 Rejection(Reason.OVERLOAD, f"the device says that the {name} channel overloaded")
+            )
+        dropout = find_dropout(trace, quiet)
+        if dropout is not None:
+            place, off = dropout[0] / record.sampling_rate, dropout[1]
+            found.append(
+                Rejection(
+                    Reason.DROPOUT,
+                    f"a single point of the {name}, {place * 1e6:.0f} us into the record, is"
+                    f" {abs(off):.4g} m/s^2 off its neighbours",
+                )
             )
     return tuple(found)
 
@@ -218,7 +112,7 @@ def check_strength(
         least, most = (
             part * trace.full_scale for part in (settings.minimum_peak, settings.maximum_peak)
         )
-        if name == HAMMER and peak < least:
+        if name == CHANNELS[0] and peak < least:
             found.append(
                 Rejection(Reason.WEAK, f"{name} peak {peak:.4g} m/s^2 is below {least:.4g} m/s^2")
             )
@@ -230,66 +124,59 @@ def check_strength(
 
 
 def check_pulse(
-    record: Record, hammer: FloatArray, pulse: PulseWidth, settings: AnalysisSettings
-) -> tuple[Rejection, ...]:
+    hammer: FloatArray,
+    pulse: PulseWidth,
+    noise: float,
+    sampling_rate: float,
+    settings: AnalysisSettings,
+) -> tuple[tuple[Rejection, ...], tuple[Rejection, ...]]:
     """Find what is wrong with the course of a pulse that could be measured.
 
     Parameters
     ----------
-    record : Record
-        The hit.
     hammer : ndarray, shape (n,)
         Filtered hammer trace, baseline zero [m/s^2].
     pulse : PulseWidth
         Its pulse.
+    noise : float
+        Standard deviation of the trace [m/s^2].
+    sampling_rate : float
+        [Hz]
     settings : AnalysisSettings
-        `double_hit_level` is used.
+        `double_hit_level` and `double_hit_window` are used.
+
+    Returns
+    -------
+    tuple of tuple of Rejection
+        What is against the hit, and what looks like it but cannot be told from what is harmless.
     """
-    found = []
+    against, doubtful = [], []
     if pulse.fall + TAIL_CONTACTS * pulse.half_amplitude_width > hammer.size - 1:
-        found.append(Rejection(Reason.TRUNCATED, "the record ends too soon after the pulse"))
-    second = find_second_pulse(hammer, pulse, settings.double_hit_level)
+        against.append(Rejection(Reason.TRUNCATED, "the record ends too soon after the pulse"))
+    level, window = settings.double_hit_level, settings.double_hit_window
+    second = find_second_pulse(hammer, pulse, level, noise, window * sampling_rate or math.inf)
     if second is not None:
-        delay = abs(second.delay) / record.sampling_rate
-        found.append(
-            Rejection(
-                Reason.DOUBLE_HIT,
-                f"a second pulse of {second.height * 100:.0f} % of the largest"
-                f" {'follows after' if second.delay > 0 else 'precedes it by'}"
-                f" {delay * 1e6:.0f} us",
-            )
+        height = f"{second.height * 100:.{0 if second.height >= 0.1 else 1}f} % of the largest"
+        place = (
+            f"{'follows after' if second.delay > 0 else 'precedes it by'}"
+            f" {abs(second.delay) / sampling_rate * 1e6:.0f} us"
         )
-    return tuple(found)
-
-
-def find_longest_rail_run(trace: Trace) -> int:
-    """Return how many points in a row stand at the rail [points].
-
-    The rail is full scale where that is known; else a flat top is a rail if the trace steps
-    into it.
-    """
-    values = trace.acceleration
-    if values.size == 0:
-        return 0
-    peak = max(float(values.max()), -float(values.min()))
-    rail = peak * (1.0 - 1e-9)
-    if trace.full_scale > 0.0:
-        # A converter of b bits ends one step below its positive full scale.
-        rail = (1.0 - RAIL_TOLERANCE) * trace.full_scale - RAIL_STEPS * trace.resolution
-        if peak < rail:
-            return 0
-    at_rail = np.abs(values) >= rail
-    run = _find_longest_run(at_rail)
-    if trace.full_scale > 0.0:
-        return run
-    first = int(np.argmax(at_rail))
-    step = peak - abs(float(values[first - 1])) if first > 0 else 0.0
-    return run if step > CORNER_STEP * peak else 1
-
-
-def _find_longest_run(flags: NDArray[np.bool_]) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))
+        counts = f"from {level * 100:g} % on"
+        counts += f" within {window * 1e6:g} us one counts" if window else " one counts"
+        if second.kind is Kind.CONTACT:
+            text = f"a second pulse of {height} {place}; {counts}"
+            against.append(Rejection(Reason.DOUBLE_HIT, text))
+        elif second.kind is Kind.RINGING:
+            text = f"a bump of {height} {place}: it cannot be told from ringing"
+            doubtful.append(Rejection(Reason.DOUBLE_HIT, text))
+        else:
+            text = (
+                f"a bump of {height} {place}, as the zero wanders: noise of a cable, strain of the"
+                " sensor's base"
+            )
+            target = against if second.height >= LARGEST_WANDER else doubtful
+            target.append(Rejection(Reason.UNSTEADY_ZERO, text))
+    return tuple(against), tuple(doubtful)
 
 
 def _is_dead(trace: Trace, quiet_count: int) -> bool:
@@ -297,18 +184,13 @@ def _is_dead(trace: Trace, quiet_count: int) -> bool:
     level = DEAD_LEVEL * trace.full_scale
     # No deviation is less than half the range of all, no standard deviation more than half the
     # range of the quiet part: a good hit is told from a dead channel by these alone.
-    if _find_half_range(values) > max(level, DEAD_NOISE * _find_half_range(quiet)):
+    low, high = trace.extremes
+    if high - low > max(2.0 * level, DEAD_NOISE * (float(quiet.max()) - float(quiet.min()))):
         return False
     largest = float(np.max(np.abs(values - np.median(quiet))))
     return largest <= max(level, DEAD_NOISE * float(np.std(quiet)))
 
 
-def _find_half_range(values: FloatArray) -> float:
-    return (float(values.max()) - float(values.min())) / 2.0
-
-
 def _name_channels(record: Record) -> list[tuple[str, Trace]]:
-    channels = [(HAMMER, record.hammer)]
-    if record.specimen is not None:
-        channels.append(("sample", record.specimen))
-    return channels
+    traces = (record.hammer, record.specimen)
+    return [(n, trace) for n, trace in zip(CHANNELS, traces, strict=True) if trace is not None]

@@ -39,12 +39,16 @@ class AnalysisSettings:
         offset and noise below the rail.
     overload_run : int
         Points in a row at the rail that make an overload [-]. Our choice: one point may be
-        chance, three are not.
+        chance, two are not.
     double_hit_level : float
-        Second pulse that makes a double hit, part of the first [-]. Our choice.
+        Second pulse that makes a double hit, part of the first [-]. Our choice: noise and what
+        sensors leave behind are less.
     keep_hits : int
         How many accepted hits of a sample are averaged at most, the most consistent ones [-]; 0:
         all.
+    double_hit_window : float
+        Distance of two pulses up to which the second counts [s]; 0: any. For an analysis of
+        files: a live rig is not told.
     contact_exponent : float
         n of the contact law where it is known [-]; NaN: it is fitted. For an analysis of files: a
         live rig is not told.
@@ -57,9 +61,10 @@ class AnalysisSettings:
     detection_level: float = 0.03
     minimum_peak: float = 0.15
     maximum_peak: float = 0.95
-    overload_run: int = 3
-    double_hit_level: float = 0.05
+    overload_run: int = 2
+    double_hit_level: float = 0.02
     keep_hits: int = 0
+    double_hit_window: float = field(default=0.0, metadata=INTERNAL)
     contact_exponent: float = field(default=math.nan, metadata=INTERNAL)
 
     def __post_init__(self) -> None:
@@ -83,6 +88,7 @@ class AnalysisSettings:
             )
         check_between("overload_run", self.overload_run, 1, 1000)
         check_between("double_hit_level", self.double_hit_level, 1e-3, 1.0)
+        check_not_negative("double_hit_window", self.double_hit_window, "s")
         if not math.isnan(self.contact_exponent):
             check_between("contact_exponent", self.contact_exponent, *CONTACT_EXPONENTS)
         check_between("keep_hits", self.keep_hits, 0, MOST_KEPT_HITS)

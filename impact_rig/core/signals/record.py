@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -218,6 +219,11 @@ class Trace:
         object.__setattr__(self, "acceleration", values)
         check_not_negative("full scale", self.full_scale, "m/s^2")
         check_not_negative("resolution", self.resolution, "m/s^2")
+
+    @cached_property
+    def extremes(self) -> tuple[float, float]:
+        """Least and largest acceleration [m/s^2]; of one point or more."""
+        return float(self.acceleration.min()), float(self.acceleration.max())
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,8 @@ ONE_HIT = (
 )
 PULSE_SHAPE = "shape of the pulse"
 """Source of what another shape than the paper's makes of tau_p."""
+ZERO_AFTER = "zero after the impact"
+"""Source of what was corrected there."""
 LARGEST_STEP = 0.1
 """Quantisation error of the second peak, part of it, up to which its logarithm is taken as linear
 [-], our choice: without noise to smooth the converter's steps, a peak of three counts."""
@@ -179,6 +181,7 @@ def estimate_hit_contact_time(
         resolution=float(hit.resolution[0]),
         baseline_points=hit.baseline_points,
         relative_cutoff=settings.cutoff_frequency / hit.sampling_rate,
+        zero_uncertainty=hit.zero_uncertainty,
     )
     errors = estimate_pulse_errors(hit.traces[0], hit.pulse, quality)
     number = factor * hit.pulse.half_amplitude_width + _make_common_errors(errors, factor, "hit")
@@ -196,6 +199,8 @@ def _make_common_errors(errors: PulseErrors, factor: float, owner: str) -> Uncer
     total = total + make_input("trend of the baseline", 0.0, factor * errors.trend, owner)
     total = total + make_input("sampling", 0.0, factor * errors.sampling, owner)
     total = total + make_input("peak reading", 0.0, factor * errors.peak_reading, owner)
+    if errors.correction:
+        total = total + make_input(ZERO_AFTER, 0.0, factor * errors.correction, owner)
     # A known error that is not corrected (GUM F.2.4.5), alike on every sample of the rig.
     return total + factor * errors.low_pass * make_input("low-pass", 0.0, 1.0)
 
@@ -209,6 +214,7 @@ def _describe_mean(mean: MeanHit, channel: int, cutoff_frequency: float) -> Trac
         resolution=float(mean.summary.largest_step[channel]),
         baseline_points=mean.baseline_points,
         relative_cutoff=cutoff_frequency / mean.sampling_rate,
+        zero_uncertainty=0.0 if channel else mean.zero_uncertainty,
     )
 
 
