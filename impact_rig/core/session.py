@@ -200,11 +200,12 @@ class Session:
         else:
             hammer, law = self.estimate_hammer(name), self._estimate_law(name, mean)
             estimate = estimate_numbers(name, mean, spread, rejected, hammer, setup, law)
-        notes = estimate.notes
+        corrected, doubtful = series.describe_findings()
+        notes = estimate.notes + doubtful
         if len(mean.hits) < mean.count:
             shown = f"{len(mean.hits)} of {mean.count} hits, evenly over the series"
             notes = (*notes, f"scatter of the traces: that of {shown}")
-        warnings = tuple(
+        warnings = corrected + tuple(
             describe_overruled(hit, f"hit {describe_label(hit.label)}") for hit in series.overruled
         )
         return replace(estimate, notes=notes, warnings=estimate.warnings + warnings)

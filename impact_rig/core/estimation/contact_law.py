@@ -28,7 +28,8 @@ from impact_rig.core.estimation.law_fit import (
 from impact_rig.core.estimation.pulse_shape import fit_pulse, is_worse
 from impact_rig.core.estimation.pulse_window import PulseWindow, cut_window
 from impact_rig.core.hits.averaging import MeanHit
-from impact_rig.core.hits.pulse_width import TENTH_LEVEL, measure_pulse
+from impact_rig.core.hits.pulse_width import TENTH_LEVEL, PulseWidth, measure_pulse
+from impact_rig.core.hits.zero import ZERO_AFTER, compute_share
 from impact_rig.core.identification.fitting import compute_noise_correlation, compute_raw_noise
 from impact_rig.core.model.contact_law import (
     compute_pulses,
@@ -250,6 +251,10 @@ def estimate_contact_law(
         else ("noise", noise**2 * unit, math.inf),
         ("what the contact law leaves", excess * unit, math.inf),
     ]
+    if mean.zero_uncertainty:
+        moved = _move_step(mean, pulse)[window.points] / pulse.peak
+        change = fit.project(moved[:, np.newaxis])
+        sources.append((ZERO_AFTER, change @ change.T, math.inf))
     total = sources[0][1] + sources[1][1]
     spread = math.sqrt(total[EXPONENT, EXPONENT] * total[DAMPING, DAMPING])
     told = float(total[EXPONENT, DAMPING]) / spread if spread > 0.0 else math.nan
@@ -385,6 +390,16 @@ def _compute_scatter(
         return None
     cuts = [hit[0, window.points] / peak - window.measured for hit in mean.cut_hits()]
     return np.asarray(np.cov(fit.project(np.stack(cuts, axis=1))))
+
+
+def _move_step(mean: MeanHit, pulse: PulseWidth) -> FloatArray:
+    """Return what changes if the step of the zero came at once, and not with the momentum.
+
+    One standard uncertainty of the zero under the pulse, of 1 / sqrt(12) of the step, is between
+    the two, evenly distributed [m/s^2].
+    """
+    at_once = np.arange(mean.traces.shape[1]) > pulse.middle
+    return 2.0 * mean.zero_uncertainty * (compute_share(mean.traces[0], pulse) - at_once)
 
 
 def _compute_quantities(

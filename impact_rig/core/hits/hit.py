@@ -175,7 +175,7 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
         return JudgedHit(record.label, rejections, record.stamp)
     try:
         filtered = _filter_record(record, baseline_stop, settings)
-        filtered, corrected, unsure = _correct_zero(filtered)
+        filtered, corrected, unsure = _correct_zero(filtered, settings)
     except SignalError as error:
         rejections += (Rejection(Reason.TRUNCATED, str(error)),)
         return JudgedHit(record.label, rejections, record.stamp)
@@ -185,7 +185,10 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
     against, harmless = check_pulse(
         filtered.traces[0], pulse, float(filtered.noise[0]), record.sampling_rate, settings
     )
-    rejections += unsure + against
+    rejections += against
+    if not rejections:
+        # Whatever else is wrong may show in the tail.
+        rejections += unsure
     width = pulse.half_amplitude_width / record.sampling_rate
     return JudgedHit(
         label=record.label,
@@ -203,7 +206,7 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
 
 
 def _correct_zero(
-    hit: FilteredHit,
+    hit: FilteredHit, settings: AnalysisSettings
 ) -> tuple[FilteredHit, tuple[Rejection, ...], tuple[Rejection, ...]]:
     """Take off what the zero is after the impact; return what was, and what was not sure enough.
 
@@ -215,12 +218,19 @@ def _correct_zero(
     corrected, unsure, traces = [], [], hit.traces
     zero_uncertainty = 0.0
     shifts = judge_zeros(
-        traces, hit.pulse, hit.baseline_points, hit.raw_noise, hit.sampling_rate
+        traces,
+        hit.pulse,
+        hit.baseline_points,
+        hit.raw_noise,
+        hit.sampling_rate,
+        settings.double_hit_level,
     )
     for channel, (name, shift) in enumerate(zip(CHANNELS, shifts, strict=False)):
         if shift is None:
             continue
-        named = Rejection(shift.reason, f"zero of the {name} after the impact: {shift.explanation}")
+        named = Rejection(
+            shift.reason, f"zero of the {name} after the impact: {shift.explanation}"
+        )
         if shift.correction is None:
             unsure.append(named)
             continue

@@ -89,7 +89,11 @@ def estimate_duration(pulse: PulseWidth) -> float:
 
 
 def find_second_pulse(
-    trace: FloatArray, pulse: PulseWidth, level: float, noise: float = 0.0, window: float = math.inf
+    trace: FloatArray,
+    pulse: PulseWidth,
+    level: float,
+    noise: float = 0.0,
+    window: float = math.inf,
 ) -> SecondPulse | None:
     """Find the largest bump beside the largest of all: a contact first, then what may be one.
 

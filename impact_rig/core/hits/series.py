@@ -81,6 +81,8 @@ SCATTER_HITS = 128
 """Hits of a mean that show the scatter at most [-], our choice: more than the 120 of a
 whole published campaign."""
 
+DOUBTS = (Reason.DOUBLE_HIT, Reason.UNSTEADY_ZERO)
+"""Findings that are not corrected: they cannot be told from what is harmless."""
 Numbers = NDArray[np.int64]
 
 
@@ -131,6 +133,7 @@ class HitSeries:
         self._figures = array("d")
         self._traces = TraceFile()
         self._by_hand: list[int] = []
+        self._findings: dict[int, tuple[Rejection, ...]] = {}
         self._sorted, self._consistent = SortedFigures(), SortedFigures()
         self._criteria: tuple[Criterion, ...] = ()
         self._left_out = _LeftOut()
@@ -156,6 +159,24 @@ class HitSeries:
     def overruled(self) -> tuple[JudgedHit, ...]:
         """Hits in the mean by hand, with all that is against them."""
         return tuple(self._complete(self._hits[self._rows[number]]) for number in self._by_hand)
+
+    def describe_findings(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Say what was corrected in the hits in the mean, and what could not be told."""
+        kept = len(self._rows) - len(self._left_out.numbers)
+        found: dict[Reason, dict[int, str]] = {}
+        for number in sorted(self._findings.keys() - self._left_out.numbers):
+            for item in self._findings[number]:
+                found.setdefault(item.reason, {})[number] = item.explanation
+        corrected: list[str] = []
+        doubtful: list[str] = []
+        for reason, texts in found.items():
+            is_doubt = reason in DOUBTS
+            what = "in" if is_doubt else "corrected in"
+            last = texts[max(texts)]
+            (doubtful if is_doubt else corrected).append(
+                f"{reason.value} {what} {len(texts)} of {kept} hits, in the last: {last}"
+            )
+        return tuple(corrected), tuple(doubtful)
 
     def check(self, hit: JudgedHit) -> tuple[Rejection, ...]:
         """Compare an accepted hit with all accepted hits so far, and itself.
@@ -185,6 +206,8 @@ class HitSeries:
         self._hits.append(replace(hit, filtered=None))
         self._rows.append(len(self._hits) - 1)
         self._figures.extend(figures)
+        if hit.findings:
+            self._findings[number] = hit.findings
         if hit.overruled:
             self._by_hand.append(number)
         else:

@@ -22,7 +22,7 @@ record of 100 000 has such a point by chance."""
 QUIET_PART = 0.05
 """Part of a record in which its noise is looked for [-], our choice: half the default pre-trigger,
 since a weak pulse has long begun when it reaches the detection level."""
-LARGEST_WANDER = 0.05
+HIGHEST_WANDER = 0.05
 """Height of a bump in a wandering zero that a hit may have, over the peak [-], our choice: it
 changes tau_p by some 3 %."""
 TAIL_CONTACTS = 1.0
@@ -156,7 +156,7 @@ def check_pulse(
     level, window = settings.double_hit_level, settings.double_hit_window
     second = find_second_pulse(hammer, pulse, level, noise, window * sampling_rate or math.inf)
     if second is not None:
-        height = f"{second.height * 100:.{0 if second.height >= 0.1 else 1}f} % of the largest"
+        height = f"{float(f'{second.height * 100:.2g}'):g} % of the largest"
         place = (
             f"{'follows after' if second.delay > 0 else 'precedes it by'}"
             f" {abs(second.delay) / sampling_rate * 1e6:.0f} us"
@@ -174,7 +174,7 @@ def check_pulse(
                 f"a bump of {height} {place}, as the zero wanders: noise of a cable, strain of the"
                 " sensor's base"
             )
-            target = against if second.height >= LARGEST_WANDER else doubtful
+            target = against if second.height >= max(HIGHEST_WANDER, level) else doubtful
             target.append(Rejection(Reason.UNSTEADY_ZERO, text))
     return tuple(against), tuple(doubtful)
 

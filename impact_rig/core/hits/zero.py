@@ -16,12 +16,17 @@ from impact_rig.core.hits.pulse_width import PulseWidth
 from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.signals.record import FloatArray
 
+ZERO_AFTER = "zero after the impact"
+"""Source of the uncertainty of what is corrected, in budgets."""
 TAIL_BEGIN = 1.5
 """Where the tail begins behind the fall of the pulse, in its widths at half amplitude [-], our
 choice: at e = 0.5 a contact's foot takes one."""
 TAIL_PARTS = 16
 """Means over parts of the tail that are looked at [-], our choice: they show a line, and take
 noise and ringing out."""
+LARGEST_SURPRISE = 0.4
+"""What a wave may leave of the tail's means that it predicts, over them, RMS [-], our choice:
+other modes of a body."""
 ROUGH = np.eye(TAIL_PARTS) - (
     (_POWERS := np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, TAIL_PARTS), 4))[0]) @ _POWERS.T
 )
@@ -40,8 +45,8 @@ LARGEST_STEP = 0.1
 """Step over the peak up to which it is corrected [-], our choice: where in the shock it came is
 not known, and matters more than the rest of the pulse's budget beyond."""
 FASTEST_RECOVERY = 1.0
-"""Rate at which a step goes up to which it is corrected, times the time from pulse to tail [-], our
-choice: what it was under the pulse is extrapolated."""
+"""Rate at which a step goes up to which it is corrected, times the time from pulse to tail [-],
+our choice: what it was under the pulse is extrapolated."""
 EXACT = 0.02
 """What a cause leaves of the tail, over it, below which it is exact [-], our choice: the mean of a
 noisy baseline, integrated, tells a droop no better."""
@@ -81,6 +86,7 @@ def judge_zeros(
     baseline: int,
     noise: FloatArray,
     sampling_rate: float,
+    largest_wander: float,
 ) -> list[ZeroShift | None]:
     """Judge the level of each trace after the impact.
 
@@ -96,6 +102,8 @@ def judge_zeros(
         Standard deviation of each trace's white noise [unit of the traces].
     sampling_rate : float
         [Hz]
+    largest_wander : float
+        RMS of the hammer's tail, over the peak, that needs no explanation [-].
 
     Returns
     -------
@@ -117,7 +125,8 @@ def judge_zeros(
     rough = np.abs(means @ ROUGH).max(axis=1) / LARGEST_ROUGHNESS
     stands_out = typical > np.maximum(LEAST_LEVEL * peaks, REST_NOISE * own)
     found: list[ZeroShift | None] = [None] * count
-    for channel in np.flatnonzero(stands_out & (rough < np.abs(means).max(axis=1))).tolist():
+    is_smooth = rough < np.abs(means).max(axis=1)
+    for channel in np.flatnonzero(stands_out & is_smooth).tolist():
         places = begin + (size - 1) / 2.0 + size * np.arange(TAIL_PARTS)
         tail = _Tail(
             traces[channel],
@@ -131,7 +140,22 @@ def judge_zeros(
         )
         least = max(LARGEST_REST * float(typical[channel]), REST_NOISE * float(own[channel]))
         found[channel] = tail.explain(least)
+    part = float(typical[0] / peaks[0])
+    if found[0] is None and part > largest_wander and not _is_ringing(means[0]):
+        text = (
+            f"it wanders by {100.0 * part:.2g} % of the peak, RMS, as by noise of a cable or"
+            " strain of the sensor's base"
+        )
+        found[0] = ZeroShift(Reason.UNSTEADY_ZERO, text)
     return found
+
+
+def _is_ringing(means: FloatArray) -> bool:
+    """Tell whether each mean follows from the two before it, as in any one decaying wave."""
+    before = np.stack([means[1:-1], means[:-2], np.ones(TAIL_PARTS - 2)], axis=1)
+    predicted = before @ np.linalg.lstsq(before, means[2:], rcond=None)[0]
+    rest = means[2:] - predicted
+    return float(rest @ rest) < LARGEST_SURPRISE**2 * float(means[2:] @ means[2:])
 
 
 def compute_share(hammer: FloatArray, pulse: PulseWidth) -> FloatArray:
@@ -166,7 +190,7 @@ class _Tail:
     peak: float
 
     def explain(self, least: float) -> ZeroShift | None:
-        """Return the cause that leaves the least of the tail; None: all leave more than `least`."""
+        """Return the cause that leaves least of the tail; None: all leave more than `least`."""
         # A high-pass of one pole takes 2 pi f_c times its own output's integral away.
         velocity = np.cumsum(self.trace) - self.trace / 2.0
         middle = (self.baseline - 1) / 2.0
@@ -191,12 +215,13 @@ class _Tail:
         return self._describe_step(step, rate)
 
     def _find_rate(self) -> float:
-        """Return the rate at which a step goes, by a line through the tail's logarithm [1/point]."""
+        """Return the rate at which a step goes [1/point]: a line in the tail's logarithm."""
         upright = self.means * math.copysign(1.0, float(self.means.sum()))
         weights = np.square(np.maximum(upright, 0.0))
         logarithms = np.log(np.where(upright > 0.0, upright, 1.0))
-        weights /= weights.sum()
-        lapse = self.places - float(weights @ self.places)
+        if np.count_nonzero(weights) < TAIL_PARTS / 2:
+            return 0.0
+        lapse = self.places - np.average(self.places, weights=weights)
         return max(-float((weights * lapse) @ logarithms / ((weights * lapse) @ lapse)), 0.0)
 
     def _describe_droop(self, fit: _Fit, velocity: FloatArray) -> ZeroShift:
@@ -210,7 +235,7 @@ class _Tail:
         )
 
     def _describe_drift(self, fit: _Fit, middle: float) -> ZeroShift:
-        line = fit.size * (np.arange(self.trace.size) - middle)
+        line: FloatArray = fit.size * (np.arange(self.trace.size, dtype=np.float64) - middle)
         percent = 100.0 / self.peak
         return ZeroShift(
             Reason.DRIFT,

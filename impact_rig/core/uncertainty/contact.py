@@ -25,6 +25,7 @@ from impact_rig.core.hits.pulse_uncertainty import (
     estimate_pulse_errors,
 )
 from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
+from impact_rig.core.hits.zero import ZERO_AFTER
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import FloatArray
@@ -38,8 +39,6 @@ ONE_HIT = (
 )
 PULSE_SHAPE = "shape of the pulse"
 """Source of what another shape than the paper's makes of tau_p."""
-ZERO_AFTER = "zero after the impact"
-"""Source of what was corrected there."""
 LARGEST_STEP = 0.1
 """Quantisation error of the second peak, part of it, up to which its logarithm is taken as linear
 [-], our choice: without noise to smooth the converter's steps, a peak of three counts."""

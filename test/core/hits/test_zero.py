@@ -1,0 +1,100 @@
+"""The level after the impact: its cause, its size, and what is left when it is corrected."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.hits.reasons import Reason
+from impact_rig.core.session import Session
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.signals.record import HitLabel
+
+from ..struck import HAMMER, SAMPLE, SPEED, Impact
+
+SETUP = RigSetup(
+    SampleSet((Sample("struck", SAMPLE),), "struck"), hammer_mass=HAMMER, impact_speed=SPEED
+)
+SOUND = Impact(resonance=1e6)
+
+
+def judge(impact: Impact, hits: int = 5) -> tuple[Session, list[JudgedHit]]:
+    session = Session(SETUP)
+    judged = []
+    for record in range(1, hits + 1):
+        block = replace(impact, seed=record).make_block(HitLabel("struck", record, record))
+        judged += session.feed(block)
+    return session, judged
+
+
+def find_causes(hits: list[JudgedHit]) -> set[tuple[Reason, ...]]:
+    assert all(hit.accepted for hit in hits)
+    return {tuple(item.reason for item in hit.findings) for hit in hits}
+
+
+def test_a_hit_that_comes_back_to_its_baseline_is_left_as_it_is() -> None:
+    session, hits = judge(replace(SOUND, hum=2e-4))
+    assert find_causes(hits) == {()}
+    assert session.estimate_sample("struck").contact_law.duration.value == pytest.approx(
+        212e-6, rel=0.002
+    )
+
+
+@pytest.mark.parametrize(
+    ("fault", "cause"),
+    [
+        ({"zero_shift": 0.02}, Reason.ZERO_SHIFT),
+        ({"zero_shift": 0.03}, Reason.ZERO_SHIFT),
+        ({"zero_shift": -0.03}, Reason.ZERO_SHIFT),
+        ({"zero_shift": 0.03, "recovery": 1e-3}, Reason.ZERO_SHIFT),
+        ({"corner": 50.0}, Reason.DROOP),
+        ({"corner": 200.0}, Reason.DROOP),
+        ({"drift": 0.02}, Reason.DRIFT),
+    ],
+    ids=str,
+)
+def test_what_shifts_the_zero_is_named_and_taken_off(
+    fault: dict[str, float], cause: Reason
+) -> None:
+    session, hits = judge(replace(SOUND, **fault))
+    assert find_causes(hits) == {(cause, cause)}
+    estimate = session.estimate_sample("struck")
+    law = estimate.contact_law
+    assert law.duration.value == pytest.approx(212e-6, rel=0.002)
+    assert law.momentum_ratio.value == pytest.approx(1.0, abs=0.005)
+    told = [text for text in estimate.warnings if text.startswith(cause.value)]
+    assert told[0].startswith(f"{cause.value} corrected in 5 of 5 hits, in the last: zero of the")
+
+
+def test_the_size_and_the_corner_are_told() -> None:
+    (hit,) = judge(replace(SOUND, corner=50.0), 1)[1]
+    assert float(hit.findings[0].explanation.split()[-5]) == pytest.approx(50.0, abs=1.0)
+    (hit,) = judge(replace(SOUND, zero_shift=0.03), 1)[1]
+    assert "a step of 3 % of the peak" in hit.findings[0].explanation
+
+
+def test_where_in_the_shock_the_step_came_is_in_the_budgets() -> None:
+    session, _ = judge(replace(SOUND, zero_shift=0.03, shift_at_once=True))
+    estimate = session.estimate_sample("struck")
+    law = estimate.contact_law
+    # Corrected as if it had come with the momentum: half a per cent, and the intervals know.
+    assert law.duration.value == pytest.approx(212e-6, rel=0.006)
+    assert abs(law.duration.value - 212e-6) < law.duration.expanded
+    assert abs(law.restitution.value - 0.9) < law.restitution.expanded
+    for quantity in (law.duration, estimate.contact_time):
+        assert "zero after the impact" in {line.source for line in quantity.budget}
+    sound = judge(SOUND)[0].estimate_sample("struck")
+    assert "zero after the impact" not in {line.source for line in sound.contact_time.budget}
+
+
+def test_a_step_too_large_to_be_sure_of_rejects_the_hit() -> None:
+    (hit,) = judge(replace(SOUND, zero_shift=0.2), 1)[1]
+    assert Reason.ZERO_SHIFT in {item.reason for item in hit.rejections}
+
+
+def test_noise_of_a_cable_is_no_second_contact() -> None:
+    _, hits = judge(replace(SOUND, cable_noise=0.03), 40)
+    against = {item.reason for hit in hits for item in hit.rejections}
+    assert against <= {Reason.UNSTEADY_ZERO, Reason.INCONSISTENT, Reason.ZERO_SHIFT}
+    assert np.mean([hit.accepted for hit in hits]) < 0.2
