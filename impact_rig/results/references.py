@@ -59,7 +59,9 @@ def find_published(sample: Sample) -> PublishedSample | None:
 
 
 def find_reference(samples: SampleSet, name: str) -> Reference:
-    """Return what is expected of one sample.
+    """Return what is expected of one sample; nothing at release angles of its own.
+
+    What is expected holds for the rig's one impact speed.
 
     Raises
     ------
@@ -67,6 +69,8 @@ def find_reference(samples: SampleSet, name: str) -> Reference:
         If the set has no such sample.
     """
     sample = samples.find(name)
+    if sample.has_angle:
+        return Reference()
     published = find_published(sample)
     return Reference(
         contact_time=sample.reference_contact_time,
@@ -85,6 +89,8 @@ def find_hammer_reference(samples: SampleSet) -> Reference:
     if not samples.control_sample:
         return Reference()
     control = samples.find(samples.control_sample)
+    if control.has_angle:
+        return Reference()
     if find_published(control) is not None:
         return Reference(
             stiffness=HAMMER_STIFFNESS,

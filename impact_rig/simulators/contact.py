@@ -152,7 +152,7 @@ def make_contacts(
     campaigns : sequence of Results
         At least one.
     sample : str
-        Its name.
+        Its name, with a release angle that series alone.
     hammer_mass : float, optional
         Of the body that is to strike in place of the hammer [kg]: the law stays, duration and
         force follow from it.
@@ -165,14 +165,15 @@ def make_contacts(
     contacts, reasons = [], []
     for results in campaigns:
         for estimate in results.samples:
-            if estimate.name != sample:
+            struck = results.setup.samples.find(estimate.name)
+            if sample not in (struck.name, struck.body):
                 continue
             law = estimate.contact_law
             striker = results.setup.hammer_mass if hammer_mass is None else hammer_mass
             if reason := _find_obstacle(law):
                 reasons.append(reason)
                 continue
-            moving = results.setup.samples.get_moving_mass(sample)
+            moving = results.setup.samples.get_moving_mass(struck.name)
             contacts.append(_make_contact(sample, law, striker, moving))
     if contacts:
         return MeasuredContacts(tuple(sorted(contacts, key=lambda contact: contact.speed)))

@@ -1,8 +1,10 @@
 """Options with units."""
 
+import math
+
 import pytest
 
-from impact_rig.cli.options import Cutoff, Quantity
+from impact_rig.cli.options import Angles, Cutoff, Quantity
 from impact_rig.core.errors import ParameterError
 
 
@@ -20,3 +22,24 @@ def test_what_is_no_mass_is_refused_with_an_example(text: str) -> None:
 @pytest.mark.parametrize(("text", "value"), [("off", 0.0), ("50 kHz", 5e4), ("1000", 1e3)])
 def test_a_cutoff_can_be_off(text: str, value: float) -> None:
     assert Cutoff().convert(text, None, None) == pytest.approx(value)
+
+
+def test_angles_are_degrees_between_commas() -> None:
+    assert Angles().convert("5, 10,22.5", None, None) == pytest.approx(
+        tuple(map(math.radians, (5.0, 10.0, 22.5)))
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("5,x", "--angles is 5,x: write numbers of degrees between commas, like 5,10,20"),
+        ("", "write numbers of degrees"),
+        ("0", "release angle is 0°: it must be above 0° and 90° at most"),
+        ("5,nan", "release angle is nan°"),
+        ("5,10,5", "release angle 5° is given twice"),
+    ],
+)
+def test_angles_that_cannot_be_meant_are_named(text: str, told: str) -> None:
+    with pytest.raises(ParameterError, match=told):
+        Angles().convert(text, None, None)

@@ -9,7 +9,7 @@ from scipy.integrate import trapezoid
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.estimation.contact_law import NO_LAW
-from impact_rig.core.quantity import UNKNOWN
+from impact_rig.core.quantity import UNKNOWN, Quantity
 from impact_rig.simulators.contact import MeasuredContacts, make_contacts
 
 from .conftest import integrate, make_contact
@@ -84,6 +84,22 @@ def test_a_sample_without_a_law_is_refused_with_the_reason(results, changes, wor
 def test_a_sample_that_was_not_struck_is_refused_with_those_that_were(results):
     with pytest.raises(ParameterError, match=r"no result of sample 'gold'.*'steel small'"):
         make_contacts([results], "gold")
+
+
+def test_the_release_angles_of_a_sample_are_its_speeds(results):
+    (found,) = (item for item in results.samples if item.name == SAMPLE)
+    series = tuple(
+        replace(
+            found,
+            name=f"{SAMPLE} {angle}°",
+            contact_law=replace(found.contact_law, impact_speed=Quantity(speed)),
+        )
+        for angle, speed in ((5, 0.1), (10, 0.2))
+    )
+    setup = results.setup.at_angles([math.radians(5.0), math.radians(10.0)])
+    struck = replace(results, setup=setup, samples=series)
+    assert make_contacts([struck], SAMPLE).speeds == (0.1, 0.2)
+    assert make_contacts([struck], f"{SAMPLE} 10°").speeds == (0.2, 0.2)
 
 
 def test_between_measured_speeds_the_law_lies_between_theirs():
