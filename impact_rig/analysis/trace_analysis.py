@@ -451,14 +451,9 @@ def _finish(
 ) -> AnalyzedTraces:
     selection = session.get_selection(sample)
     final = {hit.label: hit for hit in selection.kept + selection.left_out}
-    # A file's number is the record of its hit. The last word on a hit comes without its traces.
+    # The last word on a hit comes without its traces.
     hits = tuple(
-        _flatten(
-            paths[hit.label.record - 1],
-            replace(final[hit.label], filtered=hit.filtered),
-            session.setup,
-        )
-        for hit in judged
+        _flatten(replace(final[hit.label], filtered=hit.filtered), session.setup) for hit in judged
     )
     results = Results(session.setup, HammerEstimate(), (), ())
     if selection.kept:
@@ -476,8 +471,8 @@ def _finish(
     return AnalyzedTraces(TraceResults(hammer, samples, hits), tuple(errors))
 
 
-def _flatten(path: Path, hit: JudgedHit, setup: RigSetup) -> FileResults:
-    flat = file_results_from_judged(str(path), hit)
+def _flatten(hit: JudgedHit, setup: RigSetup) -> FileResults:
+    flat = file_results_from_judged(hit)
     if hit.filtered is None:
         return flat
     settings = setup.analysis

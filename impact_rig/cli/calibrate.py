@@ -34,7 +34,7 @@ from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import CHANNELS, Sensor
 from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.record import Block, HitLabel
-from impact_rig.devices.protocols import AccelerationSource, SimulatedSource
+from impact_rig.devices.protocols import AccelerationSource, HammerlessSource
 from impact_rig.devices.source_table import make_source
 from impact_rig.present.terminal.console import (
     ALARM,
@@ -189,13 +189,13 @@ def strike_hits(rig: RigFile) -> Generator[JudgedHit]:
     name, record = rig.setup.samples.names[0], 0
     try:
         source.configure(plan)
-        if isinstance(source, SimulatedSource):
+        if isinstance(source, HammerlessSource):
             source.take_setup(rig.setup)
         while True:
             record += 1
             label = HitLabel(name, record, record)
             source.arm()
-            if isinstance(source, SimulatedSource):
+            if isinstance(source, HammerlessSource):
                 source.strike(label, 0.0)
             for block in _read_record(source, label):
                 for found in detector.feed(block):

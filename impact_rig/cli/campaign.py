@@ -249,7 +249,7 @@ def command(
         client.wait_for_rig(RIG_TIMEOUT)
         if notes:
             client.publish_note(notes, RIG_TIMEOUT)
-        confirm = not client.is_simulated if ask is None else ask
+        confirm = not client.is_hammerless if ask is None else ask
         outcome = run_campaign(
             client,
             CampaignRequest(samples, impacts, attempts or 0, confirm, keep, angles),

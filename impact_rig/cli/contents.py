@@ -22,7 +22,7 @@ from impact_rig.present.terminal.console import ALARM, make_console, print_table
 from impact_rig.recordings.contents import RECOVERY_RECORD, Contents, inspect_recording
 from impact_rig.recordings.hits import HitState, RecordedHit
 from impact_rig.recordings.messages import setup_from_msg
-from impact_rig.recordings.origin import ORIGIN_RECORD, PARAMETERS_RECORD
+from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD
 from impact_rig.recordings.schemas import compare_definitions, find_message_definition
 from impact_rig.recordings.source import find_recording
 from impact_rig.recordings.writer import HEALTH_RECORD
@@ -144,7 +144,7 @@ def read_parameters(contents: Contents) -> dict[str, str]:
 
 def read_versions(contents: Contents) -> dict[str, str]:
     """Return what recorded: software, Python, ROS 2 and libraries with their versions."""
-    fields = read_fields(contents, ORIGIN_RECORD)
+    fields = read_fields(contents, PROVENANCE_RECORD)
     names = {"software_version": "impact_rig", "python": "Python", "ros_distro": "ROS 2"}
     versions = {text: fields[key] for key, text in names.items() if fields.get(key)}
     for setup in contents.setups:

@@ -29,7 +29,7 @@ from impact_rig.cli.contents import (
 from impact_rig.cli.each_file import process_each, raise_errors
 from impact_rig.present.terminal.console import ALARM, GOOD, make_console, print_facts, print_table
 from impact_rig.recordings.contents import RECOVERY_RECORD, Contents
-from impact_rig.recordings.origin import ORIGIN_RECORD
+from impact_rig.recordings.provenance import PROVENANCE_RECORD
 from impact_rig.recordings.recover import extract_attachments
 from impact_rig.results.numbers import MISSING, format_number
 from impact_rig.results.results_file import format_json
@@ -121,7 +121,7 @@ def _list_additions(contents: Contents) -> list[tuple[str, str]]:
         ("attachment", f"{item.name}, {item.media_type}, {item.size} byte (--extract FOLDER)")
         for item in contents.attachments
     ]
-    if notes := read_fields(contents, ORIGIN_RECORD).get("notes"):
+    if notes := read_fields(contents, PROVENANCE_RECORD).get("notes"):
         facts.append(("notes", notes))
     return facts + [("note", f"{_format_time(note.time)}: {note.text}") for note in contents.notes]
 

@@ -27,7 +27,7 @@ from impact_rig.present.report.report import make_report
 from impact_rig.present.terminal.console import make_console
 from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.new_file import write_new_file
-from impact_rig.recordings.origin import ORIGIN_RECORD
+from impact_rig.recordings.provenance import PROVENANCE_RECORD
 from impact_rig.results.run import Note, Provenance, RecordedFile, Run
 
 
@@ -68,7 +68,7 @@ def _describe_file(path: Path) -> RecordedFile:
 
 
 def _gather_notes(contents: Contents) -> tuple[Note, ...]:
-    first = read_fields(contents, ORIGIN_RECORD).get("notes", "")
+    first = read_fields(contents, PROVENANCE_RECORD).get("notes", "")
     notes = (Note(0, first),) if first else ()
     return notes + tuple(Note(note.time, note.text) for note in contents.notes)
 

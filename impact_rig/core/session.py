@@ -121,7 +121,7 @@ class Session:
         self.setup.samples.find(record.label.sample)
         self._modelled = ()
         self._numbers.clear()
-        hit = judge_hit(record, self.setup.analysis)
+        hit = replace(judge_hit(record, self.setup.analysis), origin=record.origin)
         series = self._find_series(hit.label.sample)
         if hit.accepted:
             hit = replace(hit, rejections=series.check(hit))

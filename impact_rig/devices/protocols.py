@@ -139,10 +139,14 @@ class Acquisition:
         Maker, model, serial number and address, as far as the device tells.
     sampling_rate : float
         [Hz]
+    is_simulated : bool
+        What it delivers is computed. Blocks that do not state their origin are taken for
+        measured, or for simulated if this is so or no hammer strikes.
     """
 
     identity: str
     sampling_rate: float
+    is_simulated: bool = False
 
 
 class AccelerationSource(Protocol):
@@ -232,7 +236,7 @@ class AccelerationSource(Protocol):
 
 
 @runtime_checkable
-class SimulatedSource(AccelerationSource, Protocol):
+class HammerlessSource(AccelerationSource, Protocol):
     """A source that no hammer strikes: it is told when one would.
 
     These methods come from another thread than the others.

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError, FileError, ParameterError
+from impact_rig.core.origin import UNSTATED, Origin
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import NOT_ARMED, Block, HitLabel
 from impact_rig.devices.protocols import Acquisition, AcquisitionPlan, FoundDevice
@@ -282,5 +283,13 @@ def _make_blocks(recorded: Sequence[Block], stamp: int, size: int) -> Iterator[B
         delay = (block.first_sample - triggered[0].first_sample) / block.sampling_rate
         # A record whose end was lost ends here, too.
         is_last = block is triggered[-1]
-        moved = replace(block, label=NOT_ARMED, last=is_last, stamp=stamp + round(delay * 1e9))
+        # What does not say where it comes from was not simulated here: that stays unknown.
+        origin = Origin(source="a recording") if block.origin == UNSTATED else block.origin
+        moved = replace(
+            block,
+            label=NOT_ARMED,
+            last=is_last,
+            stamp=stamp + round(delay * 1e9),
+            origin=origin,
+        )
         yield from moved.split(size)

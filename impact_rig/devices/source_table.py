@@ -14,7 +14,7 @@ from impact_rig.devices.drivers import SOURCES, VIRTUAL, make_device
 from impact_rig.devices.protocols import (
     AccelerationSource,
     AcquisitionPlan,
-    SimulatedSource,
+    HammerlessSource,
     SourceChannel,
 )
 from impact_rig.devices.virtual.drivers import make_virtual_plan
@@ -64,7 +64,7 @@ def make_source(
         If the table cannot be meant, or the driver cannot be loaded.
     """
     source: AccelerationSource = make_device(SOURCES, table)
-    if isinstance(source, SimulatedSource):
+    if isinstance(source, HammerlessSource):
         # It has no sensors that the table could describe.
         plan = make_virtual_plan(table, continuous=continuous, block_size=block_size, depth=depth)
     else:

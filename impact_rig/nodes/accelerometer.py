@@ -187,13 +187,13 @@ class AccelerometerNode(DeviceNode):
         self._open = opened
         self._identity = {
             "source": opened.acquisition.identity,
-            "simulated": opened.simulated is not None,
+            "hammerless": opened.hammerless is not None,
         }
         self._is_lost = False
         self._topic.offer(opened.plan)
         self._output = opened.make_output(self._topic.publisher)
-        if opened.simulated is not None and self._setup is not None:
-            opened.simulated.take_setup(self._setup)
+        if opened.hammerless is not None and self._setup is not None:
+            opened.hammerless.take_setup(self._setup)
 
     def cleanup(self) -> None:
         """Let the source go."""
@@ -252,8 +252,8 @@ class AccelerometerNode(DeviceNode):
 
     def _take_setup(self, message: RigSetup) -> None:
         self._setup = setup_from_msg(message)
-        if self._open is not None and self._open.simulated is not None:
-            self._open.simulated.take_setup(self._setup)
+        if self._open is not None and self._open.hammerless is not None:
+            self._open.hammerless.take_setup(self._setup)
 
     def _arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
         label = HitLabel(request.sample, self._record + 1, request.impact, request.attempt)
@@ -298,8 +298,8 @@ class AccelerometerNode(DeviceNode):
             return ""
         try:
             self._setup.samples.find(label.sample)
-            if self._open is not None and self._open.simulated is not None:
-                self._open.simulated.check_sample(label.sample)
+            if self._open is not None and self._open.hammerless is not None:
+                self._open.hammerless.check_sample(label.sample)
         except RigError as error:
             return str(error)
         return ""
@@ -326,8 +326,8 @@ class AccelerometerNode(DeviceNode):
         swing = by_hand if math.isfinite(by_hand) and by_hand > 0.0 else message.swing_time
         timeout = float(self.get_value("trigger_timeout"))
         arming.is_released = True
-        if opened.simulated is not None:
-            hit = opened.simulated.strike(arming.label, message.swing_time)
+        if opened.hammerless is not None:
+            hit = opened.hammerless.strike(arming.label, message.swing_time)
             if hit is not None:
                 truth = messages.virtual_hit_to_msg(hit, message.header.stamp)
                 self._virtual_impact.publish(truth)

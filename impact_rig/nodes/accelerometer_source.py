@@ -15,12 +15,13 @@ from impact_rig_msgs.msg import AccelerationBlock, StreamBlock
 
 from impact_rig.configuration.rig_file import RigFile, list_rig_warnings
 from impact_rig.core.errors import DeviceError, FileError, RigError
+from impact_rig.core.origin import MEASURED, SIMULATED, UNSTATED, Origin
 from impact_rig.core.signals.record import NOT_ARMED, Block, ChannelBlock, HitLabel
 from impact_rig.devices.protocols import (
     AccelerationSource,
     Acquisition,
     AcquisitionPlan,
-    SimulatedSource,
+    HammerlessSource,
 )
 from impact_rig.devices.source_table import make_source, override_source
 from impact_rig.nodes.device_node import DeviceNode
@@ -69,16 +70,21 @@ class BlockOutput(ABC):
         [Hz]
     block_size : int
         Points per message, at most.
+    origin : Origin
+        Of what comes without one.
     """
 
-    def __init__(self, publisher: Any, sampling_rate: float, block_size: int) -> None:
+    def __init__(
+        self, publisher: Any, sampling_rate: float, block_size: int, origin: Origin
+    ) -> None:
         self.flow = Flow()
         self._publisher = publisher
         self._block_size = block_size
         self._label = NOT_ARMED
         self._next_sample = 0
         # What comes before anything has come is calibrated as nothing.
-        self._newest = Block(0, sampling_rate, NOTHING, NOTHING)
+        self._newest = Block(0, sampling_rate, NOTHING, NOTHING, origin=origin)
+        self._origin = origin
         self._rate = RateMeter()
         self._told_loss = 0
 
@@ -153,10 +159,11 @@ class BlockOutput(ABC):
         }
 
     def _complete(self, block: Block) -> Block:
-        """Return a block with the label of the arming under way, and a time if it has none."""
+        """Return a block with the label of the arming under way, a time and an origin."""
         duration = block.hammer.output.size / block.sampling_rate
         stamp = block.stamp or time.time_ns() - round(duration / NANO)
-        return replace(block, label=self._label, stamp=stamp)
+        origin = self._origin if block.origin == UNSTATED else block.origin
+        return replace(block, label=self._label, stamp=stamp, origin=origin)
 
 
 class HitBlocks(BlockOutput):
@@ -176,14 +183,21 @@ class HitBlocks(BlockOutput):
         [Hz]
     block_size : int
         Points per message, at most.
+    origin : Origin
+        Of what comes without one.
     record_points : int
         Of a whole record.
     """
 
     def __init__(
-        self, publisher: Any, sampling_rate: float, block_size: int, record_points: int
+        self,
+        publisher: Any,
+        sampling_rate: float,
+        block_size: int,
+        origin: Origin,
+        record_points: int,
     ) -> None:
-        super().__init__(publisher, sampling_rate, block_size)
+        super().__init__(publisher, sampling_rate, block_size, origin)
         self._record_points = record_points
         self._has_begun = False
 
@@ -236,10 +250,14 @@ class RunningStream(BlockOutput):
         [Hz]
     block_size : int
         Points per message, at most.
+    origin : Origin
+        Of what comes without one.
     """
 
-    def __init__(self, publisher: Any, sampling_rate: float, block_size: int) -> None:
-        super().__init__(publisher, sampling_rate, block_size)
+    def __init__(
+        self, publisher: Any, sampling_rate: float, block_size: int, origin: Origin
+    ) -> None:
+        super().__init__(publisher, sampling_rate, block_size, origin)
         # The same for all blocks, since it is sent before the next one comes.
         self._message = StreamBlock()
 
@@ -289,16 +307,23 @@ class OpenSource:
     acquisition: Acquisition
 
     @property
-    def simulated(self) -> SimulatedSource | None:
+    def hammerless(self) -> HammerlessSource | None:
         """The source, if it must be told when a hammer would strike."""
-        return self.source if isinstance(self.source, SimulatedSource) else None
+        return self.source if isinstance(self.source, HammerlessSource) else None
+
+    @property
+    def origin(self) -> Origin:
+        """Of blocks that state none: where no hammer strikes, nothing was measured."""
+        is_simulated = self.acquisition.is_simulated or self.hammerless is not None
+        return Origin(SIMULATED if is_simulated else MEASURED, self.acquisition.identity)
 
     def make_output(self, publisher: Any) -> BlockOutput:
         """Return what publishes its blocks."""
         rate, plan = self.acquisition.sampling_rate, self.plan
         if plan.continuous:
-            return RunningStream(publisher, rate, plan.block_size)
-        return HitBlocks(publisher, rate, plan.block_size, round(rate * plan.record_duration))
+            return RunningStream(publisher, rate, plan.block_size, self.origin)
+        points = round(rate * plan.record_duration)
+        return HitBlocks(publisher, rate, plan.block_size, self.origin, points)
 
 
 def open_source(node: DeviceNode, *, continuous: bool) -> OpenSource:

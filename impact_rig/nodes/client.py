@@ -393,9 +393,9 @@ class CampaignClient(RigClient):
         self._note.publish(String(data=text))
 
     @property
-    def is_simulated(self) -> bool:
+    def is_hammerless(self) -> bool:
         """Whether no hammer strikes anything: hits are computed, or come from a file."""
-        return self._acquisition is not None and self._acquisition.simulated
+        return self._acquisition is not None and self._acquisition.hammerless
 
     def run(self, request: CampaignRequest, operator: Operator) -> CampaignOutcome:
         """Run a campaign to its end.
@@ -481,7 +481,7 @@ class CampaignClient(RigClient):
 
     def _conclude(self, result: RunCampaign.Result, status: int) -> CampaignOutcome:
         struck = {hit.record for hit in (*result.accepted, *result.rejected)}
-        if self.is_simulated:
+        if self.is_hammerless:
             self.spin_until(lambda: struck <= self._faults.keys(), TRUTH_TIMEOUT)
         return CampaignOutcome(
             success=result.success and status == GoalStatus.STATUS_SUCCEEDED,

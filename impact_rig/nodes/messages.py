@@ -69,6 +69,7 @@ def fill_block(message: msg.AccelerationBlock | msg.StreamBlock, block: Block) -
     message.first_sample = block.first_sample
     message.sampling_rate = block.sampling_rate
     message.last = block.last
+    fill_message(message.origin, block.origin, {})
     _fill_channel(message.hammer, block.hammer)
     _fill_channel(message.specimen, block.specimen)
 

@@ -19,7 +19,7 @@ from impact_rig.nodes.recorder_run import SYNC_CHUNK, SYNC_HIT, SYNCS, Recording
 from impact_rig.nodes.rig_node import Read, RigNode, split_names
 from impact_rig.nodes.topics import name_type
 from impact_rig.recordings.new_file import DiskFullError
-from impact_rig.recordings.origin import read_attached_file
+from impact_rig.recordings.provenance import read_attached_file
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import (
     COMPRESSIONS,
@@ -160,7 +160,7 @@ class RecorderNode(RigNode):
             stream_depth=self.get_value("stream_depth") * self.get_value("record_stream"),
         )
         self._is_connected, self._begun, self._warning = False, "", ""
-        run.write_origin(self.get_value("notes"))
+        run.write_provenance(self.get_value("notes"))
         run.attach(attachments)
         run.start(self.get_value("flush_period"))
         self.get_logger().info(f"recording to {run.writer.path}")
@@ -289,7 +289,7 @@ class RecorderNode(RigNode):
         for parameter in parameters:
             if parameter.name == "notes" and self._run is not None and self._run.is_open:
                 try:
-                    self._run.write_origin(parameter.value)
+                    self._run.write_provenance(parameter.value)
                 except FileError as error:
                     self._fail(error)
 

@@ -9,7 +9,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.recordings.origin import format_parameters
+from impact_rig.recordings.provenance import format_parameters
 
 ANSWER_TIMEOUT = 3.0
 """How soon a node that has not answered is asked again [s], our choice."""

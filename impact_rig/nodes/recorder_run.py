@@ -15,6 +15,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
 from impact_rig.core.errors import FileError, RigError
+from impact_rig.core.origin import Origin
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.executor import accept_message_info
@@ -25,11 +26,13 @@ from impact_rig.nodes.rig_node import RateMeter, RigNode
 from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, make_qos, name_type
 from impact_rig.recordings.hits import RecordWatch, StreamWatch
 from impact_rig.recordings.messages import prepare_heads, read_block_head, read_stream_head
-from impact_rig.recordings.origin import (
+from impact_rig.recordings.provenance import (
     ORIGIN_RECORD,
     PARAMETERS_RECORD,
+    PROVENANCE_RECORD,
     AttachedFile,
-    describe_origin,
+    describe_origins,
+    describe_provenance,
 )
 from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.schemas import find_message_definition
@@ -70,6 +73,8 @@ class RecordStorage:
         What the recording has of each record.
     stream : StreamWatch
         What it has of the running stream.
+    origins : dict of Origin to None
+        Where the blocks so far come from.
     longest_lag : float
         Longest time from the sending of a record's block to its being written [s]; between two
         computers it holds the difference of their clocks.
@@ -86,6 +91,7 @@ class RecordStorage:
         prepare_heads()
         self.watch = RecordWatch()
         self.stream = StreamWatch()
+        self.origins: dict[Origin, None] = {}
         self.longest_lag = 0.0
         self.longest_stream_lag = 0.0
         self._writer = writer
@@ -99,6 +105,7 @@ class RecordStorage:
         """Count a block that was written; the end of its record puts that on the disk."""
         head = read_block_head(data)
         self.watch.add(head.label, head.first_sample, head.points, head.stamp, last=head.last)
+        self._note_origin(head.origin)
         self._store_finished()
         self.longest_lag = max(self.longest_lag, _measure_lag(sent))
 
@@ -106,7 +113,15 @@ class RecordStorage:
         """Count a block of the running stream that was written."""
         head = read_stream_head(data)
         self.stream.add(head.first_sample, head.points)
+        self._note_origin(head.origin)
         self.longest_stream_lag = max(self.longest_stream_lag, _measure_lag(sent))
+
+    def _note_origin(self, origin: Origin) -> None:
+        """Say in the recording where its blocks come from, once another source is met."""
+        source = Origin(origin.kind, origin.source)
+        if source not in self.origins:
+            self.origins[source] = None
+            self._writer.add_metadata(ORIGIN_RECORD, describe_origins(self.origins))
 
     def take_acquisition_state(self, data: bytes, _: int) -> None:
         """Note that an arming begins or ends; an ended one gets no more blocks."""
@@ -417,10 +432,10 @@ class RecordingRun:
         for file in files:
             self.writer.add_attachment(file.name, file.media_type, file.data)
 
-    def write_origin(self, notes: str) -> None:
+    def write_provenance(self, notes: str) -> None:
         """Write software, computer and notes into the recording; may be said anew."""
         middleware = rclpy.get_rmw_implementation_identifier()
-        self.writer.add_metadata(ORIGIN_RECORD, describe_origin(middleware, notes))
+        self.writer.add_metadata(PROVENANCE_RECORD, describe_provenance(middleware, notes))
 
     def start(self, flush_period: float) -> None:
         """Begin to look for further topics and nodes, and to flush."""

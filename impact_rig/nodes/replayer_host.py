@@ -138,7 +138,7 @@ class ReplayHost(RigClient):
         answer = self.call(GetResults, interfaces.GET_RESULTS, request, RESULTS_TIMEOUT)
         struck = {hit.record for hit in (*answer.accepted, *answer.rejected)}
         recording = self._replayer.recording
-        if recording is not None and recording.is_virtual:
+        if recording is not None and recording.has_truths:
             self.spin_until(lambda: struck <= self._faults.keys(), TRUTH_TIMEOUT)
         if self._setup is None:
             raise RigError("the recording has no set-up of the rig: nothing can be estimated")

@@ -439,8 +439,8 @@ class RecordingToReplay:
         return self.compute_position(self.last_time)
 
     @property
-    def is_virtual(self) -> bool:
-        """Whether its hits were simulated."""
+    def has_truths(self) -> bool:
+        """Whether it holds the truth behind simulated hits."""
         return any(
             topic.channel.type_name == VIRTUAL_IMPACT_TYPE for topic in self.topics.values()
         )

@@ -22,6 +22,7 @@ from impact_rig.core.estimation.speed_exponents import SpeedExponents
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.signals.record import FloatArray
+from impact_rig.recordings.messages import origin_from_msg
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.wire import fill_message
 
@@ -66,6 +67,7 @@ def hit_to_msg(judged: JudgedHit, setup_stamp: Time) -> msg.Impact:
         specimen_peak=judged.specimen_peak,
     )
     message.header.stamp = stamp_to_msg(judged.stamp)
+    fill_message(message.origin, judged.origin, {})
     return message
 
 
@@ -82,6 +84,7 @@ def hit_results_from_msg(message: msg.Impact, injected_faults: Sequence[str]) ->
         hammer_peak=message.hammer_peak,
         specimen_peak=message.specimen_peak,
         injected_faults=tuple(injected_faults),
+        origin=origin_from_msg(message),
     )
 
 

@@ -6,12 +6,14 @@ from enum import Enum
 from itertools import islice, pairwise
 from typing import Any
 
+from impact_rig.core.origin import UNSTATED, Origin
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.recordings.messages import (
     BLOCK_TYPE,
     SETUP_TYPE,
     VIRTUAL_IMPACT_TYPE,
     label_from_msg,
+    origin_from_msg,
 )
 
 REMEMBERED = 100
@@ -254,6 +256,8 @@ class RecordedHit:
         The verdict, where there is one.
     rejections : tuple of str
         Every reason for rejection, "code: explanation".
+    origin : Origin
+        Where its points come from.
     """
 
     rig: str
@@ -266,6 +270,7 @@ class RecordedHit:
     missing_points: int = 0
     is_accepted: bool | None = None
     rejections: tuple[str, ...] = ()
+    origin: Origin = UNSTATED
 
 
 @dataclass
@@ -281,6 +286,7 @@ class _Evidence:
     stored_blocks: int | None = None
     is_accepted: bool | None = None
     rejections: tuple[str, ...] = ()
+    origin: Origin = UNSTATED
 
     @property
     def is_release_alone(self) -> bool:
@@ -353,6 +359,7 @@ def count_points(channel: Any) -> int:
 
 
 def _add_block(evidence: _Evidence, message: Any) -> None:
+    evidence.origin = origin_from_msg(message)
     start = int(message.first_sample)
     points = count_points(message.hammer)
     if start > evidence.next_sample:
@@ -400,6 +407,7 @@ def _describe(name: str, campaign: int, evidence: _Evidence, *, is_whole: bool) 
         evidence.missing_points,
         evidence.is_accepted,
         evidence.rejections,
+        evidence.origin,
     )
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from impact_rig import __version__
 from impact_rig.core.errors import FileError, ParameterError, SignalError
+from impact_rig.core.origin import IMPORTED, Origin
 from impact_rig.core.setup.calibration import (
     FORCES,
     SAMPLES,
@@ -43,6 +44,11 @@ from impact_rig.recordings.formats.measurement import (
 from impact_rig.recordings.formats.registry import read_measurement
 from impact_rig.recordings.messages import NANOSECONDS, MessageEncoder
 from impact_rig.recordings.new_file import write_new_file
+from impact_rig.recordings.provenance import (
+    ORIGIN_RECORD,
+    PROVENANCE_RECORD,
+    describe_origins,
+)
 from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.writer import McapWriter
 
@@ -443,8 +449,21 @@ def read_hit(
         label,
         last=True,
         stamp=channels.stamp,
+        origin=_describe_origin(path, channels),
     )
     return ImportedHit(path, block, channels.has_scale, channels.assumed, channels.names)
+
+
+def _describe_origin(path: Path, channels: MappedChannels) -> Origin:
+    """Return where in its file a hit stands: all its points, of which channels."""
+    points = channels.hammer.output.size
+    names = " and ".join(map(repr, channels.names))
+    return Origin(
+        IMPORTED,
+        f"{path.suffix.lstrip('.').lower()} file",
+        str(path),
+        f"{names}, points 0 to {points - 1}",
+    )
 
 
 def check_series(hits: Sequence[ImportedHit], hit: ImportedHit) -> None:
@@ -528,7 +547,9 @@ def write_imported(output: Path, setup: RigSetup, hits: Sequence[ImportedHit]) -
     """
     encoder = MessageEncoder()
     with write_new_file(output) as part, McapWriter(part) as writer:
-        writer.add_metadata("impact_rig", {"software_version": __version__})
+        writer.add_metadata(PROVENANCE_RECORD, {"software_version": __version__})
+        origins = describe_origins(hit.block.origin for hit in hits)
+        writer.add_metadata(ORIGIN_RECORD, origins)
         writer.add_metadata(
             "impact_rig/import", {str(hit.block.label.record): _describe(hit) for hit in hits}
         )

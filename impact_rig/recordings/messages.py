@@ -6,7 +6,7 @@ same functions serve a node and a recording: both give bit-identical numbers.
 
 from collections.abc import Callable
 from dataclasses import asdict
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
@@ -14,6 +14,7 @@ from rosbags.typesys.store import Typestore
 
 from impact_rig import __version__
 from impact_rig.core.errors import FileError
+from impact_rig.core.origin import UNSTATED, Origin
 from impact_rig.core.quantity import list_stored
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
 from impact_rig.core.setup.sensors import Sensor
@@ -54,6 +55,24 @@ def label_from_msg(message: Any) -> HitLabel:
     )
 
 
+def origin_from_msg(message: Any) -> Origin:
+    """Return the origin of a block or verdict; older recordings have none.
+
+    Raises
+    ------
+    ParameterError
+        If it is of no known kind.
+    """
+    found = getattr(message, "origin", None)
+    if found is None:
+        return UNSTATED
+    return _make_origin(found.kind, found.source, found.file, found.place)
+
+
+# All blocks of a source share one.
+_make_origin = lru_cache(1000)(Origin)
+
+
 def _channel_from_msg(message: Any) -> ChannelBlock:
     values = message.values
     output: RawArray = (
@@ -91,6 +110,7 @@ def block_from_msg(message: Any) -> Block:
         triggered=bool(message.triggered),
         last=bool(message.last),
         stamp=stamp_from_msg(message.header.stamp),
+        origin=origin_from_msg(message),
     )
 
 
@@ -104,6 +124,7 @@ def stream_block_from_msg(message: Any) -> Block:
         specimen=_channel_from_msg(message.specimen),
         last=bool(message.last),
         stamp=stamp_from_msg(message.header.stamp),
+        origin=origin_from_msg(message),
     )
 
 
@@ -151,6 +172,8 @@ class BlockHead(NamedTuple):
         Time of its first point, nanoseconds since the epoch.
     last : bool
         Whether it ends the record, or the arming.
+    origin : Origin
+        Where its points come from.
     """
 
     label: HitLabel
@@ -158,6 +181,7 @@ class BlockHead(NamedTuple):
     points: int
     stamp: int
     last: bool
+    origin: Origin
 
 
 def head_from_msg(message: Any) -> BlockHead:
@@ -169,6 +193,7 @@ def head_from_msg(message: Any) -> BlockHead:
         points=max(len(hammer.counts), len(hammer.values)),
         stamp=stamp_from_msg(message.header.stamp),
         last=bool(message.last),
+        origin=origin_from_msg(message),
     )
 
 
@@ -264,6 +289,7 @@ class MessageEncoder:
             sampling_rate=block.sampling_rate,
             triggered=block.triggered,
             last=block.last,
+            origin=self._make(PACKAGE + "Origin", **asdict(block.origin)),
             hammer=self._make_channel(block.hammer),
             specimen=self._make_channel(block.specimen),
         )

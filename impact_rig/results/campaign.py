@@ -12,7 +12,8 @@ from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.sample import PEAK, TIME, SampleEstimate
 from impact_rig.core.estimation.speed_exponents import SpeedExponents
 from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.quantity import describe, drop_internals
+from impact_rig.core.origin import UNSTATED, Origin, join_origins
+from impact_rig.core.quantity import INLINE, describe, drop_internals
 from impact_rig.core.session import SessionResults
 from impact_rig.core.setup.samples import RigSetup
 
@@ -37,6 +38,8 @@ class HitResults:
         Largest |acceleration| after the low-pass [m/s^2]; NaN: no pulse, or not measured.
     injected_faults : tuple of str
         What the virtual rig did on purpose, by name; empty: nothing, or a real rig.
+    origin : Origin
+        Where its points come from.
     """
 
     sample: str
@@ -49,6 +52,7 @@ class HitResults:
     hammer_peak: float = field(default=math.nan, metadata=PEAK)
     specimen_peak: float = field(default=math.nan, metadata=PEAK)
     injected_faults: tuple[str, ...] = ()
+    origin: Origin = field(default=UNSTATED, metadata=INLINE)
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,16 @@ class Results:
     hammer: HammerEstimate
     samples: tuple[SampleEstimate, ...]
     hits: tuple[HitResults, ...]
-    speed_exponents: tuple[SpeedExponents, ...] = field(default=(), metadata=describe(since=4))
+    speed_exponents: tuple[SpeedExponents, ...] = field(default=(), metadata=describe(since=5))
+
+    @property
+    def origin(self) -> Origin:
+        """Where the numbers come from."""
+        return join_origins(hit.origin for hit in self.hits)
+
+    def find_origin(self, sample: str) -> Origin:
+        """Return where those of one sample come from."""
+        return join_origins(hit.origin for hit in self.hits if hit.sample == sample)
 
     @property
     def rejections(self) -> tuple[HitResults, ...]:
@@ -124,4 +137,5 @@ def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) ->
         hammer_peak=hit.hammer_peak,
         specimen_peak=hit.specimen_peak,
         injected_faults=injected_faults,
+        origin=hit.origin,
     )

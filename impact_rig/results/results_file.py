@@ -11,18 +11,28 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig.core.errors import FileError
+from impact_rig.core.origin import Origin
 from impact_rig.results.campaign import Results
 from impact_rig.results.wire import Json, WireError, from_json, to_json
 
 FORMAT_NAME = "impact-rig results"
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 OLDEST_VERSION = 3
 """Versions from this one on are read: what they lack says so by its `since`."""
 
 
 def results_to_json(results: Results) -> Json:
     """Return the content of results.json as plain dicts, lists, strings and numbers."""
-    return {"format": {"name": FORMAT_NAME, "version": FORMAT_VERSION}, **to_json(results)}
+    return {
+        "format": {"name": FORMAT_NAME, "version": FORMAT_VERSION},
+        **origin_to_json(results.origin),
+        **to_json(results),
+    }
+
+
+def origin_to_json(origin: Origin) -> Json:
+    """Return what a file says at its beginning of the origin of all that is in it."""
+    return {"origin": origin.kind, "origin_source": origin.source}
 
 
 def format_json(content: Any) -> str:

@@ -8,7 +8,8 @@ from pathlib import PurePath
 from impact_rig.core.estimation.paper_method import CONTACT_TIME, HammerEstimate
 from impact_rig.core.estimation.sample import PEAK, TIME, SampleEstimate
 from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.quantity import UNKNOWN, Quantity
+from impact_rig.core.origin import Origin, join_origins
+from impact_rig.core.quantity import INLINE, UNKNOWN, Quantity
 from impact_rig.results.numbers import (
     MEGA,
     MICRO,
@@ -17,6 +18,7 @@ from impact_rig.results.numbers import (
     format_number,
     format_quantity,
 )
+from impact_rig.results.results_file import origin_to_json
 from impact_rig.results.tables import (
     Column,
     Table,
@@ -28,7 +30,7 @@ from impact_rig.results.tables import (
 from impact_rig.results.wire import Json, to_json
 
 FORMAT_NAME = "impact-rig trace results"
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 NAN = math.nan
 
 
@@ -38,8 +40,8 @@ class FileResults:
 
     Attributes
     ----------
-    file : str
-        As it was given.
+    origin : Origin
+        The file, and where in it.
     accepted : bool
         The hit is part of the mean.
     reasons : tuple of str
@@ -58,7 +60,7 @@ class FileResults:
         What it leaves, RMS over the peak [%].
     """
 
-    file: str
+    origin: Origin = field(metadata=INLINE)
     accepted: bool
     reasons: tuple[str, ...]
     half_amplitude_width: float = field(default=NAN, metadata=TIME)
@@ -89,10 +91,10 @@ class TraceResults:
     hits: tuple[FileResults, ...]
 
 
-def file_results_from_judged(file: str, hit: JudgedHit) -> FileResults:
-    """Flatten the verdict on one file."""
+def file_results_from_judged(hit: JudgedHit) -> FileResults:
+    """Return the verdict on a hit that was imported."""
     return FileResults(
-        file=file,
+        origin=hit.origin,
         accepted=hit.accepted,
         reasons=tuple(str(rejection) for rejection in hit.rejections),
         half_amplitude_width=hit.half_amplitude_width,
@@ -106,13 +108,14 @@ def file_results_from_judged(file: str, hit: JudgedHit) -> FileResults:
 def trace_results_to_json(results: TraceResults) -> Json:
     """Return the results as plain dicts, lists, strings and numbers, NaN as None."""
     header = {"format": {"name": FORMAT_NAME, "version": FORMAT_VERSION}}
-    return {**header, **to_json(results)}
+    origin = join_origins(hit.origin for hit in results.hits)
+    return {**header, **origin_to_json(origin), **to_json(results)}
 
 
 def tabulate_hits(hits: Sequence[FileResults]) -> Table:
     """Return what was found in every file; those that were rejected are marked."""
     columns = [
-        make_text_column("File", _shorten([hit.file for hit in hits])),
+        make_text_column("File", _shorten([hit.origin.file for hit in hits])),
         Column(
             "τp [µs]",
             [format_quantity(hit.contact_time, 2, MICRO) for hit in hits],

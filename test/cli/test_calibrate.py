@@ -15,6 +15,7 @@ from typing import Any, Self
 import numpy as np
 import pytest
 
+from impact_rig.core.origin import UNSTATED
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
@@ -255,7 +256,7 @@ class Striker:
                 HitLabel("steel small")
             ).model  # fmt: skip
             label = HitLabel("block", number)
-            hit = VirtualHit(label, (), model, hammer, specimen, RATE)
+            hit = VirtualHit(label, (), model, hammer, specimen, RATE, UNSTATED)
             # One that nobody waits for is none.
             self._left -= self.digitizer.feed(hit) is not None
             if not self._left:

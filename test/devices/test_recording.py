@@ -20,7 +20,7 @@ from impact_rig.core.signals.record import Block, HitLabel
 from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
 from impact_rig.devices.protocols import (
     AcquisitionPlan,
-    SimulatedSource,
+    HammerlessSource,
     SourceChannel,
 )
 from impact_rig.devices.recording import RecordingSource
@@ -127,7 +127,7 @@ def test_a_hit_comes_bit_by_bit_with_gap_and_overload(make_source):
     hit = list(strike(STEEL, 1, 1, fault="lost_block"))
     hit[1] = replace(hit[1], specimen=replace(hit[1].specimen, overloaded=True))
     source = make_source([PAPER_SETUP, *hit])
-    assert isinstance(source, SimulatedSource)
+    assert isinstance(source, HammerlessSource)
     delivered = deliver(source, HitLabel(STEEL, 9, 1))
     assert len(delivered) == len(hit) == 4
     assert all(map(is_same, hit, delivered))

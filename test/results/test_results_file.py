@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from impact_rig.core.errors import FileError
 from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.origin import SIMULATED, UNSTATED, Origin
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.results import results_file
@@ -27,7 +28,10 @@ from impact_rig.results.results_file import (
 )
 
 SAMPLE = SampleEstimate("tin", 3, 1, contact_time=Quantity(2e-4), notes=("k2: unknown",))
-REJECTED = HitResults("tin", 2, 1, 5, False, ("weak: too weak",), injected_faults=("weak_hit",))
+REJECTED = HitResults(
+    "tin", 2, 1, 5, False, ("weak: too weak",),
+    injected_faults=("weak_hit",), origin=Origin(SIMULATED, "virtual rig"),
+)  # fmt: skip
 RESULTS = Results(
     PAPER_SETUP, HammerEstimate(Quantity(1e7), control_sample="tin"), (SAMPLE,), (REJECTED,)
 )
@@ -53,7 +57,8 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path: Pat
     path = tmp_path / "results.json"
     write_results(path, RESULTS)
     content = json.loads(path.read_text())
-    assert content["format"] == {"name": "impact-rig results", "version": 4}
+    assert content["format"] == {"name": "impact-rig results", "version": 5}
+    assert (content["origin"], content["origin_source"]) == ("simulated", "virtual rig")
     assert {"stiffness_n_per_m", "damping_coefficient_n_s_per_m"} <= set(content["hammer"])
     assert {
         "name", "impacts_accepted", "impacts_rejected", "contact_time_s", "stiffness_n_per_m",
@@ -72,9 +77,16 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path: Pat
             "hammer_peak_m_per_s2": None,
             "specimen_peak_m_per_s2": None,
             "injected_faults": ["weak_hit"],
+            "origin": "simulated",
+            "origin_source": "virtual rig",
+            "file": "",
+            "place": "",
         }
     ]
-    assert set(content) == {"format", "setup", "hammer", "samples", "hits", "speed_exponents"}
+    assert set(content) == {
+        "format", "origin", "origin_source", "setup", "hammer", "samples", "hits",
+        "speed_exponents",
+    }  # fmt: skip
 
 
 def test_what_is_not_determined_is_null(tmp_path: Path) -> None:
@@ -131,7 +143,7 @@ def _mistype(content: dict[str, Any]) -> None:
 
 
 def _age(content: dict[str, Any]) -> None:
-    content["format"]["version"] = 5
+    content["format"]["version"] = 6
 
 
 def _rename(content: dict[str, Any]) -> None:
@@ -147,7 +159,7 @@ def _flatten(content: dict[str, Any]) -> None:
     [
         (_drop, r"the field samples\[0\].contact_time_s is missing"),
         (_mistype, r"samples\[0\].impacts_accepted is 'three': it must be a whole number"),
-        (_age, "version 5; this program reads versions 3 to 4"),
+        (_age, "version 6; this program reads versions 3 to 5"),
         (_rename, "is not a results file"),
         (_flatten, "hits must be a list"),
     ],
@@ -182,10 +194,13 @@ def test_results_of_version_3_are_read(tmp_path: Path) -> None:
     content = results_to_json(RESULTS)
     content["format"]["version"] = 3
     del content["setup"]["sensors"]
+    for key in ("origin", "origin_source", "file", "place"):
+        del content["hits"][0][key]
     for inner in (content["samples"][0]["free_decay"], content["hammer"]):
         del inner["budget"]
     path.write_text(json.dumps(content))
-    assert results_to_json(read_results(path)) == results_to_json(RESULTS)
+    aged = replace(RESULTS, hits=(replace(REJECTED, origin=UNSTATED),))
+    assert results_to_json(read_results(path)) == results_to_json(aged)
     del content["setup"]["samples"]
     path.write_text(json.dumps(content))
     with pytest.raises(FileError, match=r"the field setup.samples is missing"):

@@ -4,6 +4,7 @@ import json
 
 from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.origin import IMPORTED, Origin
 from impact_rig.core.quantity import Quantity
 from impact_rig.results.results_file import format_json
 from impact_rig.results.trace_series import (
@@ -15,7 +16,7 @@ from impact_rig.results.trace_series import (
 )
 
 GOOD = FileResults(
-    "lab/hit_1.npy",
+    Origin(IMPORTED, "npy file", "lab/hit_1.npy", "'a', points 0 to 99"),
     True,
     (),
     100e-6,
@@ -25,7 +26,9 @@ GOOD = FileResults(
     best_shape="versed-sine",
     shape_residual_percent=0.31,
 )
-BAD = FileResults("lab/hit_2.npy", False, ("overload: 5 points at the rail",))
+BAD = FileResults(
+    Origin(IMPORTED, "npy file", "lab/hit_2.npy"), False, ("overload: 5 points at the rail",)
+)
 SAMPLE = SampleEstimate(
     "tin", 1, 1, contact_time=Quantity(200e-6), notes=("k and c: no mass given",)
 )
@@ -42,7 +45,7 @@ def test_each_hit_has_its_row_with_verdict_and_widths() -> None:
 
 
 def test_folders_are_shown_where_the_names_are_the_same() -> None:
-    table = tabulate_hits((GOOD, FileResults("other/hit_1.npy", True, ())))
+    table = tabulate_hits((GOOD, FileResults(Origin(IMPORTED, file="other/hit_1.npy"), True, ())))
     assert [row[0] for row in table.rows] == ["lab/hit_1.npy", "other/hit_1.npy"]
 
 
@@ -54,8 +57,10 @@ def test_the_mean_shows_what_is_known() -> None:
 
 def test_the_json_has_hits_and_samples_with_null_for_what_is_not_known() -> None:
     content = json.loads(format_json(trace_results_to_json(RESULTS)))
-    assert content["format"] == {"name": "impact-rig trace results", "version": 3}
+    assert content["format"] == {"name": "impact-rig trace results", "version": 4}
+    assert (content["origin"], content["origin_source"]) == ("imported", "npy file")
     assert [hit["file"] for hit in content["hits"]] == ["lab/hit_1.npy", "lab/hit_2.npy"]
+    assert content["hits"][0]["place"] == "'a', points 0 to 99"
     assert content["hits"][1]["contact_time_s"] is None
     assert content["samples"][0]["contact_time_s"] == 200e-6
     assert content["hammer"]["stiffness_n_per_m"] is None

@@ -18,6 +18,7 @@ from impact_rig.core.hits.verdict import (
     check_strength,
 )
 from impact_rig.core.hits.zero import judge_zeros
+from impact_rig.core.origin import UNSTATED, Origin
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.filtering import check_cutoff, interpolate_between, low_pass
 from impact_rig.core.signals.record import FloatArray, HitLabel, Record
@@ -122,6 +123,8 @@ class JudgedHit:
         Reasons that were set aside by hand; empty: none.
     findings : tuple of Rejection
         What is not as it should be and was corrected, or cannot be told from what is harmless.
+    origin : Origin
+        Where its points come from.
     """
 
     label: HitLabel
@@ -136,6 +139,7 @@ class JudgedHit:
     filtered: FilteredHit | None = None
     overruled: tuple[Rejection, ...] = ()
     findings: tuple[Rejection, ...] = ()
+    origin: Origin = UNSTATED
 
     @property
     def accepted(self) -> bool:

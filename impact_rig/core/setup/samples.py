@@ -60,7 +60,7 @@ class Sample:
     reference_stiffness: float = field(default=math.nan, metadata=describe("N/m"))
     reference_damping_coefficient: float = field(default=math.nan, metadata=describe("N s/m"))
     mass_uncertainty: float = field(default=0.0, metadata=describe("kg", written="mass_u"))
-    release_angle: float = field(default=math.nan, metadata=describe("rad", since=4))
+    release_angle: float = field(default=math.nan, metadata=describe("rad", since=5))
 
     def __post_init__(self) -> None:
         """Refuse a nameless sample and impossible numbers."""
@@ -225,7 +225,7 @@ class RigSetup:
     )
     hammer_stiffness: float = field(default=math.nan, metadata=describe("N/m"))
     sensors: tuple[Sensor, ...] = field(default=(), metadata=describe(since=4))
-    release_angle: float = field(default=math.nan, metadata=describe("rad", since=4))
+    release_angle: float = field(default=math.nan, metadata=describe("rad", since=5))
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""

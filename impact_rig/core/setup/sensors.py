@@ -96,16 +96,16 @@ class Sensor:
     serial_number: str = ""
     calibration_date: str = ""
     sensitivity_uncertainty: float = field(
-        default=0.0, metadata=describe(written="sensitivity_u", since=4)
+        default=0.0, metadata=describe(written="sensitivity_u", since=5)
     )
-    resonance: float = field(default=0.0, metadata=describe("Hz", since=4))
+    resonance: float = field(default=0.0, metadata=describe("Hz", since=5))
     resonance_uncertainty: float = field(
-        default=0.0, metadata=describe("Hz", written="resonance_u", since=4)
+        default=0.0, metadata=describe("Hz", written="resonance_u", since=5)
     )
-    resonance_damping: float = field(default=DEFAULT_RESONANCE_DAMPING, metadata=describe(since=4))
-    low_corner: float = field(default=0.0, metadata=describe("Hz", since=4))
+    resonance_damping: float = field(default=DEFAULT_RESONANCE_DAMPING, metadata=describe(since=5))
+    low_corner: float = field(default=0.0, metadata=describe("Hz", since=5))
     low_corner_uncertainty: float = field(
-        default=0.0, metadata=describe("Hz", written="low_corner_u", since=4)
+        default=0.0, metadata=describe("Hz", written="low_corner_u", since=5)
     )
 
     def __post_init__(self) -> None:

@@ -348,6 +348,7 @@ class ImpactDetector:
             triggered=triggered,
             flaws=tuple(gap.description for gap in gaps),
             stamp=block.stamp + delay,
+            origin=block.origin,
         )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from impact_rig.core.checks import check_not_negative, check_positive
 from impact_rig.core.errors import SignalError
+from impact_rig.core.origin import UNSTATED, Origin
 
 FloatArray = NDArray[np.float64]
 RawArray = NDArray[np.int32] | NDArray[np.float64]
@@ -135,6 +136,8 @@ class Block:
     stamp : int
         Time of the first point, nanoseconds since the epoch, as well as it is known; 0: it is
         not. Carried along, never computed with.
+    origin : Origin
+        Where its points come from; carried along with them.
     """
 
     first_sample: int
@@ -145,6 +148,7 @@ class Block:
     triggered: bool = True
     last: bool = False
     stamp: int = 0
+    origin: Origin = UNSTATED
 
     def __post_init__(self) -> None:
         """Refuse channels of different length and a rate that is none."""
@@ -249,6 +253,8 @@ class Record:
         What is wrong with the stream here (gaps), in words; empty: nothing.
     stamp : int
         Time of the first point, nanoseconds since the epoch.
+    origin : Origin
+        Where the points come from.
     """
 
     label: HitLabel
@@ -259,6 +265,7 @@ class Record:
     triggered: bool = True
     flaws: tuple[str, ...] = ()
     stamp: int = 0
+    origin: Origin = UNSTATED
 
     def __post_init__(self) -> None:
         """Refuse traces of different length and a rate that is none."""

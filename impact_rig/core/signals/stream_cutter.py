@@ -173,6 +173,7 @@ class StreamBuffer:
                     hammer=replace(block.hammer, output=hammer, overloaded=overloads[0]),
                     specimen=replace(block.specimen, output=specimen, overloaded=overloads[1]),
                     stamp=segment.get_time(first),
+                    origin=block.origin,
                 )
             )
             if segment.stop >= window.last:

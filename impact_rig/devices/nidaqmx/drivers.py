@@ -637,7 +637,7 @@ range = "5 V"
         channels = tuple(
             channel for channel in (plan.hammer, plan.specimen) if channel is not None
         )
-        identity = self._check_devices(session, channels)
+        identity, is_simulated = self._check_devices(session, channels)
         task = session.open_task(plan.hammer.name)
         inputs = tuple(add_input(task, channel) for channel in channels)
         rate = self._set_clock(task, plan)
@@ -649,12 +649,14 @@ range = "5 V"
         kind = StreamReading if plan.continuous else RecordReading
         self._reading = kind(task, plan, rate, inputs)
         self._channels = channels
-        return Acquisition(identity, rate)
+        return Acquisition(identity, rate, is_simulated)
 
-    def _check_devices(self, session: Session, channels: tuple[SourceChannel, ...]) -> str:
-        """Require the right devices and inputs; return what they are."""
+    def _check_devices(
+        self, session: Session, channels: tuple[SourceChannel, ...]
+    ) -> tuple[str, bool]:
+        """Require the right devices and inputs; return what they are, and whether of software."""
         system = session.find_system()
-        identities = []
+        identities, is_simulated = [], False
         for channel in channels:
             device = find_device(system, channel.name, "channel", channel.options)
             check_terminal(device, channel)
@@ -668,8 +670,9 @@ range = "5 V"
             if channel is channels[0]:
                 check_serial_number(device, self._options)
             identities.append(f"{describe_device(device)}, {device.name}")
+            is_simulated = is_simulated or device.is_simulated
         place = f" at {self._server}" if self._server else ""
-        return " and ".join(dict.fromkeys(identities)) + place
+        return " and ".join(dict.fromkeys(identities)) + place, is_simulated
 
     def _set_clock(self, task: "Task", plan: AcquisitionPlan) -> float:
         """Set sampling rate and length; return the rate that it became [Hz]."""

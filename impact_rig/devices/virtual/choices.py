@@ -2,6 +2,9 @@
 
 from enum import Enum
 
+IDENTITY = "virtual rig"
+"""What the virtual rig calls itself."""
+
 
 class Plant(Enum):
     """Which physics the virtual rig has."""

@@ -297,6 +297,7 @@ class StreamingDigitizer:
             hammer=hammer,
             specimen=specimen,
             stamp=self._start_stamp + round(number * self._period * 1e9),
+            origin=self._settings.origin,
         )
 
 

@@ -18,7 +18,7 @@ from impact_rig.devices.protocols import (
     SourceChannel,
     ToldHolder,
 )
-from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.devices.virtual.choices import IDENTITY, Fault, Plant
 from impact_rig.devices.virtual.delivery import StreamingDigitizer, TriggeredDigitizer
 from impact_rig.devices.virtual.plants import pulse_shape_from_name
 from impact_rig.devices.virtual.rig import (
@@ -32,7 +32,6 @@ from impact_rig.devices.virtual.rig import (
 )
 
 T = TypeVar("T")
-IDENTITY = "virtual rig"
 LARGEST_SEED = 2**62
 DIGITIZER_QUANTITIES = {
     "sampling_rate": ("Hz", "2.5 MHz"),
@@ -131,7 +130,7 @@ class VirtualSource:
             else TriggeredDigitizer(plan.block_size)
         )
         self._make_rig()
-        return Acquisition(IDENTITY, plan.sampling_rate)
+        return Acquisition(IDENTITY, plan.sampling_rate, is_simulated=True)
 
     def arm(self) -> None:
         """Wait for one hit; in continuous mode begin the stream."""

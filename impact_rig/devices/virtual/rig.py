@@ -12,10 +12,11 @@ from impact_rig.core.checks import check_between, check_not_negative, check_posi
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.impact import ImpactModel
 from impact_rig.core.model.pulses import VERSED_SINE, PulseShape
+from impact_rig.core.origin import SIMULATED, Origin
 from impact_rig.core.setup.paper import HAMMER_DAMPING_COEFFICIENT
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block, ChannelBlock, FloatArray, HitLabel
-from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.devices.virtual.choices import IDENTITY, Fault, Plant
 from impact_rig.devices.virtual.contact import HERTZ_EXPONENT, make_nominal_contact
 from impact_rig.devices.virtual.plants import (
     HitPhysics,
@@ -301,6 +302,11 @@ class VirtualRigSettings:
         check_between("restitution", self.restitution or 1.0, 0.1, 1.0)
         check_not_negative("hammer damping coefficient", self.hammer_damping, "N s/m")
 
+    @property
+    def origin(self) -> Origin:
+        """What its hits say of themselves."""
+        return Origin(SIMULATED, f"{IDENTITY}, plant {self.plant.value}")
+
 
 @dataclass(frozen=True)
 class VirtualHit:
@@ -318,6 +324,8 @@ class VirtualHit:
         The whole record.
     sampling_rate : float
         [Hz]
+    origin : Origin
+        Simulated, by which plant.
     """
 
     label: HitLabel
@@ -326,6 +334,7 @@ class VirtualHit:
     hammer: ChannelBlock
     specimen: ChannelBlock
     sampling_rate: float
+    origin: Origin
 
     def split(self, block_size: int, stamp: int) -> tuple[Block, ...]:
         """Return the record as the stream of blocks that the accelerometers deliver.
@@ -350,7 +359,14 @@ class VirtualHit:
         if block_size < 1:
             raise ParameterError(f"block size is {block_size} points: it must be 1 or more")
         whole = Block(
-            0, self.sampling_rate, self.hammer, self.specimen, self.label, last=True, stamp=stamp
+            0,
+            self.sampling_rate,
+            self.hammer,
+            self.specimen,
+            self.label,
+            last=True,
+            stamp=stamp,
+            origin=self.origin,
         )
         if Fault.MISSED_TRIGGER in self.faults:
             return (replace(whole.cut(0, 0), triggered=False, last=True),)
@@ -454,6 +470,7 @@ class VirtualRig:
                 specimen, digitizer.specimen_full_scale, digitizer, physics_source
             ),
             sampling_rate=digitizer.sampling_rate,
+            origin=settings.origin,
         )
 
     def _choose_range(self, sample: str) -> DigitizerSettings:

@@ -32,7 +32,7 @@ def test_a_record_is_streamed_as_the_device_gave_it_in_blocks_of_the_wanted_size
     assert got[1].stamp - got[0].stamp == pytest.approx(700 / 2.5e6 * 1e9, abs=1)
     assert desk.plan.block_size == 700
     state = wait_for_state(states, AcquisitionState.IDLE, "record complete")
-    assert (state.source, state.simulated) == ("desk digitizer 7", False)
+    assert (state.source, state.hammerless) == ("desk digitizer 7", False)
 
 
 def test_a_hit_that_nobody_let_go_of_is_published_and_told(

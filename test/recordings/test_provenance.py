@@ -10,11 +10,11 @@ import yaml
 
 from impact_rig import __version__
 from impact_rig.core.errors import FileError
-from impact_rig.recordings import origin
+from impact_rig.recordings import provenance
 
 
 def test_software_computer_and_notes_are_named():
-    fields = origin.describe_origin("rmw_x", "bench 3, new tip")
+    fields = provenance.describe_provenance("rmw_x", "bench 3, new tip")
     assert fields["software_version"] == __version__
     assert fields["python"] == platform.python_version()
     assert fields["middleware"] == "rmw_x"
@@ -25,7 +25,7 @@ def test_software_computer_and_notes_are_named():
 
 def test_the_parameters_of_a_node_are_yaml():
     parameters = {"a.b": 1, "c": True, "d": "1", "e": array("d", [0.5]), "f": None, "g": ["µ"]}
-    text = origin.format_parameters(parameters)
+    text = provenance.format_parameters(parameters)
     assert yaml.safe_load(text) == {**parameters, "e": [0.5]}
     assert "µ" in text
 
@@ -40,7 +40,7 @@ def test_the_parameters_of_a_node_are_yaml():
 )
 def test_an_attached_file_keeps_its_name_kind_and_bytes(tmp_path, name, media_type):
     (tmp_path / name).write_bytes(b"\x00\xffabc")
-    attached = origin.read_attached_file(tmp_path / name)
+    attached = provenance.read_attached_file(tmp_path / name)
     assert (attached.name, attached.media_type, attached.data) == (
         name, media_type, b"\x00\xffabc",
     )  # fmt: skip
@@ -48,8 +48,8 @@ def test_an_attached_file_keeps_its_name_kind_and_bytes(tmp_path, name, media_ty
 
 def test_an_attachment_that_is_absent_or_too_large_is_named(tmp_path, monkeypatch):
     with pytest.raises(FileError, match=r"attachment .*absent\.toml cannot be read"):
-        origin.read_attached_file(tmp_path / "absent.toml")
-    monkeypatch.setattr(origin, "ATTACHMENT_LIMIT", 2)
+        provenance.read_attached_file(tmp_path / "absent.toml")
+    monkeypatch.setattr(provenance, "ATTACHMENT_LIMIT", 2)
     (tmp_path / "rig.toml").write_bytes(b"abc")
     with pytest.raises(FileError, match="3 byte: it must not have more than 2"):
-        origin.read_attached_file(tmp_path / "rig.toml")
+        provenance.read_attached_file(tmp_path / "rig.toml")

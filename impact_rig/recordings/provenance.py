@@ -1,10 +1,10 @@
-"""Where a recording comes from: software, computer, operator's notes, and the files beside it."""
+"""With what a recording was made: software, computer, operator's notes, files beside it."""
 
 import json
 import mimetypes
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -14,9 +14,12 @@ import yaml
 
 from impact_rig import __version__
 from impact_rig.core.errors import FileError
+from impact_rig.core.origin import Origin, join_origins
 
-ORIGIN_RECORD = "impact_rig"
+PROVENANCE_RECORD = "impact_rig"
 """Metadata record of the software, the computer and the operator's notes."""
+ORIGIN_RECORD = "impact_rig/origin"
+"""Metadata record of where its numbers come from; every block says it of itself, too."""
 PARAMETERS_RECORD = "impact_rig/parameters"
 """Metadata record of the parameters of all nodes: a YAML text by full node name."""
 LIBRARIES = ("numpy", "scipy", "mcap", "zstandard", "lz4", "rclpy")
@@ -44,8 +47,8 @@ class AttachedFile:
     data: bytes
 
 
-def describe_origin(middleware: str, notes: str) -> dict[str, str]:
-    """Return the fields of `ORIGIN_RECORD`.
+def describe_provenance(middleware: str, notes: str) -> dict[str, str]:
+    """Return the fields of `PROVENANCE_RECORD`.
 
     Parameters
     ----------
@@ -70,6 +73,12 @@ def describe_origin(middleware: str, notes: str) -> dict[str, str]:
         "platform": platform.platform(),
         "notes": notes,
     }
+
+
+def describe_origins(origins: Iterable[Origin]) -> dict[str, str]:
+    """Return the fields of `ORIGIN_RECORD`, of several hits."""
+    origin = join_origins(origins)
+    return {"origin": origin.kind, "origin_source": origin.source}
 
 
 def format_parameters(parameters: Mapping[str, Any]) -> str:
