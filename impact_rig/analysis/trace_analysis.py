@@ -8,19 +8,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from impact_rig.analysis.recording_analysis import SettingsChanges
 from impact_rig.configuration.import_file import ImportFile, read_import_file
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.checks import check_positive
 from impact_rig.core.errors import ParameterError, RigError, SignalError
+from impact_rig.core.estimation.contact_law import ContactLaw
 from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.pulse_shape import NO_SHAPE, estimate_pulse_shape
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.hits.averaging import average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import Overrules, describe_label
+from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.hits.verdict import check_channels, check_stream
+from impact_rig.core.quantity import UNKNOWN
 from impact_rig.core.session import Session
 from impact_rig.core.setup.calibration import Sensitivity
 from impact_rig.core.setup.paper import IMPACT_SPEED
@@ -34,13 +39,14 @@ from impact_rig.core.setup.sensors import (
 )
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import ImpactDetector
-from impact_rig.core.signals.filtering import check_cutoff
+from impact_rig.core.signals.filtering import check_cutoff, low_pass
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.core.uncertainty.contact import estimate_hit_contact_time
 from impact_rig.recordings.importing import (
     ImportedHit,
     check_series,
     choose_window,
+    count_width,
     read_hit,
 )
 from impact_rig.results.campaign import Results, results_from_session
@@ -149,6 +155,9 @@ class TraceOptions:
                 sensors=_add_responses(setup.sensors, plan),
             ),
             has_window="pre_trigger" in file.settings or "record_duration" in file.settings,
+            is_filter_optional=changes.cutoff_frequency is None
+            and self.rig_file is None
+            and "cutoff_frequency" not in file.settings,
         )
 
     def _make_plan(self, plan: ChannelPlan) -> ChannelPlan:
@@ -276,6 +285,12 @@ def _add_responses(sensors: tuple[Sensor, ...], plan: ChannelPlan) -> tuple[Sens
     return tuple(known[channel] for channel in CHANNELS if channel in known)
 
 
+FINE_POINTS = 100
+"""Of a pulse at half amplitude, to see what the low-pass does to it [points], our choice."""
+LONG_PULSE = 5.0
+"""Width of a pulse over the period of the cutoff from which nothing happens to it [-]."""
+WORTH_SAYING = 0.01
+"""How much wider a pulse must become [-], our choice."""
 USELESS = {Reason.NO_PULSE, Reason.NON_FINITE}
 """Reasons that a file is not a bad hit but no hit at all."""
 MASS_OPTIONS = "give --hammer-mass and --sample-mass, or --rig-file"
@@ -292,10 +307,13 @@ class AnalyzedTraces:
         Of the files that could be used.
     errors : tuple of str
         One sentence for each file that could not, and for what else went wrong.
+    remarks : tuple of str
+        What was taken for granted, and what the low-pass does.
     """
 
     results: TraceResults
     errors: tuple[str, ...]
+    remarks: tuple[str, ...]
 
 
 def analyze_traces(
@@ -321,7 +339,7 @@ def analyze_traces(
         If a person's word on a file makes no sense.
     """
     overrules = _find_overrules(paths, series.sample, accept, reject)
-    hits, setup, errors = read_series(paths, series, needs_scale=False)
+    hits, setup, errors, remarks = read_series(paths, series, needs_scale=False)
     for path, error in errors.items():
         if _make_label(paths.index(path) + 1, series.sample) in overrules.accepted:
             raise ParameterError(f"{path} cannot be accepted by hand: {error}") from None
@@ -330,13 +348,13 @@ def analyze_traces(
             _check_acceptable(hit, setup)
     session = Session(setup, overrules)
     judged = [judged for hit in hits for judged in session.feed(hit.block)]
-    has_scale = all(hit.has_scale for hit in hits)
-    return _finish(paths, session, series.sample, judged, [*errors.values()], has_scale=has_scale)
+    results, mean_errors = _finish(paths, session, series.sample, judged, hits)
+    return AnalyzedTraces(results, (*errors.values(), *mean_errors), remarks)
 
 
 def read_series(
     paths: Sequence[Path], series: TraceSeries, *, needs_scale: bool
-) -> tuple[list[ImportedHit], RigSetup, dict[Path, str]]:
+) -> tuple[list[ImportedHit], RigSetup, dict[Path, str], tuple[str, ...]]:
     """Read every file as one hit.
 
     Parameters
@@ -351,11 +369,12 @@ def read_series(
     Returns
     -------
     tuple
-        The hits, the set-up that they are judged by, and a sentence for each file that could not
-        be used.
+        The hits, the set-up that they are judged by, a sentence for each file that could not be
+        used, and remarks on what was taken for granted.
     """
     hits: list[ImportedHit] = []
     errors: dict[Path, str] = {}
+    wanted = series.setup.analysis.cutoff_frequency
     for number, path in enumerate(paths, start=1):
         label = _make_label(number, series.sample)
         mass = series.setup.hammer_mass
@@ -368,7 +387,11 @@ def read_series(
             errors[path] = str(error)
         else:
             hits.append(hit)
-    return hits, _make_series_setup(series, hits), errors
+    setup = _make_series_setup(series, hits)
+    remarks = [remark for hit in hits for remark in hit.remarks]
+    if hits:
+        remarks += _describe_filter(wanted, setup.analysis.cutoff_frequency, hits)
+    return hits, setup, errors, tuple(dict.fromkeys(remarks))
 
 
 def _make_series_setup(series: TraceSeries, hits: Sequence[ImportedHit]) -> RigSetup:
@@ -388,6 +411,28 @@ def _check_cutoff(hit: ImportedHit, series: TraceSeries) -> TraceSeries:
             raise ParameterError(f"{hit.path}: {error} (--cutoff off)") from None
         analysis = replace(analysis, cutoff_frequency=0.0)
     return replace(series, setup=replace(series.setup, analysis=analysis))
+
+
+def _describe_filter(wanted: float, cutoff: float, hits: Sequence[ImportedHit]) -> list[str]:
+    """Say what became of the low-pass that was wanted [Hz], and what it does to such pulses."""
+    rate = hits[0].block.sampling_rate
+    if cutoff != wanted:
+        names = f"{rate / 1e3:g} kHz is too slow for the {wanted / 1e3:g} kHz low-pass"
+        return [f"{names}: there is none (--cutoff)"]
+    width = float(np.median([count_width(hit.block.hammer.output) for hit in hits])) / rate
+    if not cutoff or width * cutoff > LONG_PULSE:
+        return []
+    # A versed-sine as wide at half amplitude, with room for the filter on both sides.
+    time = np.linspace(-20.0, 20.0, 20 * FINE_POINTS * 2 + 1)
+    pulse = np.where(np.abs(time) < 1.0, np.cos(0.5 * np.pi * time) ** 2, 0.0)
+    filtered = low_pass(pulse, cutoff, FINE_POINTS / width)
+    wider = measure_pulse(filtered).half_amplitude_width / FINE_POINTS - 1.0
+    if wider < WORTH_SAYING:
+        return []
+    pulses = f"pulses of {width * 1e6:.3g} us at half amplitude"
+    return [
+        f"the {cutoff / 1e3:g} kHz low-pass makes {pulses} {wider * 100:.0f} % wider (--cutoff)"
+    ]
 
 
 def _check_pulse(hit: ImportedHit, setup: RigSetup) -> None:
@@ -445,15 +490,16 @@ def _finish(
     session: Session,
     sample: str,
     judged: Sequence[JudgedHit],
-    errors: list[str],
-    *,
-    has_scale: bool,
-) -> AnalyzedTraces:
+    imported: Sequence[ImportedHit],
+) -> tuple[TraceResults, list[str]]:
+    errors: list[str] = []
+    units = {hit.block.label: hit for hit in imported}
     selection = session.get_selection(sample)
     final = {hit.label: hit for hit in selection.kept + selection.left_out}
     # The last word on a hit comes without its traces.
     hits = tuple(
-        _flatten(replace(final[hit.label], filtered=hit.filtered), session.setup) for hit in judged
+        _flatten(replace(final[hit.label], filtered=hit.filtered), session.setup, units[hit.label])
+        for hit in judged
     )
     results = Results(session.setup, HammerEstimate(), (), ())
     if selection.kept:
@@ -464,15 +510,42 @@ def _finish(
     elif hits:
         errors.append("no hit was accepted: the contact time is not determined")
     hammer, samples = _name_options(paths, session, sample, results)
-    if not has_scale:
-        # Widths do not depend on the scale: a force without a mass is good for contact times.
-        hits = tuple(replace(hit, hammer_peak=NAN) for hit in hits)
-        samples = tuple(replace(item, hammer_peak=NAN) for item in samples)
-    return AnalyzedTraces(TraceResults(hammer, samples, hits), tuple(errors))
+    if not all(hit.has_scale for hit in imported):
+        # Widths do not depend on the scale: such a channel is good for contact times.
+        hits = tuple(replace(hit, hammer_peak=NAN, specimen_peak=NAN) for hit in hits)
+        samples = tuple(_drop_scale(item) for item in samples)
+    return TraceResults(hammer, samples, hits), errors
 
 
-def _flatten(hit: JudgedHit, setup: RigSetup) -> FileResults:
-    flat = file_results_from_judged(hit)
+def _drop_scale(sample: SampleEstimate) -> SampleEstimate:
+    """Return an estimate without what depends on the gain of the hammer's channel."""
+    law = sample.contact_law
+    kept = ContactLaw(
+        exponent=law.exponent,
+        duration=law.duration,
+        restitution=law.restitution,
+        residual_percent=law.residual_percent,
+        notes=law.notes,
+        is_allowed=law.is_allowed,
+        excludes_versed_sine=law.excludes_versed_sine,
+    )
+    return replace(
+        sample,
+        hammer_peak=NAN,
+        specimen_peak=NAN,
+        first_peak=NAN,
+        second_peak=NAN,
+        peak_force=UNKNOWN,
+        contact_law=kept,
+    )
+
+
+def _flatten(hit: JudgedHit, setup: RigSetup, imported: ImportedHit) -> FileResults:
+    flat = replace(
+        file_results_from_judged(hit),
+        measured_peak=hit.hammer_peak / imported.per_unit,
+        measured_unit=imported.unit,
+    )
     if hit.filtered is None:
         return flat
     settings = setup.analysis

@@ -250,7 +250,8 @@ RESULTS_OPTIONS = {"files", "as_json", "budget"}
 @options.json_option
 @click.option("--budget", is_flag=True, help="Print where each uncertainty comes from, too.")
 @options.make_analysis_options(
-    "that of recording or rig file; else 50 kHz", "that of the recording; else 0"
+    "that of recording or rig file; else 50 kHz, off where the sampling is too slow",
+    "that of the recording; else 0",
 )
 @click.option(
     "--exponent",
@@ -333,6 +334,8 @@ def command(
         series = TraceOptions(**trace_options).make_series(changes)
         analyzed = analyze_traces(traces, series, accept, reject)
         errors += analyzed.errors
+        for remark in analyzed.remarks:
+            print_warning(remark)
         _print_traces(analyzed.results, form)
     errors = list(dict.fromkeys(errors))  # what is wrong with an option is so for all files
     raise_errors(errors)

@@ -12,6 +12,7 @@ from impact_rig.cli import options
 from impact_rig.cli.each_file import raise_errors
 from impact_rig.cli.options import Quantity
 from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.present.terminal.console import print_warning
 
 RECORDING_SUFFIX = ".mcap"
 
@@ -101,8 +102,6 @@ def command(
     changes = SettingsChanges(cutoff, pulse_factor, double_hit_level, keep)
     series = TraceOptions(**trace_options).make_series(changes)
     series = _set_window(series, pre_trigger, record_duration)
-    is_filter_optional = cutoff is None and trace_options["rig_file"] is None
-    series = replace(series, is_filter_optional=is_filter_optional)
     errors = _import_files(files, output, series)
     raise_errors(errors)
 
@@ -129,23 +128,12 @@ def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) ->
 
     repeated = find_repeated_files(files)
     paths = [path for place, path in enumerate(files) if place not in repeated]
-    hits, setup, broken = read_series(paths, series, needs_scale=True)
+    hits, setup, broken, remarks = read_series(paths, series, needs_scale=True)
     errors = [*repeated.values(), *broken.values()]
     if not hits:
         return [*errors, f"none of the files could be used: {output} is not written"]
-    for body in dict.fromkeys(body for hit in hits for body in hit.assumed):
-        click.echo(
-            f"warning: nobody states the unit of the {body}'s channel: m/s^2 is taken"
-            f" (--{body}-unit)",
-            err=True,
-        )
-    if setup.analysis.cutoff_frequency != series.setup.analysis.cutoff_frequency:
-        click.echo(
-            f"warning: {hits[0].block.sampling_rate / 1e3:g} kHz is too slow for the"
-            f" {series.setup.analysis.cutoff_frequency / 1e3:g} kHz low-pass: the recording says"
-            " that there is none (--cutoff)",
-            err=True,
-        )
+    for remark in remarks:
+        print_warning(remark)
     try:
         write_imported(output, setup, hits)
     except RigError as error:

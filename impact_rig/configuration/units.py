@@ -9,7 +9,7 @@ from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup.calibration import Sensitivity
+from impact_rig.core.setup.calibration import VOLTAGES, Sensitivity, normalize_unit
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
@@ -80,19 +80,32 @@ def parse_quantity(what: str, value: Any, unit: str, example: str) -> float:
 
 
 def parse_sensitivity(what: str, value: Any) -> Sensitivity:
-    """Convert a text like "10 mV/g" or "2.25 mV/N"; parameters and errors as `parse_quantity`.
+    """Convert a text like "10 mV/g" or "2.25 mV/N", or a scale like "450 N/V", its inverse.
 
-    Behind the stroke stands a unit as instruments write it: g is the standard gravity, no gram.
+    Parameters and errors as `parse_quantity`. The unit that is no voltage is one of instruments: g
+    is the standard gravity, no gram.
     """
-    example = "10 mV/g"
-    voltage, stroke, unit = value.partition("/") if isinstance(value, str) else ("", "", "")
+    text = value if isinstance(value, str) else ""
+    scale = _NUMBER_AND_UNIT.fullmatch(text)
+    above, stroke, voltage = scale[2].rpartition("/") if scale else ("", "", "")
+    if scale and stroke and normalize_unit(voltage) in VOLTAGES:
+        units_per_volt = parse_reading(what, f"{scale[1]} {above}")[0]
+        if units_per_volt == 0.0:
+            raise ParameterError(f"{what} is {value!r}: it must not be zero")
+        return Sensitivity(VOLTAGES[normalize_unit(voltage)] / units_per_volt, _strip(above))
+    voltage, stroke, unit = text.partition("/")
     if not stroke:
         raise ParameterError(
-            f'{what} is {value!r}: it must be a voltage per unit, written like "{example}"'
+            f'{what} is {value!r}: it must be a voltage per unit, written like "10 mV/g", or its'
+            ' inverse, like "450 N/V"'
         )
-    return Sensitivity(
-        parse_quantity(what, voltage.strip(), "V", "10 mV"), unit.strip().strip("()")
-    )
+    return Sensitivity(parse_quantity(what, voltage.strip(), "V", "10 mV"), _strip(unit))
+
+
+def _strip(unit: str) -> str:
+    """Return a unit without blanks and brackets around it."""
+    unit = unit.strip()
+    return unit[1:-1].strip() if unit[:1] + unit[-1:] == "()" else unit
 
 
 def parse_reading(what: str, value: Any) -> tuple[float, str]:

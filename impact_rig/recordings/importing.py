@@ -24,6 +24,7 @@ from impact_rig.core.setup.calibration import (
     TIME_UNITS,
     UNITS,
     VOLTAGES,
+    Sensitivity,
     compute_scale,
     normalize_unit,
 )
@@ -79,9 +80,14 @@ class MappedChannels:
     hammer, specimen : ChannelBlock
         Numbers or counts of the file, bit by bit; the specimen's without points: not measured.
     has_scale : bool
-        The hammer's are accelerations; False: a force on an unknown mass, as large as the force.
-    assumed : tuple of str
-        Bodies of whose channels neither file nor user state a unit: `DEFAULT_UNIT` was taken.
+        The hammer's are accelerations; False: forces on an unknown mass, or voltages of an
+        unknown sensitivity, as large as these.
+    unit : str
+        Of what the hammer's sensor measures: m/s^2, N, or V where its sensitivity is not known.
+    per_unit : float
+        Acceleration of one such unit [m/s^2].
+    remarks : tuple of str
+        What was taken for granted.
     names : tuple of str
         Of the channels in the file.
     stamp : int
@@ -92,7 +98,9 @@ class MappedChannels:
     hammer: ChannelBlock
     specimen: ChannelBlock = NO_SPECIMEN
     has_scale: bool = True
-    assumed: tuple[str, ...] = ()
+    unit: str = DEFAULT_UNIT
+    per_unit: float = 1.0
+    remarks: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
     stamp: int = 0
 
@@ -136,19 +144,25 @@ def map_channels(
     hammer, specimen = found["hammer"], found.get("specimen")
     if specimen is not None:
         _check_pair(path, hammer, specimen)
-    has_scale = needs_scale or not (_is_force(hammer, plan.hammer) and math.isnan(hammer_mass))
+    is_force = _is_force(hammer, plan.hammer)
+    is_voltage = not plan.hammer.sensitivity and _is_voltage(hammer, plan.hammer)
+    has_scale = needs_scale or not (is_voltage or (is_force and math.isnan(hammer_mass)))
     mass = hammer_mass if has_scale else 1.0
+    unit = "V" if is_voltage else "N" if is_force else DEFAULT_UNIT
     return MappedChannels(
         sampling_rate=_choose_rate(path, plan, hammer, found.get("time")),
-        hammer=_calibrate(path, "hammer", hammer, plan.hammer, mass),
-        specimen=_calibrate(path, "specimen", specimen, plan.specimen)
+        hammer=_calibrate(path, "hammer", hammer, plan.hammer, mass, needs_scale=needs_scale),
+        specimen=_calibrate(path, "specimen", specimen, plan.specimen, needs_scale=needs_scale)
         if specimen
         else NO_SPECIMEN,
         has_scale=has_scale,
-        assumed=tuple(
-            BODIES[role]
+        unit=unit,
+        per_unit=1.0 / mass if is_force else 1.0,
+        remarks=tuple(
+            remark
             for role, use in (("hammer", plan.hammer), ("specimen", plan.specimen))
-            if role in found and not (found[role].unit or use.unit or use.sensitivity)
+            if role in found
+            for remark in _note_unit(BODIES[role], found[role], use)
         ),
         names=tuple(found[role].name for role in BODIES if role in found),
         stamp=hammer.stamp,
@@ -298,7 +312,7 @@ def _read_clock(
         )
     unit = stated or plan.time_unit
     rate = compute_sampling_rate(path, time.values.astype(np.float64), unit)
-    width = _count_width(hammer.values) / rate
+    width = count_width(hammer.values) / rate
     if not unit and (width > LONGEST_WIDTH or 1.0 / rate > LONGEST_STEP):
         would = ", ".join(
             f"in {name} {_format_time(scale * width)} ({_format_time(scale / rate)})"
@@ -312,7 +326,7 @@ def _read_clock(
     return rate
 
 
-def _count_width(values: RawArray) -> int:
+def count_width(values: RawArray) -> int:
     """Return how many points of the highest pulse are above half its height."""
     deviation = np.abs(values - float(np.median(values)))
     peak = int(np.argmax(deviation))
@@ -340,6 +354,19 @@ def _choose_unit(path: Path, role: str, channel: MeasuredChannel, use: ChannelUs
     return given or stated or DEFAULT_UNIT
 
 
+def _note_unit(body: str, channel: MeasuredChannel, use: ChannelUse) -> Iterator[str]:
+    """Yield what is taken for granted of a channel's unit."""
+    unit = use.unit or channel.unit
+    if not unit and not use.sensitivity:
+        yield f"nobody states the unit of the {body}'s channel: m/s^2 is taken (--{body}-unit)"
+    if normalize_unit(unit) == "kgn":
+        yield f"the {body}'s channel is taken for thousands of g; a force in kilograms is kgf"
+
+
+def _is_voltage(channel: MeasuredChannel, use: ChannelUse) -> bool:
+    return normalize_unit(use.unit or channel.unit) in VOLTAGES
+
+
 def _is_force(channel: MeasuredChannel, use: ChannelUse) -> bool:
     """Tell whether the channel is a force, or the voltage of one."""
     unit = normalize_unit(use.unit or channel.unit)
@@ -349,8 +376,17 @@ def _is_force(channel: MeasuredChannel, use: ChannelUse) -> bool:
 
 
 def _calibrate(
-    path: Path, role: str, channel: MeasuredChannel, use: ChannelUse, mass: float = math.nan
+    path: Path,
+    role: str,
+    channel: MeasuredChannel,
+    use: ChannelUse,
+    mass: float = math.nan,
+    *,
+    needs_scale: bool = True,
 ) -> ChannelBlock:
+    if not (needs_scale or use.sensitivity) and _is_voltage(channel, use):
+        # Volts stay volts.
+        use = replace(use, sensitivity=Sensitivity(1.0, DEFAULT_UNIT))
     unit = _choose_unit(path, role, channel, use)
     if role == "specimen" and _is_force(channel, use):
         raise ParameterError(
@@ -390,9 +426,10 @@ class ImportedHit:
     block : Block
         All of both channels, bit by bit; stamped with the time that the file states, or with 0.
     has_scale : bool
-        The hammer's numbers make accelerations; see `MappedChannels`.
-    assumed : tuple of str
-        Bodies whose unit nobody states.
+        The hammer's numbers make accelerations; see `MappedChannels`, as of these:
+    unit : str
+    per_unit : float
+    remarks : tuple of str
     channels : tuple of str
         Names of the channels in the file.
     """
@@ -400,7 +437,9 @@ class ImportedHit:
     path: Path
     block: Block
     has_scale: bool
-    assumed: tuple[str, ...]
+    unit: str
+    per_unit: float
+    remarks: tuple[str, ...]
     channels: tuple[str, ...]
 
     @property
@@ -451,7 +490,15 @@ def read_hit(
         stamp=channels.stamp,
         origin=_describe_origin(path, channels),
     )
-    return ImportedHit(path, block, channels.has_scale, channels.assumed, channels.names)
+    return ImportedHit(
+        path,
+        block,
+        channels.has_scale,
+        channels.unit,
+        channels.per_unit,
+        channels.remarks,
+        channels.names,
+    )
 
 
 def _describe_origin(path: Path, channels: MappedChannels) -> Origin:

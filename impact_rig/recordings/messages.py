@@ -300,7 +300,7 @@ class MessageEncoder:
         return self._make(
             PACKAGE + "Channel",
             counts=channel.output if is_counted else np.empty(0, np.int32),
-            values=np.empty(0) if is_counted else channel.output,
+            values=np.empty(0) if is_counted else np.ascontiguousarray(channel.output),
             scale=channel.scale,
             offset=channel.offset,
             full_scale=channel.full_scale,

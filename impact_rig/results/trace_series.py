@@ -32,6 +32,7 @@ from impact_rig.results.wire import Json, to_json
 FORMAT_NAME = "impact-rig trace results"
 FORMAT_VERSION = 4
 NAN = math.nan
+SHOWN_UNITS = {"m/s^2": "m/s²"}
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,10 @@ class FileResults:
         w10 / w50 [-].
     hammer_peak, specimen_peak : float
         Largest |acceleration| after the low-pass [m/s^2].
+    measured_peak : float
+        Of the hammer, in the unit that its sensor measures.
+    measured_unit : str
+        m/s^2, N of a force hammer, V where the sensitivity is not known.
     best_shape : str
         The pulse shape that leaves least; empty: not determined.
     shape_residual_percent : float
@@ -70,6 +75,8 @@ class FileResults:
     specimen_peak: float = field(default=NAN, metadata=PEAK)
     best_shape: str = ""
     shape_residual_percent: float = NAN
+    measured_peak: float = NAN
+    measured_unit: str = "m/s^2"
 
 
 @dataclass(frozen=True)
@@ -101,6 +108,7 @@ def file_results_from_judged(hit: JudgedHit) -> FileResults:
         contact_time=Quantity(hit.contact_time),
         width_ratio=hit.width_ratio,
         hammer_peak=hit.hammer_peak,
+        measured_peak=hit.hammer_peak,
         specimen_peak=hit.specimen_peak,
     )
 
@@ -114,6 +122,7 @@ def trace_results_to_json(results: TraceResults) -> Json:
 
 def tabulate_hits(hits: Sequence[FileResults]) -> Table:
     """Return what was found in every file; those that were rejected are marked."""
+    unit = hits[0].measured_unit if hits else ""
     columns = [
         make_text_column("File", _shorten([hit.origin.file for hit in hits])),
         Column(
@@ -139,7 +148,10 @@ def tabulate_hits(hits: Sequence[FileResults]) -> Table:
             [format_number(hit.shape_residual_percent, 1) for hit in hits],
             "leaves: RMS of what the best shape leaves, over the peak.",
         ),
-        make_optional("Peak [m/s²]", [_format_peak(hit.hammer_peak) for hit in hits]),
+        make_optional(
+            f"Peak [{SHOWN_UNITS.get(unit, unit)}]",
+            [_format_peak(hit.measured_peak) for hit in hits],
+        ),
     ]
     wrong = [place for place, hit in enumerate(hits) if not hit.accepted]
     return make_table("Hits", columns, marked=wrong)

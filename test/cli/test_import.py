@@ -197,7 +197,7 @@ def test_good_files_are_imported_whatever_the_others_are(
     [
         (["--cutoff", "600 kHz"], "too low"),
         (["--hammer", "force"], "no channel 'force': it has 1 'column 1'"),
-        (["--hammer-unit", "kg"], "unit 'kg' is unknown"),
+        (["--hammer-unit", "Pa"], "unit 'Pa' is unknown"),
         (["--hammer-sensitivity", "10"], "'10': it must be a voltage per unit"),
         (["--hammer-sensitivity", "10 mV/N"], "needs the hammer's mass"),
         (["--hammer-full-scale", "many"], "'many': write it with a unit"),

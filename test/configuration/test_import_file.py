@@ -55,7 +55,7 @@ def test_a_channel_may_be_a_number():
         ("[hammer]\nsensitivity = '10 mg/g'", "which is no V"),
         ("[hammer]\nsensitivity = '10 mV/s'", "per 's': it must be a voltage per"),
         ("[hammer]\nfull_scale = 500", "full_scale of .hammer. is 500: write it with a unit"),
-        ("[hammer]\nfull_scale = '500 kg'", "unit 'kg' is unknown"),
+        ("[hammer]\nfull_scale = '500 Pa'", "unit 'Pa' is unknown"),
         ("[hammer]\nmass = '100 mm'", "mass of .hammer. is \"100 mm\", which is no kg"),
         ("[hammer]\nchannel = true", "channel of .hammer. is True"),
         ("[specimen]\ncontrol = 'yes'", "control of .specimen. is 'yes'"),

@@ -65,7 +65,10 @@ def test_three_columns_are_time_hammer_and_sample():
     assert np.array_equal(found.hammer.output, HAMMER)
     assert np.array_equal(found.specimen.output, SPECIMEN)
     assert (found.hammer.scale, found.hammer.offset, found.hammer.full_scale) == (1.0, 0.0, 0.0)
-    assert found.assumed == ("hammer", "sample")
+    assert [remark.split("'s")[0] for remark in found.remarks] == [
+        "nobody states the unit of the hammer",
+        "nobody states the unit of the sample",
+    ]
 
 
 def test_two_columns_are_time_and_hammer():
@@ -94,7 +97,7 @@ def test_where_files_state_rates_the_first_two_channels_are_hammer_and_sample():
     found = map_channels(file, plan(), hammer_mass=0.5)
     assert found.names == ("force", "response")
     assert (found.hammer.scale, found.specimen.scale) == (2.0, 9.80665)
-    assert found.assumed == ()
+    assert (found.remarks, found.unit, found.per_unit) == ((), "N", 2.0)
 
 
 @pytest.mark.parametrize(("hammer", "specimen"), [("b", "a"), ("2", "1")])
@@ -179,6 +182,24 @@ class TestTimesOfOneRecord:
         with pytest.raises(SignalError, match=r"too few digits.*give --rate"):
             self.read_rate("Time", times, "s")
         assert self.read_rate("Time", times, "s", sampling_rate=1e6) == 1e6
+
+
+def test_volts_without_a_sensitivity_stay_volts_and_forces_without_a_mass_forces():
+    volts = map_channels(stated(channel("a", unit="mV")), plan(), needs_scale=False)
+    assert (volts.has_scale, volts.unit, volts.per_unit) == (False, "V", 1.0)
+    assert volts.hammer.scale == pytest.approx(1e-3)
+    force = map_channels(stated(channel("a", unit="lbf")), plan(), needs_scale=False)
+    assert (force.has_scale, force.unit, force.per_unit) == (False, "N", 1.0)
+    with pytest.raises(ParameterError, match="a channel in mV needs a sensitivity"):
+        map_channels(stated(channel("a", unit="mV")), plan())
+
+
+def test_a_channel_in_kg_is_a_thousand_g_and_says_so():
+    found = map_channels(stated(channel("a", unit="kg")), plan())
+    assert found.hammer.scale == pytest.approx(9806.65)
+    assert found.remarks == (
+        "the hammer's channel is taken for thousands of g; a force in kilograms is kgf",
+    )
 
 
 def test_counts_stay_counts_beside_their_calibration():

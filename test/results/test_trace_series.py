@@ -25,6 +25,7 @@ GOOD = FileResults(
     512.0,
     best_shape="versed-sine",
     shape_residual_percent=0.31,
+    measured_peak=512.0,
 )
 BAD = FileResults(
     Origin(IMPORTED, "npy file", "lab/hit_2.npy"), False, ("overload: 5 points at the rail",)

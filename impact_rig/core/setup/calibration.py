@@ -11,9 +11,9 @@ STANDARD_GRAVITY = 9.80665
 POUND_FORCE = 4.4482216152605
 """[N], by definition."""
 
-ACCELERATIONS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY}
-"""Units of acceleration [m/s^2]."""
-FORCES = {"N": 1.0, "kN": 1e3, "lbf": POUND_FORCE}
+ACCELERATIONS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "kgn": 1e3 * STANDARD_GRAVITY}
+"""Units of acceleration [m/s^2]; kgn: a thousand g."""
+FORCES = {"N": 1.0, "kN": 1e3, "lbf": POUND_FORCE, "kgf": STANDARD_GRAVITY}
 """Units of force [N]."""
 VOLTAGES = {"V": 1.0, "mV": 1e-3}
 """Units of voltage [V]."""
@@ -22,8 +22,10 @@ UNITS = (*ACCELERATIONS, *FORCES, *VOLTAGES)
 SPELLINGS = {
     "m/s²": "m/s^2", "m/s2": "m/s^2", "m/s**2": "m/s^2", "m/s/s": "m/s^2", "m s^-2": "m/s^2",
     "m/(s^2)": "m/s^2", "m/sec^2": "m/s^2", "ms^-2": "m/s^2", "G": "g", "gn": "g", "g_n": "g",
+    "ms-2": "m/s^2", "m/s-2": "m/s^2", "ms⁻²": "m/s^2", "m s⁻²": "m/s^2", "m·s⁻²": "m/s^2",
+    "kg": "kgn", "kG": "kgn", "kg_n": "kgn", "lb": "lbf", "lbs": "lbf", "kp": "kgf",
     "g0": "g", "newton": "N", "Newton": "N", "volt": "V", "Volt": "V", "volts": "V", "Volts": "V",
-    "VOLT": "V", "v": "V", "VOLTS": "V", "mVolt": "mV", "millivolts": "mV", "MV": "mV",
+    "VOLT": "V", "v": "V", "VOLTS": "V", "mVolt": "mV", "millivolts": "mV",
 }  # fmt: skip
 """How files write these units, too."""
 

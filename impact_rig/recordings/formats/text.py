@@ -6,6 +6,7 @@ there are numbers in its columns; what stands above are names, units and stateme
 """
 
 import codecs
+import contextlib
 import csv
 import math
 import re
@@ -42,6 +43,8 @@ WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
 HEAD, PIECE = 1 << 16, 1 << 22
 """Letters that are read at once, our choice: the table must begin in the first piece with numbers;
 the others are what memory is needed for, beside the numbers of a small file."""
+MUCH = 1 << 25
+"""Numbers that go to a temporary file [byte], our choice."""
 ENOUGH_LINES = 100
 """Written alike they are the table, our choice: more than instruments put above it."""
 SHOWN_LETTERS = 40
@@ -380,16 +383,19 @@ def _read_columns(
     body = head.split("\n", table.first - 1)[-1]
     blocks = [rows.read(body, table.first - 1)]
     before = table.first - 1 + body.count("\n")
-    piece = next(pieces, "")
-    if not piece:
-        numbers = blocks[0]
-    else:
-        with tempfile.TemporaryFile() as file:
-            file.write(blocks.pop().tobytes())
-            while piece:
-                file.write(rows.read(piece, before).tobytes())
-                before += piece.count("\n")
-                piece = next(pieces, "")
+    with contextlib.ExitStack() as files:
+        file = None
+        for piece in pieces:
+            blocks.append(rows.read(piece, before))
+            before += piece.count("\n")
+            if file is None and sum(block.nbytes for block in blocks) > MUCH:
+                file = files.enter_context(tempfile.TemporaryFile())
+            if file is not None:
+                file.writelines(block.tobytes() for block in blocks)
+                blocks.clear()
+        if file is None:
+            numbers = np.concatenate(blocks)
+        else:
             file.flush()
             # The file has no name: it goes when nobody looks at its numbers any more.
             numbers = np.memmap(file, np.float64, "r").reshape(-1, len(table.columns))

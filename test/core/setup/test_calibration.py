@@ -50,7 +50,7 @@ def test_units_that_give_no_acceleration_are_refused(unit, mass, told):
     [
         (lambda: Sensitivity(0.0, "g"), "must not be zero"),
         (lambda: Sensitivity(0.01, "Pa"), "per 'Pa': it must be a voltage per"),
-        (lambda: ChannelUse(unit="kg"), "'kg' is unknown"),
+        (lambda: ChannelUse(unit="Pa"), "'Pa' is unknown"),
         (lambda: ChannelUse(unit="g", sensitivity=Sensitivity(0.01, "g")), "for channels in V"),
         (lambda: ChannelUse(full_scale=-1.0), "full scale is -1.0"),
         (lambda: ChannelUse(full_scale=1.0, full_scale_unit="s"), "unit 's' is unknown"),

@@ -114,9 +114,11 @@ def test_columns_of_words_are_channels_without_points(tmp_path):
     assert values.values.tolist() == [1.0, 2.0]
 
 
-def test_a_file_of_many_pieces_is_the_same_as_its_parts(tmp_path, monkeypatch):
+@pytest.mark.parametrize("much", [1000, 1 << 20], ids=["in a file", "in memory"])
+def test_a_file_of_many_pieces_is_the_same_as_its_parts(tmp_path, monkeypatch, much):
     monkeypatch.setattr(text, "HEAD", 100)
     monkeypatch.setattr(text, "PIECE", 1000)
+    monkeypatch.setattr(text, "MUCH", much)
     rows = np.random.default_rng(1).normal(size=(500, 3))
     lines = [",".join(map(repr, row)) for row in rows.tolist()]
     lines[400:] = [line.rpartition(",")[0] + "," for line in lines[400:]]
