@@ -552,7 +552,9 @@ def _flatten(hit: JudgedHit, setup: RigSetup, imported: ImportedHit) -> FileResu
     contact_time = estimate_hit_contact_time(hit.filtered, settings, setup.clock_uncertainty)
     try:
         # A series of one: every hit is asked for its shape.
-        shape = estimate_pulse_shape(average_hits([hit.filtered]), settings.cutoff_frequency)
+        shape = estimate_pulse_shape(
+            average_hits([hit.filtered]), settings.cutoff_frequency, setup.responses[0]
+        )
     except RigError:
         shape = NO_SHAPE
     best = shape.best_fit

@@ -20,6 +20,7 @@ from impact_rig.core.estimation.sample import (
     estimate_numbers,
     estimate_traces,
 )
+from impact_rig.core.estimation.shared_ringing import withdraw_shared_ringing
 from impact_rig.core.estimation.speed_exponents import SpeedExponents, estimate_speed_exponents
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
@@ -263,7 +264,7 @@ class Session:
             found[name] = estimate(name)
             if report is not None:
                 report(len(found))
-        return tuple(found[name] for name in self.names)
+        return withdraw_shared_ringing([found[name] for name in self.names], self.setup)
 
     def _gather(self, samples: tuple[SampleEstimate, ...]) -> SessionResults:
         selections = [series.select() for series in self._series.values()]

@@ -8,8 +8,10 @@ from impact_rig.core.estimation.contact_law import ContactLaw
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.model.contact_law import compute_pulses
 from impact_rig.core.model.pulses import compute_pulse
+from impact_rig.core.setup.sensors import FLAT, SensorResponse
 from impact_rig.core.signals.filtering import low_pass
 from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.signals.sensor_response import respond
 from impact_rig.results.sample_traces import SampleTraces
 
 MARGIN = 0.5
@@ -25,8 +27,8 @@ class LawCurves:
     time : ndarray, shape (n,)
         From the middle of the pulse [s].
     measured, law, versed_sine : ndarray, shape (n,)
-        Force on the hammer, both models behind the low-pass of the trace [N]; the versed-sine
-        lasts tau_p and is as high as the pulse.
+        Force on the hammer, both models behind sensor and low-pass of the trace [N]; the
+        versed-sine lasts tau_p and is as high as the pulse.
     indentation, loop_force : ndarray, shape (k,)
         Measured over the contact, from both traces and the law's impact speed [m, N]; empty: of
         one trace.
@@ -45,7 +47,11 @@ class LawCurves:
 
 
 def compute_law_curves(
-    law: ContactLaw, traces: SampleTraces, hammer_mass: float, cutoff_frequency: float
+    law: ContactLaw,
+    traces: SampleTraces,
+    hammer_mass: float,
+    cutoff_frequency: float,
+    response: SensorResponse = FLAT,
 ) -> LawCurves | None:
     """Return the curves of a law with masses; None: there is no such law.
 
@@ -59,6 +65,8 @@ def compute_law_curves(
         m1 [kg].
     cutoff_frequency : float
         Of the low-pass that the traces went through [Hz]; 0: none.
+    response : SensorResponse
+        Of the hammer's sensor.
     """
     if not law.impact_speed.is_known:
         return None
@@ -70,7 +78,7 @@ def compute_law_curves(
     upright = traces.mean * np.sign(traces.mean.sum(axis=1, keepdims=True))
 
     def filter_force(force: FloatArray) -> FloatArray:
-        return low_pass(force, cutoff_frequency, rate) if cutoff_frequency else force
+        return low_pass(respond(force, response, rate), cutoff_frequency, rate)
 
     def compute_force(begin: float) -> FloatArray:
         return filter_force(height * pulse.compute_force((time - begin) / unit)[0][0])

@@ -28,8 +28,23 @@ class Remark:
 
 
 def gather_warnings(samples: Sequence[SampleEstimate]) -> list[Remark]:
-    """Return what a reader of the numbers must know, each once with the samples it is about."""
-    return _gather([(sample.name, sample.warnings) for sample in samples])
+    """Return what a reader of the numbers must know, each once with the samples it is about.
+
+    What differs from sample to sample in its details alone, behind the first colon, is said once,
+    with each sample's details.
+    """
+    remarks = _gather([(sample.name, sample.warnings) for sample in samples])
+    stems: dict[str, list[Remark]] = {}
+    for remark in remarks:
+        stems.setdefault(remark.text.partition(": ")[0], []).append(remark)
+    return [_join(stem, alike) for stem, alike in stems.items()]
+
+
+def _join(stem: str, remarks: Sequence[Remark]) -> Remark:
+    if len(remarks) == 1:
+        return remarks[0]
+    details = [f"{remark.about}: {remark.text.partition(': ')[2]}" for remark in remarks]
+    return Remark(f"{stem}: {'; '.join(details)}")
 
 
 def gather_notes(samples: Sequence[SampleEstimate], hammer: HammerEstimate) -> list[Remark]:

@@ -13,6 +13,7 @@ from typing import Any
 from impact_rig.core.errors import FileError
 from impact_rig.core.origin import Origin
 from impact_rig.results.campaign import Results
+from impact_rig.results.size_exponents import find_size_exponents
 from impact_rig.results.wire import Json, WireError, from_json, to_json
 
 FORMAT_NAME = "impact-rig results"
@@ -27,6 +28,8 @@ def results_to_json(results: Results) -> Json:
         "format": {"name": FORMAT_NAME, "version": FORMAT_VERSION},
         **origin_to_json(results.origin),
         **to_json(results),
+        # They follow from the samples: nobody reads them back.
+        "size_exponents": [to_json(item) for item in find_size_exponents(results)],
     }
 
 

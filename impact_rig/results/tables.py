@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.estimation.contact_law import ContactLaw
 from impact_rig.core.estimation.fits import FittedModel
 from impact_rig.core.estimation.paper_method import HammerEstimate
@@ -17,7 +16,6 @@ from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.estimation.size_exponent import (
     HERTZ_EXPONENT,
     SPRING_EXPONENT,
-    estimate_size_exponent,
 )
 from impact_rig.core.estimation.speed_exponents import (
     ALL_SAMPLES,
@@ -26,7 +24,6 @@ from impact_rig.core.estimation.speed_exponents import (
     SpeedExponents,
 )
 from impact_rig.core.model.pulses import HALF_SINE, HERTZ, VERSED_SINE
-from impact_rig.core.model.stiffness import estimate_equivalent_mass
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup.paper import PULSE_NAME
 from impact_rig.results.campaign import Results
@@ -54,6 +51,7 @@ from impact_rig.results.references import (
     find_hammer_reference,
     find_reference,
 )
+from impact_rig.results.size_exponents import find_size_exponents
 from impact_rig.results.wire import list_fields
 
 LONGEST_UNBROKEN = 24
@@ -507,7 +505,8 @@ def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
         "F = k δⁿ (1 + a δ') between two free bodies, fitted to the mean hammer pulse; n = 3/2 is"
         " Hertz, 1 a linear spring; duration: first touch to separation; e: restitution; k,"
         " linear: of the spring with this duration. v, force, indentation and energy go with the"
-        " gain of the hammer's channel, taken as exact. It leaves: RMS of the rest, over the peak."
+        " gain of the hammer's channel, exact where the rig file states no uncertainty of it. It"
+        " leaves: RMS of the rest, over the peak."
     )
     return [make_table("Contact law", columns, [note, *remarks])]
 
@@ -517,26 +516,15 @@ def tabulate_size_exponents(results: Results) -> list[Table]:
 
     Nothing where no material has three samples of different masses.
     """
-    known = [
-        sample
-        for sample in results.samples
-        if sample.contact_time.is_known and not results.setup.find_unknown_masses(sample.name)
-    ]
-    materials = [results.setup.samples.find(sample.name).material for sample in known]
-    rows: dict[str, list[str]] = {}
-    groups = list(dict.fromkeys(materials))
-    for group in ("", *groups) if len(groups) > 1 else groups:
-        chosen = [
-            sample
-            for sample, material in zip(known, materials, strict=True)
-            if material and group in ("", material)
+    rows = {
+        item.material or ALL_MATERIALS: [
+            format_quantity(item.by_contact_time, 3),
+            format_number(item.contact_time_residual_percent, 2),
+            format_quantity(item.by_contact_law, 3),
+            format_number(item.contact_law_residual_percent, 2),
         ]
-        cells = [
-            *_format_exponent(results, chosen, lambda sample: sample.contact_time),
-            *_format_exponent(results, chosen, lambda sample: sample.contact_law.duration),
-        ]
-        if any(cell != MISSING for cell in cells):
-            rows[group or ALL_MATERIALS] = cells
+        for item in find_size_exponents(results)
+    }
     if not rows:
         return []
     columns = [
@@ -556,28 +544,6 @@ def tabulate_size_exponents(results: Results) -> list[Table]:
         " whatever the size. By the law: of its durations. It leaves: RMS of the rest of ln τ."
     )
     return [make_table("Contact time over mass", columns, [note])]
-
-
-def _format_exponent(
-    results: Results,
-    samples: Sequence[SampleEstimate],
-    read: Callable[[SampleEstimate], Quantity],
-) -> tuple[str, str]:
-    """Return p and what it leaves, in words."""
-    setup = results.setup
-    timed = [sample for sample in samples if read(sample).is_known]
-    masses = [
-        estimate_equivalent_mass(setup.hammer_mass, setup.samples.get_moving_mass(sample.name))
-        for sample in timed
-    ]
-    struck = [setup.samples.find(sample.name) for sample in timed]
-    # At one impact speed: each release angle has constants of its own.
-    groups = [f"{item.material} {item.release_angle}" for item in struck]
-    try:
-        found = estimate_size_exponent(groups, masses, [read(sample).value for sample in timed])
-    except NotDeterminedError:
-        return MISSING, MISSING
-    return format_quantity(found.exponent, 3), format_number(100.0 * found.residual, 2)
 
 
 def tabulate_speed_exponents(

@@ -85,7 +85,7 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path: Pat
     ]
     assert set(content) == {
         "format", "origin", "origin_source", "setup", "hammer", "samples", "hits",
-        "speed_exponents",
+        "size_exponents", "speed_exponents",
     }  # fmt: skip
 
 

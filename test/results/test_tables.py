@@ -14,6 +14,7 @@ from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import Sample, SampleSet
 from impact_rig.results.campaign import Results
 from impact_rig.results.references import find_reference
+from impact_rig.results.results_file import results_to_json
 from impact_rig.results.tables import (
     Table,
     find_largest_differences,
@@ -225,5 +226,11 @@ def test_contact_times_over_mass_give_the_exponent_of_each_material_and_of_all()
         assert by_width == pytest.approx(0.5, abs=0.02)
         assert by_law == pytest.approx(0.4, abs=0.02)
         assert 0.01 < float(row[2]) < 0.2
+    stored = results_to_json(results)["size_exponents"]
+    assert [item["material"] for item in stored] == ["", "steel", "brass"]
+    assert stored[0]["by_contact_law"] == pytest.approx(0.4, abs=0.02)
+    assert 0.0 < stored[0]["by_contact_law_u"] < stored[0]["by_contact_law_expanded"] < 0.02
+    assert (stored[0]["hertz"], stored[0]["linear_spring"]) == (0.4, 0.5)
     few = replace(results, samples=tuple(samples[:2]))
     assert tabulate_size_exponents(few) == []
+    assert results_to_json(few)["size_exponents"] == []

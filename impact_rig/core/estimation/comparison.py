@@ -9,8 +9,10 @@ from scipy.fft import irfft, next_fast_len, rfft
 from impact_rig.core.errors import SignalError
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.model.impact import ImpactModel, ModelVariant, simulate_impact
+from impact_rig.core.setup.sensors import FLAT, SensorResponse
 from impact_rig.core.signals.filtering import interpolate_between, low_pass
 from impact_rig.core.signals.record import FloatArray, make_read_only
+from impact_rig.core.signals.sensor_response import respond
 
 LARGEST_SHIFT = 1.0
 """Largest shift of the model, in contact times [-], our choice: beyond it another oscillation
@@ -182,7 +184,11 @@ def compare_trace(
 
 
 def compare_with_model(
-    mean: MeanHit, model: ImpactModel, variant: ModelVariant, cutoff_frequency: float
+    mean: MeanHit,
+    model: ImpactModel,
+    variant: ModelVariant,
+    cutoff_frequency: float,
+    responses: tuple[SensorResponse, SensorResponse] = (FLAT, FLAT),
 ) -> ModelComparison:
     """Simulate the model on the mean hit's time grid, filter it alike and compare.
 
@@ -196,6 +202,8 @@ def compare_with_model(
         Which model.
     cutoff_frequency : float
         The low-pass that the measurement went through [Hz]; 0: none.
+    responses : tuple of SensorResponse
+        Of the sensors, which it went through before.
 
     Raises
     ------
@@ -207,7 +215,10 @@ def compare_with_model(
     rate = mean.sampling_rate
     count = mean.traces.shape[1]
     start_time = model.contact_time / 2.0 - mean.origin / rate
-    simulated = np.stack(simulate_impact(model, rate, count, start=start_time, variant=variant))
+    bodies = simulate_impact(model, rate, count, start=start_time, variant=variant)
+    simulated = np.stack(
+        [respond(body, how, rate) for body, how in zip(bodies, responses, strict=True)]
+    )
     filtered = low_pass(simulated, cutoff_frequency, rate)
     first = max(0, int(np.ceil(-start_time * rate)))
     last = min(count, int(np.floor((model.contact_time - start_time) * rate)) + 1)

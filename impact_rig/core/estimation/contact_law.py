@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from impact_rig.core.errors import NotDeterminedError, RigError
@@ -18,12 +17,24 @@ from impact_rig.core.estimation.law_fit import (
     COUNT,
     DAMPING,
     EXPONENT,
+    HEIGHT,
+    LARGEST_RESIDUAL,
     OFFSET,
     START,
     STEP,
     TIME,
     LawFit,
     fit_law,
+)
+from impact_rig.core.estimation.momenta import (
+    check_hit_momenta,
+    check_momenta,
+    compare_momenta,
+    compute_loop_energy,
+    cut_contact,
+    find_odd_hits,
+    name_hits,
+    restore_levels,
 )
 from impact_rig.core.estimation.pulse_shape import fit_pulse, is_worse
 from impact_rig.core.estimation.pulse_window import PulseWindow, cut_window
@@ -41,9 +52,7 @@ from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.core.uncertainty.propagation import RigNumbers, make_rig_numbers
 from impact_rig.core.uncertainty.results import (
-    compute_quantity,
     list_variances,
-    make_ensemble,
     make_label,
     make_quantity,
 )
@@ -54,10 +63,9 @@ choice: without loss the foot behind takes 0.2 of it, at e = 0.5 all of it, and 
 and e; baseline on both sides holds the offset, and a longer one would take in more of a hum."""
 FEWEST_POINTS = 6
 """In the width at half amplitude [-], our choice: a dozen in the contact for six parameters."""
-LARGEST_RESIDUAL = 0.01
 RESIDUAL_OVER_NOISE = 3.0
-"""A fit that leaves more than this part of the peak [-] and so many times the noise [-] is no law
-of this contact, our choice."""
+"""A fit that leaves more than `LARGEST_RESIDUAL` and so many times the noise [-] is no law of this
+contact, our choice."""
 LARGEST_VERSED_RESIDUAL = 0.003
 """What a versed-sine may leave of a pulse that a law describes better [-], our choice: of a Hertz
 contact without loss it leaves 0.6 %."""
@@ -70,9 +78,6 @@ SECOND_TOP = 0.05
 CRUSHED = 0.6
 """Fall over rise from which a pulse looks like a crush [-], our choice: losses make it longer than
 1, and a low-pass nearer to it."""
-BALANCED = 0.01
-"""Difference of the momentum ratio from 1 that is not mentioned [-], our choice: gains are hardly
-known better."""
 LARGEST_RESTITUTION = 1.05
 """e from which a pulse is of no law [-], our choice: a crush that returns half of the energy makes
 it 1.1, the asymmetry of the plant `published` 1.02."""
@@ -124,6 +129,8 @@ class ContactLaw:
     own_covariances : tuple of (str, ndarray of shape (4, 4))
         Of the relative errors of `SCALED`, by sources that no other sample has: masses and clock,
         which all share, change no exponent.
+    warnings : tuple of str
+        Which hits are not as the others, and momenta that do not balance.
     is_allowed : bool
         The data allow it: it leaves no more of the pulse than a versed-sine does, chance apart.
     excludes_versed_sine : bool
@@ -163,6 +170,7 @@ class ContactLaw:
     own_covariances: tuple[tuple[str, FloatArray], ...] = field(
         default=(), compare=False, repr=False, metadata=INTERNAL
     )
+    warnings: tuple[str, ...] = field(default=(), metadata=INTERNAL)
     is_allowed: bool = field(default=False, metadata=INTERNAL)
     excludes_versed_sine: bool = field(default=False, metadata=INTERNAL)
 
@@ -228,7 +236,7 @@ def estimate_contact_law(
         )
     seen = (mean.sampling_rate, cutoff_frequency, sensors[0].response)
     window = cut_window(mean.traces[0], pulse, *seen, MARGINS)
-    fit = fit_law(window, exponent)
+    fit = fit_law(window, exponent, is_ringing=sensors[0].resonance > 0.0)
     correlation = compute_noise_correlation(cutoff_frequency, mean.sampling_rate, window.step)
     correlation = correlation[correlation.size // 2 :]
     noise = float(compute_raw_noise(mean)[0]) * math.sqrt(correlation[0]) / abs(pulse.peak)
@@ -242,7 +250,7 @@ def estimate_contact_law(
         why += _describe_pulse(window.measured, noise)
         return replace(NO_LAW, residual_percent=percent, notes=(f"{LIKE_CONTACT}: {why}",))
     scales = np.array([1.0, width / mean.sampling_rate, abs(pulse.peak), 1.0, 1.0, 1.0])
-    scatter = _compute_scatter(mean, fit, window, pulse.peak)
+    scatter, leaves = _compute_scatter(mean, fit, window, pulse.peak)
     unit = fit.compute_covariance(correlation / correlation[0])
     excess = max(fit.residual**2 - noise**2, 0.0)
     sources = [
@@ -256,6 +264,10 @@ def estimate_contact_law(
         change = fit.project(moved[:, np.newaxis])
         sources.append((ZERO_AFTER, change @ change.T, math.inf))
     total = sources[0][1] + sources[1][1]
+    sources += [
+        (source, np.outer(*2 * (fit.project(change[:, None])[:, 0],)), math.inf)
+        for source, change in _change_sensor(mean, pulse, fit, sensors[0], seen[:2])
+    ]
     spread = math.sqrt(total[EXPONENT, EXPONENT] * total[DAMPING, DAMPING])
     told = float(total[EXPONENT, DAMPING]) / spread if spread > 0.0 else math.nan
     quantities, own = _compute_quantities(
@@ -269,18 +281,23 @@ def estimate_contact_law(
         )
         return replace(NO_LAW, residual_percent=percent, notes=(why,))
     start = pulse.middle + width * float(fit.parameters[START])
-    contact = _cut_contact(mean, start, quantities["duration"].value, cutoff_frequency)
-    ratio = _compare_momenta(mean, contact, masses, sample)
+    mean = restore_levels(mean, sensors)
+    contact = cut_contact(mean, start, quantities["duration"].value, cutoff_frequency)
+    ratio = compare_momenta(mean, contact, masses, sample)
     return ContactLaw(
         **quantities,
         momentum_ratio=ratio,
-        loop_energy=_compute_loop_energy(mean, contact, quantities.get("impact_speed"), masses),
+        loop_energy=compute_loop_energy(mean, contact, quantities.get("impact_speed"), masses),
         residual_percent=percent,
         correlation=told,
         own_covariances=own,
         notes=_list_notes(told, exponent, masses)
         + _judge_fit(fit.residual, noise, quantities["restitution"])
-        + _judge_momenta(ratio),
+        # Of a contact of free bodies it is a warning.
+        + (() if is_allowed else check_momenta(ratio)),
+        warnings=(check_momenta(ratio) if is_allowed else ())
+        + check_hit_momenta(mean, contact)
+        + _check_hits(mean, leaves),
         is_allowed=is_allowed,
         excludes_versed_sine=excludes_versed_sine,
     )
@@ -315,7 +332,7 @@ def describe_contradiction(law: ContactLaw, contact_time: float, factor: float) 
     if not (law.is_known and law.is_allowed and law.excludes_versed_sine):
         return ""
     duration, exponent, restitution = (
-        f"{quantity.value * scale:.{digits}f} +- {quantity.expanded * scale:.{digits}f}"
+        f"{quantity.value * scale:.{digits}f} ± {quantity.expanded * scale:.{digits}f}"
         for quantity, scale, digits in (
             (law.duration, 1e6, 1),
             (law.exponent, 1.0, 3),
@@ -323,9 +340,9 @@ def describe_contradiction(law: ContactLaw, contact_time: float, factor: float) 
         )
     )
     return (
-        "the contact is no versed-sine between linear springs: its law, n ="
-        f" {exponent} and e = {restitution}, makes it last {duration} us, where the width times"
-        f" {factor:g} gives {contact_time * 1e6:.1f} us; k and c go by the latter"
+        "the contact is no versed-sine between linear springs, as k and c take it: by its law it"
+        f" lasts {duration} µs (n = {exponent}, e = {restitution}), where the width times"
+        f" {factor:g} gives {contact_time * 1e6:.1f} µs"
     )
 
 
@@ -335,10 +352,32 @@ def look_at_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
     settings = setup.analysis
     given = settings.contact_exponent
     exponent = None if math.isnan(given) else given
+    sensors = setup.find_sensor("hammer"), setup.find_sensor("specimen")
     try:
-        return estimate_contact_law(mean, settings.cutoff_frequency, numbers, sample, exponent)
+        return estimate_contact_law(
+            mean, settings.cutoff_frequency, numbers, sample, exponent, sensors
+        )
     except RigError as error:
         return replace(NO_LAW, notes=(str(error),))
+
+
+def _change_sensor(
+    mean: MeanHit, pulse: PulseWidth, fit: LawFit, sensor: Sensor, seen: tuple[float, float]
+) -> list[tuple[str, FloatArray]]:
+    """Return what a standard uncertainty of the hammer's sensor does to the fitted trace."""
+    response = sensor.response
+    changes = []
+    for name, standard in (
+        ("resonance", sensor.resonance_uncertainty),
+        ("low_corner", sensor.low_corner_uncertainty),
+    ):
+        stated = getattr(response, name)
+        if stated and standard:
+            other = replace(response, **{name: stated + standard})
+            moved = fit.move_to(cut_window(mean.traces[0], pulse, *seen, other, MARGINS))
+            what = f"{name.replace('_', ' ')} of the hammer's sensor"
+            changes.append((what, moved.fitted - fit.fitted))
+    return changes
 
 
 def _compare_with_versed_sine(
@@ -381,15 +420,26 @@ def _describe_pulse(measured: FloatArray, noise: float) -> str:
 
 def _compute_scatter(
     mean: MeanHit, fit: LawFit, window: PulseWindow, peak: float
-) -> FloatArray | None:
+) -> tuple[FloatArray | None, FloatArray]:
     """Return the covariance of the parameters over the hits, linear about their mean's.
 
-    None: one hit shows none.
+    None: one hit shows none. And what each hit leaves of the peak beside the law of its own.
     """
     if len(mean.hits) < LEAST_HITS:
-        return None
+        return None, np.zeros(1)
     cuts = [hit[0, window.points] / peak - window.measured for hit in mean.cut_hits()]
-    return np.asarray(np.cov(fit.project(np.stack(cuts, axis=1))))
+    changes = np.stack(cuts, axis=1)
+    moved = fit.project(changes)
+    left = changes - fit.jacobian.T @ moved[fit.varied]
+    return np.asarray(np.cov(moved)), np.asarray(left.std(axis=0))
+
+
+def _check_hits(mean: MeanHit, leaves: FloatArray) -> tuple[str, ...]:
+    """Warn of hits whose pulse is of another contact than the others'."""
+    odd = find_odd_hits(mean, leaves, LARGEST_RESIDUAL)
+    if not odd:
+        return ()
+    return (f"the pulse of {name_hits(odd)} is of another contact than the others': look at it",)
 
 
 def _move_step(mean: MeanHit, pulse: PulseWidth) -> FloatArray:
@@ -419,7 +469,7 @@ def _compute_quantities(
     sources : sequence of tuple
         What may be wrong with those: its name, covariance of shape (6, 6), degrees of freedom.
     masses : RigNumbers
-        Masses and clock.
+        Masses, clock and gains.
     """
     bodies = (masses.hammer_mass, masses.moving_mass)
     point = np.append(parameters, [body.x for body in bodies])
@@ -434,6 +484,7 @@ def _compute_quantities(
         for source, covariance, freedom in sources
     ]
     inputs = [(TIME, float(point[TIME]), masses.clock)]
+    inputs += [(HEIGHT, float(point[HEIGHT]), masses.gains[0])]
     inputs += [
         (place, 1.0, body)
         for place, body in enumerate(bodies, start=COUNT)
@@ -488,48 +539,6 @@ def _describe_laws(points: FloatArray) -> FloatArray:
     )
 
 
-def _cut_contact(mean: MeanHit, start: float, duration: float, cutoff_frequency: float) -> slice:
-    """Return the points of the contact, and what the low-pass has put before and after it."""
-    reach = mean.sampling_rate / cutoff_frequency if cutoff_frequency else 0.0
-    stop = start + duration * mean.sampling_rate + reach
-    return slice(max(0, math.floor(start - reach)), math.ceil(stop) + 1)
-
-
-def _compare_momenta(mean: MeanHit, contact: slice, masses: RigNumbers, sample: str) -> Quantity:
-    """Return m2 dv2 / (m1 dv1), whichever way round the sensors are."""
-    known = math.isfinite(masses.hammer_mass.x) and math.isfinite(masses.moving_mass.x)
-    if mean.traces.shape[0] == 1 or not known:
-        return UNKNOWN
-    value = _divide_changes(mean.traces[:, contact])
-    number = value * masses.moving_mass / masses.hammer_mass
-    if len(mean.hits) >= LEAST_HITS:
-        ratios = [_divide_changes(hit[:, contact]) for hit in mean.cut_hits()]
-        standard = float(np.std(ratios, ddof=1)) / math.sqrt(mean.count)
-        source = f"scatter of the hits on {sample}"
-        covariance = np.array([[standard**2]])
-        scatter = make_ensemble(source, [0.0], covariance, len(ratios) - 1.0, owner=sample)
-        number = number + masses.moving_mass.x / masses.hammer_mass.x * scatter[0]
-    return compute_quantity(number.x, number)
-
-
-def _divide_changes(traces: FloatArray | NDArray[np.float32]) -> float:
-    hammer, sample = traces.sum(axis=1, dtype=np.float64).tolist()
-    return abs(float(sample) / float(hammer))
-
-
-def _compute_loop_energy(
-    mean: MeanHit, contact: slice, impact_speed: Quantity | None, masses: RigNumbers
-) -> float:
-    """Integrate force times speed of approach over the contact [J]."""
-    if mean.traces.shape[0] == 1 or impact_speed is None:
-        return math.nan
-    traces = mean.traces[:, contact]
-    hammer, sample = traces * np.sign(traces.sum(axis=1, keepdims=True)) / mean.sampling_rate
-    change = hammer + sample
-    approach = impact_speed.value - np.cumsum(change) + change / 2.0
-    return float(masses.hammer_mass.x * (hammer @ approach))
-
-
 def _judge_fit(residual: float, noise: float, restitution: Quantity) -> tuple[str, ...]:
     notes = []
     if residual > RESIDUAL_OVER_NOISE * noise > 0.0:
@@ -543,16 +552,6 @@ def _judge_fit(residual: float, noise: float, restitution: Quantity) -> tuple[st
             " not a material"
         )
     return tuple(notes)
-
-
-def _judge_momenta(ratio: Quantity) -> tuple[str, ...]:
-    if not ratio.is_known or abs(ratio.value - 1.0) <= max(ratio.expanded, BALANCED):
-        return ()
-    told = (
-        "the momenta do not balance: a gain, a mass or the zero after the impact is wrong, a trace"
-        " is clipped, or the sample is not free or rings"
-    )
-    return (told,)
 
 
 def _list_notes(correlation: float, exponent: float | None, masses: RigNumbers) -> tuple[str, ...]:

@@ -247,6 +247,12 @@ def _describe_model(
     return replace(model, **vars(body))
 
 
+def find_frequency(model: FittedModel, sample: str, setup: RigSetup) -> float:
+    """Return the frequency at which a fitted body swings on its spring [Hz]."""
+    stiffness = model.stiffness.value / setup.samples.get_moving_mass(sample)
+    return math.sqrt(stiffness) / (2.0 * math.pi)
+
+
 def estimate_fitted_body(
     found: Identification, setup: RigSetup, sample: str, *, averaged: int = 0
 ) -> FittedBody:

@@ -351,9 +351,9 @@ def _find_warning(best: ShapeFit, versed: ShapeFit, noise: float, *, told_apart:
         )
     if told_apart and best.duration > 0.0 and versed.residual_percent > 100.0 * doubtful:
         return (
-            f"the pulse is no versed-sine, which leaves {versed.residual_percent:.2g} % of the"
-            f" peak: {best.shape} leaves {best.residual_percent:.2g} %, and makes the contact time"
-            f" {best.duration * 1e6:.4g} us where the width times 2 gives"
-            f" {versed.contact_time * 1e6:.4g} us"
+            f"the pulse is no versed-sine: that leaves {versed.residual_percent:.2g} % of the"
+            f" peak, {best.shape} {best.residual_percent:.2g} %, and with it the contact time is"
+            f" {best.duration * 1e6:.4g} µs, where the width times 2 gives"
+            f" {versed.contact_time * 1e6:.4g} µs"
         )
     return ""

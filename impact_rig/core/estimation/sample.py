@@ -18,6 +18,7 @@ from impact_rig.core.estimation.fits import (
     FittedModel,
     FreeDecayEstimate,
     estimate_decay,
+    find_frequency,
     fit_models,
 )
 from impact_rig.core.estimation.paper_method import (
@@ -35,13 +36,13 @@ from impact_rig.core.estimation.pulse_shape import (
     PulseShapeEstimate,
     estimate_pulse_shape,
 )
+from impact_rig.core.estimation.sensor_check import check_sensors, explain_ringing
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.pulse_width import measure_pulse, measure_rise
 from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Quantity, describe
 from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY, RigSetup
-from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.uncertainty.contact import LEAST_HITS, ONE_HIT, estimate_contact_time
 from impact_rig.core.uncertainty.propagation import make_rig_numbers
 from impact_rig.core.uncertainty.results import compute_quantity, make_ensemble
@@ -83,19 +84,18 @@ def estimate_traces(
     """
     width = measure_pulse(mean.traces[0]).half_amplitude_width / mean.sampling_rate
     contact_time = setup.analysis.pulse_factor * width
-    shape, shape_notes = look_at_shape(mean, setup.analysis)
+    shape, shape_notes = look_at_shape(mean, setup)
     decay, decay_notes = _look_at_decay(mean, setup, name, contact_time)
     law = law or look_at_law(mean, setup, name)
     notes = shape_notes + _explain_missing_law(law) + decay_notes
     return TraceEstimates(shape, law, decay, tuple(dict.fromkeys(notes)))
 
 
-def look_at_shape(
-    mean: MeanHit, settings: AnalysisSettings
-) -> tuple[PulseShapeEstimate, tuple[str, ...]]:
+def look_at_shape(mean: MeanHit, setup: RigSetup) -> tuple[PulseShapeEstimate, tuple[str, ...]]:
     """Return the pulse's shape, or why it is not determined."""
     try:
-        return estimate_pulse_shape(mean, settings.cutoff_frequency), ()
+        cutoff_frequency = setup.analysis.cutoff_frequency
+        return estimate_pulse_shape(mean, cutoff_frequency, setup.responses[0]), ()
     except RigError as error:
         return NO_SHAPE, (str(error),)
 
@@ -111,9 +111,11 @@ def _look_at_decay(
     if mean.traces.shape[0] <= 1:
         return NO_DECAY, ()
     try:
-        return estimate_decay(mean, setup, name, contact_time), ()
+        decay = estimate_decay(mean, setup, name, contact_time)
     except RigError as error:
         return NO_DECAY, (str(error),)
+    ringing = explain_ringing(decay.frequency, setup)
+    return (NO_DECAY, (f"free decay: {ringing}",)) if ringing else (decay, ())
 
 
 PEAK = describe("m/s^2", shown="m/s²")
@@ -151,8 +153,7 @@ class SampleEstimate:
     hammer_peak, specimen_peak : float
         Of the mean traces [m/s^2].
     peak_force : Quantity
-        Largest force on the hammer, m1 max |a1| [N]; what the sensor's sensitivity adds to its
-        uncertainty is not stated.
+        Largest force on the hammer, m1 max |a1| [N].
     rise_time : float
         Of the mean hammer pulse, from a tenth to nine tenths of its peak [s].
     mse_hammer_percent, mse_sample_percent : float
@@ -334,7 +335,7 @@ def estimate_contact_alone(
     contact_time = estimate_contact_time(
         mean, settings, DEFAULT_CLOCK_UNCERTAINTY, name, compute_shape_error(law, read)
     )
-    shape, shape_notes = look_at_shape(mean, settings)
+    shape, shape_notes = look_at_shape(mean, setup)
     estimate = SampleEstimate(
         name=name,
         impacts_accepted=mean.count,
@@ -386,7 +387,8 @@ def _estimate_peak_force(name: str, mean: MeanHit, setup: RigSetup) -> Quantity:
         len(peaks) - 1,
         owner=name,
     )
-    force = make_rig_numbers(setup, name).hammer_mass * number
+    rig = make_rig_numbers(setup, name)
+    force = rig.hammer_mass * rig.gains[0] * number
     return compute_quantity(setup.hammer_mass * peak, force)
 
 
@@ -424,6 +426,13 @@ def add_models(
         hammer_damping_coefficient=hammer.damping_coefficient.value,
     )
     models, notes = fit_models(mean, setup, estimate.name, start)
+    ringing = {
+        explain_ringing(find_frequency(model, estimate.name, setup), setup)
+        for model in models
+        if model.stiffness.is_known
+    } - {""}
+    if ringing:
+        models, notes = (), tuple(f"identification: {text}" for text in sorted(ringing))
     return replace(
         estimate,
         identifications=models,
@@ -460,7 +469,7 @@ def _add_comparisons(
         peak_force=setup.hammer_mass * estimate.hammer_peak,
     )
     comparisons = tuple(
-        compare_with_model(mean, model, variant, setup.analysis.cutoff_frequency)
+        compare_with_model(mean, model, variant, setup.analysis.cutoff_frequency, setup.responses)
         for variant in variants
     )
     driven, *printed = comparisons
@@ -501,11 +510,16 @@ DRIVEN_PEAK = (
 def check_shape(
     shape: PulseShapeEstimate, law: ContactLaw, estimate: SampleEstimate, setup: RigSetup
 ) -> tuple[str, ...]:
-    """Warn unless the pulse is a versed-sine: by the contact's law, or else by the best shape."""
+    """Warn of sensors, of momenta, and unless the pulse is a versed-sine.
+
+    By the contact's law, or else by the best shape.
+    """
+    others = check_sensors(setup, estimate.contact_time.value) + law.warnings
     contradiction = describe_contradiction(
         law, estimate.contact_time.value, setup.analysis.pulse_factor
     )
-    return (contradiction,) if contradiction else (shape.warning,) if shape.warning else ()
+    best = contradiction or shape.warning
+    return ((best,) if best else ()) + others
 
 
 def check_damping(decay: FreeDecayEstimate, ratio: Quantity) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from impact_rig.core.errors import NotDeterminedError, SignalError
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import PulseWidth
-from impact_rig.core.signals.record import FloatArray, make_read_only
+from impact_rig.core.signals.record import FloatArray, HitLabel, make_read_only
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,8 @@ class AveragedHit:
         Points of the baseline that was removed.
     zero_uncertainty : float
         As in `FilteredHit` [m/s^2].
+    label : HitLabel or None
+        Which hit it is.
     """
 
     traces: NDArray[np.float32]
@@ -50,9 +52,10 @@ class AveragedHit:
     resolution: tuple[float, ...]
     baseline_points: int
     zero_uncertainty: float = 0.0
+    label: HitLabel | None = None
 
 
-def shift_hit(hit: FilteredHit) -> AveragedHit:
+def shift_hit(hit: FilteredHit, label: HitLabel | None = None) -> AveragedHit:
     """Shift a hit by a part of a point, so that its pulse's middle falls onto one."""
     traces, origin = hit.aligned
     single = traces.astype(np.float32)
@@ -67,6 +70,7 @@ def shift_hit(hit: FilteredHit) -> AveragedHit:
         resolution=tuple(hit.resolution.tolist()),
         baseline_points=hit.baseline_points,
         zero_uncertainty=hit.zero_uncertainty,
+        label=label,
     )
 
 

@@ -200,7 +200,11 @@ class HitSeries:
         if not hit.accepted or hit.filtered is None:
             self._hits.append(replace(hit, filtered=None))
             return
-        number, figures, traces = len(self._rows), read_figures(hit), shift_hit(hit.filtered)
+        number, figures, traces = (
+            len(self._rows),
+            read_figures(hit),
+            shift_hit(hit.filtered, hit.label),
+        )
         self._traces.append(traces)
         self._mean = None
         self._hits.append(replace(hit, filtered=None))

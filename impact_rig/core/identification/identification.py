@@ -145,7 +145,7 @@ def identify_model(
     mean : MeanHit
         Both channels, either polarity.
     setup : RigSetup
-        Masses, v1 and the low-pass; all are taken as exact.
+        Masses, v1, sensors and the low-pass; all are taken as exact.
     sample : str
         Which sample was struck.
     variant : ModelVariant
@@ -183,6 +183,7 @@ def identify_model(
         cutoff_frequency=setup.analysis.cutoff_frequency,
         # In the printed model the sample pushes the hammer back; the driven one has F0 signed.
         hammer_polarity=-polarity if variant is ModelVariant.PRINTED else 1.0,
+        responses=setup.responses,
     )
     problem = FitProblem(mean.traces, compute_raw_noise(mean), measured)
     solution = find_best_fit(problem, start or StartingValues())

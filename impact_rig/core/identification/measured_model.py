@@ -10,8 +10,10 @@ from impact_rig.core.model.sensitivities import (
     compute_sensitivities,
     list_parameters,
 )
+from impact_rig.core.setup.sensors import FLAT, SensorResponse
 from impact_rig.core.signals.filtering import low_pass
 from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.signals.sensor_response import respond
 
 OFFSETS = ("hammer offset", "sample offset")
 SENSOR_PARAMETERS = ("sample gain", *OFFSETS)
@@ -45,6 +47,8 @@ class MeasuredModel:
         Of the low-pass [Hz]; 0: none.
     hammer_polarity : float
         1 or -1: how the hammer's sensor is mounted.
+    responses : tuple of SensorResponse
+        Of the sensors.
     """
 
     variant: ModelVariant
@@ -55,6 +59,7 @@ class MeasuredModel:
     count: int
     cutoff_frequency: float = 0.0
     hammer_polarity: float = 1.0
+    responses: tuple[SensorResponse, SensorResponse] = (FLAT, FLAT)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -79,7 +84,7 @@ class MeasuredModel:
         """Compute the low-passed traces alone, shape (2, n) [m/s^2]; parameters as `evaluate`."""
         bodies = self._compute_sensitivities(values)
         scales = np.array([[self.hammer_polarity], [values[-3]]])
-        return np.asarray(scales * self.low_pass(bodies.traces) + values[-2:, np.newaxis])
+        return np.asarray(scales * self.send_through(bodies.traces) + values[-2:, np.newaxis])
 
     def _compute_sensitivities(self, values: FloatArray) -> Sensitivities:
         return compute_sensitivities(
@@ -112,7 +117,7 @@ class MeasuredModel:
         gain = float(values[-3])
         bodies = self._compute_sensitivities(values)
         together = np.concatenate([bodies.derivatives, bodies.traces[:, np.newaxis]], axis=1)
-        filtered = self.low_pass(together, points)
+        filtered = self.send_through(together, points)
         rows, traces = filtered[:, :-1], filtered[:, -1]
         derivatives = np.zeros((2, len(self.names), traces.shape[1]))
         derivatives[0, :-3] = self.hammer_polarity * rows[0]
@@ -122,8 +127,18 @@ class MeasuredModel:
         scales = np.array([[self.hammer_polarity], [gain]])
         return scales * traces + values[-2:, np.newaxis], derivatives
 
-    def low_pass(self, rows: FloatArray, points: slice = ALL_POINTS) -> FloatArray:
-        """Low-pass rows, shape (..., n), and return `points` of them; zeros cost nothing."""
+    def send_through(self, rows: FloatArray, points: slice = ALL_POINTS) -> FloatArray:
+        """Send rows of both bodies, shape (2, ..., n), through sensors and low-pass.
+
+        Zeros cost nothing. Returns `points` of them.
+        """
+        if not all(response.is_flat for response in self.responses):
+            rows = np.stack(
+                [
+                    respond(body, response, self.sampling_rate)
+                    for body, response in zip(rows, self.responses, strict=True)
+                ]
+            )
         if self.cutoff_frequency == 0.0:
             return rows[..., points]
         filtered = np.zeros_like(rows[..., points])

@@ -136,7 +136,11 @@ def _make_sample_section(run: Run, sample: SampleEstimate, prefix: str) -> Secti
         parts.append(Picture(draw_sample_figure(sample, traces, hits, prefix=prefix)))
         setup = run.campaign.results.setup
         curves = compute_law_curves(
-            sample.contact_law, traces, setup.hammer_mass, setup.analysis.cutoff_frequency
+            sample.contact_law,
+            traces,
+            setup.hammer_mass,
+            setup.analysis.cutoff_frequency,
+            setup.responses[0],
         )
         if curves is not None:
             parts.append(Picture(draw_law_figure(sample, curves, prefix=prefix)))

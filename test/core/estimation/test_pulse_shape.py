@@ -169,8 +169,8 @@ def test_no_other_parameters_leave_less() -> None:
 
 def test_a_half_sine_is_warned_of_with_its_contact_time() -> None:
     found = estimate(strike(HALF_SINE), 0.5)
-    assert "no versed-sine, which leaves 3.2 % of the peak: half-sine leaves" in found.warning
-    assert "contact time 200 us where the width times 2 gives 266.6 us" in found.warning
+    assert "no versed-sine: that leaves 3.2 % of the peak, half-sine 0.0" in found.warning
+    assert "contact time is 200 µs, where the width times 2 gives 266.6 µs" in found.warning
     # Equation (5): stiffness goes with the inverse square, and F = 2 gives 0.5625 of it.
     read = found.find_fit(VERSED_SINE.name).contact_time
     assert (found.best_fit.duration / read) ** 2 == pytest.approx(0.5625, rel=2e-3)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.signal import lsim
 
 from impact_rig.core.errors import NotDeterminedError, SignalError
 from impact_rig.core.hits.averaging import MeanHit, average_hits
@@ -21,6 +22,7 @@ from impact_rig.core.setup.paper import (
     PUBLISHED_SAMPLES,
 )
 from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.sensors import CHANNELS, Sensor
 from impact_rig.core.signals.filtering import low_pass
 from impact_rig.core.signals.record import HitLabel, Record, Trace
 from impact_rig.devices.virtual.plants import make_nominal_model
@@ -383,3 +385,29 @@ def test_heavy_damping_in_noise_is_not_determined_but_without_it_is() -> None:
     assert clear.stiffness == pytest.approx(stiffness, rel=0.02)
     noisy = identify_model(strike_mean(model, 0.3, 1), PAPER_SETUP, SAMPLE)
     assert any(item.startswith("k2") for item in noisy.undetermined)
+
+
+def test_through_sensors_that_are_described_the_model_is_found_as_without() -> None:
+    model = find_truth(SAMPLE)
+    sensors = tuple(
+        Sensor(channel, resonance=30e3, resonance_damping=0.05, low_corner=20.0)
+        for channel in CHANNELS
+    )
+    first = -START - (FINE // 2) / FINE / RATE
+    bodies = simulate_impact(
+        model, FINE * RATE, FINE * COUNT, start=first, variant=ModelVariant.DRIVEN
+    )
+    time = np.arange(FINE * COUNT) / (FINE * RATE)
+    # Another way than the filters under test: a simulation of the whole transfer function.
+    natural, corner = 2.0 * np.pi * 30e3, 2.0 * np.pi * 20.0
+    poles = np.convolve([1.0, 2.0 * 0.05 * natural, natural**2], [1.0, corner])
+    shown = np.stack([lsim(([natural**2, 0.0], poles), body, time)[1] for body in bodies])
+    traces = shown.reshape(2, COUNT, FINE).mean(axis=2)
+    record = Record(HitLabel("x"), RATE, Trace(traces[0]), Trace(traces[1]), round(START * RATE))
+    judged = judge_hit(record, PAPER_SETUP.analysis)
+    assert judged.filtered is not None
+    mean = average_hits([judged.filtered])
+    found = identify_model(mean, replace(PAPER_SETUP, sensors=sensors), SAMPLE)
+    check_found(found, model, 2e-3)
+    blind = identify_model(mean, PAPER_SETUP, SAMPLE)
+    assert found.residual_percent[1] < blind.residual_percent[1] / 5.0
