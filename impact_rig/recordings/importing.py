@@ -83,7 +83,8 @@ class MappedChannels:
         The hammer's are accelerations; False: forces on an unknown mass, or voltages of an
         unknown sensitivity, as large as these.
     unit : str
-        Of what the hammer's sensor measures: m/s^2, N, or V where its sensitivity is not known.
+        Of what the hammer's sensor measures: m/s^2, N, or V where its sensitivity is not known;
+        empty: nobody states it.
     per_unit : float
         Acceleration of one such unit [m/s^2].
     remarks : tuple of str
@@ -148,7 +149,8 @@ def map_channels(
     is_voltage = not plan.hammer.sensitivity and _is_voltage(hammer, plan.hammer)
     has_scale = needs_scale or not (is_voltage or (is_force and math.isnan(hammer_mass)))
     mass = hammer_mass if has_scale else 1.0
-    unit = "V" if is_voltage else "N" if is_force else DEFAULT_UNIT
+    is_stated = hammer.unit or plan.hammer.unit or plan.hammer.sensitivity
+    unit = "V" if is_voltage else "N" if is_force else DEFAULT_UNIT if is_stated else ""
     return MappedChannels(
         sampling_rate=_choose_rate(path, plan, hammer, found.get("time")),
         hammer=_calibrate(path, "hammer", hammer, plan.hammer, mass, needs_scale=needs_scale),

@@ -58,7 +58,7 @@ class FileResults:
     measured_peak : float
         Of the hammer, in the unit that its sensor measures.
     measured_unit : str
-        m/s^2, N of a force hammer, V where the sensitivity is not known.
+        m/s^2, N of a force hammer, V where the sensitivity is not known; empty: not stated.
     best_shape : str
         The pulse shape that leaves least; empty: not determined.
     shape_residual_percent : float
@@ -149,7 +149,7 @@ def tabulate_hits(hits: Sequence[FileResults]) -> Table:
             "leaves: RMS of what the best shape leaves, over the peak.",
         ),
         make_optional(
-            f"Peak [{SHOWN_UNITS.get(unit, unit)}]",
+            f"Peak [{SHOWN_UNITS.get(unit, unit)}]" if unit else "Peak",
             [_format_peak(hit.measured_peak) for hit in hits],
         ),
     ]
