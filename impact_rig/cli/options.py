@@ -94,6 +94,9 @@ class Angles(click.ParamType):
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[float, ...]:
         """Return the angles [rad]; raises `ParameterError`."""
+        if isinstance(value, tuple):
+            # The default, which has no text.
+            return value
         try:
             angles = tuple(math.radians(float(text)) for text in str(value).split(","))
         except ValueError:

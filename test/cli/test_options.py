@@ -28,6 +28,8 @@ def test_angles_are_degrees_between_commas() -> None:
     assert Angles().convert("5, 10,22.5", None, None) == pytest.approx(
         tuple(map(math.radians, (5.0, 10.0, 22.5)))
     )
+    # None are given: the default is no text.
+    assert Angles().convert((), None, None) == ()
 
 
 @pytest.mark.parametrize(
