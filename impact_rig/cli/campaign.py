@@ -15,7 +15,7 @@ from impact_rig.cli.progress_bar import ProgressBar, format_time_left
 from impact_rig.configuration.processes import RESULTS_NAME, make_run_folder_name
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.client import CampaignClient, CampaignOutcome, CampaignRequest
-from impact_rig.present.terminal.console import ALARM, GOOD, make_console, make_printable
+from impact_rig.present.terminal.console import ALARM, GOOD, make_console
 from impact_rig.present.terminal.results import print_results
 from impact_rig.results.numbers import MICRO, format_number
 from impact_rig.results.results_file import format_json, results_to_json, write_results
@@ -82,7 +82,7 @@ class CampaignView(ProgressBar):
         else:
             word, rest, style = "rejected", "; ".join(hit.reasons), ALARM
             place = f"{hit.sample}, hit {hit.impact}.{hit.attempt} "
-            self.console.print(Text.assemble(place, (word, style), f": {make_printable(rest)}"))
+            self.console.print(Text.assemble(place, (word, style), f": {rest}"))
         codes = ", ".join(dict.fromkeys(reason.partition(":")[0] for reason in hit.reasons))
         self.update(
             status=Text.assemble(

@@ -150,7 +150,7 @@ def read_versions(contents: Contents) -> dict[str, str]:
     for setup in contents.setups:
         versions.setdefault("impact_rig", str(getattr(setup, "software_version", "")))
     # Recordings of another origin may have anything there.
-    with contextlib.suppress(KeyError, ValueError, AttributeError):
+    with contextlib.suppress(KeyError, ValueError, AttributeError, RecursionError):
         versions |= {str(key): str(text) for key, text in json.loads(fields["libraries"]).items()}
     return {name: text for name, text in versions.items() if text}
 

@@ -41,7 +41,6 @@ from impact_rig.present.terminal.console import (
     ALARM,
     GOOD,
     WARNING,
-    make_printable,
     print_facts,
     print_table,
     print_text,
@@ -378,7 +377,7 @@ def print_checks(console: Console, checks: Sequence[DeviceCheck], warnings: Sequ
         facts = [(f"  {name}", text) for name, text in check.facts]
         print_facts(console, [*facts, ("", check.trouble)] if check.trouble else facts)
     for text in warnings:
-        print_text(console, Text.assemble(("warning: ", ALARM), make_printable(text)))
+        print_text(console, Text.assemble(("warning: ", ALARM), text))
 
 
 def checks_to_json(checks: Sequence[DeviceCheck], warnings: Sequence[str]) -> dict[str, Any]:

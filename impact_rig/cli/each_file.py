@@ -7,6 +7,7 @@ from typing import TypeVar
 import click
 
 from impact_rig.core.errors import RigError
+from impact_rig.present.terminal.console import make_printable
 
 _T = TypeVar("_T")
 
@@ -34,6 +35,6 @@ def raise_errors(errors: Sequence[str]) -> None:
         The last one, which ends the command.
     """
     for error in errors[:-1]:
-        click.echo(f"error: {error}", err=True)
+        click.echo(make_printable(f"error: {error}"), err=True)
     if errors:
         raise RigError(errors[-1])

@@ -12,6 +12,7 @@ from impact_rig.cli.options import Quantity
 from impact_rig.cli.simulators import ALL, SimulatorTask, export_to_simulators
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits.overrule import find_label
+from impact_rig.present.terminal.console import print_warning
 from impact_rig.recordings.exporting import ExportedCampaign, ExportedHit, read_campaigns
 from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
 from impact_rig.recordings.formats.registry import WRITABLE, write_measurement
@@ -115,7 +116,7 @@ def export_recording(path: Path, task: ExportTask) -> str:
     """
     recording = read_recording(path)
     for warning in recording.warnings:
-        click.echo(f"warning: {warning}", err=True)
+        print_warning(warning)
     campaigns = read_campaigns(recording)
     if not campaigns:
         raise FileError(f"{path} holds no hit: no block of it completes a record")

@@ -82,7 +82,10 @@ class _Failure(click.ClickException):
     exit_code = EXIT_ERROR
 
     def show(self, file: IO[Any] | None = None) -> None:
-        click.echo(f"error: {self.format_message()}", file=file, err=file is None)
+        from impact_rig.present.terminal.console import make_printable
+
+        text = make_printable(f"error: {self.format_message()}")
+        click.echo(text, file=file, err=file is None)
 
 
 class RigGroup(click.Group):

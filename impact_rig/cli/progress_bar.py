@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task
 from rich.table import Column, Table
 from rich.text import Text
 
-from impact_rig.present.terminal.console import GOOD, make_printable
+from impact_rig.present.terminal.console import GOOD
 
 WIDEST_BAR = 40
 """[characters], our choice: a longer one says no more."""
@@ -143,7 +143,7 @@ class _OneTask(Progress):
     def get_renderables(self) -> Iterable[RenderableType]:
         bar = BarColumn(WIDEST_BAR, style="dim", complete_style=GOOD, finished_style=GOOD)
         for task in self.tasks:
-            yield Text(make_printable(task.description))
+            yield Text(task.description)
             figures = [column(task) for column in self.columns if not isinstance(column, str)]
             # The bar shrinks, its figures do not.
             line = Table.grid(Column(), Column(no_wrap=True), padding=(0, 2, 0, 0))
@@ -154,4 +154,4 @@ class _OneTask(Progress):
 
 
 def _as_text(shown: RenderableType) -> Text:
-    return shown if isinstance(shown, Text) else Text(make_printable(str(shown)))
+    return shown if isinstance(shown, Text) else Text(str(shown))

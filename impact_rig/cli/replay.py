@@ -19,7 +19,7 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.nodes.replayer_host import ReplayHost
 from impact_rig.nodes.replayer_recording import RecordingToReplay
-from impact_rig.present.terminal.console import make_console
+from impact_rig.present.terminal.console import make_console, print_warning
 from impact_rig.present.terminal.results import print_results
 from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import format_json, results_to_json, write_results
@@ -84,7 +84,7 @@ def play(parameters: Mapping[str, Any], namespace: str, *, by_steps: bool) -> No
         ReplayView(make_console(stderr=True)) as view,
     ):
         for warning in host.open().warnings:
-            click.echo(f"warning: {warning}", err=True)
+            print_warning(warning)
         host.spin(DISCOVERY_TIME)
         if parameters["required_subscribers"]:
             click.echo(f"waiting for {parameters['required_subscribers']}", err=True)
@@ -177,7 +177,7 @@ def _replay(parameters: Mapping[str, Any]) -> list[Results]:
     ):
         recording = host.open()
         for warning in recording.warnings:
-            click.echo(f"warning: {warning}", err=True)
+            print_warning(warning)
 
         def follow() -> bool:
             view.follow(host.replayer)

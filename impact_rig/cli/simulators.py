@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.present.terminal.console import make_console, print_result
+from impact_rig.present.terminal.console import make_console, print_result, print_warning
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.results.results_file import read_results
 from impact_rig.results.sample_traces import SampleTraces
@@ -129,7 +129,7 @@ def _read_campaigns(path: Path) -> Sequence[TracedCampaign]:
         return [TracedCampaign(read_results(source.path), (), ())]
     traced = trace_recording(source.path, with_models=False)
     for warning in traced.warnings:
-        click.echo(f"warning: {warning}", err=True)
+        print_warning(warning)
     return traced.campaigns
 
 

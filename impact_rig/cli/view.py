@@ -32,7 +32,7 @@ from impact_rig.present.rerun.view_file import (
     write_view,
 )
 from impact_rig.present.rerun.viewer_program import check_screen, start_viewer
-from impact_rig.present.terminal.console import make_console
+from impact_rig.present.terminal.console import make_console, print_warning
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.results.results_file import read_results
 from impact_rig.results.traced_campaign import TracedCampaign
@@ -74,7 +74,7 @@ def make_part(path: Path, folder: Path, *, fit: bool) -> Path:
     source = find_run(path)
     campaigns, warnings = _read_campaigns(source, fit=fit)
     for warning in warnings:
-        click.echo(f"warning: {path}: {warning}", err=True)
+        print_warning(f"{path}: {warning}")
     number = sum(1 for _ in folder.iterdir()) + 1
     part = folder / f"{number}-{AWKWARD.sub('_', source.title) or 'view'}{VIEW_SUFFIX}"
     write_view(part, campaigns)

@@ -325,10 +325,23 @@ def _describe_range(low: float, high: float, unit: str) -> str:
     return f"{high:g} {unit} or less" if math.isfinite(high) else f"a finite number of {unit}"
 
 
+def _check_whole(value: Any) -> None:
+    """Require whole numbers of 64 bits, as TOML does; raises `ValueError`."""
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise ValueError(f"a whole number has {value.bit_length()} bits: it may have 64")
+    for item in (
+        value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    ):
+        _check_whole(item)
+
+
 def parse_toml_table(text: str) -> TomlTable:
     """Read the text of a TOML file; raises `ParameterError` if it is none."""
     try:
         values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        _check_whole(values)
+    except ValueError as error:
         raise ParameterError(f"this is no TOML: {error}") from None
+    except RecursionError:
+        raise ParameterError("this is no TOML: it is nested too deep") from None
     return TomlTable(values, lines=find_lines(text))

@@ -267,8 +267,11 @@ class Scan:
                 continue
             try:
                 kind, after, is_right = self._read_frame(place, end)
-                if not (is_right or self._is_strict):
-                    self._note(place, place, "the length of a record is wrong", has_data=False)
+                if not is_right:
+                    reason = "the index at the end states another length of a record"
+                    if self._is_strict:
+                        raise DamageError(f"{reason} than that at byte {place} has")
+                    self._note(place, place, reason, has_data=False)
                 if kind in (Opcode.DATA_END, Opcode.FOOTER):
                     self._check_end(kind, place, after)
                     return
@@ -311,11 +314,13 @@ class Scan:
                 self._add_channel(channel)
 
     def _plan_leaps(self) -> dict[int, int]:
-        """Return from where to where chunks lie that hold nothing wanted."""
+        """Return from where to where chunks lie of other times, or all where no message is wanted.
+
+        What topics a chunk holds is not believed: an index could hide hits.
+        """
         if self.summary is None:
             return {}
         start, end = self._times
-        chosen = {number for number, channel in self._chosen.items() if channel is not None}
         has_messages = RawMessage in self._kinds
         return {
             chunk.chunk_start_offset: chunk.chunk_start_offset
@@ -328,12 +333,17 @@ class Scan:
                 chunk.message_index_offsets
                 and chunk.message_index_offsets.keys() <= self.channels.keys()
                 and (
-                    chosen.isdisjoint(chunk.message_index_offsets)
-                    or (start is not None and chunk.message_end_time < start)
+                    (start is not None and chunk.message_end_time < start)
                     or (end is not None and chunk.message_start_time >= end)
                 )
             )
         }
+
+    @cached_property
+    def _chunk_entries(self) -> dict[int, records.ChunkIndex]:
+        """What the index says of chunks, by where they begin."""
+        found = self.summary.chunk_indexes if self.summary is not None else ()
+        return {entry.chunk_start_offset: entry for entry in found}
 
     @cached_property
     def _known_ends(self) -> dict[int, int]:
@@ -370,6 +380,7 @@ class Scan:
             content = self._read_chunk(start, after)
             if not self._is_strict:
                 self._indexed = _list_places(content)
+                self._check_index(place, self._indexed)
             yield from self._read_messages(content)
         elif kind == Opcode.MESSAGE_INDEX and self._indexed is not None:
             index = _parse(records.MessageIndex, self._read(start, after))
@@ -387,6 +398,25 @@ class Scan:
                 yield MetadataRecord(record.name, dict(record.metadata))
             else:
                 yield Attachment(record.name, record.media_type, record.log_time, record.data)
+
+    def _check_index(self, place: int, places: dict[int, set[tuple[int, int]]]) -> None:
+        """Note it if the index at the end hides a chunk, or what it holds."""
+        if not self._chunk_entries:
+            return
+        entry = self._chunk_entries.get(place)
+        times = [log_time for messages in places.values() for log_time, _ in messages]
+        if entry is None or (
+            entry.message_index_offsets
+            and (
+                set(entry.message_index_offsets),
+                entry.message_start_time,
+                entry.message_end_time,
+            )
+            != (set(places), min(times, default=0), max(times, default=0))
+        ):
+            self._note(
+                place, place, "the index at the end hides what a chunk holds", has_data=False
+            )
 
     def _read_chunk(self, start: int, after: int) -> bytes:
         """Return the records of a chunk, checked and within bounds."""
@@ -438,15 +468,13 @@ class Scan:
 
     def _describe(self, record: Any) -> None:
         if isinstance(record, records.Schema):
-            # The first one of a number holds.
-            self._schemas.setdefault(record.id, record)
+            if self._schemas.setdefault(record.id, record) != record:
+                raise DamageError(f"the type {record.name!r} is described in two ways")
         elif isinstance(record, records.Channel):
             self._add_channel(record)
 
     def _add_channel(self, record: records.Channel) -> None:
-        """Take the description of a topic; the first one of a number holds."""
-        if record.id in self.channels:
-            return
+        """Take the description of a topic."""
         schema = self._schemas.get(record.schema_id)
         if schema is None:
             if record.schema_id:
@@ -462,13 +490,16 @@ class Scan:
         )
         if not all(len(name) <= MAX_NAME and name.isprintable() for name in channel[1:3]):
             raise DamageError("the name of a topic or of its type makes no sense")
+        if self.channels.setdefault(channel.id, channel) != channel:
+            raise DamageError(f"topic {record.topic!r} is described in two ways")
+        if channel.id in self._chosen:
+            return
         is_wanted = RawMessage in self._kinds and self._wanted(channel)
         if is_wanted and self._is_strict and not channel.is_ros:
             raise FileError(
                 f"{self.path}: topic {channel.topic!r} is in {channel.encoding[0]!r} with a"
                 f" schema in {channel.encoding[1]!r}: 'cdr' and 'ros2msg' can be read"
             )
-        self.channels[channel.id] = channel
         self._chosen[channel.id] = channel if is_wanted else None
 
     def _check_end(self, kind: int, place: int, after: int) -> None:

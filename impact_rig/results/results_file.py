@@ -6,6 +6,7 @@ determined (NaN) is null.
 
 import json
 import os
+import re
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,10 @@ from impact_rig.results.wire import Json, WireError, from_json, to_json
 
 FORMAT_NAME = "impact-rig results"
 FORMAT_VERSION = 5
+UNSAFE = re.compile("[\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""What JSON may hold as it is, and terminals take for a command or an end of the line."""
+LARGEST_WHOLE = 2**63
+"""Whole numbers are below this [-]: those of messages are, and double precision reaches it."""
 OLDEST_VERSION = 3
 """Versions from this one on are read: what they lack says so by its `since`."""
 
@@ -40,7 +45,8 @@ def origin_to_json(origin: Origin) -> Json:
 
 def format_json(content: Any) -> str:
     """Return JSON text as every command prints it: indented, ending in a new line."""
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+    return UNSAFE.sub(lambda letter: f"\\u{ord(letter[0]):04x}", text) + "\n"
 
 
 def write_results(path: Path, results: Results) -> None:
@@ -97,11 +103,13 @@ def read_results(path: Path) -> Results:
         If the file cannot be read, is no results file, or is of a newer version.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"), parse_int=_parse_whole)
     except OSError as error:
         raise FileError(f"results {path}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:
         raise FileError(f"results {path}: is not JSON ({error})") from None
+    except RecursionError:
+        raise FileError(f"results {path}: is nested too deep to be results") from None
     kind = content.get("format") if isinstance(content, dict) else None
     if not isinstance(kind, dict) or kind.get("name") != FORMAT_NAME:
         raise FileError(
@@ -117,3 +125,10 @@ def read_results(path: Path) -> Results:
         return from_json(Results, content, version)
     except WireError as error:
         raise FileError(f"results {path}: {error}") from None
+
+
+def _parse_whole(digits: str) -> int:
+    number = int(digits)
+    if abs(number) >= LARGEST_WHOLE:
+        raise ValueError(f"a whole number of {len(digits)} digits: it must be below 2^63")
+    return number

@@ -10,6 +10,7 @@ A record is a frozen dataclass; its fields say what they are (`core.quantity.des
 """
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -30,6 +31,10 @@ PLAIN = (float, *WANTED)
 JOINED = ("warnings", "notes")
 JOINT = "; "
 """Texts that share a cell of a row, and what stands between them."""
+
+
+SURROGATE = re.compile("[\ud800-\udfff]")
+"""Half of a letter in UTF-16: JSON can write it, but it is no text."""
 
 
 class WireError(RigError):
@@ -186,6 +191,8 @@ def _value_from_json(hint: Any, value: Any, version: int, place: str) -> Any:
     if hint in WANTED:
         if not isinstance(value, hint) or isinstance(value, bool) is not (hint is bool):
             raise WireError(f"{place} is {value!r}: it must be {WANTED[hint]}")
+        if hint is str and SURROGATE.search(value):
+            raise WireError(f"{place} is {value!r}: it holds half a letter")
         return value
     return from_json(hint, value, version, place)
 

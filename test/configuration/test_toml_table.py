@@ -231,6 +231,20 @@ def test_a_table_from_no_file_names_no_line():
         TomlTable({"port": 1}, "[source]").take_text("port")
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (f"a = {'9' * 400}", "has 1329 bits: it may have 64"),
+        (f"[a]\nb = [{{ c = -{'9' * 30} }}]", "it may have 64"),
+        (f"a = {'9' * 5000}", "no TOML"),
+        (f"a = {'[' * 5000}", "nested too deep"),
+    ],
+)
+def test_numbers_and_nesting_that_toml_does_not_have_are_refused(text, told):
+    with pytest.raises(ParameterError, match=told):
+        parse_toml_table(text)
+
+
 def test_what_is_no_toml_is_told_with_its_line():
     with pytest.raises(ParameterError, match=r"this is no TOML: .*line 2"):
         parse_toml_table("a = 1\nb = \n")

@@ -2,6 +2,7 @@
 
 import io
 import os
+import zlib
 from pathlib import Path
 
 import mcap.reader
@@ -10,11 +11,13 @@ import mcap.stream_reader
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
 from mcap.writer import CompressionType, IndexType, Writer
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.records import Attachment, MetadataRecord
-from impact_rig.recordings.scan import MAX_SIZE, Scan
+from impact_rig.recordings.scan import MAGIC, MAX_SIZE, Scan
 from impact_rig.recordings.source import RecordingSource
 
 SCHEMA = b"uint8[] data\n"
@@ -214,10 +217,87 @@ def test_damage_before_the_end_of_a_file_never_closed_is_named(path):
         read(path)
 
 
-def test_chunks_without_anything_wanted_are_not_looked_into(path):
+KINDS = {
+    Opcode.SCHEMA: mcap.records.Schema,
+    Opcode.CHANNEL: mcap.records.Channel,
+    Opcode.STATISTICS: mcap.records.Statistics,
+    Opcode.CHUNK_INDEX: mcap.records.ChunkIndex,
+    Opcode.ATTACHMENT_INDEX: mcap.records.AttachmentIndex,
+    Opcode.METADATA_INDEX: mcap.records.MetadataIndex,
+}
+
+
+def rewrite_summary(path, change):
+    """Change the index at the end, and let its checksum fit."""
+    data = path.read_bytes()
+    footer = mcap.records.Footer.read(ReadDataStream(io.BytesIO(data[-28:-8])))
+    section = data[footer.summary_start : -37]
+    stream = ReadDataStream(io.BytesIO(section))
+    builder = mcap.records.RecordBuilder()
+    while stream.count < len(section):
+        kind, length = KINDS.get(stream.read1()), stream.read8()
+        content = ReadDataStream(io.BytesIO(stream.read(length)))
+        if kind is not None and (record := change(kind.read(content))) is not None:
+            record.write(builder)
+    section = builder.end()
+    tail = b"\x02" + (20).to_bytes(8, "little") + footer.summary_start.to_bytes(8, "little")
+    tail += bytes(8)
+    checksum = zlib.crc32(tail, zlib.crc32(section)).to_bytes(4, "little")
+    path.write_bytes(data[: footer.summary_start] + section + tail + checksum + MAGIC)
+
+
+def hide_topic(record):
+    """Let the index say that no chunk holds the topic of channel 2."""
+    if isinstance(record, mcap.records.ChunkIndex):
+        record.message_index_offsets.pop(2, None)
+    return record
+
+
+def hide_chunk(record):
+    """Let the index say that the first chunk is as long as the first two."""
+    if isinstance(record, mcap.records.ChunkIndex) and record.chunk_start_offset < 100:
+        record.chunk_length *= 2
+    return record
+
+
+def rename_topic(record):
+    """Let the index call a topic otherwise than the data do."""
+    if isinstance(record, mcap.records.Channel) and record.id == 2:
+        record.topic = "/other"
+    return record
+
+
+def drop_chunks(record):
+    """Let the index know the first chunk only."""
+    is_late = isinstance(record, mcap.records.ChunkIndex) and record.chunk_start_offset > 100
+    return None if is_late else record
+
+
+@pytest.mark.parametrize("change", [hide_topic, hide_chunk, rename_topic, drop_chunks])
+def test_an_index_with_a_right_checksum_hides_nothing(path, change):
+    whole = read(path)
+    rewrite_summary(path, lambda record: record)
+    assert read(path) == whole
+    assert list_damages(path) == []
+    rewrite_summary(path, change)
+    assert list_damages(path)
+    if change is hide_chunk or change is rename_topic:
+        with pytest.raises(FileError, match="is damaged"):
+            read(path, {"/b"})
+    else:
+        assert read(path, {"/b"}) == [item for item in whole if item[0] == "/b"]
+
+
+def list_damages(path):
+    scan = Scan(path, is_strict=False)
+    for _ in scan.read():
+        pass
+    return scan.damages
+
+
+def test_chunks_of_other_times_are_not_looked_into(path):
     """Their checksums are not checked then: reading everything, as `info` does, checks all."""
     damage_chunk(path, -1)
-    assert len(read(path, {"/a"})) == 20
     assert len(read(path, TOPICS, end=40)) == 40
     with pytest.raises(FileError, match="is damaged"):
         read(path)

@@ -184,6 +184,36 @@ def test_other_text_is_refused(tmp_path: Path, text: str) -> None:
         read_results(path)
 
 
+@pytest.mark.parametrize(
+    ("found", "written", "told"),
+    [
+        ('"record": 5', f'"record": {"9" * 400}', "whole number of 400 digits"),
+        ('"record": 5', f'"record": {"9" * 5000}', "is not JSON"),
+        ('"record": 5', f'"record": {"[" * 100_000}', "nested too deep"),
+        ('"k2: unknown"', '"k\\ud800"', "holds half a letter"),
+    ],
+    ids=["digits", "more digits", "deep", "half a letter"],
+)
+def test_what_no_number_text_or_nesting_can_be_is_refused(
+    tmp_path: Path, found: str, written: str, told: str
+) -> None:
+    path = tmp_path / "results.json"
+    text = format_json(results_to_json(RESULTS))
+    assert found in text
+    path.write_text(text.replace(found, written, 1), encoding="utf-8")
+    with pytest.raises(FileError, match=told) as caught:
+        read_results(path)
+    assert len(str(caught.value)) < 300
+
+
+def test_json_is_the_same_and_steers_no_terminal() -> None:
+    text = "\x9b2J \u202e \x7f \ud800 \x1b é"
+    written = format_json({"name": text})
+    assert json.loads(written) == {"name": text}
+    assert written.replace("\n", "").isprintable()
+    assert "é" in written
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="cannot be read"):
         read_results(tmp_path / "results.json")

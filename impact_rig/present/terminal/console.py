@@ -7,14 +7,15 @@ line by line. What is piped has no width: its tables are as wide as they need.
 import os
 import sys
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TextIO
 
 from rich import box
 from rich.cells import cell_len
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.padding import Padding
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
@@ -48,6 +49,19 @@ NO_ESCAPES = ("dumb", "unknown")
 """What TERM says of terminals that can write and nothing else."""
 
 
+class _SafeConsole(Console):
+    """A console on which no text moves the cursor: names and words may come from anywhere."""
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterator[Segment]:
+        """Yield what is written: rich's own control codes, and text of which each letter shows."""
+        for segment in super().render(renderable, options):
+            yield (
+                segment if segment.control else segment._replace(text=make_printable(segment.text))
+            )
+
+
 def make_console(*, stderr: bool = False) -> Console:
     """Return a console on standard output or standard error.
 
@@ -57,7 +71,7 @@ def make_console(*, stderr: bool = False) -> Console:
     """
     stream = sys.stderr if stderr else sys.stdout
     can_move = stream.isatty() and os.environ.get("TERM", "").lower() not in NO_ESCAPES
-    return Console(
+    return _SafeConsole(
         stderr=stderr,
         markup=False,
         highlight=False,
@@ -133,14 +147,14 @@ def make_printable(text: str) -> str:
 
 def print_text(console: Console, text: str | Text, style: str = "") -> None:
     """Print a paragraph, in lines that are easily read."""
-    shown = Text(make_printable(text), style) if isinstance(text, str) else text
+    shown = Text(text, style) if isinstance(text, str) else text
     console.print(shown, width=min(console.width, EASY_LINE))
 
 
 def print_warning(text: str) -> None:
     """Print on standard error what a person must know, in one line."""
     console = make_console(stderr=True)
-    console.print(Text.assemble(("warning: ", ALARM), make_printable(text)), soft_wrap=True)
+    console.print(Text.assemble(("warning: ", ALARM), text), soft_wrap=True)
 
 
 def print_item(console: Console, text: str, style: str = "") -> None:

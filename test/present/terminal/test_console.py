@@ -5,12 +5,16 @@ import io
 import pytest
 from rich.cells import cell_len
 from rich.console import Console
+from rich.text import Text
 
 from impact_rig.present.terminal.console import (
     ALARM,
+    make_console,
+    print_facts,
     print_item,
     print_table,
     print_text,
+    print_warning,
 )
 from impact_rig.results.tables import Column, make_optional
 
@@ -73,12 +77,20 @@ def test_an_optional_column_without_a_number_is_nowhere() -> None:
         assert "Spread" not in render(width)
 
 
-def test_what_would_move_the_cursor_is_shown_as_a_mark() -> None:
-    name = "tin\x1b[2J\x07"
-    text = render(80, (Column("Sample", (name,), is_text=True), Column("n", ("1",))))
-    assert "\x1b" not in text
-    assert "\x07" not in text
-    assert "tin�[2J�" in text
+def test_what_would_move_the_cursor_is_shown_as_a_mark(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    name = "tin\x1b[2J\x9b1m\u202e"
+    console = make_console()
+    print_table(console, name, (Column("Sample", (name,), is_text=True), Column("n", ("1",))))
+    print_item(console, name)
+    print_facts(console, [(name, Text("tin"))])
+    print_warning(name)
+    console.print(name)
+    output = capsys.readouterr()
+    text = output.out + output.err
+    assert text.replace("\n", "").isprintable()
+    assert text.count("tin�[2J�1m�") == 6
 
 
 def test_paragraphs_and_items_keep_to_lines_that_are_easily_read() -> None:
