@@ -67,7 +67,7 @@ setup(
         "install": {"install_scripts": EXECUTABLES},
     },
     extras_require={
-        "formats": ["h5py>=3.10", "npTDMS>=1.9", "pyuff>=2.4"],
+        "formats": ["h5py>=3.10", "npTDMS>=1.9", "pyarrow>=15", "pyuff>=2.4"],
         "batch": ["dask>=2024.5", "distributed>=2024.5"],
         "simulators": ["mujoco>=4.0", "drake>=1.51", "pybullet>=3.2.7"],
         "testing": ["pytest>=8"],

@@ -63,7 +63,7 @@ WRAPPED_BY = {
     "nidaqmx": {"devices", "testing"},
     "nptdms": {"recordings"},
     "pint": {"configuration"},
-    "pyarrow": {"present"},
+    "pyarrow": {"present", "recordings"},
     "pybullet": {"simulators"},
     "pydrake": {"simulators"},
     "pyuff": {"recordings"},

@@ -47,7 +47,7 @@ from impact_rig.recordings.importing import (
     check_series,
     choose_window,
     count_width,
-    read_hit,
+    read_hits,
 )
 from impact_rig.results.campaign import Results, results_from_session
 from impact_rig.results.trace_series import FileResults, TraceResults, file_results_from_judged
@@ -355,14 +355,15 @@ def analyze_traces(
 def read_series(
     paths: Sequence[Path], series: TraceSeries, *, needs_scale: bool
 ) -> tuple[list[ImportedHit], RigSetup, dict[Path, str], tuple[str, ...]]:
-    """Read every file as one hit.
+    """Read every file.
 
     Parameters
     ----------
     paths : sequence of Path
-        A file's place, counted from 1, is the record of its hit.
+        A file's place, counted from 1, is the record of its hit; several hits in a file move those
+        after it on.
     series : TraceSeries
-        What they are taken for.
+        What they are taken for; with a window, each impact in a file is a hit.
     needs_scale : bool
         Refuse a force without a mass.
 
@@ -375,18 +376,23 @@ def read_series(
     hits: list[ImportedHit] = []
     errors: dict[Path, str] = {}
     wanted = series.setup.analysis.cutoff_frequency
+    moved = 0
     for number, path in enumerate(paths, start=1):
-        label = _make_label(number, series.sample)
-        mass = series.setup.hammer_mass
+        label = _make_label(number + moved, series.sample)
+        analysis, mass = series.setup.analysis, series.setup.hammer_mass
+        window = analysis if series.has_window else None
         try:
-            hit = read_hit(path, label, series.plan, mass, needs_scale=needs_scale)
-            series = _check_cutoff(hit, series)
-            _check_pulse(hit, _make_series_setup(series, [hit]))
-            check_series(hits, hit)
+            found = read_hits(
+                path, label, series.plan, mass, needs_scale=needs_scale, window=window
+            )
+            moved += len(found) - 1
+            for hit in found:
+                series = _check_cutoff(hit, series)
+                _check_pulse(hit, _make_series_setup(series, [hit]))
+                check_series(hits, hit)
+                hits.append(hit)
         except RigError as error:
             errors[path] = str(error)
-        else:
-            hits.append(hit)
     setup = _make_series_setup(series, hits)
     remarks = [remark for hit in hits for remark in hit.remarks]
     if hits:

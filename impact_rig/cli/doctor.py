@@ -123,6 +123,7 @@ LIBRARIES = (
             ("nptdms", "npTDMS", ".tdms"),
             ("pyuff", "pyuff", ".uff"),
             ("h5py", "h5py", ".h5 and .mat of version 7.3"),
+            ("pyarrow", "pyarrow", ".parquet"),
         )
     ),
     *(

@@ -13,6 +13,7 @@ from impact_rig.cli.each_file import raise_errors
 from impact_rig.cli.options import Quantity
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.present.terminal.console import print_warning
+from impact_rig.results.numbers import format_count
 
 RECORDING_SUFFIX = ".mcap"
 
@@ -138,5 +139,9 @@ def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) ->
         write_imported(output, setup, hits)
     except RigError as error:
         return [*errors, str(error)]
-    click.echo(f"{output}: {len(hits)} of {len(files)} files, hits on {series.sample!r}")
+    used = {hit.path for hit in hits}
+    click.echo(
+        f"{output}: {format_count(len(hits), 'hit')} on {series.sample!r}, from {len(used)} of"
+        f" {format_count(len(files), 'file')}"
+    )
     return errors

@@ -64,6 +64,7 @@ PROVIDERS = {
     "nptdms": "npTDMS",
     "pyuff": "pyuff",
     "h5py": "h5py",
+    "pyarrow": "pyarrow",
     "psutil": "psutil",
     "matplotlib": "Matplotlib",
     "nidaqmx": "nidaqmx",

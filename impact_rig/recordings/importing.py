@@ -9,6 +9,8 @@ decades, and the same files make the same recording, byte by byte.
 import hashlib
 import json
 import math
+import re
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,8 +33,9 @@ from impact_rig.core.setup.calibration import (
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import ROLES, ChannelPlan, ChannelUse
 from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.detection import ImpactDetector, find_pulse_start
+from impact_rig.core.signals.detection import PULSE_NOISE, ImpactDetector, find_pulse_start
 from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, RawArray, Trace
+from impact_rig.core.signals.stream_cutter import cut_impacts
 from impact_rig.recordings.formats.measurement import (
     LARGEST_TIME_ERROR,
     RATE_DIGITS,
@@ -61,6 +64,8 @@ DEFAULT_UNIT = "m/s^2"
 LONGEST_WIDTH, LONGEST_STEP = 10e-3, 1e-3
 """Widest pulse at half its height and longest step [s] that are believed of times whose unit
 nobody states, our choice: the standard shock of 11 ms is 7 ms wide."""
+SHOWN_CHANNELS = 12
+"""Of a file whose channels are listed in a message [-], our choice."""
 MINIMUM_POINTS = 16
 """Shortest trace that is taken for one [points], our choice: a pulse and some baseline."""
 
@@ -112,8 +117,8 @@ def map_channels(
     hammer_mass: float = math.nan,
     *,
     needs_scale: bool = True,
-) -> MappedChannels:
-    """Find, check and calibrate the channels of one hit.
+) -> list[MappedChannels]:
+    """Find, check and calibrate the channels of each hit.
 
     Parameters
     ----------
@@ -128,7 +133,8 @@ def map_channels(
 
     Returns
     -------
-    MappedChannels
+    list of MappedChannels
+        One for each channel of the hammer.
 
     Raises
     ------
@@ -138,8 +144,20 @@ def map_channels(
     ParameterError
         If the units do not fit, or the user contradicts the file.
     """
-    path = measurement.path
-    found = _assign_roles(measurement, plan)
+    return [
+        _map_hit(measurement.path, found, plan, hammer_mass, needs_scale=needs_scale)
+        for found in _assign_roles(measurement, plan)
+    ]
+
+
+def _map_hit(
+    path: Path,
+    found: dict[str, MeasuredChannel],
+    plan: ChannelPlan,
+    hammer_mass: float,
+    *,
+    needs_scale: bool,
+) -> MappedChannels:
     for role, channel in found.items():
         _check_values(path, role, channel)
     hammer, specimen = found["hammer"], found.get("specimen")
@@ -171,8 +189,8 @@ def map_channels(
     )
 
 
-def _assign_roles(measurement: Measurement, plan: ChannelPlan) -> dict[str, MeasuredChannel]:
-    """Return the channels that are used by their roles."""
+def _assign_roles(measurement: Measurement, plan: ChannelPlan) -> list[dict[str, MeasuredChannel]]:
+    """Return the channels of each hit by their roles."""
     channels, path = measurement.channels, measurement.path
     if plan.hammer.channel:
         return _assign_named(measurement, plan)
@@ -192,53 +210,90 @@ def _assign_roles(measurement: Measurement, plan: ChannelPlan) -> dict[str, Meas
     if not roles or (math.isnan(channels[0].sampling_rate) and len(channels) > len(roles)):
         raise SignalError(_ask_for_roles(measurement))
     # More channels than roles: a file that states rates may hold what is of no use here.
-    return {role: item for role, item in zip(roles, channels, strict=False) if role != "skip"}
+    of: dict[str, list[MeasuredChannel]] = {role: [] for role in ROLES}
+    for role, channel in zip(roles, channels, strict=False):
+        of[role].append(channel)
+    return _pair(of["hammer"], of["specimen"], of["time"])
 
 
-def _assign_named(measurement: Measurement, plan: ChannelPlan) -> dict[str, MeasuredChannel]:
-    found = {
-        role: _find_by_name(measurement, use.channel)
-        for role, use in (("hammer", plan.hammer), ("specimen", plan.specimen))
-        if use.channel
+def _pair(
+    hammers: list[MeasuredChannel], specimens: list[MeasuredChannel], times: list[MeasuredChannel]
+) -> list[dict[str, MeasuredChannel]]:
+    """Return the channels of each hit by their roles: the first of each make the first."""
+    roles: dict[str, list[MeasuredChannel]] = {
+        "time": times * len(hammers),
+        "hammer": hammers,
+        "specimen": specimens,
     }
-    if found.get("specimen") is found["hammer"]:
+    given = {role: channels for role, channels in roles.items() if channels}
+    return [
+        dict(zip(given, channels, strict=True)) for channels in zip(*given.values(), strict=True)
+    ]
+
+
+def _assign_named(measurement: Measurement, plan: ChannelPlan) -> list[dict[str, MeasuredChannel]]:
+    hammers, specimens = (
+        _find_by_name(measurement, use.channel) if use.channel else []
+        for use in (plan.hammer, plan.specimen)
+    )
+    if specimens and len(specimens) != len(hammers):
+        raise ParameterError(
+            f"{measurement.path}: {plan.hammer.channel!r} are {len(hammers)} channels and"
+            f" {plan.specimen.channel!r} are {len(specimens)}: several hits need as many of both"
+        )
+    if any(hammer is specimen for hammer in hammers for specimen in specimens):
         raise ParameterError(
             f"{measurement.path}: {plan.hammer.channel!r} and {plan.specimen.channel!r} are the"
             " same channel: hammer and sample have one each"
         )
     first = measurement.channels[0]
-    needs_time = math.isnan(found["hammer"].sampling_rate) and math.isnan(plan.sampling_rate)
-    if needs_time and not any(first is channel for channel in found.values()):
-        found["time"] = first
-    return found
+    needs_time = math.isnan(hammers[0].sampling_rate) and math.isnan(plan.sampling_rate)
+    is_free = not any(first is channel for channel in (*hammers, *specimens))
+    return _pair(hammers, specimens, [first] if needs_time and is_free else [])
 
 
-def _find_by_name(measurement: Measurement, name: str) -> MeasuredChannel:
+def _find_by_name(measurement: Measurement, name: str) -> list[MeasuredChannel]:
+    """Return the channel of a name or a number, or all that fit a pattern with * or ?."""
     channels = measurement.channels
     same = [channel for channel in channels if channel.name == name]
     if len(same) == 1:
-        return same[0]
+        return same
     if len(same) > 1:
         raise SignalError(
             f"{measurement.path} has {len(same)} channels {name!r}: name one by its number"
         )
     if name.isdecimal() and 1 <= int(name) <= len(channels):
-        return channels[int(name) - 1]
+        return [channels[int(name) - 1]]
+    pattern = re.compile(re.escape(name).replace(r"\*", ".*").replace(r"\?", "."))
+    fitting = [channel for channel in channels if pattern.fullmatch(channel.name)]
+    if fitting:
+        return fitting
     raise SignalError(
         f"{measurement.path} has no channel {name!r}: it has {_list_channels(measurement)}"
     )
 
 
 def _list_channels(measurement: Measurement) -> str:
-    return ", ".join(
-        f"{number} {channel.name!r}" for number, channel in enumerate(measurement.channels, 1)
-    )
+    """Return numbers, names, units and sizes of the first channels."""
+    shown = [
+        f"{number} {channel.name!r} ({channel.values.size} points{channel.unit and ' in '}"
+        f"{channel.unit})"
+        for number, channel in enumerate(measurement.channels[:SHOWN_CHANNELS], start=1)
+    ]
+    left = len(measurement.channels) - len(shown)
+    return ", ".join([*shown, f"{left} more"] if left else shown)
 
 
 def _ask_for_roles(measurement: Measurement) -> str:
+    count = len(measurement.channels)
+    guess = ["time" if is_clock(measurement.channels[0].values) else "hammer"]
+    guess += ["specimen" if "hammer" in guess else "hammer"]
+    guess += ["specimen" if "specimen" not in guess else "skip", *["skip"] * count]
     return (
-        f"{measurement.path} has {len(measurement.channels)} columns: give the role of each"
-        f" ({', '.join(ROLES)})"
+        f"{measurement.path} has {count} columns: give the role of each ({', '.join(ROLES)}). They"
+        f" are {_list_channels(measurement)}. For example, `impact-rig analyze"
+        f" {shlex.quote(str(measurement.path))} --columns {','.join(guess[:count])}`; several"
+        " hammers are several hits"
     )
 
 
@@ -409,6 +464,11 @@ FIRST_STAMP = NANOSECONDS
 in ROS 2 is no time."""
 PAUSE = NANOSECONDS
 """Between two hits whose times are not known [ns], our choice: rigs are not struck faster."""
+MANY_IMPACTS, IMPACT_DISTANCE, ALIKE = 3, 0.05, 0.5
+"""So many impacts, so far apart [s] and of such a part of the highest's height are no bounces of
+one [-], our choice."""
+LONGEST_WINDOW = 20e-3
+"""What is proposed for a hit [s], our choice: the longest pulses of hammers, and their decay."""
 BLOCK_POINTS = 10_000
 """Points per block, our choice: 160 kB, small enough for any subscriber."""
 
@@ -419,14 +479,15 @@ BLOCK_QOS = OfferedQos(depth=200)
 
 @dataclass(frozen=True)
 class ImportedHit:
-    """One file as one hit.
+    """A hit in a file.
 
     Attributes
     ----------
     path : Path
         Of the file.
     block : Block
-        All of both channels, bit by bit; stamped with the time that the file states, or with 0.
+        All of both channels, or what was cut out of them, bit by bit; stamped with
+        the time that the file states, or with 0.
     has_scale : bool
         The hammer's numbers make accelerations; see `MappedChannels`, as of these:
     unit : str
@@ -450,68 +511,110 @@ class ImportedHit:
         return self.block.hammer.output.size / self.block.sampling_rate
 
 
-def read_hit(
+def read_hits(
     path: Path,
     label: HitLabel,
     plan: ChannelPlan,
     hammer_mass: float = math.nan,
     *,
     needs_scale: bool = True,
-) -> ImportedHit:
-    """Read one file as one hit.
+    window: AnalysisSettings | None = None,
+) -> list[ImportedHit]:
+    """Read the hits of one file.
 
     Parameters
     ----------
     path : Path
         Of any of the formats in `impact_rig.recordings.formats.registry`.
     label : HitLabel
-        Which hit it is.
+        Which hit the first one is; the others count on.
     plan : ChannelPlan
         Which channel is what.
     hammer_mass : float
         m1 [kg], which makes accelerations of forces; NaN: not known.
     needs_scale : bool
         Refuse a force without a mass.
+    window : AnalysisSettings, optional
+        Whose pre-trigger and record duration each impact is cut out by; None: the channels are one
+        hit, whole.
 
     Raises
     ------
     FileError
         If the file cannot be read.
     SignalError, ParameterError
-        If its channels do not fit; see `map_channels`.
+        If its channels do not fit; see `map_channels`. If it holds many impacts, and no window is
+        given.
     """
     measurement = read_measurement(path)
-    channels = map_channels(measurement, plan, hammer_mass, needs_scale=needs_scale)
-    block = Block(
-        0,
-        channels.sampling_rate,
-        channels.hammer,
-        channels.specimen,
-        label,
-        last=True,
-        stamp=channels.stamp,
-        origin=_describe_origin(path, channels),
-    )
-    return ImportedHit(
-        path,
-        block,
-        channels.has_scale,
-        channels.unit,
-        channels.per_unit,
-        channels.remarks,
-        channels.names,
+    hits: list[ImportedHit] = []
+    for channels in map_channels(measurement, plan, hammer_mass, needs_scale=needs_scale):
+        whole = Block(
+            0,
+            channels.sampling_rate,
+            channels.hammer,
+            channels.specimen,
+            label,
+            last=True,
+            stamp=channels.stamp,
+        )
+        if window is None:
+            _check_alone(path, whole)
+        # Where no impact is found, the whole says why.
+        for first, block in (cut_impacts(whole, window) if window else ()) or [(0, whole)]:
+            number = label.record + len(hits)
+            counted = replace(
+                block,
+                label=replace(label, record=number, impact=number),
+                origin=_describe_origin(path, channels.names, first, block.hammer.output.size),
+            )
+            hits.append(
+                ImportedHit(
+                    path,
+                    counted,
+                    channels.has_scale,
+                    channels.unit,
+                    channels.per_unit,
+                    channels.remarks,
+                    channels.names,
+                )
+            )
+    return hits
+
+
+def _check_alone(path: Path, block: Block) -> None:
+    """Refuse a record that people strike again and again in, as one hit."""
+    output, rate = block.hammer.output, block.sampling_rate
+    if output.size < MANY_IMPACTS * IMPACT_DISTANCE * rate:
+        return
+    # Every stretch has its highest point; those that stand out in all directions are impacts.
+    deviation = np.abs(output - float(np.median(output)))
+    step = max(int(IMPACT_DISTANCE * rate), 1)
+    tops = [
+        first + int(np.argmax(deviation[first : first + step]))
+        for first in range(0, output.size, step)
+    ]
+    high = [top for top in tops if deviation[top] >= ALIKE * deviation.max()]
+    apart = [top for top, before in zip(high[1:], high, strict=False) if top - before >= step]
+    noise = float(np.median(deviation))
+    if len(apart) + 1 < MANY_IMPACTS or PULSE_NOISE * noise > ALIKE * deviation.max():
+        return
+    distances = np.diff(high)
+    window = min(LONGEST_WINDOW, 0.4 * float(distances[distances >= step].min()) / rate)
+    raise SignalError(
+        f"{path} holds {len(apart) + 1} impacts of like height: `impact-rig import"
+        f" {shlex.quote(str(path))} -o hits.mcap --record-duration {1e3 * window:.2g}ms"
+        f" --pre-trigger {1e2 * window:.2g}ms` makes a hit of each"
     )
 
 
-def _describe_origin(path: Path, channels: MappedChannels) -> Origin:
-    """Return where in its file a hit stands: all its points, of which channels."""
-    points = channels.hammer.output.size
-    names = " and ".join(map(repr, channels.names))
+def _describe_origin(path: Path, channels: Sequence[str], first: int, count: int) -> Origin:
+    """Return where in its file a hit stands: which points of which channels."""
     return Origin(
         IMPORTED,
         f"{path.suffix.lstrip('.').lower()} file",
         str(path),
-        f"{names}, points 0 to {points - 1}",
+        f"{' and '.join(map(repr, channels))}, points {first} to {first + count - 1}",
     )
 
 

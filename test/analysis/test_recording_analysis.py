@@ -29,7 +29,9 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a recording of two samples, some hits with faults."""
     rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=11, faults=FaultPlan(0.1)))
     hits = [
-        ImportedHit(Path(__file__), rig.strike(label).split(10_000, 0)[0], True, (), ())
+        ImportedHit(
+            Path(__file__), rig.strike(label).split(10_000, 0)[0], True, "m/s^2", 1.0, (), ()
+        )
         for label in LABELS
     ]
     output = tmp_path_factory.mktemp("traced") / "session.mcap"

@@ -96,7 +96,7 @@ def test_a_files_number_is_its_hits_record(
     output = tmp_path / "hits.mcap"
     outcome = run("import", *files, "-o", output, "--sample", "brass", "--sample-unit", "g")
     assert outcome.exit_code == 0
-    assert "2 of 2 files, hits on 'brass'" in outcome.stdout
+    assert "2 hits on 'brass', from 2 of 2 files" in outcome.stdout
     assert "nobody states the unit of the hammer's channel" in outcome.stderr
     assert "sample's" not in outcome.stderr
     blocks = read_blocks(output)

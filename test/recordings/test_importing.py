@@ -3,12 +3,14 @@
 import hashlib
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import nptdms
 import numpy as np
 import pytest
+from scipy.io import wavfile
 
 from impact_rig.core.errors import FileError, ParameterError, SignalError
 from impact_rig.core.setup.calibration import Sensitivity
@@ -23,7 +25,7 @@ from impact_rig.recordings.importing import (
     check_series,
     choose_window,
     map_channels,
-    read_hit,
+    read_hits,
     write_imported,
 )
 from impact_rig.recordings.reader import read_recording
@@ -59,8 +61,18 @@ def plan(**fields):
     return ChannelPlan(**fields)
 
 
+def map_one(*args, **options):
+    (found,) = map_channels(*args, **options)
+    return found
+
+
+def read_one(*args):
+    (hit,) = read_hits(*args)
+    return hit
+
+
 def test_three_columns_are_time_hammer_and_sample():
-    found = map_channels(columns(TIME, HAMMER, SPECIMEN), plan())
+    found = map_one(columns(TIME, HAMMER, SPECIMEN), plan())
     assert found.sampling_rate == pytest.approx(2.5e6, rel=1e-8)
     assert np.array_equal(found.hammer.output, HAMMER)
     assert np.array_equal(found.specimen.output, SPECIMEN)
@@ -72,21 +84,21 @@ def test_three_columns_are_time_hammer_and_sample():
 
 
 def test_two_columns_are_time_and_hammer():
-    found = map_channels(columns(TIME, HAMMER), plan())
+    found = map_one(columns(TIME, HAMMER), plan())
     assert found.specimen.output.size == 0
     assert np.array_equal(found.hammer.output, HAMMER)
 
 
 def test_a_given_rate_stands_in_for_time():
     given = plan(sampling_rate=51_200.0)
-    assert map_channels(columns(HAMMER), given).sampling_rate == 51_200.0
-    both = map_channels(columns(HAMMER, SPECIMEN), given)
+    assert map_one(columns(HAMMER), given).sampling_rate == 51_200.0
+    both = map_one(columns(HAMMER, SPECIMEN), given)
     assert np.array_equal(both.specimen.output, SPECIMEN)
 
 
 def test_roles_pick_columns_in_any_order():
     roles = plan(columns=("specimen", "skip", "time", "skip", "hammer"))
-    found = map_channels(columns(SPECIMEN, HAMMER * np.nan, TIME, TIME, HAMMER), roles)
+    found = map_one(columns(SPECIMEN, HAMMER * np.nan, TIME, TIME, HAMMER), roles)
     assert np.array_equal(found.hammer.output, HAMMER)
     assert np.array_equal(found.specimen.output, SPECIMEN)
 
@@ -94,7 +106,7 @@ def test_roles_pick_columns_in_any_order():
 def test_where_files_state_rates_the_first_two_channels_are_hammer_and_sample():
     slow = channel("temperature", np.zeros(5), 1.0, "degC")
     file = stated(channel("force", unit="N"), channel("response", SPECIMEN, unit="g"), slow)
-    found = map_channels(file, plan(), hammer_mass=0.5)
+    found = map_one(file, plan(), hammer_mass=0.5)
     assert found.names == ("force", "response")
     assert (found.hammer.scale, found.specimen.scale) == (2.0, 9.80665)
     assert (found.remarks, found.unit, found.per_unit) == ((), "N", 2.0)
@@ -104,30 +116,30 @@ def test_where_files_state_rates_the_first_two_channels_are_hammer_and_sample():
 def test_channels_are_told_by_name_or_number(hammer, specimen):
     file = stated(channel("a", SPECIMEN), channel("b", HAMMER))
     named = plan(hammer=ChannelUse(hammer), specimen=ChannelUse(specimen))
-    found = map_channels(file, named)
+    found = map_one(file, named)
     assert found.names == ("b", "a")
     assert np.array_equal(found.hammer.output, HAMMER)
 
 
 def test_with_the_hammers_channel_alone_the_sample_is_not_measured():
-    found = map_channels(stated(channel("a"), channel("b")), plan(hammer=ChannelUse("b")))
+    found = map_one(stated(channel("a"), channel("b")), plan(hammer=ChannelUse("b")))
     assert found.names == ("b",)
     assert found.specimen.output.size == 0
 
 
 def test_beside_named_columns_the_first_one_is_time():
     named = plan(hammer=ChannelUse("column 3"), specimen=ChannelUse("2"))
-    found = map_channels(columns(TIME, SPECIMEN, HAMMER, HAMMER), named)
+    found = map_one(columns(TIME, SPECIMEN, HAMMER, HAMMER), named)
     assert found.sampling_rate == pytest.approx(2.5e6, rel=1e-8)
     assert np.array_equal(found.hammer.output, HAMMER)
 
 
 def test_times_may_be_stated_in_other_units():
     file = stated(MeasuredChannel("time", TIME * 1e3, unit="ms"), MeasuredChannel("a", HAMMER))
-    assert map_channels(file, plan()).sampling_rate == pytest.approx(2.5e6, rel=1e-8)
+    assert map_one(file, plan()).sampling_rate == pytest.approx(2.5e6, rel=1e-8)
     odd = stated(MeasuredChannel("time", TIME, unit="V"), MeasuredChannel("a", HAMMER))
     with pytest.raises(SignalError, match="times are in 'V'"):
-        map_channels(odd, plan())
+        map_one(odd, plan())
 
 
 class TestTimesOfOneRecord:
@@ -139,7 +151,7 @@ class TestTimesOfOneRecord:
     def read_rate(self, heading: str, times: np.ndarray, unit: str = "", **given: object) -> float:
         time = MeasuredChannel(heading, times, unit=unit)
         file = stated(time, MeasuredChannel("force", self.PULSE, unit="m/s^2"))
-        return map_channels(file, plan(**given)).sampling_rate
+        return map_one(file, plan(**given)).sampling_rate
 
     @pytest.mark.parametrize(
         ("heading", "unit", "scale"),
@@ -185,17 +197,17 @@ class TestTimesOfOneRecord:
 
 
 def test_volts_without_a_sensitivity_stay_volts_and_forces_without_a_mass_forces():
-    volts = map_channels(stated(channel("a", unit="mV")), plan(), needs_scale=False)
+    volts = map_one(stated(channel("a", unit="mV")), plan(), needs_scale=False)
     assert (volts.has_scale, volts.unit, volts.per_unit) == (False, "V", 1.0)
     assert volts.hammer.scale == pytest.approx(1e-3)
-    force = map_channels(stated(channel("a", unit="lbf")), plan(), needs_scale=False)
+    force = map_one(stated(channel("a", unit="lbf")), plan(), needs_scale=False)
     assert (force.has_scale, force.unit, force.per_unit) == (False, "N", 1.0)
     with pytest.raises(ParameterError, match="a channel in mV needs a sensitivity"):
-        map_channels(stated(channel("a", unit="mV")), plan())
+        map_one(stated(channel("a", unit="mV")), plan())
 
 
 def test_a_channel_in_kg_is_a_thousand_g_and_says_so():
-    found = map_channels(stated(channel("a", unit="kg")), plan())
+    found = map_one(stated(channel("a", unit="kg")), plan())
     assert found.hammer.scale == pytest.approx(9806.65)
     assert found.remarks == (
         "the hammer's channel is taken for thousands of g; a force in kilograms is kgf",
@@ -204,7 +216,7 @@ def test_a_channel_in_kg_is_a_thousand_g_and_says_so():
 
 def test_counts_stay_counts_beside_their_calibration():
     use = ChannelUse(sensitivity=Sensitivity(0.01, "g"), full_scale=5.0, full_scale_unit="V")
-    found = map_channels(stated(channel("a", COUNTS, unit="mV")), plan(hammer=use))
+    found = map_one(stated(channel("a", COUNTS, unit="mV")), plan(hammer=use))
     assert found.hammer.output.dtype == np.int32
     # 10 mV/g: one millivolt is 0.1 g; 5 V are 500 g.
     assert found.hammer.scale == pytest.approx(0.980665, rel=1e-12)
@@ -213,27 +225,27 @@ def test_counts_stay_counts_beside_their_calibration():
 
 def test_a_force_hammers_voltage_becomes_acceleration_by_its_mass():
     use = ChannelUse(sensitivity=Sensitivity(-0.002, "N"))
-    found = map_channels(stated(channel("a", unit="V")), plan(hammer=use), hammer_mass=0.5)
+    found = map_one(stated(channel("a", unit="V")), plan(hammer=use), hammer_mass=0.5)
     assert found.hammer.scale == pytest.approx(-1000.0, rel=1e-12)
 
 
 def test_a_force_without_a_mass_is_good_for_contact_times_only():
     file = stated(channel("a", unit="N"))
-    found = map_channels(file, plan(), needs_scale=False)
+    found = map_one(file, plan(), needs_scale=False)
     assert (found.has_scale, found.hammer.scale) == (False, 1.0)
     with pytest.raises(ParameterError, match=r"hit\.x: hammer: .*needs the hammer's mass"):
-        map_channels(file, plan())
+        map_one(file, plan())
 
 
 @pytest.mark.parametrize("spelling", ["m/s²", "m/s2", " m/s^2 ", "m/s**2"])
 def test_units_are_known_in_their_spellings(spelling):
     use = ChannelUse(unit="m/s^2")
-    assert map_channels(stated(channel("a", unit=spelling)), plan(hammer=use)).hammer.scale == 1.0
+    assert map_one(stated(channel("a", unit=spelling)), plan(hammer=use)).hammer.scale == 1.0
 
 
 def test_hits_of_one_series_share_their_rate():
     rates = {
-        map_channels(read_measurement(path), plan()).sampling_rate
+        map_one(read_measurement(path), plan()).sampling_rate
         for path in (DATA / "pyfrf_hammer").glob("*.npy")
     }
     assert rates == {25_600.0}
@@ -241,7 +253,7 @@ def test_hits_of_one_series_share_their_rate():
 
 def test_a_shock_table_of_another_laboratory_is_read():
     file = read_measurement(DATA / "repeat_shock" / "acc_base_a0_start.txt")
-    found = map_channels(file, plan(hammer=ChannelUse(unit="g")))
+    found = map_one(file, plan(hammer=ChannelUse(unit="g")))
     assert found.sampling_rate == pytest.approx(1 / 2.000278e-5, rel=1e-6)
     assert found.hammer.scale * found.hammer.output.max() == pytest.approx(486 * 9.80665, rel=1e-3)
 
@@ -281,7 +293,7 @@ def replaced(values, index, value):
 )  # fmt: skip
 def test_what_is_no_trace_is_named(file, given, told):
     with pytest.raises(SignalError, match=rf"hit\.x.*{told}"):
-        map_channels(file, ChannelPlan(**given))
+        map_one(file, ChannelPlan(**given))
 
 
 @pytest.mark.parametrize(
@@ -306,7 +318,7 @@ def test_what_is_no_trace_is_named(file, given, told):
 )
 def test_what_the_user_contradicts_or_leaves_open_is_named(file, given, told):
     with pytest.raises(ParameterError, match=rf"hit\.x.*{told}"):
-        map_channels(file, ChannelPlan(**given), math.nan)
+        map_one(file, ChannelPlan(**given), math.nan)
 
 
 REAL_HITS = sorted((Path(__file__).parents[1] / "data" / "pyfrf_hammer").glob("*.npy"))
@@ -316,7 +328,7 @@ PLAN = ChannelPlan(hammer=ChannelUse(unit="N"), specimen=ChannelUse(unit="g"))
 
 def read_all(paths):
     return [
-        read_hit(path, HitLabel("beam", number, number), PLAN, 0.5)
+        read_one(path, HitLabel("beam", number, number), PLAN, 0.5)
         for number, path in enumerate(paths, 1)
     ]
 
@@ -353,7 +365,7 @@ def test_long_files_are_split_into_blocks_that_join_without_a_gap(tmp_path):
     rows = np.random.default_rng(1).normal(size=25_000)
     np.save(tmp_path / "long.npy", rows)
     plan = ChannelPlan(hammer=ChannelUse(unit="g"), sampling_rate=1e6)
-    hit = read_hit(tmp_path / "long.npy", HitLabel("beam"), plan)
+    hit = read_one(tmp_path / "long.npy", HitLabel("beam"), plan)
     write_imported(tmp_path / "long.mcap", make_setup([hit]), [hit])
     _, *blocks = read_recording(tmp_path / "long.mcap").events()
     assert [block.first_sample for block in blocks] == [0, 10_000, 20_000]
@@ -446,8 +458,8 @@ def test_the_whole_file_is_the_record_wherever_its_pulse_lies(tmp_path, place):
     pulse[place : place + 5] = (20.0, 60.0, 100.0, 60.0, 20.0)
     np.save(tmp_path / "hit.npy", pulse + 0.01 * np.random.default_rng(1).normal(size=1000))
     plan = ChannelPlan(sampling_rate=1e6)
-    hit = read_hit(tmp_path / "hit.npy", HitLabel("beam"), plan)
-    early = read_hit(REAL_HITS[0], HitLabel("beam", 2), ChannelPlan())
+    hit = read_one(tmp_path / "hit.npy", HitLabel("beam"), plan)
+    early = read_one(REAL_HITS[0], HitLabel("beam", 2), ChannelPlan())
     settings = choose_window(SETTINGS, [hit, early])
     (record,) = ImpactDetector(settings).feed(hit.block)
     assert record.hammer.acceleration.size == 1000
@@ -487,7 +499,7 @@ def test_a_hit_was_when_its_file_says_unless_times_would_not_grow(tmp_path, stat
         values = np.random.default_rng(number).normal(size=10_000)
         with nptdms.TdmsWriter(str(path)) as writer:
             writer.write_segment([nptdms.ChannelObject("all", "hammer", values, words)])
-        hits.append(read_hit(path, HitLabel("beam", number, number), ChannelPlan()))
+        hits.append(read_one(path, HitLabel("beam", number, number), ChannelPlan()))
     write_imported(tmp_path / "hits.mcap", make_setup(hits), hits)
 
     with (tmp_path / "hits.mcap").open("rb") as file:
@@ -510,13 +522,77 @@ def test_hits_that_cannot_be_averaged_are_named(tmp_path):
     np.save(tmp_path / "fast.npy", rows)
     np.save(tmp_path / "alone.npy", rows[0])
     first, other = (
-        read_hit(tmp_path / "fast.npy", HitLabel("beam"), ChannelPlan(sampling_rate=rate))
+        read_one(tmp_path / "fast.npy", HitLabel("beam"), ChannelPlan(sampling_rate=rate))
         for rate in (1e6, 2e6)
     )
-    alone = read_hit(tmp_path / "alone.npy", HitLabel("beam"), ChannelPlan(sampling_rate=1e6))
+    alone = read_one(tmp_path / "alone.npy", HitLabel("beam"), ChannelPlan(sampling_rate=1e6))
     check_series([], first)
     check_series([first], first)
     with pytest.raises(SignalError, match=r"fast\.npy is sampled at 2e\+06 Hz and .* 1e\+06 Hz"):
         check_series([first], other)
     with pytest.raises(SignalError, match=r"fast\.npy has a channel of the sample, .*alone\.npy"):
         check_series([first], alone)
+
+
+def test_several_hammers_are_several_hits_each_with_its_sample():
+    file = columns(TIME, HAMMER, SPECIMEN, 2 * HAMMER, 3 * SPECIMEN)
+    roles = ("time", "hammer", "specimen", "hammer", "specimen")
+    first, second = map_channels(file, plan(columns=roles))
+    assert np.array_equal(second.hammer.output, 2 * HAMMER)
+    assert np.array_equal(second.specimen.output, 3 * SPECIMEN)
+    assert first.sampling_rate == second.sampling_rate
+
+
+def test_channels_are_named_by_a_pattern_too():
+    names = ("run(1).front", "run(1).back", "run(2).front", "run(2).back")
+    file = stated(*(channel(name, HAMMER + number) for number, name in enumerate(names)))
+    named = plan(hammer=ChannelUse("run(*).front"), specimen=ChannelUse("run(*).back"))
+    found = map_channels(file, named)
+    assert [hit.names for hit in found] == [names[:2], names[2:]]
+    odd = plan(hammer=ChannelUse("run(*).front"), specimen=ChannelUse("run(2).back"))
+    with pytest.raises(ParameterError, match=r"'run\(\*\)\.front' are 2 channels"):
+        map_channels(file, odd)
+
+
+def test_where_roles_are_asked_for_the_channels_are_listed_with_a_command():
+    file = columns(TIME, HAMMER, SPECIMEN, HAMMER)
+    size = HAMMER.size
+    with pytest.raises(SignalError, match=rf"2 'column 2' \({size} points\)") as caught:
+        map_channels(file, plan())
+    assert "`impact-rig analyze hit.x --columns time,hammer,specimen,skip`" in str(caught.value)
+
+
+@pytest.fixture
+def many_hits(tmp_path):
+    """Return a sound file with seven hits, where they begin, and its counts."""
+    rate, generator = 48_000, np.random.default_rng(3)
+    places = 4800 + 14_400 * np.arange(7) + generator.integers(0, 500, 7)
+    signal = generator.normal(0.0, 1.0, 110_000)
+    for place, height in zip(places, generator.uniform(8000, 12_000, 7), strict=True):
+        signal[place : place + 48] += height * np.sin(np.pi * np.arange(48) / 48) ** 2
+    wavfile.write(tmp_path / "many.wav", rate, signal.astype(np.int16))
+    return tmp_path / "many.wav", places, signal.astype(np.int16)
+
+
+def test_a_long_record_is_cut_into_its_hits_bit_by_bit(many_hits):
+    path, places, signal = many_hits
+    window = AnalysisSettings(pre_trigger=2e-3, record_duration=20e-3)
+    hits = read_hits(path, HitLabel("beam", 5, 5), plan(), window=window)
+    assert [hit.block.label.record for hit in hits] == list(range(5, 12))
+    for hit, place in zip(hits, places, strict=True):
+        first, last = map(int, re.findall(r"points (\d+) to (\d+)", hit.block.origin.place)[0])
+        assert 96 <= place - first <= 2 * 96 + 16
+        assert hit.block.hammer.output.tolist() == signal[first : last + 1].tolist()
+        assert hit.block.hammer.full_scale == 0.0
+
+
+def test_a_record_of_many_impacts_is_not_taken_for_one_hit(many_hits):
+    path, _, signal = many_hits
+    with pytest.raises(SignalError, match=r"holds 7 impacts .*--record-duration 20ms --pre-t"):
+        read_hits(path, HitLabel("beam"), plan())
+    # One that bounces, and one that rings, are one hit.
+    wavfile.write(path, 48_000, np.concatenate([signal[:14_000], signal[4000:60_000] // 3]))
+    assert len(read_hits(path, HitLabel("beam"), plan())) == 1
+    ringing = 9000 * np.sin(np.arange(90_000) / 5) * np.exp(-np.arange(90_000) / 30_000)
+    wavfile.write(path, 48_000, ringing.astype(np.int16))
+    assert len(read_hits(path, HitLabel("beam"), plan())) == 1

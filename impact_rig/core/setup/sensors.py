@@ -276,8 +276,8 @@ class ChannelPlan:
     hammer, specimen : ChannelUse
         Of both bodies.
     columns : tuple of str or None
-        Role of each channel in its place, one of `ROLES`; None: by the names in `hammer` and
-        `specimen`, or by their number.
+        Role of each channel in its place, one of `ROLES`; several hammers are as many hits. None:
+        by the names in `hammer` and `specimen`, or by their number.
     sampling_rate : float
         Of files that do not state it [Hz]; goes before a column of times. NaN: not given.
     time_unit : str
@@ -317,10 +317,16 @@ class ChannelPlan:
         for role in columns:
             if role not in ROLES:
                 raise ParameterError(f"column role {role!r} is unknown: it is {', '.join(ROLES)}")
-            if role != "skip" and columns.count(role) > 1:
-                raise ParameterError(f"column role {role!r} is given twice")
-        if "hammer" not in columns:
+        if columns.count("time") > 1:
+            raise ParameterError("column role 'time' is given twice")
+        hits, specimens = columns.count("hammer"), columns.count("specimen")
+        if not hits:
             raise ParameterError("no column has the role 'hammer': its pulse is what is measured")
+        if specimens not in (0, hits):
+            raise ParameterError(
+                f"{hits} columns are the hammer's and {specimens} the sample's: several hits need"
+                " as many of both, or none of the sample"
+            )
         if self.hammer.channel or self.specimen.channel:
             raise ParameterError(
                 "channels are told by the roles of all columns or by name: one of the two"

@@ -4,10 +4,14 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from impact_rig.core.errors import SignalError
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import (
+    RELATIVE_LEVEL,
     PulseSearch,
+    compute_median,
     count_window_points,
     find_quietest,
 )
@@ -206,6 +210,8 @@ class StreamBuffer:
         )
 
 
+NANOSECONDS = 1_000_000_000
+"""In a second [ns]."""
 QUIET_LEAD = 2
 """What a cut holds before its impact, in pre-triggers [-], our choice: one for the record, and one
 before it, out of which the record's own baseline is read."""
@@ -235,6 +241,48 @@ class StreamFlow:
     gaps: int = 0
     missing_points: int = 0
     other_impacts: int = 0
+
+
+def cut_impacts(block: Block, settings: AnalysisSettings) -> list[tuple[int, Block]]:
+    """Cut every impact out of a long record, as out of the running stream.
+
+    Parameters
+    ----------
+    block : Block
+        The record. Where it does not say the full scale, an impact has a tenth of the height of
+        the largest.
+    settings : AnalysisSettings
+        `pre_trigger`, `record_duration` and `detection_level` are used.
+
+    Returns
+    -------
+    list of tuple of int and Block
+        First point in the record of each hit, and the hit.
+    """
+    hammer, count = block.hammer, block.hammer.output.size
+    full_scale = hammer.full_scale
+    if not full_scale > 0.0:
+        height = float(np.abs(hammer.output - compute_median(hammer.output)).max())
+        full_scale = RELATIVE_LEVEL * height * abs(hammer.scale) / settings.detection_level
+        if not 0.0 < full_scale < np.inf:
+            return []
+    before, length = count_window_points(settings, block.sampling_rate)
+    stream = replace(
+        block, hammer=replace(hammer, full_scale=full_scale), last=False, stamp=NANOSECONDS
+    )
+    cutter = StreamCutter(settings)
+    found: list[Block] = []
+    # Each piece is an arming of its own, so short that the window of a hit covers the rest of it.
+    for number, piece in enumerate(stream.split(max(length - before, 1)), start=1):
+        found += cutter.feed(replace(piece, label=HitLabel("", record=number)))
+    found += cutter.feed(replace(stream.cut(count, count), label=NOT_ARMED, last=True))
+    hits = []
+    for hit in found:
+        if hit.hammer.output.size:
+            first = round((hit.stamp - NANOSECONDS) * 1e-9 * block.sampling_rate)
+            whole = block.cut(first, first + hit.hammer.output.size)
+            hits.append((first, replace(whole, first_sample=hit.first_sample, last=True)))
+    return hits
 
 
 class StreamCutter:

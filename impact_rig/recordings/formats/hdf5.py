@@ -13,6 +13,7 @@ from impact_rig.recordings.formats.measurement import (
     DIMENSIONS,
     RATE_NAMES,
     STEP_NAMES,
+    UNIT_NAMES,
     Measurement,
     NamedArray,
     clean_name,
@@ -21,7 +22,6 @@ from impact_rig.recordings.formats.measurement import (
     round_rate,
 )
 
-UNIT_NAMES = {"unit", "units", "unit string"}
 START_NAMES = {"start", "start s", "t0", "x0"}
 """Names of attributes, in small letters, underscores as blanks."""
 FAMILIES = (RATE_NAMES | STEP_NAMES, UNIT_NAMES, START_NAMES)

@@ -1,7 +1,5 @@
 """MATLAB's files: by scipy, and since MATLAB 7.3 by h5py."""
 
-import json
-import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,8 +11,10 @@ from impact_rig.recordings.formats.hdf5 import read_hdf5
 from impact_rig.recordings.formats.measurement import (
     Measurement,
     NamedArray,
+    describe_channels,
     make_measurement,
     make_unique,
+    read_described,
 )
 
 CLASSES = {
@@ -53,11 +53,22 @@ def read_mat(path: Path) -> Measurement:
 
     names = [name for name, _, kind in whosmat(path, appendmat=False) if kind in CLASSES]
     variables = loadmat(path, appendmat=False, variable_names=names, simplify_cells=True)
-    stated = _read_stated(variables)
+    text = variables.get(CHANNELS)
+    stated = read_described(text, variables) if isinstance(text, str) else {}
     arrays: list[NamedArray] = []
     for name in names:
-        arrays += [stated[name]] if name in stated else _list_arrays(name, variables[name])
+        arrays += [stated[name]] if name in stated else _list_arrays(_part(name), variables[name])
     return make_measurement(path, arrays)
+
+
+def _part(name: str) -> str:
+    """Return the name of a variable with its channel as a part of its own.
+
+    B&K's PULSE writes `Channel_1_Data` and `Channel_1_Header`, Dewesoft `Data1_AI_1` and
+    `Data1_time_AI_1`.
+    """
+    name = re.sub(r"^(Channel_\d+)_(?=Data$|Header$)", r"\1.", name)
+    return re.sub(r"^(Data\d+)_time_(.+)$", r"\1_\2.time", name)
 
 
 def _list_arrays(name: str, value: Any) -> Iterator[NamedArray]:
@@ -74,26 +85,9 @@ def _list_arrays(name: str, value: Any) -> Iterator[NamedArray]:
                 f"{name}({number})" if is_struct else f"{name}{{{number}}}", item
             )
     else:
-        yield NamedArray(name, np.asarray(value))
-
-
-def _read_stated(variables: dict[str, Any]) -> dict[str, NamedArray]:
-    """Return the channels that the file describes in our way, by the names of their variables."""
-    text = variables.get(CHANNELS)
-    if not isinstance(text, str):
-        return {}
-    return {
-        row["variable"]: NamedArray(
-            name=row["name"],
-            values=np.ravel(variables[row["variable"]]),
-            sampling_rate=row["sampling_rate"] or math.nan,
-            unit=row["unit"],
-            start=row["start"],
-            is_channel=True,
-            recorded_at=int(row.get("recorded_at") or 0),  # MATLAB writes it as 1.6e18
-        )
-        for row in json.loads(text)
-    }
+        # SigLab's measurements are in volts before the factor eu_val.
+        unit = "V" if name.endswith(".tdmeas") else ""
+        yield NamedArray(name, np.asarray(value), unit=unit)
 
 
 def write_mat(path: Path, measurement: Measurement) -> None:
@@ -111,21 +105,10 @@ def write_mat(path: Path, measurement: Measurement) -> None:
 
     channels = measurement.channels
     names = make_unique([CHANNELS, *(channel.name for channel in channels)], _clean, "_{}")[1:]
-    table = [
-        {
-            "variable": variable,
-            "name": channel.name,
-            "unit": channel.unit,
-            "sampling_rate": None if math.isnan(channel.sampling_rate) else channel.sampling_rate,
-            "start": channel.start,
-            "recorded_at": channel.recorded_at or None,
-        }
-        for variable, channel in zip(names, channels, strict=True)
-    ]
     variables = {
         name: channel.values[:, np.newaxis] for name, channel in zip(names, channels, strict=True)
     }
-    savemat(path, {CHANNELS: json.dumps(table), **variables}, appendmat=False)
+    savemat(path, {CHANNELS: describe_channels(channels, names), **variables}, appendmat=False)
 
 
 def _clean(name: str) -> str:

@@ -2,11 +2,12 @@
 
 import contextlib
 import itertools
+import json
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -201,13 +202,18 @@ EARLIEST, LATEST = 315_532_800, 2_145_916_800
 were never set begin in 1904, 1970 or 1980, and ROS 2's stamps end in January 2038."""
 NANOSECONDS = 1_000_000_000
 """In a second [ns]."""
-TIME_NAMES = {"t", "time", "time s", "times", "x value"}
-RATE_NAMES = {"fs", "rate", "sampling rate", "sampling rate hz", "sample rate", "samplerate"}
+TIME_NAMES = {"t", "time", "time s", "times", "x value", "tdxvec"}
+RATE_NAMES = {
+    "fs", "rate", "sampling rate", "sampling rate hz", "sample rate", "samplerate",
+    "samplefrequency", "sampling frequency",
+}  # fmt: skip
 STEP_NAMES = {
     "dt", "delta t", "delta x", "step", "ts", "sample interval", "sampling interval", "increment",
     "tinc",
 }  # fmt: skip
-"""Names of arrays that say when the others were taken, in small letters, underscores as blanks."""
+UNIT_NAMES = {"unit", "units", "unit string", "quantity.label"}
+"""Names of arrays that say when the others were taken and in what unit, in small letters,
+underscores as blanks."""
 DIMENSIONS = 3
 """Of the largest array that is taken for channels side by side: hits, channels and time."""
 
@@ -250,7 +256,7 @@ class MeasuredChannel:
         # Numbers in a file that cannot be written are not copied into memory.
         values: NDArray[Any] = self.values
         if not isinstance(values, np.memmap) or values.flags.writeable:
-            values = np.array(values)
+            values = np.array(values, order="C")
         if values.ndim != 1 or values.dtype not in (np.int32, np.float64):
             raise ParameterError(
                 f"{what} is an array of {values.dtype} with shape {values.shape}: it must be one"
@@ -362,8 +368,8 @@ def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
     """Make channels of the arrays of a file.
 
     Vectors are channels; of an array with more axes the longest is time. An array named as a time,
-    a sampling rate or a step says when those were taken that share most groups with it; all else
-    is left out.
+    a sampling rate or a step says when those were taken that share most groups with it, a text
+    named as a unit is theirs; all else is left out.
 
     Parameters
     ----------
@@ -383,16 +389,49 @@ def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
     SignalError
         If time does not run in even steps.
     """
-    rates = [array for array in arrays if _read_stated_rate(array) > 0]
+    rates = [array for array in arrays if read_stated_rate(array) > 0]
     clocks = [array for array in arrays if _is_time(array)]
+    units = [array for array in arrays if _is_unit(array)]
     channels: list[MeasuredChannel] = []
     for array in arrays:
         if _is_channel(array) and not _is_time(array):
-            channels += _make_channels(path, array, clocks, rates)
+            channels += _make_channels(path, _find_unit(array, units), clocks, rates)
     if channels:
         return Measurement(path, tuple(channels))
     found = ", ".join(f"{a.name} ({a.values.dtype}, {a.values.shape})" for a in arrays[:5])
     raise FileError(f"{path} has no vector of real numbers: it holds {found or 'nothing'}")
+
+
+def describe_channels(channels: Sequence[MeasuredChannel], names: Sequence[str]) -> str:
+    """Return what is known of channels beside their values as JSON, by names in a file."""
+    table = [
+        {
+            "variable": variable,
+            "name": channel.name,
+            "unit": channel.unit,
+            "sampling_rate": None if math.isnan(channel.sampling_rate) else channel.sampling_rate,
+            "start": channel.start,
+            "recorded_at": channel.recorded_at or None,
+        }
+        for variable, channel in zip(names, channels, strict=True)
+    ]
+    return json.dumps(table)
+
+
+def read_described(text: str, variables: Mapping[str, Any]) -> dict[str, NamedArray]:
+    """Return the channels that a file describes by `describe_channels`, by their names in it."""
+    return {
+        row["variable"]: NamedArray(
+            name=row["name"],
+            values=np.ravel(variables[row["variable"]]),
+            sampling_rate=row["sampling_rate"] or math.nan,
+            unit=row["unit"],
+            start=row["start"],
+            is_channel=True,
+            recorded_at=int(row.get("recorded_at") or 0),  # MATLAB writes it as 1.6e18
+        )
+        for row in json.loads(text)
+    }
 
 
 def split_columns(values: NDArray[Any]) -> dict[str, NDArray[Any]]:
@@ -427,7 +466,7 @@ def _make_channels(
     sampling_rate, start = array.sampling_rate, array.start
     if math.isnan(sampling_rate) and not array.is_channel:
         if rates:
-            sampling_rate = _read_stated_rate(_find_nearest(rates, array))
+            sampling_rate = read_stated_rate(_find_nearest(rates, array))
         points = max(array.values.shape)
         fitting = [clock for clock in clocks if clock.values.size == points]
         if fitting:
@@ -462,14 +501,40 @@ def _find_nearest(stated: Sequence[NamedArray], array: NamedArray) -> NamedArray
     return max(stated, key=rank)
 
 
-def _read_stated_rate(array: NamedArray) -> float:
+def _is_unit(array: NamedArray) -> bool:
+    """Tell whether a text is the unit of values, not of their times."""
+    *groups, last = PARTS.split(array.name)
+    names = {clean_name(last), f"{groups[-1] if groups else ''}.{last}"}
+    is_clocks = any(clean_name(group) == "x values" for group in groups)
+    return array.values.dtype.kind == "U" and bool(names & UNIT_NAMES) and not is_clocks
+
+
+def _find_unit(array: NamedArray, units: Sequence[NamedArray]) -> NamedArray:
+    """Return an array with the unit that is stated in its group, or around it."""
+    groups = PARTS.split(array.name)[:-1]
+    around = [
+        unit
+        for unit in units
+        if unit.values.size == 1
+        and (PARTS.split(unit.name.removesuffix(".quantity.label"))[: len(groups)] == groups)
+    ]
+    if array.unit or not around:
+        return array
+    return replace(array, unit=str(_find_nearest(around, array).values.item()))
+
+
+def read_stated_rate(array: NamedArray) -> float:
     """Return the sampling rate that a number in the file states [Hz]; NaN: it does not."""
-    if array.values.size != 1 or array.values.dtype.kind not in "iuf":
+    name = clean_name(array.name)
+    if array.values.size != 1 or name not in RATE_NAMES | STEP_NAMES:
         return math.nan
-    value = float(array.values.ravel()[0])
-    if clean_name(array.name) in RATE_NAMES and math.isfinite(value):
-        return value
-    return round_rate(value) if clean_name(array.name) in STEP_NAMES else math.nan
+    try:
+        value = float(array.values.item())  # some write numbers as text
+    except (TypeError, ValueError):
+        return math.nan
+    if name in STEP_NAMES:
+        return round_rate(value)
+    return value if math.isfinite(value) else math.nan
 
 
 def _is_time(array: NamedArray) -> bool:

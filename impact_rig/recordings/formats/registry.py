@@ -10,6 +10,7 @@ from impact_rig.recordings.formats.lvm import read_lvm
 from impact_rig.recordings.formats.mat import read_mat, write_mat
 from impact_rig.recordings.formats.measurement import Measurement, blame_file
 from impact_rig.recordings.formats.numpy_files import read_npy, read_npz
+from impact_rig.recordings.formats.parquet import read_parquet, write_parquet
 from impact_rig.recordings.formats.reading_process import ReadingProcess
 from impact_rig.recordings.formats.tdms import read_tdms, write_tdms
 from impact_rig.recordings.formats.text import read_text, write_text
@@ -45,6 +46,7 @@ FORMATS = {
     ".mat": Format("MATLAB", read_mat, write_mat),
     ".h5": Format("HDF5", read_hdf5, write_hdf5),
     ".hdf5": Format("HDF5", read_hdf5),
+    ".parquet": Format("Apache Parquet", read_parquet, write_parquet),
     ".wav": Format("sound", read_wav),
     ".csv": Format("text", read_text, write_text),
     ".txt": Format("text", read_text),

@@ -16,6 +16,7 @@ from impact_rig.recordings.formats.measurement import (
     NamedArray,
     make_measurement,
     make_unique,
+    read_stated_rate,
     round_rate,
 )
 
@@ -56,23 +57,30 @@ def read_tdms(path: Path) -> Measurement:
     ):
         groups = tdms.groups()
         arrays = [
-            _read_channel(channel, f"{group.name}/" if len(groups) > 1 else "")
+            _read_channel(
+                channel,
+                f"{group.name}/" if len(groups) > 1 else "",
+                tdms.properties | group.properties | channel.properties,
+            )
             for group in groups
             for channel in group.channels()
         ]
     return make_measurement(path, arrays)
 
 
-def _read_channel(channel: Any, group: str) -> NamedArray:
-    properties = channel.properties
+def _read_channel(channel: Any, group: str, properties: dict[str, Any]) -> NamedArray:
     step = _read_number(properties, STEP)
+    rate = _read_number(properties, RATE, round_rate(step))
+    if math.isnan(rate):  # not written as a waveform: some say it in their own words
+        stated = [NamedArray(name, np.asarray(value)) for name, value in properties.items()]
+        rate = next((rate for rate in map(read_stated_rate, stated) if rate > 0), math.nan)
     return NamedArray(
         name=str(properties.get(NAME, group + channel.name)),
         values=np.asarray(channel[:]) if len(channel) else np.empty(0),
-        sampling_rate=_read_number(properties, RATE, round_rate(step)),
+        sampling_rate=rate,
         unit=str(properties.get(UNIT, "")),
         start=_read_number(properties, START, 0.0),
-        is_channel=RATE in properties or step > 0,
+        is_channel=RATE in properties or rate > 0,
         recorded_at=_read_time(properties),
     )
 

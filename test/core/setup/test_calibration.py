@@ -55,7 +55,11 @@ def test_units_that_give_no_acceleration_are_refused(unit, mass, told):
         (lambda: ChannelUse(full_scale=-1.0), "full scale is -1.0"),
         (lambda: ChannelUse(full_scale=1.0, full_scale_unit="s"), "unit 's' is unknown"),
         (lambda: ChannelPlan(columns=("time", "force")), "'force' is unknown"),
-        (lambda: ChannelPlan(columns=("time", "hammer", "hammer")), "'hammer' is given twice"),
+        (lambda: ChannelPlan(columns=("time", "hammer", "time")), "'time' is given twice"),
+        (
+            lambda: ChannelPlan(columns=("hammer", "hammer", "specimen")),
+            "2 columns are the hammer's and 1 the sample's",
+        ),
         (lambda: ChannelPlan(columns=("time", "specimen")), "no column has the role 'hammer'"),
         (lambda: ChannelPlan(time_unit="hours"), "'hours' is unknown: it is s, ms, us, ns, min"),
         (lambda: ChannelPlan(time_unit="samples"), "need a sampling rate"),

@@ -72,6 +72,49 @@ def test_structs_and_cells_are_named_by_their_places(tmp_path):
     }
 
 
+def test_exports_of_measuring_systems_are_read_as_their_programs_write_them(tmp_path):
+    """Fields as others' readers use them: ITA-Toolbox for PULSE, vna viewers for SigLab."""
+    path = tmp_path / "export.mat"
+    pulse = {
+        "File_Header": {"NumberOfChannels": "2", "SampleFrequency": "51200 "},
+        "Channel_1_Data": TRACE, "Channel_1_Header": {"SignalName": "Hammer", "Unit": "N"},
+        "Channel_2_Data": -TRACE, "Channel_2_Header": {"SignalName": "Beam", "Unit": "m/s^2"},
+    }  # fmt: skip
+    scipy.io.savemat(path, pulse)
+    channels = read_channels(path)
+    assert describe(channels["Channel_1.Data"]) == (TRACE.tolist(), RATE, "N", 0.0)
+    assert describe(channels["Channel_2.Data"]) == ((-TRACE).tolist(), RATE, "m/s^2", 0.0)
+
+    def signal(values, unit):
+        return {
+            "x_values": {
+                "start_value": 0.0, "increment": 1 / RATE, "number_of_values": 40.0,
+                "quantity": {"label": "s"},
+            },
+            "y_values": {"values": values, "quantity": {"label": unit}},
+            "function_record": {"name": "Time"},
+        }  # fmt: skip
+
+    scipy.io.savemat(path, {"Signal_0": signal(TRACE, "N"), "Signal_1": signal(-TRACE, "g")})
+    channels = read_channels(path)
+    assert describe(channels["Signal_0.y_values.values"]) == (TRACE.tolist(), RATE, "N", 0.0)
+    assert describe(channels["Signal_1.y_values.values"])[1:] == (RATE, "g", 0.0)
+
+    measured = [{"tdmeas": TRACE, "eu_val": 2.0}, {"tdmeas": -TRACE, "eu_val": 3.0}]
+    times = -0.001 + np.arange(40) / RATE
+    scipy.io.savemat(path, {"SLm": {"tdxvec": times, "scmeas": measured, "navg": 1.0}})
+    channels = read_channels(path)
+    assert list(channels) == ["SLm.scmeas(1).tdmeas", "SLm.scmeas(2).tdmeas"]
+    assert describe(channels["SLm.scmeas(2).tdmeas"]) == ((-TRACE).tolist(), RATE, "V", -0.001)
+
+    times = np.arange(40) / RATE
+    dewesoft = {"Data1_AI_1": TRACE, "Data1_time_AI_1": times, "Data1_AI_2": -TRACE}
+    scipy.io.savemat(path, dewesoft)
+    channels = read_channels(path)
+    assert list(channels) == ["Data1_AI_1", "Data1_AI_2"]
+    assert channels["Data1_AI_2"].sampling_rate == RATE
+
+
 @pytest.mark.parametrize(
     "variables",
     [

@@ -68,7 +68,7 @@ def test_all_comes_back_as_it_was(tmp_path, suffix, channels):
         assert list_bits(channel.values) == list_bits(original.values)
 
 
-@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5"])
+@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5", ".parquet"])
 def test_counts_stay_counts(tmp_path, suffix):
     counts = np.array([-(2**31), 0, 2**31 - 1], dtype=np.int32)
     (channel,) = write_and_read(tmp_path / f"a{suffix}", [MeasuredChannel("a", counts, 1.0)])
@@ -76,7 +76,7 @@ def test_counts_stay_counts(tmp_path, suffix):
     assert channel.values.tolist() == counts.tolist()
 
 
-@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5"])
+@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5", ".parquet"])
 @given(recorded_at=st.integers(10**18, 2 * 10**18))
 @settings(
     max_examples=20,
@@ -117,7 +117,7 @@ def test_odd_names_and_names_that_occur_twice_are_kept(tmp_path, suffix):
     assert [describe(channel) for channel in read] == [describe(channel) for channel in bare]
 
 
-@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5", ".uff"])
+@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5", ".uff", ".parquet"])
 def test_channels_may_differ_in_length_rate_and_start(tmp_path, suffix):
     channels = [
         MeasuredChannel("long", np.arange(50.0), 51200.0, "g", 0.5),
@@ -131,7 +131,7 @@ def test_channels_may_differ_in_length_rate_and_start(tmp_path, suffix):
     ]
 
 
-@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5", ".csv"])
+@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5", ".csv", ".parquet"])
 def test_a_rate_that_is_not_known_stays_unknown(tmp_path, suffix):
     channels = [MeasuredChannel(name, np.arange(3.0)) for name in ("time", "a")]
     read = write_and_read(tmp_path / f"a{suffix}", channels)

@@ -47,6 +47,24 @@ def test_tdms_without_waveforms_has_the_rate_of_its_times_or_none(tmp_path):
     assert np.isnan(read_channels(path)["a"].sampling_rate)
 
 
+def test_tdms_without_waveforms_has_the_rate_that_a_group_states(tmp_path):
+    with nptdms.TdmsWriter(str(tmp_path / "hit.tdms")) as writer:
+        group = nptdms.GroupObject("all", {"Sampling Rate": RATE})
+        writer.write_segment([group, nptdms.ChannelObject("all", "a", TRACE)])
+    assert describe(read_channels(tmp_path / "hit.tdms")["a"]) == (TRACE.tolist(), RATE, "", 0.0)
+
+
+def test_a_segment_that_holds_no_whole_number_of_values_is_refused(tmp_path):
+    path = tmp_path / "hit.tdms"
+    write_tdms(path, ("all", [("a", TRACE)]))
+    count = (1).to_bytes(4, "little") + (40).to_bytes(8, "little")
+    data = path.read_bytes()
+    assert data.count(count) == 1
+    path.write_bytes(data.replace(count, count[:4] + (39).to_bytes(8, "little")))
+    with pytest.raises(FileError, match=r"hit\.tdms is no sound .*multiple of the chunk size"):
+        read_measurement(path)
+
+
 @pytest.mark.parametrize(
     ("start_time", "recorded_at"),
     [

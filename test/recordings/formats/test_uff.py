@@ -48,3 +48,31 @@ def test_other_data_sets_beside_a_trace_are_left_out(tmp_path):
     nodes = pyuff.prepare_15([1], [0], [0], [11], [0.0], [0.0], [0.0])
     pyuff.UFF(str(path)).write_sets([nodes, make_function(func_type=4), make_function()])
     assert list(read_channels(path)) == ["hammer"]
+
+
+@pytest.mark.parametrize(("stated", "told"), [(50, "is cut off"), (30, "contradicts itself")])
+def test_universal_files_that_state_another_length_are_refused(tmp_path, stated, told):
+    path = tmp_path / "hit.uff"
+    pyuff.UFF(str(path)).write_sets([make_function()])
+    data = path.read_bytes()
+    assert data.count(b"        40") == 1
+    path.write_bytes(data.replace(b"        40", b"%10d" % stated))
+    with pytest.raises(FileError, match=rf"hit\.uff {told}: 'hammer' should have {stated} points"):
+        read_measurement(path)
+
+
+def test_single_numbers_with_the_highest_byte_first_are_read(tmp_path):
+    """As workstations wrote data set 58b."""
+    path = tmp_path / "hit.uff"
+    pyuff.UFF(str(path)).write_sets([make_function()])
+    data = path.read_bytes()
+    line = next(line for line in data.split(b"\n") if line.lstrip().startswith(b"58b"))
+    fields = b"    58b     2     2          11         160" + b" " * 36
+    # Ordinate data type 2: single precision.
+    assert b"         4        40" in data
+    data = data.replace(line, fields).replace(b"         4        40", b"         2        40")
+    values = TRACE.astype("<f8").tobytes()
+    assert values in data
+    path.write_bytes(data.replace(values, TRACE.astype(">f4").tobytes()))
+    (channel,) = read_channels(path).values()
+    assert channel.values.tolist() == TRACE.astype(np.float32).astype(float).tolist()

@@ -1,0 +1,76 @@
+"""Apache Parquet, by pyarrow."""
+
+from pathlib import Path
+
+from impact_rig.recordings.formats.measurement import (
+    Measurement,
+    NamedArray,
+    describe_channels,
+    make_measurement,
+    make_unique,
+    read_described,
+)
+
+CHANNELS = b"channels"
+"""Ours, in the metadata of the table: names, units, rates, starts and dates, as JSON."""
+UNITS = (b"unit", b"units")
+"""In the metadata of a column."""
+
+
+def read_parquet(path: Path) -> Measurement:
+    """Read all columns of numbers; a column of times gives the others their rate and start.
+
+    Raises
+    ------
+    FileError
+        If the file is no Parquet, or has no column of real numbers.
+    SignalError
+        If its times do not run in even steps.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    # pyarrow's own pool asks for far more memory than it needs.
+    pa.set_memory_pool(pa.system_memory_pool())
+    table = parquet.read_table(path, use_threads=False, pre_buffer=False)
+    text = (table.schema.metadata or {}).get(CHANNELS)
+    arrays, values = [], {}
+    for field, column in zip(table.schema, table.columns, strict=True):
+        values[field.name] = (column.drop_null() if text else column).to_numpy()
+        metadata = field.metadata or {}
+        unit = next((metadata[key].decode() for key in UNITS if key in metadata), "")
+        arrays.append(NamedArray(field.name, values[field.name], unit=unit))
+    stated = read_described(text.decode(), values) if text else {}
+    return make_measurement(path, [stated.get(array.name, array) for array in arrays])
+
+
+def write_parquet(path: Path, measurement: Measurement) -> None:
+    """Write each channel as a column, and what is known of them as JSON.
+
+    Parameters
+    ----------
+    path : Path
+        Of the new file.
+    measurement : Measurement
+        What to write; shorter channels end in nulls.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    channels = measurement.channels
+    longest = max(channel.values.size for channel in channels)
+    names = make_unique([channel.name for channel in channels], str)
+    fields = [
+        pa.field(
+            name,
+            pa.from_numpy_dtype(channel.values.dtype),
+            metadata={UNITS[0]: channel.unit} if channel.unit else None,
+        )
+        for name, channel in zip(names, channels, strict=True)
+    ]
+    schema = pa.schema(fields, metadata={CHANNELS: describe_channels(channels, names)})
+    columns = [
+        pa.chunked_array([channel.values, pa.nulls(longest - channel.values.size, field.type)])
+        for channel, field in zip(channels, fields, strict=True)
+    ]
+    parquet.write_table(pa.table(columns, schema=schema), path)
