@@ -261,6 +261,9 @@ def read_lvm(path: Path) -> Measurement:
         return read_text(path)  # LabVIEW's plain tables are often called so, too
     segments = list(_split_segments(path, lines))
     if not segments:
+        style = _read_style(path, lines)
+        if any(style.is_number(style.split(line.text)[0]) for line in lines):
+            return read_text(path)  # a table without names
         raise FileError(f"{path} is cut off: it holds no table of numbers")
     return Measurement(
         path,

@@ -122,6 +122,24 @@ def test_segments_are_channels_of_their_own_that_start_later(tmp_path):
     ]
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        change(HEADER, ("Multi_Headings\tNo", "Multi_Headings\tYes")) + SEGMENT + "\t\n" + SEGMENT,
+        HEADER + SEGMENT + "\n" + HEADER + SEGMENT,
+    ],
+    ids=["of the segment", "of the file"],
+)
+def test_headers_may_be_written_again(tmp_path, text):
+    again = [("hammer (segment 2)", *HAMMER[1:]), ("force (segment 2)", *FORCE[1:])]
+    assert describe(write(tmp_path, text)) == [HAMMER, FORCE, *again]
+
+
+def test_a_header_may_end_twice(tmp_path):
+    end = "***End_of_Header***\t\n"
+    assert describe(write(tmp_path, change(HEADER, (end, end + end)) + SEGMENT)) == [HAMMER, FORCE]
+
+
 def test_a_slower_channel_has_points_in_some_rows_only(tmp_path):
     rows = "0\t1\t7\n1\t2\t\n2\t3\t\n3\t4\t8\n4\t5\t\n5\t6\t\n"
     text = change(SEGMENT, ("Samples\t3\t3", "Samples\t3\t1")).partition("0.000000\t1.5")[0] + rows
@@ -192,7 +210,6 @@ def test_a_date_that_cannot_be_is_none(tmp_path, old, new):
         ([("3E-3", "three")], "line 23: 'three' is no number"),
         ([("Time\tTime", "Time\tFrequency")], "'force' runs over Frequency"),
         ([("Delta_X\t1.953125E-5", "Delta_X\tnone")], "states 'none': it should be a number"),
-        ([("X_Value\t", "X-Value\t")], "cut off: it holds no table"),
         ([("X_Value\thammer\tforce\tComment", "X_Value\tComment")], "has no channel in segment 1"),
     ],
 )
@@ -227,6 +244,12 @@ def test_its_numbers_are_those_of_another_reader():
     table = lvm_read.read_lines(lines, separator=",")[0]["data"][:, 1:7].T
     for channel, column in zip(read_measurement(REAL).channels, table, strict=True):
         assert channel.values.tobytes() == column[~np.isnan(column)].tobytes()
+
+
+def test_a_table_without_names_is_read_as_text(tmp_path):
+    rows = SEGMENT.partition("Comment\n")[2].replace("\tfirst hit", "")
+    channels = read_measurement(write(tmp_path, HEADER + rows)).channels
+    assert [channel.values.tolist() for channel in channels[1:]] == [HAMMER[4], FORCE[4]]
 
 
 def test_a_pickle_beside_the_file_is_left_alone(tmp_path):
