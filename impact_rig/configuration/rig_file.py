@@ -322,6 +322,8 @@ def _parse_swing(holder: TomlTable) -> dict[str, Any]:
     }
     if "confirm_return" in holder:
         parameters["confirm_return"] = holder.take_boolean("confirm_return", default=False)
+    if "enable_file" in holder:
+        parameters["enable_file"] = holder.take_text("enable_file")
     return parameters
 
 

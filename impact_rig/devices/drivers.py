@@ -18,7 +18,7 @@ COMMON_KEYS = {
         "driver", "sampling_rate", "record_duration", "pre_trigger", "trigger_level", "hammer",
         "specimen",
     ),
-    HOLDERS: ("driver", "swing_time", "return_time", "confirm_return"),
+    HOLDERS: ("driver", "swing_time", "return_time", "confirm_return", "enable_file"),
 }  # fmt: skip
 """What all drivers share of the tables [source] and [holder]; the other keys are the driver's."""
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import Impact
 from impact_rig_msgs.srv import ConfirmSample, GetResults
@@ -32,6 +33,7 @@ from impact_rig.nodes.campaign_hits import (
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import Read, RigNode
 from impact_rig.nodes.rig_state import ACCELEROMETER, ESTIMATOR, HAMMER, RECORDER, RigState
+from impact_rig.recordings.messages import stamp_from_msg
 
 LEASE_DIFFERENCE = 0.2
 """How far apart two nodes may hear that a lease is over [s], our choice."""
@@ -86,7 +88,7 @@ class CampaignNode(RigNode):
 
     def activate(self) -> None:
         """Publish the set-up, so that the rig's other nodes know what it is."""
-        self._publish_setup(self._setup_of_rig)
+        self._setup.publish(messages.setup_to_msg(self._setup_of_rig, Time()))
 
     def diagnose(self) -> dict[str, Any]:
         """Return where the campaign stands."""
@@ -181,7 +183,10 @@ class CampaignNode(RigNode):
         )
 
     async def _run(self, progress: CampaignProgress) -> None:
-        await self._begin(progress.setup)
+        if progress.handle.request.resume:
+            await self._take_up(progress)
+        else:
+            await self._begin(progress.setup)
         progress.started = time.monotonic()
         for number, sample in enumerate(progress.samples, start=1):
             progress.publish(
@@ -191,8 +196,15 @@ class CampaignNode(RigNode):
                 impact=0,
                 impacts=progress.impacts,
             )
-            await self._mount(progress, number - 1)
-            for impact in range(1, progress.impacts + 1):
+            wanted = [
+                impact
+                for impact in range(1, progress.impacts + 1)
+                if (sample, impact) not in progress.known
+            ]
+            progress.publish(impact=progress.impacts - len(wanted))
+            if wanted:
+                await self._mount(progress, number - 1)
+            for impact in wanted:
                 await self._strike_until_accepted(progress, sample, impact)
 
     async def _begin(self, setup: RigSetup) -> None:
@@ -208,8 +220,30 @@ class CampaignNode(RigNode):
             # hammer hears of that a little later or earlier than this node.
             await self.wait_until(lambda: not describe_loss(self._rig), 2.0 * interfaces.LEASE)
             await self.pause(LEASE_DIFFERENCE)
-        if refusal := await self._readiness.enable():
+        refusal = await self._readiness.enable()
+        if refusal and self._readiness.is_disarmed_by_loss:
+            # So with this node, if it was killed and started again.
+            await self.pause(interfaces.LEASE + LEASE_DIFFERENCE)
+            refusal = await self._readiness.enable()
+        if refusal:
             raise DeviceError(f"the hammer cannot be armed: {refusal}")
+
+    async def _take_up(self, progress: CampaignProgress) -> None:
+        """Go on with a campaign whose node has died: the estimator knows how far it had come."""
+        timeout = float(self.get_value("verdict_timeout"))
+        deadline = time.monotonic() + timeout
+        while True:
+            results = await self.call(self._results, GetResults.Request())
+            judged = max((hit.record for hit in (*results.accepted, *results.rejected)), default=0)
+            if time.monotonic() > deadline or not self._striker.is_verdict_due(judged):
+                break
+            progress.check_cancel()
+            await self.pause(LEASE_DIFFERENCE)
+        if not stamp_from_msg(results.setup_stamp):
+            raise DeviceError("the estimator knows no campaign to go on with: start it anew")
+        await self._striker.disarm()
+        self._striker.take_up(judged)
+        progress.take_up(results)
 
     async def _mount(self, progress: CampaignProgress, place: int) -> None:
         """See that a sample is mounted and the hammer comes from its release angle.
@@ -247,7 +281,7 @@ class CampaignNode(RigNode):
     async def _strike_until_accepted(
         self, progress: CampaignProgress, sample: str, impact: int
     ) -> None:
-        verdict, attempt, rejected = Impact(), 0, 0
+        verdict, attempt, rejected = Impact(), progress.tried[sample, impact], 0
         while rejected < progress.attempts:
             await self._readiness.wait(progress, self._striker.recording)
             attempt, losses = attempt + 1, self._rig.losses
@@ -262,7 +296,7 @@ class CampaignNode(RigNode):
                 continue
             if verdict.accepted:
                 progress.accepted += 1
-                progress.publish(impact=impact, last=verdict)
+                progress.publish(impact=progress.feedback.impact + 1, last=verdict)
                 return
             reasons = "; ".join(verdict.reasons)
             self.get_logger().warning(f"{sample}, hit {impact}.{attempt} rejected: {reasons}")

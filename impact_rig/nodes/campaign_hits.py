@@ -2,12 +2,13 @@
 
 import math
 import time
+from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import HammerState, Impact
-from impact_rig_msgs.srv import Arm, Release, SetAngle
+from impact_rig_msgs.msg import AcquisitionState, HammerState, Impact
+from impact_rig_msgs.srv import Arm, GetResults, Release, SetAngle
 from rclpy.action.server import ServerGoalHandle
 from std_srvs.srv import Trigger
 
@@ -54,6 +55,10 @@ class CampaignProgress:
         Release angle that the holder sets before each hit [rad]; NaN: it is not asked to.
     feedback : RunCampaign.Feedback
         What the client heard last.
+    known : set of tuple
+        Sample and impact of accepted hits that a campaign node before this one had struck.
+    tried : Counter of tuple
+        Attempts at the others that it had made, by the same.
     """
 
     handle: ServerGoalHandle
@@ -65,6 +70,24 @@ class CampaignProgress:
     accepted: int = 0
     angle: float = math.nan
     feedback: RunCampaign.Feedback = field(default_factory=RunCampaign.Feedback)
+    known: set[tuple[str, int]] = field(default_factory=set)
+    tried: Counter[tuple[str, int]] = field(default_factory=Counter)
+
+    def take_up(self, results: GetResults.Response) -> None:
+        """Go on from what the estimator knows.
+
+        The next impact is struck when one is accepted: whatever became of a hit later on, of its
+        impact there was an accepted one, unless it is the last.
+        """
+        hits = sorted((*results.accepted, *results.rejected), key=lambda hit: hit.record)
+        for hit in hits:
+            place = (hit.sample, hit.impact)
+            if hit.accepted or place != (hits[-1].sample, hits[-1].impact):
+                self.known.add(place)
+            else:
+                self.tried[place] += 1
+        self.accepted = len(self.known)
+        self.feedback.rejected = len(hits) - len(self.known)
 
     def publish(self, **fields: Any) -> None:
         """Publish the feedback with some fields changed and the time left estimated anew."""
@@ -213,6 +236,12 @@ class Readiness:
         await self._node.wait_until(self._is_armed, STATE_TIMEOUT)
         return ""
 
+    @property
+    def is_disarmed_by_loss(self) -> bool:
+        """Whether the hammer has lost something that may come back."""
+        state = self._rig[HAMMER].state
+        return state is not None and state.disarmed_by == HammerState.LOSS
+
     async def disable(self) -> None:
         """Take the enable back, if the hammer is there."""
         if not self._disable.service_is_ready():
@@ -354,6 +383,21 @@ class Striker:
         self._newest = 0
         for memory in (self._verdicts, self._unjudged):
             memory.clear()
+
+    def is_verdict_due(self, judged: int) -> bool:
+        """Whether a record after the one that was judged last may still get its verdict."""
+        armed, hammer = self._rig[ACCELEROMETER].state, self._rig[HAMMER].state
+        if armed is None or hammer is None:
+            return True
+        is_over = armed.state == AcquisitionState.ARMED and hammer.state != HammerState.SWINGING
+        return armed.record > judged and not is_over
+
+    def take_up(self, judged: int) -> None:
+        """Go on after a campaign node that has died; a verdict that comes yet counts."""
+        self.begin()
+        state = self._rig[ACCELEROMETER].state
+        self._newest = max(judged, state.record if state else 0)
+        self._unjudged.update(range(judged + 1, self._newest + 1))
 
     async def strike(self, progress: CampaignProgress, label: HitLabel) -> Impact:
         """Strike once, unless the verdict on an interrupted hit has come; return the verdict.

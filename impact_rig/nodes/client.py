@@ -17,6 +17,7 @@ from impact_rig_msgs.msg import (
 )
 from impact_rig_msgs.srv import ConfirmSample, GetResults
 from rclpy.action import ActionClient
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
@@ -31,7 +32,7 @@ from impact_rig.core.setup.samples import RigSetup as CoreRigSetup
 from impact_rig.nodes import interfaces, result_messages
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.executor import make_executor
-from impact_rig.recordings.messages import setup_from_msg
+from impact_rig.recordings.messages import setup_from_msg, stamp_from_msg
 from impact_rig.results.campaign import Results
 from impact_rig.results.wire import from_message
 
@@ -82,9 +83,18 @@ class RigClient:
         topic: interfaces.Topic,
         callback: Callable[[Any], None],
         qos: QoSProfile | None = None,
+        note_liveliness: Callable[[Any], None] | None = None,
     ) -> None:
         """Hear one of the rig's topics from its nodes alone, unless `qos` says otherwise."""
-        self._node.create_subscription(topic.type, topic.name, callback, qos or topic.leased_qos)
+        self._node.create_subscription(
+            topic.type,
+            topic.name,
+            callback,
+            qos or topic.leased_qos,
+            event_callbacks=SubscriptionEventCallbacks(
+                liveliness=note_liveliness, use_default_callbacks=False
+            ),
+        )
 
     def spin_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Take messages until a condition is true; return whether it came true in time [s]."""
@@ -329,11 +339,12 @@ class CampaignClient(RigClient):
         self._setup: CoreRigSetup | None = None
         self._acquisition: AcquisitionState | None = None
         self._goal: Any = None
+        self._is_begun_anew = False
         self._operator: Operator | None = None
         self._feedback = RunCampaign.Feedback()
         self._duties: list[Callable[[], None]] = []
         self.listen(interfaces.VIRTUAL_IMPACT, self._keep_truth)
-        self.listen(interfaces.SETUP, self._keep_setup)
+        self.listen(interfaces.SETUP, self._keep_setup, note_liveliness=self._note_campaign)
         self.listen(interfaces.ACQUISITION_STATE, self._keep_acquisition)
         self.listen(interfaces.RELEASE, self._take_release, NEW_ONES)
         note = interfaces.NOTE
@@ -422,16 +433,35 @@ class CampaignClient(RigClient):
             keep_hits=request.keep_hits,
             release_angles=list(request.release_angles),
         )
-        self._goal = self._send_goal(goal, lambda message: self._follow(message.feedback))
-        result_future = self._goal.get_result_async()
-        while not result_future.done():
-            if self._duties:
-                self._duties.pop(0)()
-            elif not self.spin_until(lambda: result_future.done() or bool(self._duties), 1.0):
-                self._check_rig()
-        answer = result_future.result()
+        answer = None
+        while answer is None:
+            self._is_begun_anew = False
+            self._goal = self._send_goal(goal, lambda message: self._follow(message.feedback))
+            answer = self._await_answer(self._goal.get_result_async())
+            goal.resume = True
         self._goal = self._operator = None
         return self._conclude(answer.result, answer.status)
+
+    def _await_answer(self, result_future: Future) -> Any:
+        """Do what is asked for until the campaign is over; None: its node was started anew."""
+        while not result_future.done():
+            if self._is_begun_anew:
+                return None
+            if self._duties:
+                self._duties.pop(0)()
+            elif not self.spin_until(
+                lambda: result_future.done() or bool(self._duties) or self._is_begun_anew, 1.0
+            ):
+                self._check_rig()
+        return result_future.result()
+
+    def _note_campaign(self, status: Any) -> None:
+        """Say that the campaign node gives no sign of life, if that is so."""
+        if self._operator is None or status.alive_count:
+            return
+        self._feedback.phase = RunCampaign.Feedback.PAUSED
+        self._feedback.message = "the campaign node has gone: start it again"
+        self._operator.follow(self._feedback)
 
     def _follow(self, feedback: Any) -> None:
         """Show a feedback, and note what it asks of a person."""
@@ -505,7 +535,8 @@ class CampaignClient(RigClient):
         return next(future.result() for future in pending if future.done())
 
     def _check_rig(self) -> None:
-        if not self._action.server_is_ready():
+        rest = self._node.count_publishers(interfaces.ACQUISITION_STATE.name)
+        if not self._action.server_is_ready() and not rest:
             raise DeviceError("the campaign node has gone: see the rig's log")
 
     def _keep_truth(self, message: VirtualImpact) -> None:
@@ -515,4 +546,7 @@ class CampaignClient(RigClient):
         self._acquisition = message
 
     def _keep_setup(self, message: RigSetup) -> None:
+        if not stamp_from_msg(message.header.stamp) and self._setup is not None:
+            self._is_begun_anew = True
+            return
         self._setup = setup_from_msg(message)

@@ -29,7 +29,7 @@ from impact_rig.nodes.result_messages import (
     record_to_msg,
 )
 from impact_rig.nodes.rig_node import Read, RigNode
-from impact_rig.recordings.messages import block_from_msg, setup_from_msg
+from impact_rig.recordings.messages import block_from_msg, setup_from_msg, stamp_from_msg
 
 WAITING_BLOCKS = 1000
 """Blocks kept while no set-up has arrived [-], our choice: a few seconds of streaming."""
@@ -161,6 +161,8 @@ class EstimatorNode(RigNode):
                 self.report_fault(str(error))
 
     def _begin(self, message: RigSetup) -> None:
+        if self._session is not None and not stamp_from_msg(message.header.stamp):
+            return  # A campaign node has come, and no campaign has begun.
         setup = setup_from_msg(message)
         self._session = Session(setup)
         self._setup_stamp = message.header.stamp

@@ -19,9 +19,10 @@ from impact_rig.nodes.guarded_hammer import (
     HammerCondition,
     HammerPlace,
 )
+from impact_rig.nodes.hammer_files import StopMemory, describe_missing_enable
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import Read
-from impact_rig.nodes.rig_state import ACCELEROMETER, RECORDER, RigState
+from impact_rig.nodes.rig_state import ACCELEROMETER, CAMPAIGN, RECORDER, RigState
 
 Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
 WATCH_PERIOD = 0.5
@@ -61,16 +62,23 @@ class HammerNode(DeviceNode):
             "require_recorder", True, "refuse to release while nothing is recorded",
             read=Read.AT_USE,
         )  # fmt: skip
+        self.declare(
+            "enable_file", "",
+            "a file of this user without which the hammer is neither armed nor released, where"
+            " nobody else may write; empty: none is needed", read=Read.AT_START,
+        )  # fmt: skip
+        self._memory = StopMemory(self.context.get_domain_id(), self.get_fully_qualified_name())
         self._patience = 0.0
         self._identity = ""
         self._released: Release.Request | None = None
+        self._armed = 0
         self._swings = 0
         self._publish_state = self.advertise_state(interfaces.HAMMER_STATE)
         self._release = self.advertise(interfaces.RELEASE)
         self._hammer = GuardedHammer(self._tell)
         self._newest, self._recorded_to = 0, ""
         self._seen_running, self._is_caught_up_at = math.inf, 0.0
-        self._rig = RigState(self, (ACCELEROMETER, RECORDER), self._note_loss)
+        self._rig = RigState(self, (ACCELEROMETER, RECORDER, CAMPAIGN), self._note_loss)
         self._rig[ACCELEROMETER].take = self._take_acquisition
         for name, callback in (
             (interfaces.ARM_HAMMER, self._arm),
@@ -100,6 +108,8 @@ class HammerNode(DeviceNode):
             raise
         self._patience = holder.patience if holder.is_by_hand else 0.0
         self._hammer.take(holder, confirm_return=self.get_value("confirm_return"))
+        if self._memory.is_stopped:
+            self._hammer.stop()
 
     def activate(self) -> None:
         """Say what the hammer does."""
@@ -151,8 +161,10 @@ class HammerNode(DeviceNode):
 
     def _take_acquisition(self, message: AcquisitionState) -> None:
         self._note_loss()
-        if message.state == AcquisitionState.ARMED:
-            # A new arming: what looks like an earlier request is another one.
+        is_armed = message.state == AcquisitionState.ARMED
+        is_new, self._armed = is_armed and message.record != self._armed, message.record * is_armed
+        if is_new:
+            # What looks like an earlier request is another one.
             self._released = None
             self._rig.forget_stored(message.record)
         elif message.state == AcquisitionState.IDLE and self._waits_for_operator(message.record):
@@ -166,13 +178,15 @@ class HammerNode(DeviceNode):
         """See whether what a release needs is still there; never releases."""
         self._note_pause()
         self._note_loss()
+        if self._hammer.condition.is_armed and (missing := self._describe_missing_enable()):
+            self._hammer.disarm(missing)
         try:
             self._hammer.check()
         except DeviceError as error:
             self.lose_device(error)
 
     def _note_loss(self) -> None:
-        """Take the enable back if accelerometers or recorder are lost."""
+        """Take the enable back if accelerometers, recorder or campaign are lost."""
         self._hammer.note_loss(self._describe_loss())
 
     def _note_pause(self) -> None:
@@ -191,12 +205,15 @@ class HammerNode(DeviceNode):
         What has not been heard of yet, or has come to a normal end, is not lost.
         """
         rig = self._rig
-        if loss := rig.describe_loss(ACCELEROMETER):
+        if loss := rig.describe_loss(ACCELEROMETER, CAMPAIGN):
             return loss
         if not self.get_value("require_recorder"):
             return ""
         stop = rig.describe_stop_of_recorder() if rig.was_recorded else ""
         return rig.describe_loss(RECORDER) or stop
+
+    def _describe_missing_enable(self) -> str:
+        return describe_missing_enable(self.get_value("enable_file"))
 
     def _describe_rig_obstacle(self, request: Release.Request) -> str:
         """Return why the rest of the rig could not record a hit; empty: it could."""
@@ -256,7 +273,8 @@ class HammerNode(DeviceNode):
         is_ours_to_say = state.place is not HammerPlace.FAULT and not self._hammer.is_stopped
         if is_ours_to_say and not self.is_active:
             return _answer(response, "the hammer node is not active: activate it first")
-        return _answer(response, self._describe_loss() or self._hammer.arm(), "armed")
+        refusal = self._describe_loss() or self._describe_missing_enable()
+        return _answer(response, refusal or self._hammer.arm(), "armed")
 
     def _disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._hammer.disarm("disarmed by the operator")
@@ -285,6 +303,8 @@ class HammerNode(DeviceNode):
 
     def _stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.get_logger().warning("emergency stop")
+        if trouble := self._memory.keep():
+            self.get_logger().error(trouble)
         try:
             self._hammer.stop()
         except DeviceError as error:
@@ -294,6 +314,7 @@ class HammerNode(DeviceNode):
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         was_stopped = self._hammer.is_stopped
+        self._memory.forget()
         self._hammer.reset()
         done = "the emergency stop is ended" if was_stopped else "there was no emergency stop"
         if not self.is_active:
@@ -306,6 +327,14 @@ class HammerNode(DeviceNode):
         self._note_pause()
         # The same request again: the hammer went, and the first answer was lost.
         if self._released != request:
+            if self._released is not None and self._released.record == request.record:
+                response.message = (
+                    f"the hammer was released for record {request.record} already: arm the"
+                    " accelerometers anew"
+                )
+                return response
+            if missing := self._describe_missing_enable():
+                self._hammer.disarm(missing)
             obstacle = self._describe_rig_obstacle(request)
             # The states of accelerometers and recorder travel by other topics than the request.
             if obstacle and not self._hammer.describe_obstacle():

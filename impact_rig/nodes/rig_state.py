@@ -18,11 +18,13 @@ from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic
 from impact_rig.nodes.rig_node import IS_ACTIVE, LIFECYCLE, RigNode
 from impact_rig.recordings.messages import stamp_from_msg
 
+CAMPAIGN = "campaign"
 HAMMER = "hammer"
 ACCELEROMETER = "accelerometer"
 ESTIMATOR = "estimator"
 RECORDER = "recorder"
 TOPICS = {
+    CAMPAIGN: interfaces.SETUP,
     HAMMER: interfaces.HAMMER_STATE,
     ACCELEROMETER: interfaces.ACQUISITION_STATE,
     ESTIMATOR: interfaces.IMPACT,

@@ -219,9 +219,11 @@ class VisualizerNode(RigNode):
 
     def _begin(self, message: RigSetup) -> None:
         setup = setup_from_msg(message)
-        # As for the estimator: each set-up begins a campaign.
-        self._counts["campaigns"] += 1
         stamp = stamp_from_msg(message.header.stamp)
+        # As for the estimator: each set-up with a stamp begins a campaign.
+        if self._campaign is not None and not stamp:
+            return
+        self._counts["campaigns"] += 1
         campaign = self._campaign = ShownCampaign(setup, stamp)
         contact_times = [sample.reference_contact_time for sample in setup.samples.samples]
         for destination in self._destinations:

@@ -19,6 +19,7 @@ from impact_rig.recordings.messages import (
     head_from_msg,
     label_from_msg,
     setup_from_msg,
+    stamp_from_msg,
     stream_block_from_msg,
 )
 from impact_rig.recordings.records import Channel, RawMessage
@@ -129,7 +130,9 @@ class Recording:
             elif is_first:
                 is_first = False
             else:
-                setup = self.convert(raw, setup_from_msg)
+                setup = self.convert(raw, _begun_setup_from_msg)
+                if setup is None:
+                    continue
                 if cutter is not None:
                     cutter = StreamCutter(setup.analysis)
                 yield setup
@@ -291,6 +294,11 @@ def make_relative(topic: str, namespace: str) -> str:
 def _name_parent(topic: str, name: str) -> str:
     parent = topic[: -len(name)] if topic.endswith("/" + name) else topic.rpartition("/")[0]
     return parent.rstrip("/") or "/"
+
+
+def _begun_setup_from_msg(message: Any) -> RigSetup | None:
+    """Return a set-up; None: no campaign began with it."""
+    return setup_from_msg(message) if stamp_from_msg(message.header.stamp) else None
 
 
 def _faults_from_msg(message: Any) -> tuple[HitLabel, tuple[str, ...]]:

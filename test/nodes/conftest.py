@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -215,8 +216,10 @@ def start_process(
 
 
 @pytest.fixture
-def ros_domain() -> Iterator[int]:
+def ros_domain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """Return a ROS domain that nobody else on this host uses now."""
+    # Where a hammer remembers its emergency stop, by its domain.
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     with reserve_domain() as number:
         yield number
 

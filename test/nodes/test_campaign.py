@@ -166,7 +166,8 @@ def test_an_estimator_that_begins_anew_does_not_pass_for_one_that_knows_all_hits
     handle, feedback = begin(harness, client, samples=["steel small"], impacts=50)
     feedback.wait(lambda got: got[-1:] and got[-1].impact >= 2)
     # As one does that was killed and started again.
-    harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(7)))
+    campaign = next(node for node in harness.nodes if node.get_name() == "campaign")
+    campaign._setup.publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(7)))
     answer = harness.wait(handle.get_result_async())
     known = len(answer.result.accepted) + len(answer.result.rejected)
     assert not answer.result.success

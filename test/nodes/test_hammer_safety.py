@@ -4,8 +4,9 @@ import signal
 import threading
 
 import pytest
-from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState
+from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState, RecordStored
 from impact_rig_msgs.srv import Release
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import read_template
@@ -14,6 +15,7 @@ from impact_rig.nodes.hammer import LONGEST_PAUSE, HammerNode
 from impact_rig.nodes.rig_state import ACCELEROMETER, RECORDER
 
 HIT = {"record": 4, "sample": "steel small", "impact": 2, "attempt": 1}
+NEXT = AcquisitionState(state=AcquisitionState.ARMED, record=5, sample="steel small")
 ARMED = AcquisitionState(state=AcquisitionState.ARMED, record=4, sample="steel small")
 
 
@@ -24,6 +26,7 @@ class Rig:
         self._harness = harness
         self.acquisition = harness.advertise(interfaces.ACQUISITION_STATE)
         self.recorder = harness.advertise(interfaces.RECORDER_STATE)
+        self.stored = harness.advertise(interfaces.RECORD_STORED)
         self.states = harness.listen(interfaces.HAMMER_STATE)
         self.releases = harness.listen(interfaces.RELEASE)
         self.hammer = None
@@ -146,10 +149,12 @@ def test_where_returns_are_confirmed_the_hammer_stays_away_until_somebody_says_s
     rig.start(confirm_return=True)
     assert rig.release().success
     rig.wait(lambda item: item.state == HammerState.AWAY)
-    assert "hammer/confirm_held" in rig.release(impact=3).message
+    assert "hammer/confirm_held" in rig.release(record=5).message
     assert rig.call(interfaces.CONFIRM_HELD).success
-    assert rig.release(impact=3).success
-    assert [item.impact for item in rig.releases.wait_for_count(2)] == [2, 3]
+    rig.acquisition.publish(NEXT)
+    rig.stored.publish(RecordStored(record=4, complete=True))
+    assert rig.release(record=5).success
+    assert [item.record for item in rig.releases.wait_for_count(2)] == [4, 5]
 
 
 def test_a_swinging_hammer_is_not_confirmed(rig):
@@ -219,3 +224,64 @@ def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(harne
     # Whoever still wants it asks again, when all is known again.
     assert harness.ask(Release, interfaces.RELEASE_HAMMER, Release.Request(**HIT)).success
     assert len(releases.wait_for_count(1)) == 1
+
+
+def test_one_arming_lets_the_hammer_go_once_whatever_is_asked(harness, rig):
+    rig.start()
+    assert rig.release().success
+    rig.wait(lambda item: item.message == "back in the holder")
+    # Said again, as to who comes late: no other arming.
+    rig.acquisition.publish(ARMED)
+    assert rig.release().success  # The answer to the first one may have been lost.
+    refused = rig.release(attempt=2)
+    assert refused.message == (
+        "the hammer was released for record 4 already: arm the accelerometers anew"
+    )
+    assert len(rig.releases.messages) == 1
+
+
+def test_an_emergency_stop_outlasts_its_process_until_it_is_reset(harness, start_process):
+    states = harness.listen(interfaces.HAMMER_STATE)
+
+    def start():
+        process, seen = start_process("hammer"), len(states.messages)
+        states.wait_for_count(seen + 1)
+        return process, states.messages[-1]
+
+    first, _ = start()
+    assert harness.call(Trigger, interfaces.EMERGENCY_STOP).success
+    first.kill()
+    second, _ = start()
+    states.wait(lambda got: got[-1].disarmed_by == HammerState.EMERGENCY_STOP)
+    assert "emergency stop lasts" in harness.call(Trigger, interfaces.ARM_HAMMER).message
+    assert harness.call(Trigger, interfaces.RESET_HAMMER).success
+    second.kill()
+    start()
+    assert harness.call(Trigger, interfaces.ARM_HAMMER).success
+
+
+def test_without_the_operator_s_file_the_hammer_is_neither_armed_nor_released(
+    harness, rig, tmp_path
+):
+    folder = tmp_path / "mine"
+    folder.mkdir(mode=0o700)
+    file = folder / "enable"
+    file.touch(mode=0o600)
+    rig.start(enable_file=str(file))
+    file.unlink()
+    told = rig.wait(lambda item: not item.armed and "operator's enable" in item.message)
+    assert str(file) in told.message
+    assert not rig.release().success
+    refused = rig.call(interfaces.ARM_HAMMER)
+    assert "is not there (No such file or directory): touch it" in refused.message
+    file.touch(mode=0o600)
+    folder.chmod(0o777)
+    assert "others may write" in rig.call(interfaces.ARM_HAMMER).message
+    folder.chmod(0o700)
+    file.unlink()
+    file.symlink_to("/etc/hostname")
+    assert "is no file of this user" in rig.call(interfaces.ARM_HAMMER).message
+    file.unlink()
+    file.touch(mode=0o600)
+    assert rig.call(interfaces.ARM_HAMMER).success
+    assert not rig.hammer.set_parameters([Parameter("enable_file", value="")])[0].successful
