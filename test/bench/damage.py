@@ -1,10 +1,12 @@
-"""Reads spoilt recordings, one after the other, with bounded memory; a process of its own.
+"""Reads spoilt files, one after the other, with bounded memory; a process of its own.
 
-Called with a folder that holds the good recordings, the first seed and how many. Prints a line of
-JSON before and after each spoilt recording, so that who listens knows what hung or crashed.
+Called with a folder that holds the good recordings or other files, the first seed and how many.
+Prints a line of JSON before and after each spoilt file, so that who listens knows what hung or
+crashed.
 """
 
 import json
+import os
 import random
 import resource
 import shutil
@@ -12,7 +14,11 @@ import struct
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Literal
 
+from impact_rig.analysis.recording_analysis import SettingsChanges
+from impact_rig.analysis.trace_analysis import TraceOptions, read_series
+from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.errors import RigError
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
@@ -20,6 +26,8 @@ from impact_rig.recordings.bag import SUFFIX
 from impact_rig.recordings.contents import inspect_recording
 from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.recover import recover_recording
+from impact_rig.recordings.scan import MAGIC
+from impact_rig.results.results_file import read_results
 
 _FRAME = struct.Struct("<BQ")
 """Kind and length of an MCAP record."""
@@ -42,22 +50,25 @@ MAX_SPLICE = 5000
 
 
 def mutate(data: bytes, seed: int) -> bytes:
-    """Return a spoilt copy of a recording.
+    """Return a spoilt copy of a file.
 
     Parameters
     ----------
     data : bytes
-        An MCAP file, best an uncompressed one too, so that lengths inside of messages are hit.
+        Of any file. Of MCAP best an uncompressed one too, so that lengths inside of messages are
+        hit.
     seed : int
         The same one spoils the same bytes.
     """
     dice = random.Random(seed)
     spoilt = bytearray(data)
-    if dice.random() < WITHOUT_CHECKSUMS:
+    is_recording = data.startswith(MAGIC)
+    if is_recording and dice.random() < WITHOUT_CHECKSUMS:
         _drop_checksums(spoilt)
+    ways = _WAYS if is_recording else _PLAIN_WAYS
     for _ in range(dice.choice((1, 1, 1, 2, 3))):
         if spoilt:
-            dice.choice(_WAYS)(spoilt, dice)
+            dice.choice(ways)(spoilt, dice)
     return bytes(spoilt)
 
 
@@ -147,6 +158,36 @@ def _move_record(data: bytearray, dice: random.Random) -> None:
         data[target:target] = record
 
 
+def _write_number(data: bytearray, dice: random.Random) -> None:
+    """Overwrite what may be a size, near the beginning by preference: binary, or as digits."""
+    size = dice.choice((2, 4, 8))
+    place = dice.randrange(max(min(len(data), dice.choice((200, 2000, len(data)))) - size, 1))
+    number = dice.choice(_LENGTHS) % (1 << 8 * size)
+    is_text = dice.random() < 0.3
+    data[place : place + size] = (
+        str(number).encode("ascii") if is_text else number.to_bytes(size, dice.choice(_ORDERS))
+    )
+
+
+def _repeat_bytes(data: bytearray, dice: random.Random) -> None:
+    """Nest deeper, count higher, or go on: a few bytes a thousand times."""
+    start = dice.randrange(len(data))
+    part = data[start : start + dice.randint(1, 20)]
+    data[start:start] = part * dice.choice((2, 50, 1000, 5000))
+
+
+_ORDERS: tuple[Literal["little", "big"], ...] = ("little", "big")
+_PLAIN_WAYS: tuple[Callable[[bytearray, random.Random], None], ...] = (
+    _flip_bits,
+    _cut_off,
+    _fill_end_with_zeros,
+    _remove_bytes,
+    _copy_bytes,
+    _overwrite_with_noise,
+    _write_number,
+    _repeat_bytes,
+)
+"""Of files whose records are not known here."""
 _WAYS: tuple[Callable[[bytearray, random.Random], None], ...] = (
     _flip_bits,
     _cut_off,
@@ -223,6 +264,25 @@ def recover(path: Path) -> None:
         raise ValueError("the recovered recording is not sound")
 
 
+def import_file(path: Path) -> None:
+    """Read a file as `import` does, up to what would be written."""
+    _, _, errors, _ = read_series([path], SERIES, needs_scale=True)
+    if errors:
+        raise RigError(errors[path])
+
+
+SERIES = TraceOptions(hammer_mass=0.5).make_series(SettingsChanges(cutoff_frequency=0.0))
+"""What is stated of all files."""
+
+
+def choose_operations(suffix: str) -> dict[str, Callable[[Path], object]]:
+    """Return the ways of reading a file, by their names."""
+    if suffix == SUFFIX:
+        return {**OPERATIONS}
+    others = {".json": read_results, ".toml": read_rig_file}
+    return {suffix: others.get(suffix, import_file)}
+
+
 OPERATIONS: dict[str, Callable[[Path], None]] = {
     "read": read,
     "analyze": analyze,
@@ -231,7 +291,7 @@ OPERATIONS: dict[str, Callable[[Path], None]] = {
 }
 
 
-def try_operation(operation: Callable[[Path], None], path: Path) -> str:
+def try_operation(operation: Callable[[Path], object], path: Path) -> str:
     """Return how it ended: "read", "refused" in one sentence, "no memory", or the fault."""
     try:
         operation(path)
@@ -240,7 +300,7 @@ def try_operation(operation: Callable[[Path], None], path: Path) -> str:
     except MemoryError:
         return "no memory"
     except Exception as error:  # noqa: BLE001 - whatever it is, it is what the bench looks for
-        return f"{type(error).__name__}: {error}"
+        return f"{type(error).__name__}: {error}"[:300]
     return "read"
 
 
@@ -251,19 +311,36 @@ def limit_memory() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 
+def list_children() -> list[int]:
+    """Return the processes that this one has started: files are read in one."""
+    children = Path(f"/proc/self/task/{os.getpid()}/children").read_text("ascii")
+    return list(map(int, children.split()))
+
+
+def read_peak(process: int) -> int:
+    """Return the most memory that a process has had [KiB]; 0: it has ended."""
+    try:
+        lines = Path(f"/proc/{process}/status").read_text("ascii", "replace").splitlines()
+    except OSError:
+        return 0
+    return next((int(line.split()[1]) for line in lines if line.startswith("VmHWM:")), 0)
+
+
 def main(folder: str, first: str, count: str) -> None:
     """Spoil and read."""
-    originals = [path.read_bytes() for path in sorted(Path(folder).glob(f"*{SUFFIX}"))]
+    originals = [(path.suffix, path.read_bytes()) for path in sorted(Path(folder).glob("*.*"))]
     work = Path(folder, "work")
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir()
-    path = work / f"spoilt{SUFFIX}"
     limit_memory()
     for seed in range(int(first), int(first) + int(count)):
         print(json.dumps({"seed": seed}), flush=True)
-        path.write_bytes(mutate(originals[seed % len(originals)], seed))
-        outcomes = {name: try_operation(work, path) for name, work in OPERATIONS.items()}
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        suffix, data = originals[seed % len(originals)]
+        path = work / f"spoilt{suffix}"
+        path.write_bytes(mutate(data, seed))
+        operations = choose_operations(suffix)
+        outcomes = {name: try_operation(operate, path) for name, operate in operations.items()}
+        peak = sum(map(read_peak, (os.getpid(), *list_children())))
         print(json.dumps({"seed": seed, "outcomes": outcomes, "peak_kib": peak}), flush=True)
 
 

@@ -4,6 +4,7 @@ import json
 import math
 import queue
 import random
+import shutil
 import subprocess
 import sys
 import time
@@ -13,22 +14,34 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy.io import wavfile
+
 from bench.campaigns import COMPRESSIONS, compress_anew
 from bench.measure import Bench, Figure, at_most, part
 from bench.rig_processes import COMMAND_LINE, RigProcesses, listen, use_own_domain
 from impact_rig.configuration.processes import RECORDING_NAME
+from impact_rig.configuration.rig_file import read_template
 from impact_rig.core.errors import FileError, RigError
+from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.session import Session
+from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block
+from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
+from impact_rig.recordings.formats.registry import WRITABLE, write_measurement
 from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.recover import recover_recording
+from impact_rig.results.campaign import Results
+from impact_rig.results.results_file import write_results
 
 VERDICTS = 2
 """In the good recordings [-], our choice: small ones are read soon, and damaged everywhere."""
-TIME_LIMIT = 20.0
-"""What one damaged recording may take, in all ways of reading it [s], our choice: a hundred times
-as long as a good one."""
+TIME_LIMIT = 30.0
+"""What one damaged file may take, in all ways of reading it [s], our choice: a hundred times as
+long as a good one."""
+DATA = Path(__file__).parents[1] / "data" / "repeat_shock"
 HARMLESS = ("read", "refused")
 MEBI = 1024.0
 """KiB to MiB."""
@@ -70,20 +83,47 @@ def measure_fuzz(bench: Bench) -> Iterator[Figure]:
     for compression in COMPRESSIONS:
         compress_anew(original, good / f"{compression}.mcap", compression, VERDICTS)
     tally, total = Tally(), bench.extent.mutations
-    first = last = bench.extent.seed
-    while last < first + total:
-        last = _run_process(bench, good, tally, first, last)
+    _read_damaged(bench, good, tally, total)
+    others = bench.folder / "others"
+    others.mkdir()
+    _read_damaged(bench, others, tally, total * write_files(others))
     note = "; ".join(tally.faults[:3])
     yield Figure("hangs, crashes, wild errors", len(tally.faults), "", at_most(0), note)
-    yield Figure("damaged recordings", total, note="in each of these ways")
+    yield Figure("damaged recordings", total, note="in each of the first four ways")
+    yield Figure("damaged files of each other format", total, note="as `import` reads them")
     for (operation, outcome), number in sorted(tally.outcomes.items()):
         yield Figure(f"{operation}: {outcome}", number)
     yield Figure("most memory of the process", tally.peak, "MiB")
 
 
-def _run_process(bench: Bench, folder: Path, tally: Tally, first: int, next_seed: int) -> int:
-    """Read damaged recordings until all are read or one ends the process; return the next seed."""
-    total = bench.extent.mutations
+def write_files(folder: Path) -> int:
+    """Write a good file of each format; return how many."""
+    trace = np.sin(np.arange(2000) / 100) * np.exp(-((np.arange(2000) - 500) ** 2) / 2e3)
+    channels = [MeasuredChannel(name, trace, 51_200.0, "m/s^2") for name in ("hammer", "sample")]
+    for suffix in WRITABLE:
+        write_measurement(folder / f"a{suffix}", Measurement(folder, tuple(channels)))
+    np.save(folder / "a.npy", np.stack([np.arange(2000) / 51_200, trace, trace]))
+    np.savez_compressed(folder / "a.npz", hammer=trace, dt=1 / 51_200)
+    wavfile.write(folder / "a.wav", 51_200, (2e4 * trace).astype(np.int16))
+    shutil.copy(DATA / "Test_001_shock.lvm", folder / "a.lvm")
+    rows = "\n".join(f"{number / 51_200}\t{value}" for number, value in enumerate(trace))
+    (folder / "a.txt").write_text(f"Time (s)\tHammer (m/s^2)\n{rows}\n", "utf-8")
+    results = Results(PAPER_SETUP, HammerEstimate(), (SampleEstimate("tin", 3, 1),), ())
+    write_results(folder / "a.json", results)
+    (folder / "a.toml").write_text(read_template(), "utf-8")
+    return len(list(folder.iterdir()))
+
+
+def _read_damaged(bench: Bench, folder: Path, tally: Tally, total: int) -> None:
+    first = last = bench.extent.seed
+    while last < first + total:
+        last = _run_process(bench, folder, tally, first, last, total)
+
+
+def _run_process(
+    bench: Bench, folder: Path, tally: Tally, first: int, next_seed: int, total: int
+) -> int:
+    """Read damaged files until all are read or one ends the process; return the next seed."""
     words = ["-m", "bench.damage", str(folder), str(next_seed)]
     process = subprocess.Popen(
         [sys.executable, *words, str(first + total - next_seed)],

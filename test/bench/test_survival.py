@@ -60,12 +60,21 @@ def test_nothing_stays_nothing():
     assert mutate(b"", 1) == b""
 
 
-def test_damaged_recordings_are_all_read_in_all_ways(bench: Bench) -> None:
-    faults, number, *ways, memory = survival.measure_fuzz(bench)
+def test_damaged_recordings_are_all_read_in_all_ways(bench: Bench, tmp_path: Path) -> None:
+    (tmp_path / "count").mkdir()
+    faults, number, _, *ways, memory = survival.measure_fuzz(bench)
     assert faults.values == (0.0,)
     assert number.values == (6.0,)
-    assert sum(figure.values[0] for figure in ways) == 6 * len(damage.OPERATIONS)
+    formats = survival.write_files(tmp_path / "count")
+    assert sum(figure.values[0] for figure in ways) == 6 * (len(damage.OPERATIONS) + formats)
     assert memory.values[0] < 2000
+
+
+def test_the_files_that_are_damaged_are_good_ones(tmp_path: Path) -> None:
+    survival.write_files(tmp_path)
+    for path in tmp_path.iterdir():
+        for operate in damage.choose_operations(path.suffix).values():
+            operate(path)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +123,8 @@ def test_a_crash_and_a_hang_are_told_by_their_seed_and_the_rest_is_read(
 
     monkeypatch.setattr(survival.subprocess, "Popen", start_other)
     monkeypatch.setattr(survival, "TIME_LIMIT", 3.0)
-    faults, _, reads, _ = survival.measure_fuzz(bench)
+    monkeypatch.setattr(survival, "write_files", lambda _: 0)
+    faults, _, _, reads, _ = survival.measure_fuzz(bench)
     assert faults.values == (1.0,)
     assert faults.note.startswith("seed 3: ")
     assert words in faults.note
