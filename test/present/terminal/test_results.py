@@ -11,6 +11,7 @@ from rich.console import Console
 from impact_rig.core.estimation.fits import FittedModel
 from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.origin import IMPORTED, Origin
 from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.setup.samples import Sample, SampleSet
@@ -130,7 +131,8 @@ def test_names_and_notes_are_shown_as_they_are() -> None:
 
 
 def test_plain_traces_are_shown_hit_by_hit_and_their_mean() -> None:
-    hits = (FileResults("lab/hit_1.npy", True, ()), FileResults("lab/hit_2.npy", False, REASONS))
+    files = [Origin(IMPORTED, file=f"lab/hit_{number}.npy") for number in (1, 2)]
+    hits = (FileResults(files[0], True, ()), FileResults(files[1], False, REASONS))
     sample = SampleEstimate("tin", 1, 1, contact_time=Quantity(2e-4), notes=("k: no mass given",))
     text = render(print_trace_results, TraceResults(NO_HAMMER, (sample,), hits))
     for words in (
