@@ -40,6 +40,10 @@ class SettingsChanges:
         How many hits of a sample are averaged at most [-]; 0: all.
     contact_exponent : float or None
         n of the contact law [-].
+    double_hit_window : float or None
+        Distance of two pulses up to which the second counts [s].
+    turns_polarity : bool or None
+        Turn hits of the other sign.
     """
 
     cutoff_frequency: float | None = None
@@ -47,6 +51,8 @@ class SettingsChanges:
     double_hit_level: float | None = None
     keep_hits: int | None = None
     contact_exponent: float | None = None
+    double_hit_window: float | None = None
+    turns_polarity: bool | None = None
 
     def apply(self, settings: AnalysisSettings) -> AnalysisSettings:
         """Return the changed settings; raises `ParameterError` for impossible ones."""

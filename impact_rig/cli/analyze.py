@@ -260,6 +260,17 @@ RESULTS_OPTIONS = {"files", "as_json", "budget"}
     help="n of the contact law F = k δⁿ (1 + a δ'): 1 linear spring, 1.5 Hertz. [fitted]",
 )
 @click.option(
+    "--double-hit-window",
+    type=options.Quantity("s", "1 ms"),
+    metavar="TIME",
+    help="Distance of two pulses up to which the second makes a double hit. [any]",
+)
+@click.option(
+    "--polarity",
+    type=click.Choice(["fixed", "auto"]),
+    help="Hits of the other sign than those before: rejected, or turned. [fixed]",
+)
+@click.option(
     "--accept",
     multiple=True,
     metavar="HIT",
@@ -292,6 +303,8 @@ def command(
     pulse_factor: float | None,
     exponent: float | None,
     double_hit_level: float | None,
+    double_hit_window: float | None,
+    polarity: str | None,
     keep: int | None,
     accept: tuple[str, ...],
     reject: tuple[str, ...],
@@ -319,7 +332,10 @@ def command(
             f"{recordings[0]} is a recording and {traces[0]} a plain trace: analyze them apart"
         )
 
-    changes = SettingsChanges(cutoff, pulse_factor, double_hit_level, keep, exponent)
+    turns = None if polarity is None else polarity == "auto"
+    changes = SettingsChanges(
+        cutoff, pulse_factor, double_hit_level, keep, exponent, double_hit_window, turns
+    )
     if recordings:
         is_batch = len(files) > 1
         _check_recording_options(context)

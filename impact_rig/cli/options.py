@@ -392,7 +392,7 @@ def make_analysis_options(cutoff: str, keep: str) -> Decorator:
             "--double-hit-level",
             type=float,
             metavar="LEVEL",
-            help="Second pulse that makes a double hit, part of the first. [0.05]",
+            help="Second pulse that makes a double hit, part of the first. [0.02]",
         ),
         click.option(
             "--keep",

@@ -125,6 +125,8 @@ class Session:
         hit = replace(judge_hit(record, self.setup.analysis), origin=record.origin)
         series = self._find_series(hit.label.sample)
         if hit.accepted:
+            hit = series.match_polarity(hit, turns=self.setup.analysis.turns_polarity)
+        if hit.accepted:
             hit = replace(hit, rejections=series.check(hit))
         hit = overrule_hit(hit, self._overrules)
         series.add(hit)

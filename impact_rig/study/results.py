@@ -308,6 +308,8 @@ COVERAGE_GOALS: dict[str, dict[str, tuple[str, ...]]] = {
         FREE_DECAY: (DAMPING_RATIO, DAMPING_COEFFICIENT),
     },
     "dynamics": {
+        # Its largest peak lies inside the contact: it cannot reach them, and that is said.
+        PAPER: (DAMPING_RATIO, DAMPING_COEFFICIENT),
         FREE_DECAY: (DAMPING_RATIO, DAMPING_COEFFICIENT),
         IDENTIFICATION: (CONTACT_TIME, STIFFNESS, DAMPING_COEFFICIENT),
     },
@@ -355,7 +357,8 @@ class JudgedGoal:
     text : str
         The figure as it is printed.
     is_reached : bool
-        Whether the figure itself is as asked; its interval is for the reader.
+        Whether the whole interval is as asked; where all are asked for, or there is no interval,
+        the figure itself.
     """
 
     part: str
@@ -390,7 +393,7 @@ def _judge_coverage(rows: Sequence[Row]) -> Iterator[JudgedGoal]:
             f"{SYMBOLS[row.quantity]} by {ESTIMATOR_NAMES[row.estimator]}, {row.value}",
             f"{100 * low:g} to {100 * high:g} %",
             row.coverage,
-            is_reached=low <= row.coverage.value <= high,
+            is_reached=low <= row.coverage.low and row.coverage.high <= high,
         )
 
 
@@ -424,7 +427,7 @@ def _judge_efficiency(rows: Sequence[Row]) -> Iterator[JudgedGoal]:
             low=found.low,
             high=found.high,
             text=f"{found.value:.3f} ({found.low:.3f} to {found.high:.3f})",
-            is_reached=found.value <= LARGEST_EFFICIENCY_RATIO
+            is_reached=found.high <= LARGEST_EFFICIENCY_RATIO
             and all(row.determined == row.campaigns for row in mine),
         )
 
@@ -448,7 +451,7 @@ def _judge_selection(results: StudyResults) -> Iterator[JudgedGoal]:
         f"good hits: {count.good_rejected} of {count.good} rejected",
         f"below {100 * LARGEST_FALSE_REJECTION:g} %",
         rejected,
-        is_reached=rejected.value < LARGEST_FALSE_REJECTION,
+        is_reached=rejected.high < LARGEST_FALSE_REJECTION,
     )
 
 

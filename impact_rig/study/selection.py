@@ -27,7 +27,7 @@ FAULT_PROBABILITY = 0.2
 """Of one fault at a hit [-]."""
 BLOCK_SIZE = 500
 """Points per block [-], our choice: a lost block must leave others."""
-PLANTS = (Plant.PUBLISHED, Plant.DYNAMICS)
+PLANTS = (Plant.PUBLISHED, Plant.DYNAMICS, Plant.CONTACT)
 RIGHT_REASONS = {
     Fault.DOUBLE_HIT: Reason.DOUBLE_HIT,
     Fault.OVERLOAD: Reason.OVERLOAD,

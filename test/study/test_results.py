@@ -182,16 +182,18 @@ def test_coverage_is_asked_for_between_93_and_97_percent():
     goals = judge(
         rows=tuple(
             make_row(Part.COVERAGE, "published", "paper", "contact_time", coverage=value)
-            for value in (0.929, 0.93, 0.97, 0.971)
+            for value in (0.939, 0.941, 0.959, 0.961)
         )
     )
+    # The whole interval of two per cent has to lie inside.
     assert [goal.is_reached for goal in goals] == [False, True, True, False]
-    assert goals[0].text == "92.9 % (91.9 to 93.9)"
+    assert goals[0].text == "93.9 % (92.9 to 94.9)"
 
 
-def test_what_is_known_to_be_biased_has_no_goal():
+def test_what_is_known_to_be_biased_stands_among_the_goals_all_the_same():
     row = make_row(Part.COVERAGE, "dynamics", "paper", "damping_ratio", coverage=0.0)
-    assert judge(rows=(row,)) == ()
+    (goal,) = judge(rows=(row,))
+    assert not goal.is_reached
 
 
 def test_an_interval_that_is_never_there_covers_nothing():
@@ -204,7 +206,7 @@ def test_an_interval_that_is_never_there_covers_nothing():
 def test_the_worst_noise_level_counts_for_the_efficiency():
     rows = [
         make_row(Part.EFFICIENCY, value, "identification", "stiffness", efficiency=ratio)
-        for value, ratio in (("0.1 %", 1.05), ("1 %", 1.2), ("0.3 %", 1.1))
+        for value, ratio in (("0.1 %", 1.0), ("1 %", 1.2), ("0.3 %", 1.02))
     ]
     (goal,) = judge(rows=tuple(rows))
     assert not goal.is_reached
@@ -228,11 +230,11 @@ def test_an_estimator_that_gives_up_is_not_efficient():
 
 
 def test_every_fault_must_be_found_and_few_good_hits_lost():
-    count = SelectionCount(2000, 2, {"overload": 9, "weak_hit": 9}, {"overload": 9}, {})
+    count = SelectionCount(8000, 5, {"overload": 9, "weak_hit": 9}, {"overload": 9}, {})
     overload, weak, good = judge(selection=count)
     assert (overload.is_reached, weak.is_reached, good.is_reached) == (True, False, False)
     assert "0 of 9" in weak.subject
-    (good,) = judge(selection=SelectionCount(2001, 2))
+    (good,) = judge(selection=SelectionCount(8000, 2))
     assert good.is_reached
 
 

@@ -89,8 +89,7 @@ def count_chance_run(upright: FloatArray, start: int, quiet: int, step: float) -
     """
     height = float(upright[start])
     if step <= 0.0:
-        steps = np.diff(np.unique(upright))
-        step = float(np.min(steps[steps > SAME * height], initial=height))
+        step = find_step(upright)
     noise = float(np.std(upright[:quiet]))
     below = upright < 0.5 * height
     before, after = below[:start][::-1], below[start:]
@@ -103,6 +102,13 @@ def count_chance_run(upright: FloatArray, start: int, quiet: int, step: float) -
     if alike > 1.0 - SAME:
         return rounded
     return min(rounded, 1.0 + math.log(CHANCE / max(width, 1)) / math.log(alike))
+
+
+def find_step(values: FloatArray) -> float:
+    """Return the least difference of two values, rounding apart: one count, where there are."""
+    steps = np.diff(np.unique(values))
+    largest = float(steps.sum())
+    return float(np.min(steps[steps > SAME * largest], initial=largest))
 
 
 def _find_longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
@@ -119,6 +125,8 @@ LEAST_DROPOUT = 0.05
 """Deviation of a single point that is looked at, over the largest [-], our choice."""
 DROPOUT_NOISE = 10.0
 """The same in standard deviations of the noise [-], our choice."""
+DROPOUT_STEPS = 3.0
+"""The same in steps of the converter [-], our choice: noise moves a point by one, seldom two."""
 DROPOUT_REST = 0.25
 """Bend that may be left without that point, part of its deviation [-], our choice: where the
 trace bends as much without it, the signal is sharp and the point is right."""
@@ -159,7 +167,9 @@ def find_dropout(trace: Trace, quiet: int) -> tuple[int, float] | None:
     near[REACH] = curve
     left = float(np.abs(np.diff(near, n=2)).max()) / 2.0
     noise = float(np.std(values[:quiet]))
+    step = trace.resolution or find_step(values)
+    least = max(least, DROPOUT_NOISE * noise, DROPOUT_STEPS * step)
     is_alone = left <= DROPOUT_REST * abs(off) + TOP_NOISE * noise
-    if abs(off) < max(least, DROPOUT_NOISE * noise) or not is_alone:
+    if abs(off) < least or not is_alone:
         return None
     return index, off

@@ -236,7 +236,9 @@ def _correct_zero(
             shift.reason, f"zero of the {name} after the impact: {shift.explanation}"
         )
         if shift.correction is None:
-            unsure.append(named)
+            # A damped sample comes back slowly by itself.
+            if channel == 0:
+                unsure.append(named)
             continue
         corrected.append(named)
         traces = traces.copy()

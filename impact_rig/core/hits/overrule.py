@@ -87,7 +87,7 @@ def overrule_hit(hit: JudgedHit, overrules: Overrules) -> JudgedHit:
     Raises
     ------
     ParameterError
-        If a hit is to be accepted that has no pulse that could be measured.
+        If a hit is to be accepted that has no pulse that could be measured, or the other sign.
     """
     if hit.label in overrules.rejected:
         return replace(
@@ -100,6 +100,11 @@ def overrule_hit(hit: JudgedHit, overrules: Overrules) -> JudgedHit:
         raise ParameterError(
             f"hit {describe_label(hit.label)} cannot be accepted by hand: it has no pulse that"
             f" could be measured ({why})"
+        )
+    if any(item.reason is Reason.POLARITY for item in hit.rejections):
+        raise ParameterError(
+            f"hit {describe_label(hit.label)} cannot be accepted by hand: a mean of both signs is"
+            " of neither; --polarity auto turns it"
         )
     confirmed = Rejection(Reason.OPERATOR, "accepted by hand")
     return replace(hit, rejections=(), overruled=(*hit.rejections, confirmed))

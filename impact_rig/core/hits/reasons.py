@@ -5,7 +5,7 @@ from enum import Enum
 
 
 class Reason(Enum):
-    """Why a hit is rejected."""
+    """Why a hit is rejected, or what was found in it."""
 
     NO_TRIGGER = "no_trigger"
     GAP = "gap"
@@ -21,6 +21,7 @@ class Reason(Enum):
     ZERO_SHIFT = "zero_shift"
     DROOP = "droop"
     DRIFT = "drift"
+    RINGING = "ringing"
     UNSTEADY_ZERO = "unsteady_zero"
     POLARITY = "polarity"
     INCONSISTENT = "inconsistent"

@@ -28,6 +28,7 @@ from impact_rig.core.hits.outliers import (
     explain_outlier,
     read_figures,
 )
+from impact_rig.core.hits.polarity import match_polarity
 from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.signals.record import FloatArray, HitLabel
 
@@ -81,7 +82,7 @@ SCATTER_HITS = 128
 """Hits of a mean that show the scatter at most [-], our choice: more than the 120 of a
 whole published campaign."""
 
-DOUBTS = (Reason.DOUBLE_HIT, Reason.UNSTEADY_ZERO)
+DOUBTS = (Reason.RINGING, Reason.UNSTEADY_ZERO)
 """Findings that are not corrected: they cannot be told from what is harmless."""
 Numbers = NDArray[np.int64]
 
@@ -177,6 +178,10 @@ class HitSeries:
                 f"{reason.value} {what} {len(texts)} of {kept} hits, in the last: {last}"
             )
         return tuple(corrected), tuple(doubtful)
+
+    def match_polarity(self, hit: JudgedHit, *, turns: bool) -> JudgedHit:
+        """Hold the polarity of an accepted hit against the mean so far, see `polarity`."""
+        return match_polarity(hit, self._sum, turns=turns)
 
     def check(self, hit: JudgedHit) -> tuple[Rejection, ...]:
         """Compare an accepted hit with all accepted hits so far, and itself.

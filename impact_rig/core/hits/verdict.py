@@ -167,8 +167,8 @@ def check_pulse(
             text = f"a second pulse of {height} {place}; {counts}"
             against.append(Rejection(Reason.DOUBLE_HIT, text))
         elif second.kind is Kind.RINGING:
-            text = f"a bump of {height} {place}: it cannot be told from ringing"
-            doubtful.append(Rejection(Reason.DOUBLE_HIT, text))
+            text = f"a bump of {height} {place}: ringing, or a second contact in it"
+            doubtful.append(Rejection(Reason.RINGING, text))
         else:
             text = (
                 f"a bump of {height} {place}, as the zero wanders: noise of a cable, strain of the"

@@ -49,6 +49,8 @@ class AnalysisSettings:
     double_hit_window : float
         Distance of two pulses up to which the second counts [s]; 0: any. For an analysis of
         files: a live rig is not told.
+    turns_polarity : bool
+        Turn hits of the other sign than those before, instead of rejecting them. Likewise.
     contact_exponent : float
         n of the contact law where it is known [-]; NaN: it is fitted. For an analysis of files: a
         live rig is not told.
@@ -65,6 +67,7 @@ class AnalysisSettings:
     double_hit_level: float = 0.02
     keep_hits: int = 0
     double_hit_window: float = field(default=0.0, metadata=INTERNAL)
+    turns_polarity: bool = field(default=False, metadata=INTERNAL)
     contact_exponent: float = field(default=math.nan, metadata=INTERNAL)
 
     def __post_init__(self) -> None:

@@ -17,7 +17,7 @@ from impact_rig.core.setup.paper import HAMMER_DAMPING_COEFFICIENT
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block, ChannelBlock, FloatArray, HitLabel
 from impact_rig.devices.virtual.choices import IDENTITY, Fault, Plant
-from impact_rig.devices.virtual.contact import HERTZ_EXPONENT, make_nominal_contact
+from impact_rig.devices.virtual.contact import HERTZ_EXPONENT, Contact, make_nominal_contact
 from impact_rig.devices.virtual.plants import (
     HitPhysics,
     check_pulse_shape,
@@ -243,7 +243,8 @@ OVERLOAD_RANGE = (1.2, 2.0)
 WEAK_RANGE = (0.04, 0.10)
 """Peak of a weak hit over the hammer's full scale [-]."""
 DOUBLE_HEIGHT_RANGE = (0.05, 0.60)
-"""Second pulse of a double hit over the first [-]."""
+"""Second pulse of a double hit over the first [-]: a copy, on the plant `contact` a contact of its
+own, slower and wider."""
 DOUBLE_DELAY_RANGE = (1.2, 4.0)
 """Delay of the second pulse, in contact times [-]."""
 
@@ -409,6 +410,13 @@ def _scatter_physics(nominal: HitPhysics, duration: float, force: float) -> HitP
     )
 
 
+def _slow_down(physics: HitPhysics, contact: Contact, height: float) -> HitPhysics:
+    """Return a contact whose peak is `height` times the other's: slower, and so wider as well."""
+    # Without loss F goes with v^(2n / (n + 1)).
+    exponent = contact.exponent
+    return _scatter_physics(physics, 1.0, height ** ((exponent + 1.0) / (2.0 * exponent)))
+
+
 class VirtualRig:
     """Pendulum, samples, sensors and digitizer.
 
@@ -497,7 +505,7 @@ class VirtualRig:
             physics_source.standard_normal()
         )
 
-        def simulate(first: float) -> FloatArray:
+        def simulate(first: float, physics: HitPhysics = physics) -> FloatArray:
             return np.stack(
                 simulate_plant(
                     self.settings.plant, physics, digitizer.sampling_rate, digitizer.count, first
@@ -508,7 +516,11 @@ class VirtualRig:
         if Fault.DOUBLE_HIT in faults:
             height = fault_source.uniform(*DOUBLE_HEIGHT_RANGE)
             delay = fault_source.uniform(*DOUBLE_DELAY_RANGE) * physics.model.contact_time
-            traces = traces + height * simulate(start - delay)
+            traces = traces + (
+                height * simulate(start - delay)
+                if physics.contact is None
+                else simulate(start - delay, _slow_down(physics, physics.contact, height))
+            )
         hammer_peak = float(np.max(np.abs(traces[0])))
         if Fault.OVERLOAD in faults:
             traces *= fault_source.uniform(*OVERLOAD_RANGE) * (

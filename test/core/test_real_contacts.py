@@ -1,0 +1,115 @@
+"""What was struck, what sensors do, simulated apart from the package: the README's table."""
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import impact_rig.core
+from impact_rig.core.session import Session
+from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
+from impact_rig.core.signals.record import HitLabel
+
+from .struck import HAMMER, SAMPLE, SPEED, Impact
+
+SETUP = RigSetup(
+    SampleSet((Sample("struck", SAMPLE),), "struck"), hammer_mass=HAMMER, impact_speed=SPEED
+)
+README = (Path(impact_rig.core.__file__ or "").parent / "README.md").read_text()
+TRUE = 212.0
+SOUND = Impact(resonance=300e3)
+FILE = replace(SOUND, stated_scale=False)
+
+
+@dataclass(frozen=True)
+class Row:
+    """Ten hits: how many are rejected why, how many are corrected, and the contact's duration."""
+
+    name: str
+    impact: Impact
+    rejected: dict[str, int]
+    corrected: str = ""
+    within: float = 0.002
+    changes: tuple[dict[str, Any], ...] = ({},)
+
+
+def reach(height: float) -> float:
+    """Return the speed of a second contact by Hertz, over the first's, by its peak."""
+    return float(height ** (5.0 / 6.0))
+
+
+ROWS = (
+    Row("Hertz contact, elastic", replace(SOUND, restitution=1.0), {}),
+    Row("linear spring", replace(SOUND, exponent=1.0, restitution=1.0), {}),
+    Row("Hertz with loss, e = 0.90", SOUND, {}),
+    Row("Hertz with loss, e = 0.69", replace(SOUND, restitution=0.69), {}),
+    *(
+        Row(f"zero shift of {part} %", replace(SOUND, zero_shift=part / 100), {}, "zero_shift")
+        for part in (1, 3, 5)
+    ),
+    Row(
+        "zero shift of 3 %, all at once",
+        replace(SOUND, zero_shift=0.03, shift_at_once=True),
+        {},
+        "zero_shift",
+        within=0.006,
+    ),
+    *(
+        Row(f"AC coupling, {corner} Hz", replace(SOUND, corner=corner), {}, "droop")
+        for corner in (30, 200)
+    ),
+    *(
+        Row(f"clipped at {part} %", replace(FILE, clip=part / 100), {"overload": 10})
+        for part in (97, 95, 80, 60)
+    ),
+    Row(
+        "every second hit with the other sign",
+        SOUND,
+        {"polarity": 5},
+        changes=({}, {"signs": (-1, 1)}),
+    ),
+    Row("second hit of 4 %", replace(SOUND, second=(reach(0.04), 8e-4)), {"double_hit": 10}),
+    Row(
+        "second hit of 8 % at the end",
+        replace(SOUND, second=(reach(0.08), 1.6e-3)),
+        {"double_hit": 10},
+    ),
+    Row("one point dropped to zero", replace(SOUND, dropout=0.5), {"dropout": 10}),
+    Row("noise of a cable, 3 %", replace(SOUND, cable_noise=0.03), {"unsteady_zero": 7}),
+)
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def test_a_row_of_the_table(row: Row) -> None:
+    session, random = Session(SETUP), np.random.default_rng(5)
+    rejected: Counter[str] = Counter()
+    corrected: Counter[str] = Counter()
+    for record in range(1, 11):
+        impact = replace(
+            row.impact,
+            seed=record,
+            duration=row.impact.duration * (1.0 + 3e-3 * random.standard_normal()),
+            speed=SPEED * (1.0 + 0.02 * random.standard_normal()),
+            **row.changes[(record - 1) % len(row.changes)],
+        )
+        (hit,) = session.feed(impact.make_block(HitLabel("struck", record, record)))
+        rejected.update(item.reason.value for item in hit.rejections)
+        found = [item for item in hit.findings if "hammer" in item.explanation]
+        corrected.update({item.reason.value for item in found})
+    assert f"| {row.name} |" in README
+    if row.impact.cable_noise:
+        # What there is of it in two milliseconds is different each time.
+        assert set(rejected) == {"unsteady_zero"}
+        assert rejected["unsteady_zero"] >= row.rejected["unsteady_zero"]
+        return
+    assert rejected == row.rejected
+    assert corrected == ({row.corrected: 10} if row.corrected else {})
+    if sum(rejected.values()) < 10:
+        estimate = session.estimate_sample("struck")
+        # The ten durations scatter by 0.3 %: their mean is known within 0.1 %.
+        law = estimate.contact_law.duration
+        assert law.value * 1e6 == pytest.approx(TRUE, rel=row.within + 1e-3)
+        assert abs(estimate.contact_time.value * 1e6 - TRUE) < estimate.contact_time.expanded * 1e6
