@@ -1,11 +1,14 @@
 """Recordings through the core: the numbers of the live run, and the traces behind them."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.core.estimation.pulse_shape import NO_SHAPE, estimate_pulse_shape
+from impact_rig.core.hits.averaging import average_hits
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.overrule import (
     NO_OVERRULES,
@@ -14,13 +17,16 @@ from impact_rig.core.hits.overrule import (
     make_overrules,
 )
 from impact_rig.core.session import Session, SessionResults
+from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.core.uncertainty.contact import estimate_hit_contact_time
 from impact_rig.recordings.reader import Recording, read_recording
 from impact_rig.results.campaign import Results, hit_results_from_judged, results_from_session
 from impact_rig.results.hit_traces import HitTraces, TraceAssembler
 from impact_rig.results.sample_traces import AlignedHit, align_hit, sample_traces_from_estimate
+from impact_rig.results.trace_series import FileResults, file_results_from_judged
 from impact_rig.results.traced_campaign import TracedCampaign, TracedHit
 
 
@@ -77,11 +83,14 @@ class AnalyzedRecording:
         What was found in those with hits, in their order; at least one.
     warnings : tuple of str
         What the user should know of the file.
+    files : tuple of tuple of FileResults
+        Of each campaign the hits that were imported, each by itself.
     """
 
     path: Path
     campaigns: tuple[Results, ...]
     warnings: tuple[str, ...]
+    files: tuple[tuple[FileResults, ...], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,11 +105,14 @@ class JudgedCampaign:
         As recorded, by arrival; empty unless asked for.
     aligned : tuple of AlignedHit
         Filtered, those that have a pulse; empty unless asked for.
+    files : tuple of FileResults
+        Those that were imported, each by itself.
     """
 
     session: Session
     traces: tuple[HitTraces, ...]
     aligned: tuple[AlignedHit, ...]
+    files: tuple[FileResults, ...]
 
 
 @dataclass(frozen=True)
@@ -158,23 +170,28 @@ def judge_recording(
     """
     recording = read_recording(path)
     overrules = _find_overrules(recording, changes, accept, reject)
-    sessions: list[tuple[Session, list[HitTraces], list[AlignedHit]]] = []
+    sessions: list[
+        tuple[Session, list[HitTraces], list[AlignedHit], dict[HitLabel, FileResults]]
+    ] = []
     assembler = TraceAssembler()
     for event in recording.events(_bind(report, "reading", recording.size)):
         if not isinstance(event, Block):
             # Each campaign begins with its set-up, and its estimates start afresh.
             setup = replace(event, analysis=changes.apply(event.analysis))
-            sessions.append((Session(setup, overrules), [], []))
+            sessions.append((Session(setup, overrules), [], [], {}))
         elif sessions:
-            session, traces, aligned = sessions[-1]
+            session, traces, aligned, files = sessions[-1]
             judged = session.feed(event)
+            files |= {
+                hit.label: describe_hit(hit, session.setup) for hit in judged if hit.origin.file
+            }
             if keep_traces:
                 aligned.extend(found for hit in judged if (found := align_hit(hit)) is not None)
                 if (joined := assembler.feed(event)) is not None:
                     traces.append(joined)
     campaigns = tuple(
-        JudgedCampaign(session, tuple(traces), tuple(aligned))
-        for session, traces, aligned in sessions
+        JudgedCampaign(session, tuple(traces), tuple(aligned), _settle(session, files))
+        for session, traces, aligned, files in sessions
         if session.names
     )
     if not campaigns:
@@ -199,7 +216,45 @@ def analyze_recording(
     campaigns = tuple(
         _finish(campaign.session, judged.faults, report) for campaign in judged.campaigns
     )
-    return AnalyzedRecording(path, campaigns, judged.warnings)
+    files = tuple(campaign.files for campaign in judged.campaigns)
+    return AnalyzedRecording(path, campaigns, judged.warnings, files)
+
+
+def describe_hit(hit: JudgedHit, setup: RigSetup) -> FileResults:
+    """Return what an imported hit says by itself: contact time, shape, verdict."""
+    flat = file_results_from_judged(hit)
+    if hit.filtered is None:
+        return flat
+    settings = setup.analysis
+    contact_time = estimate_hit_contact_time(hit.filtered, settings, setup.clock_uncertainty)
+    try:
+        # A series of one: every hit is asked for its shape.
+        shape = estimate_pulse_shape(
+            average_hits([hit.filtered]), settings.cutoff_frequency, setup.responses[0]
+        )
+    except RigError:
+        shape = NO_SHAPE
+    best = shape.best_fit
+    return replace(
+        flat,
+        contact_time=contact_time,
+        best_shape=shape.best_shape,
+        shape_residual_percent=best.residual_percent if best else math.nan,
+    )
+
+
+def _settle(session: Session, found: Mapping[HitLabel, FileResults]) -> tuple[FileResults, ...]:
+    """Return imported hits with the last word on each: a later one may have made it an outlier."""
+    selections = map(session.get_selection, session.names)
+    last = {hit.label: hit for item in selections for hit in (*item.kept, *item.left_out)}
+    return tuple(
+        replace(
+            file,
+            accepted=last[label].accepted,
+            reasons=tuple(map(str, last[label].rejections)),
+        )
+        for label, file in found.items()
+    )
 
 
 def _bind(report: Report | None, what: str, total: int) -> Callable[[int], None] | None:

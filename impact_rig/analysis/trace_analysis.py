@@ -10,16 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from impact_rig.analysis.recording_analysis import SettingsChanges
+from impact_rig.analysis.recording_analysis import SettingsChanges, describe_hit
 from impact_rig.configuration.import_file import ImportFile, read_import_file
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.checks import check_positive
 from impact_rig.core.errors import ParameterError, RigError, SignalError
 from impact_rig.core.estimation.contact_law import ContactLaw
 from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.pulse_shape import NO_SHAPE, estimate_pulse_shape
 from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.hits.averaging import average_hits
 from impact_rig.core.hits.hit import JudgedHit, judge_hit
 from impact_rig.core.hits.overrule import Overrules, describe_label
 from impact_rig.core.hits.pulse_width import measure_pulse
@@ -28,7 +26,6 @@ from impact_rig.core.hits.verdict import check_channels, check_stream
 from impact_rig.core.quantity import UNKNOWN
 from impact_rig.core.session import Session
 from impact_rig.core.setup.calibration import Sensitivity
-from impact_rig.core.setup.paper import IMPACT_SPEED
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
 from impact_rig.core.setup.sensors import (
     CHANNELS,
@@ -37,11 +34,9 @@ from impact_rig.core.setup.sensors import (
     Sensor,
     SensorResponse,
 )
-from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.filtering import check_cutoff, low_pass
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.core.uncertainty.contact import estimate_hit_contact_time
 from impact_rig.recordings.importing import (
     ImportedHit,
     check_series,
@@ -50,7 +45,7 @@ from impact_rig.recordings.importing import (
     read_hits,
 )
 from impact_rig.results.campaign import Results, results_from_session
-from impact_rig.results.trace_series import FileResults, TraceResults, file_results_from_judged
+from impact_rig.results.trace_series import TraceResults
 
 DEFAULT_NAME = "sample"
 MASSES = ("hammer_mass", "sample_mass", "accelerometer_mass")
@@ -217,9 +212,9 @@ class TraceOptions:
             control_sample=name if control else "",
             accelerometer_mass=0.0 if math.isnan(accelerometer_mass) else accelerometer_mass,
         )
-        # Only the printed model depends on the impact speed, and only with a control sample.
+        # Of speed and clock nobody said anything.
         return RigSetup(
-            samples, hammer_mass, IMPACT_SPEED, AnalysisSettings(), description=file.description
+            samples, hammer_mass, NAN, description=file.description, clock_uncertainty=0.0
         )
 
 
@@ -504,7 +499,11 @@ def _finish(
     final = {hit.label: hit for hit in selection.kept + selection.left_out}
     # The last word on a hit comes without its traces.
     hits = tuple(
-        _flatten(replace(final[hit.label], filtered=hit.filtered), session.setup, units[hit.label])
+        replace(
+            describe_hit(replace(final[hit.label], filtered=hit.filtered), session.setup),
+            measured_peak=hit.hammer_peak / units[hit.label].per_unit,
+            measured_unit=units[hit.label].unit,
+        )
         for hit in judged
     )
     results = Results(session.setup, HammerEstimate(), (), ())
@@ -543,32 +542,6 @@ def _drop_scale(sample: SampleEstimate) -> SampleEstimate:
         second_peak=NAN,
         peak_force=UNKNOWN,
         contact_law=kept,
-    )
-
-
-def _flatten(hit: JudgedHit, setup: RigSetup, imported: ImportedHit) -> FileResults:
-    flat = replace(
-        file_results_from_judged(hit),
-        measured_peak=hit.hammer_peak / imported.per_unit,
-        measured_unit=imported.unit,
-    )
-    if hit.filtered is None:
-        return flat
-    settings = setup.analysis
-    contact_time = estimate_hit_contact_time(hit.filtered, settings, setup.clock_uncertainty)
-    try:
-        # A series of one: every hit is asked for its shape.
-        shape = estimate_pulse_shape(
-            average_hits([hit.filtered]), settings.cutoff_frequency, setup.responses[0]
-        )
-    except RigError:
-        shape = NO_SHAPE
-    best = shape.best_fit
-    return replace(
-        flat,
-        contact_time=contact_time,
-        best_shape=shape.best_shape,
-        shape_residual_percent=best.residual_percent if best else NAN,
     )
 
 

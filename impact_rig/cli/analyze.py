@@ -35,7 +35,7 @@ from impact_rig.recordings.source import find_recording, is_recording
 from impact_rig.results.batch import BatchCampaign
 from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import format_json, read_results, results_to_json
-from impact_rig.results.trace_series import TraceResults, trace_results_to_json
+from impact_rig.results.trace_series import FileResults, TraceResults, trace_results_to_json
 
 MEGABYTE = 1e6
 
@@ -127,10 +127,11 @@ def report_recording(
         click.echo(format_json(contents if several else contents[0]), nl=False)
         return
     console = make_console()
-    for number, results in enumerate(recording.campaigns, start=1):
+    found = zip(recording.campaigns, recording.files, strict=True)
+    for number, (results, files) in enumerate(found, start=1):
         if several:
             console.print(f"{path}, campaign {number}\n", style="bold underline")
-        _print(console, results, form)
+        _print(console, results, form, files)
 
 
 def report_results(path: Path, form: Form) -> None:
@@ -142,10 +143,12 @@ def report_results(path: Path, form: Form) -> None:
         _print(make_console(), results, form)
 
 
-def _print(console: Console, results: Results, form: Form) -> None:
+def _print(
+    console: Console, results: Results, form: Form, files: Sequence[FileResults] = ()
+) -> None:
     if form is Form.BUDGETS:
         print_budgets(console, results.samples, results.hammer)
-    print_results(console, results)
+    print_results(console, results, files)
 
 
 def report_batch(

@@ -16,6 +16,7 @@ from rich.progress import DownloadColumn
 from impact_rig.cli.progress_bar import PATIENCE, ProgressBar, TimeLeft
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.hits.overrule import describe_label
+from impact_rig.core.origin import join_origins
 from impact_rig.core.setup.calibration_age import describe_calibration_age
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.present.terminal.console import ALARM, make_console, print_table
@@ -26,6 +27,7 @@ from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECOR
 from impact_rig.recordings.schemas import compare_definitions, find_message_definition
 from impact_rig.recordings.source import find_recording
 from impact_rig.recordings.writer import HEALTH_RECORD
+from impact_rig.results.results_file import origin_to_json
 from impact_rig.results.tables import Column
 from impact_rig.results.wire import to_json
 
@@ -198,6 +200,7 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
         "gaps": sum(hit.gaps for hit in contents.hits),
         "missing_points": sum(hit.missing_points for hit in contents.hits),
         "hits": [_hit_to_json(hit) for hit in contents.hits],
+        **origin_to_json(join_origins(hit.origin for hit in contents.hits)),
         "streams": [dataclasses.asdict(stream) for stream in contents.streams],
         "rejections": dict(count_reasons(contents)),
         "topics": [
@@ -255,6 +258,7 @@ def _hit_to_json(hit: RecordedHit) -> dict[str, Any]:
         "missing_points": hit.missing_points,
         "accepted": hit.is_accepted,
         "rejections": list(hit.rejections),
+        **to_json(hit.origin),
     }
 
 
@@ -303,7 +307,8 @@ def measure(path: Path) -> int:
 
 
 MOST_HITS = 20
-"""How many damaged or lost hits are named, our choice: JSON has them all."""
+"""How many imported, damaged or lost hits are named, our choice: JSON has them all."""
+MORE = "And {} more: --json names them all."
 
 
 def print_incomplete_hits(console: Console, contents: Contents) -> None:
@@ -312,7 +317,7 @@ def print_incomplete_hits(console: Console, contents: Contents) -> None:
     if not hits:
         return
     shown = hits[:MOST_HITS]
-    notes = [f"And {len(hits) - MOST_HITS} more: --json names them all."]
+    notes = [MORE.format(len(hits) - MOST_HITS)]
     print_table(
         console,
         f"Hits damaged or lost: {len(hits)}",
@@ -328,6 +333,20 @@ def print_incomplete_hits(console: Console, contents: Contents) -> None:
         ],
         notes if len(hits) > MOST_HITS else (),
     )
+
+
+def print_files(console: Console, contents: Contents) -> None:
+    """Print which files the hits were imported from."""
+    hits = [hit for hit in contents.hits if hit.origin.file]
+    shown = hits[:MOST_HITS]
+    columns = [
+        Column("Hit", [_name_hit(hit) for hit in shown], is_text=True),
+        Column("File", [hit.origin.file for hit in shown], is_text=True),
+        Column("Place", [hit.origin.place for hit in shown], is_text=True),
+    ]
+    notes = [MORE.format(len(hits) - MOST_HITS)] if len(hits) > MOST_HITS else []
+    if hits:
+        print_table(console, f"Imported hits: {len(hits)}", columns, notes)
 
 
 def _name_hit(hit: RecordedHit) -> str:

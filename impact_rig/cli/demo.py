@@ -133,6 +133,10 @@ on without it."""
 
 PAGE_NOTICE = "the view is at"
 """What the visualizer says of its web page."""
+PUBLISHED_NOTICE = (
+    "Plant published is built from the paper's Tables 1 to 4, so that the paper's procedure"
+    " returns them: agreement tests the software, not the paper."
+)
 
 
 @click.command(
@@ -229,15 +233,16 @@ def command(
 
 
 def _print_truth(rig: RigFile, plant: str | None, results: "Results") -> None:
-    """Print law and paper's method beside the truth, where the plant has a contact law."""
+    """Print law and paper's method beside the truth where the plant has a contact law."""
     from dataclasses import replace
 
     from impact_rig.configuration.toml_table import TomlTable
     from impact_rig.core.estimation.speed_exponents import estimate_speed_exponents
     from impact_rig.core.quantity import UNKNOWN
+    from impact_rig.devices.virtual.choices import Plant
     from impact_rig.devices.virtual.drivers import read_virtual_rig
     from impact_rig.devices.virtual.rig import make_nominal_physics
-    from impact_rig.present.terminal.console import make_console, print_result
+    from impact_rig.present.terminal.console import make_console, print_result, print_text
     from impact_rig.results.tables import tabulate_speed_exponents, tabulate_true_contacts
 
     given = run.make_virtual_source(plant=plant, seed=None, faults=None)
@@ -249,6 +254,8 @@ def _print_truth(rig: RigFile, plant: str | None, results: "Results") -> None:
         is not None
     }
     if not truths:
+        if settings.plant is Plant.PUBLISHED:
+            print_text(make_console(), PUBLISHED_NOTICE)
         return
     true_samples = [
         replace(sample, contact_law=truths[sample.name], contact_time=UNKNOWN)

@@ -20,6 +20,7 @@ from impact_rig.cli.contents import (
     describe_verdict,
     inspect_with_progress,
     list_sensors,
+    print_files,
     print_incomplete_hits,
     read_fields,
     read_health,
@@ -27,6 +28,7 @@ from impact_rig.cli.contents import (
     read_versions,
 )
 from impact_rig.cli.each_file import process_each, raise_errors
+from impact_rig.core.origin import join_origins
 from impact_rig.present.terminal.console import ALARM, GOOD, make_console, print_facts, print_table
 from impact_rig.recordings.contents import RECOVERY_RECORD, Contents
 from impact_rig.recordings.provenance import PROVENANCE_RECORD
@@ -44,6 +46,7 @@ def print_contents(console: Console, contents: Contents) -> None:
     print_facts(console, _list_facts(contents))
     _print_samples(console, contents)
     print_incomplete_hits(console, contents)
+    print_files(console, contents)
     print_topics(console, contents)
     for remark in (*contents.remarks, *describe_old_calibrations(contents)):
         console.print(Text.assemble(("warning: ", ALARM), remark))
@@ -83,6 +86,8 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
         rigs = dict.fromkeys(str(getattr(setup, "name", "")) for setup in contents.setups)
         named = ", ".join(name for name in rigs if name)
         facts.append(("campaigns", f"{len(campaigns)}{f' on {named}' if named else ''}"))
+    if contents.hits:
+        facts.append(("origin", str(join_origins(hit.origin for hit in contents.hits))))
     facts += [("sensor", text) for text in list_sensors(contents)]
     facts += [
         ("stream", f"{stream.topic}, {stream.points} points of each channel")

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.origin import Origin, join_origins
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.detection import ImpactDetector
@@ -49,16 +50,17 @@ class ExportedHit:
             After baseline and low-pass; False: as recorded.
         """
         rate, stamp = self.record.sampling_rate, self.record.stamp
+        origin = self.record.origin
         if is_filtered:
             filtered = self.judged.filtered
             if filtered is None:
                 return ()
-            return _make_channels(self.name, filtered.traces, rate, recorded_at=stamp)
+            return _make_channels(self.name, filtered.traces, rate, origin, recorded_at=stamp)
         traces = [trace for trace in (self.record.hammer, self.record.specimen) if trace]
         accelerations = [trace.acceleration for trace in traces]
         if not accelerations[0].size:
             return ()
-        return _make_channels(self.name, accelerations, rate, recorded_at=stamp)
+        return _make_channels(self.name, accelerations, rate, origin, recorded_at=stamp)
 
 
 class ExportedCampaign:
@@ -125,7 +127,9 @@ class ExportedCampaign:
         if mean is None:
             return ()
         rate = mean.sampling_rate
-        return _make_channels(f"{self.prefix}{name}/mean", mean.traces, rate, -mean.origin / rate)
+        origin = join_origins(hit.origin for hit in self.session.get_selection(name).kept)
+        start = -mean.origin / rate
+        return _make_channels(f"{self.prefix}{name}/mean", mean.traces, rate, origin, start)
 
 
 def read_campaigns(recording: Recording) -> tuple[ExportedCampaign, ...]:
@@ -165,10 +169,13 @@ def _make_channels(
     name: str,
     traces: Sequence[FloatArray] | FloatArray,
     rate: float,
+    origin: Origin,
     start: float = 0.0,
     recorded_at: int = 0,
 ) -> tuple[MeasuredChannel, ...]:
     return tuple(
-        MeasuredChannel(f"{name} {body}", trace, rate, UNIT, start, recorded_at)
+        MeasuredChannel(
+            f"{name} {body}", trace, rate, UNIT, start, recorded_at, origin=str(origin)
+        )
         for body, trace in zip(BODIES, traces, strict=False)
     )

@@ -19,7 +19,7 @@ import numpy as np
 
 from impact_rig import __version__
 from impact_rig.core.errors import FileError, ParameterError, SignalError
-from impact_rig.core.origin import IMPORTED, Origin
+from impact_rig.core.origin import IMPORTED, MIXED, SIMULATED, Origin
 from impact_rig.core.setup.calibration import (
     FORCES,
     SAMPLES,
@@ -98,6 +98,8 @@ class MappedChannels:
         Of the channels in the file.
     stamp : int
         When the hammer's first point was taken, nanoseconds since the epoch; 0: not known.
+    origin : str
+        Where the hammer's numbers come from, in the file's words; empty: it does not say.
     """
 
     sampling_rate: float
@@ -109,6 +111,7 @@ class MappedChannels:
     remarks: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
     stamp: int = 0
+    origin: str = ""
 
 
 def map_channels(
@@ -186,6 +189,7 @@ def _map_hit(
         ),
         names=tuple(found[role].name for role in BODIES if role in found),
         stamp=hammer.stamp,
+        origin=hammer.origin,
     )
 
 
@@ -566,7 +570,7 @@ def read_hits(
             counted = replace(
                 block,
                 label=replace(label, record=number, impact=number),
-                origin=_describe_origin(path, channels.names, first, block.hammer.output.size),
+                origin=_describe_origin(path, channels, first, block.hammer.output.size),
             )
             hits.append(
                 ImportedHit(
@@ -608,14 +612,14 @@ def _check_alone(path: Path, block: Block) -> None:
     )
 
 
-def _describe_origin(path: Path, channels: Sequence[str], first: int, count: int) -> Origin:
-    """Return where in its file a hit stands: which points of which channels."""
-    return Origin(
-        IMPORTED,
-        f"{path.suffix.lstrip('.').lower()} file",
-        str(path),
-        f"{' and '.join(map(repr, channels))}, points {first} to {first + count - 1}",
-    )
+def _describe_origin(path: Path, channels: MappedChannels, first: int, count: int) -> Origin:
+    """Return where in its file a hit stands; what was simulated stays so through any export."""
+    place = f"{' and '.join(map(repr, channels.names))}, points {first} to {first + count - 1}"
+    source = f"{path.suffix.lstrip('.').lower()} file"
+    is_simulated = channels.origin.startswith((SIMULATED, MIXED))
+    if channels.origin:
+        source += f", exported as {channels.origin}"
+    return Origin(SIMULATED if is_simulated else IMPORTED, source, str(path), place)
 
 
 def check_series(hits: Sequence[ImportedHit], hit: ImportedHit) -> None:

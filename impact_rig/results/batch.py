@@ -56,6 +56,11 @@ def tabulate_batch(campaigns: Sequence[BatchCampaign]) -> list[Table]:
     """
     names = shorten_paths([campaign.recording for campaign in campaigns])
     several = any(campaign.number > 1 for campaign in campaigns)
+    kinds = [
+        campaign.results.find_origin(sample.name).kind
+        for campaign in campaigns
+        for sample in campaign.results.samples
+    ]
     rows = [
         (name, campaign.number, sample)
         for name, campaign in zip(names, campaigns, strict=True)
@@ -71,6 +76,7 @@ def tabulate_batch(campaigns: Sequence[BatchCampaign]) -> list[Table]:
             ],
         ),
         make_text_column("Sample", [sample.name for _, _, sample in rows]),
+        make_text_column("Origin", kinds if len(set(kinds)) > 1 else [""] * len(kinds)),
         make_optional("Hits", [_format_hits(sample) for _, _, sample in rows]),
     ]
     columns += [

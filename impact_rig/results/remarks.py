@@ -4,12 +4,14 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import PurePath
 
 from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.hits.reasons import Reason
+from impact_rig.core.origin import MIXED, SIMULATED, UNKNOWN_KIND, Origin, join_origins
 from impact_rig.results.campaign import HitResults
-from impact_rig.results.numbers import MICRO, MISSING, format_number
+from impact_rig.results.numbers import MICRO, MISSING, format_count, format_number
 from impact_rig.results.tables import (
     Column,
     Table,
@@ -17,6 +19,28 @@ from impact_rig.results.tables import (
     make_table,
     make_text_column,
 )
+
+SHOWN_FILES = 3
+"""How many files the line on the origin names, our choice."""
+EXPLANATIONS = {
+    SIMULATED: "No hammer struck: agreement with the paper tests the software, not the paper.",
+    MIXED: "The list of hits says which is which.",
+    UNKNOWN_KIND: "Nothing says whether a hammer struck.",
+}
+"""What else the line says, by kind."""
+
+
+def describe_origin(origins: Iterable[Origin]) -> str:
+    """Return the line that everything begins with: where the numbers of these hits come from."""
+    found = tuple(origins)
+    joined = join_origins(found)
+    names = [PurePath(name).name for name in dict.fromkeys(item.file for item in found) if name]
+    text = f"Origin: {joined}"
+    if names:
+        more = len(names) - SHOWN_FILES
+        shown = ", ".join(names[:SHOWN_FILES]) + (f" and {more} more" if more > 0 else "")
+        text += f" of {format_count(len(names), 'file')}: {shown}" if more > 0 else f": {shown}"
+    return f"{text}. {EXPLANATIONS.get(joined.kind, '')}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -83,6 +107,7 @@ def tabulate_rejections(hits: Sequence[HitResults]) -> list[Table]:
         make_optional("Hammer peak [m/s²]", _format_peaks(hits, "hammer_peak")),
         make_text_column("Why", ["\n".join(hit.reasons) for hit in hits]),
         make_text_column("Injected", ["\n".join(hit.injected_faults) for hit in hits]),
+        *_make_origin_columns(hits),
     ]
     notes = [f"Hit 3.2: impact 3, attempt 2. Reasons: {count_reasons(hits)}."]
     if any(hit.injected_faults for hit in hits):
@@ -105,6 +130,7 @@ def tabulate_accepted(hits: Sequence[HitResults]) -> list[Table]:
         make_optional("Hammer peak [m/s²]", _format_peaks(hits, "hammer_peak")),
         make_optional("Sample peak [m/s²]", _format_peaks(hits, "specimen_peak")),
         make_text_column("By hand", ["\n".join(hit.reasons) for hit in hits]),
+        *_make_origin_columns(hits),
     ]
     note = "τp: of this hit alone. Peaks: largest acceleration after the low-pass, either sign."
     return [make_table(f"Hits in the means: {len(hits)}", columns, [note])]
@@ -115,6 +141,17 @@ def _make_label_columns(hits: Sequence[HitResults]) -> list[Column]:
         make_text_column("Sample", [hit.sample for hit in hits]),
         Column("Hit", [f"{hit.impact}.{hit.attempt}" for hit in hits]),
         make_optional("Record", [str(hit.record) for hit in hits]),
+    ]
+
+
+def _make_origin_columns(hits: Sequence[HitResults]) -> list[Column]:
+    """Return file and place of imported hits; the kind of each where they are not all of one."""
+    origins = [hit.origin for hit in hits]
+    is_mixed = len({origin.kind for origin in origins}) > 1
+    return [
+        make_text_column("Origin", [str(origin) if is_mixed else "" for origin in origins]),
+        make_text_column("File", [PurePath(origin.file).name for origin in origins]),
+        make_text_column("Place", [origin.place for origin in origins]),
     ]
 
 

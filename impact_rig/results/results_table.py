@@ -8,6 +8,7 @@ from impact_rig.core.estimation.fits import FittedModel
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.estimation.speed_exponents import SpeedExponents
 from impact_rig.results.campaign import Results
+from impact_rig.results.results_file import origin_to_json
 from impact_rig.results.wire import to_row
 
 
@@ -22,13 +23,18 @@ def format_results_table(campaigns: Sequence[Results]) -> str:
     Returns
     -------
     str
-        A line of names as in results.json, with their units, then a line for each sample. What is
+        A line of names as in results.json, with their units, then a line for each sample, with the
+        origin of its hits. What is
         not determined is empty. Numbers are written with the digits that bring them back bit by
         bit. Contact law, free decay, preferred identification, hammer and speed exponents follow
         with their names before each column; budgets and other models are in results.json alone.
     """
     rows = [
-        {"campaign": str(number), **_make_row(results, sample)}
+        {
+            "campaign": str(number),
+            **origin_to_json(results.find_origin(sample.name)),
+            **_make_row(results, sample),
+        }
         for number, results in enumerate(campaigns, start=1)
         for sample in results.samples
     ]

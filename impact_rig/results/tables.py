@@ -34,6 +34,7 @@ from impact_rig.results.comparison import (
     STIFFNESS,
     Measurand,
 )
+from impact_rig.results.figure_rows import describe_figure_6b
 from impact_rig.results.numbers import (
     MEGA,
     MICRO,
@@ -431,7 +432,8 @@ def tabulate_errors(samples: Sequence[SampleEstimate]) -> list[Table]:
         " over the contact alone, which the MSE is too long to show. Printed: MSE of equations (1)"
         " and (2) as printed. Shift: applied to the model of MSE, later is positive."
     )
-    return [make_table("Model against measurement", columns, [note])]
+    found = describe_figure_6b({sample.name: sample.mse_sample_percent for sample in samples})
+    return [make_table("Model against measurement", columns, [note, *filter(None, [found])])]
 
 
 def tabulate_pulse_shapes(samples: Sequence[SampleEstimate]) -> list[Table]:

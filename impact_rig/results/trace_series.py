@@ -152,6 +152,7 @@ def tabulate_hits(hits: Sequence[FileResults]) -> Table:
             f"Peak [{SHOWN_UNITS.get(unit, unit)}]" if unit else "Peak",
             [_format_peak(hit.measured_peak) for hit in hits],
         ),
+        Column("Place", [hit.origin.place for hit in hits], is_text=True, is_optional=True),
     ]
     wrong = [place for place, hit in enumerate(hits) if not hit.accepted]
     return make_table("Hits", columns, marked=wrong)

@@ -9,6 +9,7 @@ import numpy as np
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.estimation.contact_law import ContactLaw
 from impact_rig.core.model.contact_law import compute_pulses
+from impact_rig.core.origin import UNSTATED, Origin, join_origins
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.results.campaign import Results
 
@@ -38,6 +39,8 @@ class Contact:
         [N]
     duration_expanded, restitution_expanded : float
         Half-widths of the 95 % intervals of the measured ones [s], [-]; NaN: not determined.
+    origin : Origin
+        Of the hits that it was identified from.
     """
 
     sample: str
@@ -52,6 +55,7 @@ class Contact:
     peak_force: float
     duration_expanded: float = math.nan
     restitution_expanded: float = math.nan
+    origin: Origin = UNSTATED
 
     @property
     def equivalent_mass(self) -> float:
@@ -134,6 +138,11 @@ class MeasuredContacts:
         )
         return law.at_speed(speed)
 
+    @property
+    def origin(self) -> Origin:
+        """Of all hits that they were identified from."""
+        return join_origins(contact.origin for contact in self.contacts)
+
     def describe_speeds(self) -> str:
         """Return the measured speeds in words."""
         lowest, highest = self.speeds
@@ -174,7 +183,8 @@ def make_contacts(
                 reasons.append(reason)
                 continue
             moving = results.setup.samples.get_moving_mass(struck.name)
-            contacts.append(_make_contact(sample, law, striker, moving))
+            contact = _make_contact(sample, law, striker, moving)
+            contacts.append(replace(contact, origin=results.find_origin(struck.name)))
     if contacts:
         return MeasuredContacts(tuple(sorted(contacts, key=lambda contact: contact.speed)))
     if reasons:

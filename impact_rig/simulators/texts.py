@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.origin import MEASURED, SIMULATED
 from impact_rig.results.numbers import MICRO, format_difference, format_uncertain
 from impact_rig.simulators.contact import Contact
 from impact_rig.simulators.parameters import IMPEDANCE, Parameters, Value
@@ -53,14 +54,17 @@ def _describe(parameters: Parameters) -> list[str]:
     """Return what the comments say, line by line."""
     contact, law = parameters.contact, parameters.law
     own = parameters.compute_pulse()
+    kind = parameters.measured.origin.kind
+    origin = kind if kind == SIMULATED else MEASURED
     lines = [
         f"Contact of {contact.sample} with the hammer, identified by impact-rig.",
+        *textwrap.wrap(f"Origin of the hits: {parameters.measured.origin}.", WIDTH),
         "",
         (
             f"Bodies: {1e3 * contact.hammer_mass:.2f} g and {1e3 * contact.sample_mass:.2f} g,"
             f" free, meeting at {1e3 * contact.speed:.2f} mm/s."
         ),
-        f"Measured at {parameters.measured.describe_speeds()}:",
+        f"{origin.capitalize()} at {parameters.measured.describe_speeds()}:",
         f"  contact duration  {_format(contact.duration, contact.duration_expanded, MICRO)} us",
         f"  restitution       {_format(contact.restitution, contact.restitution_expanded, 1.0)}",
         f"  peak force        {contact.peak_force:.4g} N",

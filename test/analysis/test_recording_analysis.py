@@ -1,5 +1,6 @@
 """What there is to see of a recording is what its analysis finds, with the traces behind it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,12 @@ from impact_rig.analysis.recording_analysis import (
     analyze_recording,
     trace_recording,
 )
+from impact_rig.core.origin import MEASURED, Origin
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
 from impact_rig.recordings.importing import ImportedHit, write_imported
+from impact_rig.results.remarks import tabulate_accepted
 
 SAMPLES = ("aluminium large", "steel small")
 LABELS = [
@@ -95,3 +98,19 @@ def test_a_person_s_word_and_other_settings_hold(path: Path) -> None:
     assert after.samples[-1].contact_time == pytest.approx(
         1.5 * after.samples[-1].half_amplitude_width
     )
+
+
+def test_a_simulated_hit_among_measured_ones_is_told(tmp_path: Path) -> None:
+    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=11))
+    measured = Origin(MEASURED, "digitizer 7")
+    blocks = [rig.strike(label).split(10_000, 0)[0] for label in LABELS[:3]]
+    blocks[1:] = [replace(block, origin=measured) for block in blocks[1:]]
+    hits = [ImportedHit(Path(__file__), block, True, "m/s^2", 1.0, (), ()) for block in blocks]
+    write_imported(tmp_path / "mixed.mcap", PAPER_SETUP, hits)
+    (results,) = analyze_recording(tmp_path / "mixed.mcap", SettingsChanges()).campaigns
+    assert [hit.origin.kind for hit in results.hits] == ["simulated", "measured", "measured"]
+    assert results.origin.kind == "mixed"
+    (table,) = tabulate_accepted(results.hits)
+    (column,) = [column for column in table.columns if column.header == "Origin"]
+    assert column.cells[1] == "measured (digitizer 7)"
+    assert column.cells[0].startswith("simulated (virtual rig")

@@ -101,6 +101,11 @@ def test_prints_the_tables_and_says_where_everything_is(demo):
     folder, output, errors = demo
     for word in ("Table 2", "Table 3", "Table 4", "steel small", "aluminium large", "hammer"):
         assert word in output
+    assert output.startswith("Origin: simulated (virtual rig, plant published). No hammer struck")
+    assert "built from the paper's Tables 1 to 4" in output
+    with (folder / "session.mcap").open("rb") as stream:
+        records = {item.name: item.metadata for item in make_reader(stream).iter_metadata()}
+    assert records["impact_rig/origin"]["origin"] == "simulated"
     assert "results.json" in errors
     assert "session.mcap" in errors
     assert {"session.mcap", "session.rrd", "results.json", "nodes.log"} <= {

@@ -230,3 +230,34 @@ def test_what_is_no_recording_is_named(run: Run, tmp_path: Path) -> None:
     outcome = run("export", tmp_path / "absent.mcap", "-o", tmp_path / "x.csv")
     assert outcome.exit_code == 2
     assert "absent.mcap" in outcome.stderr
+
+
+@pytest.mark.parametrize("suffix", sorted(WRITABLE))
+def test_what_was_simulated_stays_so_through_export_and_import(
+    run: Run, recorded: Any, tmp_path: Path, suffix: str
+) -> None:
+    file = tmp_path / f"hit{suffix}"
+    assert run("export", recorded.path, "-o", file, "--hits", "1").exit_code == 0
+    assert {item.origin for item in read_measurement(file).channels} == {
+        "simulated (virtual rig, plant published)"
+    }
+    assert run("import", file, "-o", tmp_path / "again.mcap").exit_code == 0
+    (block, *_) = [
+        event
+        for event in read_recording(tmp_path / "again.mcap").events()
+        if isinstance(event, Block)
+    ]
+    assert (block.origin.kind, block.origin.file) == ("simulated", str(file))
+
+
+def test_tables_and_files_for_simulators_tell_what_was_simulated(
+    run: Run, recorded: Any, tmp_path: Path
+) -> None:
+    table, model = tmp_path / "results.csv", tmp_path / "steel.xml"
+    assert run("export", recorded.path, "-o", table, "--what", "results").exit_code == 0
+    with table.open(encoding="utf-8") as stream:
+        assert {row["origin"] for row in csv.DictReader(stream)} == {"simulated"}
+    asked = ("export", recorded.path, "-o", model, "--for", "mujoco", "--sample", "steel small")
+    outcome = run(*asked)
+    assert outcome.exit_code == 0, outcome.stderr
+    assert "Origin of the hits: simulated (virtual rig, plant published)." in model.read_text()

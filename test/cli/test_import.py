@@ -245,3 +245,33 @@ def test_a_low_pass_that_was_asked_for_is_not_left_out(run: Run, tmp_path: Path)
     assert outcome.exit_code == 2
     assert "too low for the 50 kHz low-pass" in outcome.stderr
     assert not output.exists()
+
+
+def test_an_imported_hit_keeps_its_file_and_nothing_that_nobody_measured_is_told(
+    run: Run, save: Callable[..., Path], tmp_path: Path
+) -> None:
+    files = [save(f"hit_{number}.npy", 200e-6 + number * 1e-7) for number in range(5)]
+    recording, page = tmp_path / "hits.mcap", tmp_path / "hits.html"
+    masses = ("--hammer-mass", "100 g", "--sample-mass", "100 g", "--control")
+    masses += ("--hammer-unit", "m/s^2", "--sample-unit", "m/s^2")
+    assert run("import", *files, "-o", recording, *masses).exit_code == 0
+    content = read_json(run("analyze", recording, "--json"))
+    assert content["origin"] == "imported"
+    assert [hit["file"] for hit in content["hits"]] == list(map(str, files))
+    assert {hit["place"] for hit in content["hits"]} == {
+        "'column 2' and 'column 3', points 0 to 1999"
+    }
+    assert (content["setup"]["impact_speed_m_per_s"], content["setup"]["clock_u"]) == (None, 0.0)
+    shown = run("analyze", recording).stdout
+    assert shown.startswith("Origin: imported (npy file) of 5 files: hit_0.npy, hit_1.npy,")
+    direct = run("analyze", *files, *masses).stdout
+    assert shown.split("Hits")[1].split("\n\n")[0] == direct.split("Hits")[1].split("\n\n")[0]
+    told = read_json(run("info", recording, "--json"))
+    assert (told["origin"], told["hits"][4]["file"]) == ("imported", str(files[4]))
+    assert "Imported hits: 5" in run("info", recording).stdout
+    assert run("report", recording, "-o", page).exit_code == 0
+    text = page.read_text("utf-8")
+    assert "Impact test report: imported" in text
+    assert "hit_4.npy" in text
+    for words in ("simulated", "8.19 cm/s", "58 ppm"):
+        assert words not in text, words

@@ -40,6 +40,7 @@ def test_each_hit_has_its_row_with_verdict_and_widths() -> None:
     table = tabulate_hits((GOOD, BAD))
     assert table.rows[0] == (
         "hit_1.npy", "200.0 ± 1.2", "accepted", "100.00", "1.590", "versed-sine", "0.3", "512",
+        "'a', points 0 to 99",
     )  # fmt: skip
     assert table.rows[1][:3] == ("hit_2.npy", "-", "overload: 5 points at the rail")
     assert table.marked == {1}

@@ -1,5 +1,6 @@
 """Everything known of one sample: the published method, what stands beside it, and warnings."""
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -42,7 +43,7 @@ from impact_rig.core.hits.pulse_width import measure_pulse, measure_rise
 from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Quantity, describe
-from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY, RigSetup
+from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.uncertainty.contact import LEAST_HITS, ONE_HIT, estimate_contact_time
 from impact_rig.core.uncertainty.propagation import make_rig_numbers
 from impact_rig.core.uncertainty.results import compute_quantity, make_ensemble
@@ -333,7 +334,7 @@ def estimate_contact_alone(
     law = law or look_at_law(mean, setup, name)
     read = settings.pulse_factor * pulse.half_amplitude_width / mean.sampling_rate
     contact_time = estimate_contact_time(
-        mean, settings, DEFAULT_CLOCK_UNCERTAINTY, name, compute_shape_error(law, read)
+        mean, settings, setup.clock_uncertainty, name, compute_shape_error(law, read)
     )
     shape, shape_notes = look_at_shape(mean, setup)
     estimate = SampleEstimate(
@@ -450,10 +451,10 @@ def _add_comparisons(
     if not estimate.damping_coefficient.is_known:
         return estimate
     variants = [ModelVariant.DRIVEN]
-    if hammer.damping_coefficient.is_known:
+    if hammer.damping_coefficient.is_known and math.isfinite(setup.impact_speed):
         variants.append(ModelVariant.PRINTED)
     model = ImpactModel(
-        # The driven model does not use the hammer's damping.
+        # The driven model does not use the hammer's damping, nor the speed.
         hammer=Body(
             setup.hammer_mass,
             hammer.stiffness.value,
@@ -465,7 +466,7 @@ def _add_comparisons(
             estimate.damping_coefficient.value,
         ),
         contact_time=estimate.contact_time.value,
-        impact_speed=setup.impact_speed,
+        impact_speed=float(np.nan_to_num(setup.impact_speed)),
         peak_force=setup.hammer_mass * estimate.hammer_peak,
     )
     comparisons = tuple(

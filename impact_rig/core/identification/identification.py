@@ -167,6 +167,8 @@ def identify_model(
     """
     if mean.traces.shape[0] <= 1:
         raise NotDeterminedError("identification: the sample's trace was not measured")
+    if variant is ModelVariant.PRINTED and math.isnan(setup.impact_speed):
+        raise NotDeterminedError("identification of the printed model: v1 is not known")
     peaks = np.abs(mean.traces).max(axis=1)
     if not np.all(np.isfinite(peaks) & (peaks > 0.0)):
         raise NotDeterminedError(
@@ -177,7 +179,7 @@ def identify_model(
         variant=variant,
         hammer_mass=setup.hammer_mass,
         moving_mass=setup.samples.get_moving_mass(sample),
-        impact_speed=setup.impact_speed,
+        impact_speed=float(np.nan_to_num(setup.impact_speed)),
         sampling_rate=mean.sampling_rate,
         count=mean.traces.shape[1],
         cutoff_frequency=setup.analysis.cutoff_frequency,

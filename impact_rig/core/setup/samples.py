@@ -194,7 +194,7 @@ class RigSetup:
     hammer_mass : float
         Effective seismic mass m1 [kg]; NaN: not known, and then neither k nor c is.
     impact_speed : float
-        Hammer speed at contact v1 [m/s].
+        Hammer speed at contact v1 [m/s]; NaN: not known, and the printed model is left out.
     release_angle : float
         From which the hammer reaches it [rad]; NaN: not known.
     analysis : AnalysisSettings
@@ -204,7 +204,7 @@ class RigSetup:
     hammer_mass_uncertainty : float
         Standard uncertainty of m1 [kg]; 0: not stated.
     clock_uncertainty : float
-        Relative standard uncertainty of the sampling rate [-].
+        Relative standard uncertainty of the sampling rate [-]; 0: not stated.
     hammer_stiffness : float
         k1 from an earlier control experiment [N/m]; NaN: from the control sample of this set.
     sensors : tuple of Sensor
@@ -236,7 +236,8 @@ class RigSetup:
             check_positive("hammer mass", self.hammer_mass, "kg")
         if not math.isnan(self.hammer_stiffness):
             check_positive("hammer stiffness", self.hammer_stiffness, "N/m")
-        check_positive("impact speed", self.impact_speed, "m/s")
+        if not math.isnan(self.impact_speed):
+            check_positive("impact speed", self.impact_speed, "m/s")
         if not math.isnan(self.release_angle):
             check_release_angles([self.release_angle])
         check_mass_uncertainty(

@@ -21,6 +21,7 @@ from impact_rig.results.figure_rows import (
     LARGEST_ERRORS_PERCENT,
     PEAKS,
     FigureRow,
+    describe_figure_6b,
     make_figure_rows,
     sort_as_figure_5,
 )
@@ -509,6 +510,7 @@ def draw_figure_6(rows: Sequence[FigureRow], *, prefix: str = "") -> ReportFigur
         for body, field in ERRORS.items()
     }
     parts = {body: bars for body, bars in parts.items() if bars}
+    found = describe_figure_6b({row.name: row.mse_sample_percent for row in rows})
     if not parts:
         return make_missing_figure(name, title, "No sample could be compared with the model.")
     return make_figure(
@@ -516,7 +518,7 @@ def draw_figure_6(rows: Sequence[FigureRow], *, prefix: str = "") -> ReportFigur
         title,
         lambda: [_draw_errors(body, bars) for body, bars in parts.items()],
         " ".join(_describe_errors(body, bars) for body, bars in parts.items()),
-        CAPTION_6,
+        f"{CAPTION_6} {found}".rstrip(),
     )
 
 

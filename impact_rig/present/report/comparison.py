@@ -128,6 +128,7 @@ def _tell_setup_differences(
     rows += [
         (label, "", cells)
         for label, cells in (
+            ("origin", [str(run.campaign.results.origin) for run in runs]),
             ("sampling and full scale", [_describe_sampling(run) for run in runs]),
             ("software that recorded", [_describe_software(run) for run in runs]),
         )

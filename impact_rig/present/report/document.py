@@ -94,6 +94,10 @@ class Document:
     ----------
     title, subtitle, name : str
         The heading of all, what it is about, and what tells it from other reports.
+    banner : str
+        Where the numbers come from, before all else.
+    is_warning : bool
+        The banner is one that nobody may overlook.
     facts : tuple of (str, str)
         The few that belong beside the title.
     sections : tuple of Section
@@ -103,6 +107,8 @@ class Document:
     title: str
     subtitle: str
     name: str
+    banner: str
+    is_warning: bool
     facts: tuple[tuple[str, str], ...]
     sections: tuple[Section, ...]
 

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Sequence
 
+from impact_rig.core.origin import IMPORTED, MEASURED, join_origins
 from impact_rig.present.report.comparison import make_comparison_section
 from impact_rig.present.report.document import Document, Facts, Section
 from impact_rig.present.report.run import make_run_sections, make_warnings_section
 from impact_rig.present.report.setup import format_time, is_dated
+from impact_rig.results.remarks import describe_origin
 from impact_rig.results.run import Run
 
 TITLE = "Impact test report"
@@ -72,6 +74,7 @@ def make_report(
     ParameterError
         If a run names a sample that is not in its set-up.
     """
+    kind = join_origins(run.campaign.results.origin for run in runs).kind
     sections = [make_warnings_section(runs, unread)]
     if len(runs) == 1:
         sections += make_run_sections(runs[0], with_simulators=with_simulators)
@@ -84,12 +87,22 @@ def make_report(
             sections.append(Section(title, (), (make_warnings_section([run]), *inner)))
             report(number)
     return Document(
-        title=TITLE,
+        title=TITLE if kind == MEASURED else f"{TITLE}: {kind}",
         subtitle=_describe_rigs(runs),
         name=", ".join(run.name for run in runs),
+        banner=_tell_origins(runs),
+        is_warning=kind not in (MEASURED, IMPORTED),
         facts=_list_facts(runs),
         sections=(*sections, Section("How to read this", (Facts(tuple(GUIDE.items())),))),
     )
+
+
+def _tell_origins(runs: Sequence[Run]) -> str:
+    """Return where the numbers come from, run by run where there are several."""
+    told = [describe_origin(hit.origin for hit in run.campaign.results.hits) for run in runs]
+    if len(runs) == 1:
+        return told[0]
+    return " ".join(f"{run.name}: {text}" for run, text in zip(runs, told, strict=True))
 
 
 def _describe_rigs(runs: Sequence[Run]) -> str:
@@ -109,7 +122,7 @@ def _list_facts(runs: Sequence[Run]) -> tuple[tuple[str, str], ...]:
     facts = [
         ("Run" if len(runs) == 1 else "Runs", ", ".join(run.name for run in runs)),
         ("Rig", ", ".join(rigs)),
-        ("Measured", _format_dates(runs)),
+        ("Recorded", _format_dates(runs)),
         ("Samples", str(len(names))),
         ("Hits in the means", f"{hits - left_out} of {hits}"),
     ]
@@ -117,7 +130,7 @@ def _list_facts(runs: Sequence[Run]) -> tuple[tuple[str, str], ...]:
 
 
 def _format_dates(runs: Sequence[Run]) -> str:
-    """Return the days of the measurements, and the moment where there is one run."""
+    """Return the days of the recordings, and the moment where there is one run."""
     found = [run.provenance for run in runs if run.provenance]
     known = sorted(format_time(item.start_time) for item in found if is_dated(item))
     if not known:

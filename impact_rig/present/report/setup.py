@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from impact_rig.core.quantity import list_stored
-from impact_rig.core.setup.samples import RigSetup, format_angle
+from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY, RigSetup, format_angle
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.present.report.document import Facts, Folded, Listing, Paragraph, Part, Section
@@ -126,11 +126,11 @@ def _format_period(provenance: Provenance) -> str:
 
 def _list_facts(run: Run) -> tuple[tuple[str, str], ...]:
     setup = run.campaign.results.setup
-    clock = _format_unit(setup.clock_uncertainty, "clock_uncertainty")
     facts = [
         ("Rig", ": ".join(text for text in (setup.name, setup.description) if text)),
+        ("Origin", str(run.campaign.results.origin)),
         ("Impact speed v1", _describe_speeds(setup)),
-        ("Clock", f"standard uncertainty {clock}"),
+        ("Clock", _describe_clock(setup.clock_uncertainty)),
         ("Hammer stiffness k1", _describe_hammer_stiffness(setup)),
         ("Read from", run.source),
     ]
@@ -140,7 +140,7 @@ def _list_facts(run: Run) -> tuple[tuple[str, str], ...]:
 
 
 def _list_recording_facts(provenance: Provenance) -> list[tuple[str, str]]:
-    facts = [("Measured", _format_period(provenance))]
+    facts = [("Recorded", _format_period(provenance))]
     facts += [
         ("File", f"{file.name}, {file.size / 1e6:.4g} MB, SHA-256 {file.sha256}")
         for file in provenance.files
@@ -166,12 +166,22 @@ def _format_unit(value: float, field: str) -> str:
 def _describe_speeds(setup: RigSetup) -> str:
     """Return the impact speed, of series from several release angles each with its angle."""
     series = {item.release_angle: item.name for item in setup.samples.samples if item.has_angle}
+    if math.isnan(setup.impact_speed):
+        return "not known"
     if not series:
         return _format_unit(setup.impact_speed, "impact_speed")
     return ", ".join(
         f"{100.0 * setup.for_series(name).impact_speed:.4g} cm/s from {format_angle(angle)}"
         for angle, name in series.items()
     )
+
+
+def _describe_clock(uncertainty: float) -> str:
+    if not uncertainty:
+        return "uncertainty not stated"
+    text = f"standard uncertainty {_format_unit(uncertainty, 'clock_uncertainty')}"
+    is_default = uncertainty == DEFAULT_CLOCK_UNCERTAINTY
+    return f"{text}, the default: a crystal good for 100 ppm" if is_default else text
 
 
 def _describe_hammer_stiffness(setup: RigSetup) -> str:

@@ -6,10 +6,17 @@ import math
 from collections.abc import Sequence
 
 from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.origin import SIMULATED
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO, MISSING, format_number
 from impact_rig.results.references import explain_misprint, find_reference
-from impact_rig.results.remarks import Remark, gather_notes, gather_warnings, tabulate_rejections
+from impact_rig.results.remarks import (
+    Remark,
+    describe_origin,
+    gather_notes,
+    gather_warnings,
+    tabulate_rejections,
+)
 from impact_rig.results.tables import (
     Table,
     tabulate_checks,
@@ -37,6 +44,7 @@ def format_verdict(hit: HitResults) -> str:
     lines = [
         f"# {escape_markdown(hit.sample)}",
         f"Impact {hit.impact}, attempt {hit.attempt} (record {hit.record})",
+        escape_markdown(f"Origin: {hit.origin}"),
         "## Accepted" if hit.accepted else "## Rejected",
     ]
     lines += [format_reason(reason) for reason in hit.reasons]
@@ -68,6 +76,8 @@ def format_reason(reason: str) -> str:
 def format_log_line(hit: HitResults) -> str:
     """Return a hit's verdict as one line of plain text."""
     start = f"record {hit.record}: {hit.sample}, impact {hit.impact}"
+    if hit.origin.kind == SIMULATED:
+        start = f"{SIMULATED} {start}"
     if hit.attempt > 1:
         start += f", attempt {hit.attempt}"
     if not hit.accepted:
@@ -83,6 +93,7 @@ def format_results(results: Results) -> str:
         return "\n\n".join([NOT_YET, *map(format_table, tabulate_rejections(results.rejections))])
     return "\n\n".join(
         [
+            f"**{escape_markdown(describe_origin(hit.origin for hit in results.hits))}**",
             *map(format_table, tabulate_results(results)),
             LEGEND,
             *_format_remarks("Warnings", gather_warnings(results.samples)),
@@ -125,6 +136,7 @@ def format_summary(results: Results, sample: SampleEstimate) -> str:
     ]
     paragraphs = [
         f"# {escape_markdown(sample.name)}",
+        escape_markdown(f"Origin: {results.find_origin(sample.name)}"),
         f"{sample.impacts_accepted} hits in the mean, {sample.impacts_rejected} rejected.",
         *map(format_table, tables),
         *(

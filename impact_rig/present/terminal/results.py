@@ -7,6 +7,7 @@ from rich.text import Text
 
 from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.origin import IMPORTED, MEASURED, join_origins
 from impact_rig.present.terminal.console import (
     ALARM,
     GOOD,
@@ -16,9 +17,10 @@ from impact_rig.present.terminal.console import (
     print_text,
 )
 from impact_rig.results.batch import BatchCampaign, tabulate_batch
-from impact_rig.results.campaign import Results
+from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.remarks import (
     Remark,
+    describe_origin,
     gather_notes,
     gather_warnings,
     tabulate_rejections,
@@ -29,10 +31,10 @@ from impact_rig.results.tables import (
     tabulate_checks,
     tabulate_results,
 )
-from impact_rig.results.trace_series import TraceResults, tabulate_hits, tabulate_mean
+from impact_rig.results.trace_series import FileResults, TraceResults, tabulate_hits, tabulate_mean
 
 
-def print_results(console: Console, results: Results) -> None:
+def print_results(console: Console, results: Results, files: Sequence[FileResults] = ()) -> None:
     """Print everything that a campaign found.
 
     The list of rejected hits, which may be long, comes first: the results stay in sight.
@@ -43,26 +45,40 @@ def print_results(console: Console, results: Results) -> None:
         See `make_console`.
     results : Results
         What was found, and the set-up that the expected values come from.
+    files : sequence of FileResults
+        Imported hits, each by itself: they take the place of the list of rejected ones.
 
     Raises
     ------
     ParameterError
         If the results name a sample that is not in their set-up.
     """
-    for table in (*tabulate_rejections(results.rejections), *tabulate_results(results)):
+    print_origin(console, results.hits)
+    hits = [tabulate_hits(files)] if files else tabulate_rejections(results.rejections)
+    for table in (*hits, *tabulate_results(results)):
         print_result(console, table)
     print_remarks(console, results.samples, results.hammer)
     _print_summary(console, results)
 
 
+def print_origin(console: Console, hits: Sequence[HitResults | FileResults]) -> None:
+    """Print where the numbers of hits come from, and an empty line."""
+    origins = [hit.origin for hit in hits]
+    style = TITLE if join_origins(origins).kind in (MEASURED, IMPORTED) else ALARM
+    print_text(console, describe_origin(origins), style)
+    console.print()
+
+
 def print_batch(console: Console, campaigns: Sequence[BatchCampaign]) -> None:
     """Print one row for each recording, campaign and sample, and the spread between them."""
+    print_origin(console, [hit for campaign in campaigns for hit in campaign.results.hits])
     for table in tabulate_batch(campaigns):
         print_result(console, table)
 
 
 def print_trace_results(console: Console, results: TraceResults) -> None:
     """Print what plain traces say: every hit, then the mean of the accepted ones."""
+    print_origin(console, results.hits)
     means = [tabulate_mean(sample, results.hammer) for sample in results.samples]
     for table in (tabulate_hits(results.hits), *means, *tabulate_checks(results.samples)):
         print_result(console, table)

@@ -11,6 +11,7 @@ import numpy as np
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.formats.measurement import (
     DIMENSIONS,
+    ORIGIN,
     RATE_NAMES,
     STEP_NAMES,
     UNIT_NAMES,
@@ -109,6 +110,7 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
         start=_read_number(stated, START_NAMES, 0.0),
         is_channel=NAME in item.attrs and len(item.shape) == 1,
         recorded_at=int(recorded_at) if isinstance(recorded_at, np.integer) else 0,
+        origin=str(item.attrs.get(ORIGIN, "")),
     )
 
 
@@ -154,6 +156,8 @@ def write_hdf5(path: Path, measurement: Measurement) -> None:
             item.attrs["sampling_rate"] = channel.sampling_rate
             item.attrs["unit"] = channel.unit
             item.attrs["start"] = channel.start
+            if channel.origin:
+                item.attrs[ORIGIN] = channel.origin
             if channel.recorded_at:
                 item.attrs[RECORDED_AT] = channel.recorded_at
 

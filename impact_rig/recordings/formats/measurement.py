@@ -27,6 +27,8 @@ TIE = 1.0 + 1e-6
 RATE_DIGITS = 9
 """Digits that a sampling rate found in a time column is rounded to, our choice: files of one
 series get the same rate, whatever the last bits of their times."""
+ORIGIN = "origin"
+"""What exported files call the origin of a channel."""
 LARGEST_TIME_ERROR = 0.05
 """How far a point may lie from an even time grid, part of the step [-]. Our choice: above what
 rounding to the printed digits makes of even steps, far below a point that is missing."""
@@ -240,6 +242,8 @@ class MeasuredChannel:
         or a date that is not between `EARLIEST` and `LATEST`.
     flaw : str
         Why the file's numbers could not be read: then there are no values; empty: they could.
+    origin : str
+        Where its numbers come from, in the words of an export; empty: the file does not say.
     """
 
     name: str
@@ -249,6 +253,7 @@ class MeasuredChannel:
     start: float = 0.0
     recorded_at: int = 0
     flaw: str = ""
+    origin: str = ""
 
     def __post_init__(self) -> None:
         """Copy the values, make them read-only, and refuse what cannot be meant."""
@@ -349,7 +354,7 @@ class NamedArray:
         In the file.
     values : ndarray
         Of any kind and shape.
-    sampling_rate, unit, start, recorded_at
+    sampling_rate, unit, start, recorded_at, origin
         As in `MeasuredChannel`.
     is_channel : bool
         The file says so of numbers; False: found out by name and shape.
@@ -362,6 +367,7 @@ class NamedArray:
     start: float = 0.0
     is_channel: bool = False
     recorded_at: int = 0
+    origin: str = ""
 
 
 def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
@@ -412,6 +418,7 @@ def describe_channels(channels: Sequence[MeasuredChannel], names: Sequence[str])
             "sampling_rate": None if math.isnan(channel.sampling_rate) else channel.sampling_rate,
             "start": channel.start,
             "recorded_at": channel.recorded_at or None,
+            ORIGIN: channel.origin,
         }
         for variable, channel in zip(names, channels, strict=True)
     ]
@@ -429,6 +436,7 @@ def read_described(text: str, variables: Mapping[str, Any]) -> dict[str, NamedAr
             start=row["start"],
             is_channel=True,
             recorded_at=int(row.get("recorded_at") or 0),  # MATLAB writes it as 1.6e18
+            origin=row.get(ORIGIN, ""),
         )
         for row in json.loads(text)
     }
@@ -482,6 +490,7 @@ def _make_channels(
             unit=array.unit,
             start=start,
             recorded_at=array.recorded_at,
+            origin=array.origin,
         )
         for place, column in columns.items()
     ]

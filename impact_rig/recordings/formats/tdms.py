@@ -12,6 +12,7 @@ import numpy as np
 
 from impact_rig.recordings.formats.measurement import (
     NANOSECONDS,
+    ORIGIN,
     Measurement,
     NamedArray,
     make_measurement,
@@ -82,6 +83,7 @@ def _read_channel(channel: Any, group: str, properties: dict[str, Any]) -> Named
         start=_read_number(properties, START, 0.0),
         is_channel=RATE in properties or rate > 0,
         recorded_at=_read_time(properties),
+        origin=str(properties.get(ORIGIN, "")),
     )
 
 
@@ -149,6 +151,8 @@ def write_tdms(path: Path, measurement: Measurement) -> None:
         }
         if not math.isnan(channel.sampling_rate):
             properties[STEP] = 1.0 / channel.sampling_rate
+        if channel.origin:
+            properties[ORIGIN] = channel.origin
         if channel.recorded_at:
             properties[RECORDED_AT] = _make_time(channel.recorded_at)
         if name != channel.name:

@@ -12,6 +12,7 @@ import math
 import re
 import tempfile
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from io import BytesIO
 from itertools import zip_longest
 from pathlib import Path
@@ -29,6 +30,7 @@ from impact_rig.core.setup.calibration import (
 )
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.recordings.formats.measurement import (
+    ORIGIN,
     RATE_NAMES,
     STEP_NAMES,
     MeasuredChannel,
@@ -65,6 +67,8 @@ RATE, START, TIME = "sampling rate [Hz]", "start [s]", "time"
 STARTS = {START, "start", "t0"}
 NUMBER, WORD, NOTHING = "n", "w", "-"
 """What a cell holds."""
+
+ORIGIN_MARK = f"# {ORIGIN}: "
 
 
 def _take_byte(error: UnicodeError) -> tuple[str, int]:
@@ -231,6 +235,7 @@ def read_text(path: Path) -> Measurement:
             values=values,
             unit=headings[column][1] or (units[number - 1] if number <= len(units) else ""),
             flaw=flaw,
+            origin="".join(statements.get(ORIGIN, [])),
         )
         for number, (column, (values, flaw)) in enumerate(
             zip(table.columns, columns, strict=True), 1
@@ -256,10 +261,7 @@ def _set_clock(
             return tuple(channels)
         times = start + first.values / rate
         return MeasuredChannel(TIME, times, unit="s"), *channels[1:]
-    return tuple(
-        MeasuredChannel(item.name, item.values, rate, item.unit, start, flaw=item.flaw)
-        for item in channels
-    )
+    return tuple(replace(item, sampling_rate=rate, start=start) for item in channels)
 
 
 def _find_rate(statements: dict[str, list[str]]) -> float:
@@ -593,6 +595,9 @@ def _collect_statements(above: Sequence[str], style: Style) -> dict[str, list[st
     """Return what the lines above the numbers state, by names in small letters."""
     statements: dict[str, list[str]] = {}
     for line in above:
+        if line.startswith(ORIGIN_MARK):
+            statements[ORIGIN] = [line.removeprefix(ORIGIN_MARK)]
+            continue
         text = line.lstrip(BLANKS_AND_MARKS)
         cells = Style(style.delimiter or ",").split(text)
         _add_statement(statements, cells)
@@ -640,7 +645,10 @@ def write_text(path: Path, measurement: Measurement) -> None:
         raise FileError(f"{measurement.path}: its channels have no points: text cannot show that")
     columns = [channel.values.tolist() for channel in channels]
     headings = [_make_heading(channel.name, channel.unit) for channel in channels]
+    origin = "; ".join(dict.fromkeys(channel.origin for channel in channels if channel.origin))
     with path.open("w", encoding="utf-8", newline="") as file:
+        if origin:
+            file.write(f"{ORIGIN_MARK}{origin}\n")
         if not math.isnan(rate):
             file.write(f"# {RATE}: {rate!r}\n# {START}: {start!r}\n")
             columns.insert(0, (start + np.arange(points) / rate).tolist())

@@ -11,6 +11,7 @@ from impact_rig.core.errors import FileError
 from impact_rig.core.setup.calibration import TIME_UNITS, normalize_time_unit
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.recordings.formats.measurement import (
+    ORIGIN,
     MeasuredChannel,
     Measurement,
     compute_rounding,
@@ -109,7 +110,13 @@ def _make_channel(path: Path, function: dict[str, Any], number: int) -> Measured
         sampling_rate=rate,
         unit=str(function["ordinate_axis_units_lab"]).strip().replace(NONE, ""),
         start=start,
+        origin=_read_origin(str(function["id2"])),
     )
+
+
+def _read_origin(line: str) -> str:
+    mark = f"{ORIGIN}: "
+    return line.strip().removeprefix(mark) if line.startswith(mark) else ""
 
 
 def _read_clock(path: Path, function: dict[str, Any], points: int) -> tuple[float, float]:
@@ -176,6 +183,7 @@ def _make_set(path: Path, channel: MeasuredChannel) -> dict[str, Any]:
         "ref_node": 0,
         "ref_dir": 0,
         "id1": channel.name or NONE,
+        "id2": f"{ORIGIN}: {channel.origin}"[:NAME_LETTERS] if channel.origin else NONE,
         "id5": f"sampling rate [Hz]: {channel.sampling_rate!r}, start [s]: {channel.start!r}",
         "data": channel.values.astype(np.float64),
         # Of the abscissa the first two alone are looked at.

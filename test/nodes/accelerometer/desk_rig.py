@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from impact_rig_msgs.srv import Arm
 
+from impact_rig.core.origin import UNSTATED
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
@@ -35,7 +36,8 @@ def make_record(overloaded=False):
     """Return a good hit as one block, as a device may deliver it."""
     hit = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=3)).strike(HitLabel(SAMPLE))
     (block,) = hit.split(hit.hammer.output.size, time.time_ns())
-    return replace(block, hammer=replace(block.hammer, overloaded=overloaded))
+    hammer = replace(block.hammer, overloaded=overloaded)
+    return replace(block, hammer=hammer, origin=UNSTATED)
 
 
 def wait_for_state(states, state, words=""):

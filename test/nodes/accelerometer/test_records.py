@@ -5,6 +5,7 @@ import pytest
 from impact_rig_msgs.msg import AcquisitionState
 from std_srvs.srv import Trigger
 
+from impact_rig.core.origin import MEASURED, Origin
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.recordings.messages import block_from_msg
@@ -33,6 +34,8 @@ def test_a_record_is_streamed_as_the_device_gave_it_in_blocks_of_the_wanted_size
     assert desk.plan.block_size == 700
     state = wait_for_state(states, AcquisitionState.IDLE, "record complete")
     assert (state.source, state.hammerless) == ("desk digitizer 7", False)
+    # A driver that does not say where its numbers come from has measured them.
+    assert {block.origin for block in got} == {Origin(MEASURED, "desk digitizer 7")}
 
 
 def test_a_hit_that_nobody_let_go_of_is_published_and_told(

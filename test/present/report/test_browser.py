@@ -87,7 +87,7 @@ def test_no_name_is_too_long_for_the_page(browser, tmp_path):
         ),
     )
     path = tmp_path / "long.html"
-    document = Document(word, word, word, ((word, word),), (section,))
+    document = Document(word, word, word, word, True, ((word, word),), (section,))
     path.write_text(render_page(document, is_unfolded=True), encoding="utf-8")
     for width in (PHONE, 1200):
         browser.open(path, width=width)

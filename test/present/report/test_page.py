@@ -108,7 +108,7 @@ def test_a_section_that_is_not_listed_is_not_in_the_contents():
     sections = (
         Section("listed", (Paragraph("a"),), (Section("hidden", (Paragraph("b"),), (), False),)),
     )
-    read = Reader(render_page(Document("t", "s", "n", (), sections)))
+    read = Reader(render_page(Document("t", "s", "n", "b", True, (), sections)))
     links = [attributes["href"] for attributes in read.find("a")]
     assert links == ["#report", "#listed"]
 

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+from impact_rig.core.origin import SIMULATED, Origin
 from impact_rig.core.quantity import UNKNOWN
 from impact_rig.present.rerun.markdown import (
     escape_markdown,
@@ -105,6 +106,8 @@ def test_a_log_line_is_one_line_of_plain_text():
     start = "record 17: steel small, impact 3, attempt 2"
     accepted = HitResults(**HIT, accepted=True, contact_time=170.254e-6)
     assert format_log_line(accepted) == f"{start}: accepted, contact time 170.25 µs"
+    simulated = format_log_line(replace(accepted, origin=Origin(SIMULATED, "virtual rig")))
+    assert simulated == f"simulated {start}: accepted, contact time 170.25 µs"
     rejected = format_log_line(HitResults(**HIT, reasons=REASONS))
     assert rejected == f"{start}: rejected, {'; '.join(REASONS)}"
 

@@ -131,10 +131,13 @@ def test_names_and_notes_are_shown_as_they_are() -> None:
 
 
 def test_plain_traces_are_shown_hit_by_hit_and_their_mean() -> None:
-    files = [Origin(IMPORTED, file=f"lab/hit_{number}.npy") for number in (1, 2)]
-    hits = (FileResults(files[0], True, ()), FileResults(files[1], False, REASONS))
+    hits = (
+        FileResults(Origin(IMPORTED, "npy file", "lab/hit_1.npy"), True, ()),
+        FileResults(Origin(IMPORTED, "npy file", "lab/hit_2.npy"), False, REASONS),
+    )
     sample = SampleEstimate("tin", 1, 1, contact_time=Quantity(2e-4), notes=("k: no mass given",))
     text = render(print_trace_results, TraceResults(NO_HAMMER, (sample,), hits))
+    assert text.startswith("Origin: imported (npy file): hit_1.npy, hit_2.npy.")
     for words in (
         "hit_1.npy",
         "accepted",
