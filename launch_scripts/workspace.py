@@ -72,8 +72,9 @@ class Workspace:
         return self.get_prefix(NODES) / "environment.sh"
 
     def get_requirements(self, *names: str) -> list[Path]:
-        """Return the requirement files of these names."""
-        return [self.root / "launch_scripts" / "requirements" / f"{name}.txt" for name in names]
+        """Return the files of these names: what is installed, with the hashes of its files."""
+        folder = self.root / "launch_scripts" / "requirements" / "locked"
+        return [folder / f"{name}.txt" for name in names]
 
     @cached_property
     def steps(self) -> dict[str, "Step"]:

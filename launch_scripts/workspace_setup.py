@@ -171,7 +171,14 @@ def _install_libraries(workspace: Workspace, runner: _Runner) -> None:
 
 
 def _pip_install(workspace: Workspace, runner: _Runner, groups: list[str]) -> None:
-    command: list[str | Path] = [workspace.python, "-m", "pip", "install", "--no-deps"]
+    command: list[str | Path] = [
+        workspace.python,
+        "-m",
+        "pip",
+        "install",
+        "--no-deps",
+        "--require-hashes",
+    ]
     command += ["--no-input", "--disable-pip-version-check", "--progress-bar", "off"]
     for path in workspace.get_requirements(*groups):
         command += ["--requirement", path]

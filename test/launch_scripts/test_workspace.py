@@ -29,9 +29,9 @@ def test_what_is_made_is_not_made_again(fresh):
 @pytest.mark.parametrize(
     ("name", "stale"),
     [
-        ("launch_scripts/requirements/test.txt", ["libraries"]),
-        ("launch_scripts/requirements/rig.txt", ["libraries"]),
-        ("launch_scripts/requirements/ros.txt", ["ros", "messages", "nodes"]),
+        ("launch_scripts/requirements/locked/test.txt", ["libraries"]),
+        ("launch_scripts/requirements/locked/rig.txt", ["libraries"]),
+        ("launch_scripts/requirements/locked/ros.txt", ["ros", "messages", "nodes"]),
         ("msg_config/msg/Impact.msg", ["messages"]),
         ("msg_config/CMakeLists.txt", ["messages"]),
         ("setup.py", ["nodes"]),
