@@ -1,7 +1,7 @@
 """Text as instruments write it: the same pulse, found in each of their ways to put it down.
 
-Each file is written here line by line as its instrument writes it; where that is documented, or
-shown by programs of others that read or write it, stands with each.
+Each file is written here line by line as its instrument is known to write it, from headings that
+programs of others quote and from memory; none of them was saved by the instrument itself.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,7 +24,7 @@ PAIRS: Pairs = list(zip(TIME.tolist(), PULSE.tolist(), strict=True))
 
 
 def write_tektronix_tds(pairs: Pairs) -> Iterator[str]:
-    """TDS1000/2000: Tektronix 071-1075 "Saving waveform data": settings beside the first rows."""
+    """TDS1000/2000: settings beside the first rows."""
     beside = [
         "Record Length,2.500000e+03", f"Sample Interval,{1 / RATE:.6e}",
         "Trigger Point,1.000000000000e+02", ",", ",", ",", "Source,CH1", "Vertical Units,V",
@@ -47,10 +47,7 @@ def write_tektronix_mso(pairs: Pairs) -> Iterator[str]:
 
 
 def write_rigol(pairs: Pairs) -> Iterator[str]:
-    """DS1000Z: points are counted; start and increment stand in the heading.
-
-    Programs that read the DS1054Z's files quote these two lines, for example glscopeclient.
-    """
+    """DS1000Z: points are counted; start and increment stand in the heading."""
     yield from ("X,CH1,Start,Increment,", f"Sequence,Volt,{START:.6e},{1 / RATE:.6e}")
     yield from (f"{number},{value:.2e}," for number, (_, value) in enumerate(pairs))
 
@@ -89,7 +86,7 @@ def write_picoscope(pairs: Pairs) -> Iterator[str]:
 
 
 def write_digilent(pairs: Pairs) -> Iterator[str]:
-    """WaveForms: settings as comments; as WaveForms' own importer in glscopeclient expects it."""
+    """WaveForms: settings as comments."""
     yield from ("#Digilent WaveForms Oscilloscope Acquisition", "#Device Name: Discovery2")
     yield from (f"#Sample rate: {RATE:g}Hz", f"#Samples: {COUNT}", "")
     yield "Time (s),Channel 1 (V)"
