@@ -39,7 +39,7 @@ def arm() -> None:
     rclpy.init()
     node = rclpy.create_node("armer")
     setup, blocks = interfaces.SETUP, interfaces.ACCELERATION
-    publisher = node.create_publisher(setup.type, setup.name, setup.qos)
+    publisher = node.create_publisher(setup.type, setup.name, setup.lease_qos(setup.qos))
     publisher.publish(messages.setup_to_msg(PAPER_SETUP, node.get_clock().now().to_msg()))
     client = node.create_client(Arm, interfaces.ARM_ACCELEROMETER)
     come: list[int] = []

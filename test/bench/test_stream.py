@@ -53,9 +53,12 @@ class StreamFile:
             counts=np.zeros(POINTS, np.int32), values=np.empty(0), scale=1.0, offset=0.0,
             full_scale=1.0, overload=False,
         )  # fmt: skip
+        origin = self._make(
+            "impact_rig_msgs/msg/Origin", kind="measured", source="", file="", place=""
+        )
         self._add(
             BLOCK, moment, first_sample=first_sample, sampling_rate=1e6, record=0, sample="",
-            impact=0, attempt=0, last=False, hammer=channel, specimen=channel,
+            impact=0, attempt=0, last=False, hammer=channel, specimen=channel, origin=origin,
         )  # fmt: skip
 
     def add_diagnostics(self, moment: int, node: str, **values: int) -> None:

@@ -136,6 +136,7 @@ def test_all_dependencies_are_appended_once_each():
     assert definition.text.startswith("# A contiguous stretch")
     assert list_parts(definition.text) == [
         "MSG: impact_rig_msgs/Channel",
+        "MSG: impact_rig_msgs/Origin",
         "MSG: std_msgs/Header",
         "MSG: builtin_interfaces/Time",
     ]
