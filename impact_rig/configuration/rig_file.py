@@ -115,10 +115,14 @@ def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
         calibration_date=table.take_date("calibration_date"),
         sensitivity_uncertainty=table.take_number("sensitivity_uncertainty", 0.0, 1.0, 0.0),
         resonance=response.resonance,
-        resonance_uncertainty=table.take_quantity("resonance_uncertainty", "Hz", "1 kHz", 0.0),
+        resonance_uncertainty=table.take_quantity(
+            "resonance_uncertainty", "Hz", "1 kHz", 0.0, low=0.0
+        ),
         resonance_damping=response.damping,
         low_corner=response.low_corner,
-        low_corner_uncertainty=table.take_quantity("low_corner_uncertainty", "Hz", "0.1 Hz", 0.0),
+        low_corner_uncertainty=table.take_quantity(
+            "low_corner_uncertainty", "Hz", "0.1 Hz", 0.0, low=0.0
+        ),
     )
 
 
@@ -163,8 +167,8 @@ def _take_full_scale(table: TomlTable, quantity: str, unit: str) -> float:
     except ParameterError as error:
         raise table.make_error("full_scale", str(error)) from None
     stated = _check_unit(table, "full_scale", stated, quantity)
-    if not value > 0.0:
-        raise table.refuse("full_scale", "above zero")
+    if not 0.0 < value < math.inf:
+        raise table.refuse("full_scale", "above zero, and finite")
     # Of a force, the mass that it acts on cancels out.
     return value * compute_scale(stated, 1.0) / compute_scale(unit, 1.0)
 

@@ -122,7 +122,9 @@ class Session:
         self.setup.samples.find(record.label.sample)
         self._modelled = ()
         self._numbers.clear()
-        hit = replace(judge_hit(record, self.setup.analysis), origin=record.origin)
+        corners = [response.low_corner for response in self.setup.responses]
+        judged = judge_hit(record, self.setup.analysis, corners)
+        hit = replace(judged, origin=record.origin)
         series = self._find_series(hit.label.sample)
         if hit.accepted:
             hit = series.match_polarity(hit, turns=self.setup.analysis.turns_polarity)

@@ -79,7 +79,7 @@ def test_speeds_that_were_measured_make_a_range(
     words = ("--for", "drake", "--speed", "12 cm/s", "-o", tmp_path / "x.yaml")
     assert run("export", *paths, *words).exit_code == 0
     text = " ".join((tmp_path / "x.yaml").read_text("utf-8").replace("#", "").split())
-    assert re.search(r"Measured at 8[12]\.\d\d to 1[56]\d\.\d\d mm/s", text)
+    assert re.search(r"Simulated at 8[12]\.\d\d to 1[56]\d\.\d\d mm/s", text)
     spread = re.search(r"point_contact_stiffness = .* N/m, (\S+) to (\S+) over the measured", text)
     # A Hertz contact's stiffness as a spring goes as v^(2/5).
     assert spread

@@ -1,6 +1,7 @@
 """One hit from raw record to verdict: baseline, low-pass, pulse, alignment, reasons."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -147,7 +148,9 @@ class JudgedHit:
         return not self.rejections
 
 
-def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
+def judge_hit(
+    record: Record, settings: AnalysisSettings, low_corners: Sequence[float] = ()
+) -> JudgedHit:
     """Remove the baseline, filter, measure the pulse and name every reason against the hit.
 
     Parameters
@@ -156,6 +159,9 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
         As cut out of the stream.
     settings : AnalysisSettings
         How to judge.
+    low_corners : sequence of float
+        Stated lower corners of the channels [Hz]; 0: not stated. The droop of one that is stated
+        stays: models are sent through it.
 
     Returns
     -------
@@ -179,7 +185,7 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
         return JudgedHit(record.label, rejections, record.stamp)
     try:
         filtered = _filter_record(record, baseline_stop, settings)
-        filtered, corrected, unsure = _correct_zero(filtered, settings)
+        filtered, corrected, unsure = _correct_zero(filtered, settings, low_corners)
     except SignalError as error:
         rejections += (Rejection(Reason.TRUNCATED, str(error)),)
         return JudgedHit(record.label, rejections, record.stamp)
@@ -210,7 +216,7 @@ def judge_hit(record: Record, settings: AnalysisSettings) -> JudgedHit:
 
 
 def _correct_zero(
-    hit: FilteredHit, settings: AnalysisSettings
+    hit: FilteredHit, settings: AnalysisSettings, low_corners: Sequence[float]
 ) -> tuple[FilteredHit, tuple[Rejection, ...], tuple[Rejection, ...]]:
     """Take off what the zero is after the impact; return what was, and what was not sure enough.
 
@@ -230,7 +236,8 @@ def _correct_zero(
         settings.double_hit_level,
     )
     for channel, (name, shift) in enumerate(zip(CHANNELS, shifts, strict=False)):
-        if shift is None:
+        is_stated = channel < len(low_corners) and low_corners[channel] > 0.0
+        if shift is None or (is_stated and shift.reason is Reason.DROOP):
             continue
         named = Rejection(
             shift.reason, f"zero of the {name} after the impact: {shift.explanation}"

@@ -47,6 +47,9 @@ not known, and matters more than the rest of the pulse's budget beyond."""
 FASTEST_RECOVERY = 1.0
 """Rate at which a step goes up to which it is corrected, times the time from pulse to tail [-],
 our choice: what it was under the pulse is extrapolated."""
+LARGEST_CORNER = 300.0
+"""Lower corner that is corrected [Hz], our choice: bad connections have some 200; what comes back
+sooner is a body that is damped, or nothing that is known."""
 EXACT = 0.02
 """What a cause leaves of the tail, over it, below which it is exact [-], our choice: the mean of a
 noisy baseline, integrated, tells a droop no better."""
@@ -226,11 +229,12 @@ class _Tail:
 
     def _describe_droop(self, fit: _Fit, velocity: FloatArray) -> ZeroShift:
         per_hertz = 2.0 * math.pi / self.sampling_rate
+        corner = fit.size / per_hertz
         return ZeroShift(
             Reason.DROOP,
-            f"it droops as by a lower corner of {fit.size / per_hertz:.3g} Hz"
+            f"it droops as by a lower corner of {corner:.3g} Hz"
             f" (± {EXPANDED * fit.standard / per_hertz:.1g} Hz)",
-            -fit.size * velocity,
+            -fit.size * velocity if corner <= LARGEST_CORNER else None,
             fit.standard * abs(float(velocity[self.pulse.peak_index])),
         )
 

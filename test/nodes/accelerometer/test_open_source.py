@@ -11,7 +11,7 @@ from .desk_rig import SOURCE
         (SOURCE.replace('"desk"', '"dusk"'), "driver of [source] is 'dusk': it must be one of"),
         (SOURCE.replace("serial = 7", "serial = 70"), "it must be a whole number between 1 and 9"),
         (SOURCE.replace("serial", "cereal"), "unknown key 'cereal': did you mean 'serial'?"),
-        (SOURCE.replace("10 mV/g", "10 mV/kg", 1), "per 'kg': it must be a voltage per"),
+        (SOURCE.replace("10 mV/g", "10 mV/bar", 1), "per 'bar': it must be a voltage per"),
         # A source that measures nothing needs no sensors, only what it plays.
         ('[source]\ndriver = "recording"\nfile = "none.mcap"\n', "there is no file none.mcap"),
     ],
