@@ -242,8 +242,9 @@ def _correct_zero(
         named = Rejection(
             shift.reason, f"zero of the {name} after the impact: {shift.explanation}"
         )
-        if shift.correction is None:
-            # A damped sample comes back slowly by itself.
+        # A sample that is damped, or rings, comes back by itself as a charge does.
+        is_own = channel > 0 and shift.reason is Reason.ZERO_SHIFT and shifts[0] is None
+        if shift.correction is None or is_own:
             if channel == 0:
                 unsure.append(named)
             continue
