@@ -272,7 +272,7 @@ def cut_impacts(block: Block, settings: AnalysisSettings) -> list[tuple[int, Blo
     )
     cutter = StreamCutter(settings)
     found: list[Block] = []
-    # Each piece is an arming of its own, so short that the window of a hit covers the rest of it.
+    # Each piece is a segment of its own, so short that the window of a hit covers the rest of it.
     for number, piece in enumerate(stream.split(max(length - before, 1)), start=1):
         found += cutter.feed(replace(piece, label=HitLabel("", record=number)))
     found += cutter.feed(replace(stream.cut(count, count), label=NOT_ARMED, last=True))
