@@ -1,6 +1,7 @@
 """Points that a converter cannot have measured: at its rail, or off their neighbours."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,8 +59,6 @@ def find_longest_rail_run(trace: Trace, quiet: int) -> int:
         if sign * (extreme - middle) <= LEAST_EXTREME * (top - bottom):
             continue
         at_extreme = values >= extreme - same if sign > 0.0 else values <= extreme + same
-        if np.count_nonzero(at_extreme) < FEWEST_EQUAL:
-            continue
         start, found = _find_longest_run(at_extreme)
         if found > max(run, FEWEST_EQUAL - 1):
             baseline = float(np.median(values[:quiet]))
@@ -113,12 +112,12 @@ def find_step(values: FloatArray) -> float:
 
 def _find_longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
     """Return where the longest run of true flags begins, and how long it is [points]."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
-    lengths = edges[1::2] - edges[::2]
-    if lengths.size == 0:
+    places = np.flatnonzero(flags)
+    if places.size == 0:
         return 0, 0
-    longest = int(lengths.argmax())
-    return int(edges[2 * longest]), int(lengths[longest])
+    ends = (np.flatnonzero(places[1:] - places[:-1] > 1) + 1).tolist()
+    first, stop = max(pairwise([0, *ends, places.size]), key=lambda run: run[1] - run[0])
+    return int(places[first]), stop - first
 
 
 LEAST_DROPOUT = 0.05
@@ -153,7 +152,7 @@ def find_dropout(trace: Trace, quiet: int) -> tuple[int, float] | None:
     if values.size <= 2 * REACH:
         return None
     # It is far off both neighbours, and these on the same side.
-    steps = np.diff(values)
+    steps = values[1:] - values[:-1]
     least = LEAST_DROPOUT * (trace.extremes[1] - trace.extremes[0])
     if min(float(steps.max()), -float(steps.min())) < least:
         return None

@@ -275,7 +275,7 @@ def _filter_record(record: Record, baseline_stop: int, settings: AnalysisSetting
         sampling_rate=record.sampling_rate,
         pulse=measure_pulse(traces[0]),
         noise=traces[:, :baseline_stop].std(axis=1),
-        raw_noise=raw[:, :baseline_stop].std(axis=1, ddof=1),
+        raw_noise=np.sqrt(np.square(raw[:, :baseline_stop]).sum(axis=1) / (baseline_stop - 1)),
         resolution=np.array([channel.resolution for channel in channels]),
         baseline_points=baseline_stop,
     )

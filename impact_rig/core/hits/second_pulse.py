@@ -115,12 +115,20 @@ def find_second_pulse(
     """
     upright = trace if pulse.peak > 0 else -trace
     least = max(LEVEL_MARGIN * level * abs(pulse.peak), NOISE_MARGIN * noise)
+    duration = estimate_duration(pulse)
+    apart = DELAY_MARGIN * SECOND_PULSE_DELAY * duration
+    # Around the middle of a bump the trace is above half the bump's height.
+    before, after = (
+        upright[: int(max(pulse.middle - apart, 0.0))],
+        upright[math.ceil(pulse.middle + apart) :],
+    )
+    if max(before.max(initial=0.0), after.max(initial=0.0)) < least / 2.0:
+        return None
     peaks, _ = find_peaks(np.append(upright, -math.inf), height=least)
     if peaks.size <= 1:
         return None
     ended = np.append(upright, upright.min())
     peaks = peaks[peak_prominences(ended, peaks)[0] >= least]
-    duration = estimate_duration(pulse)
     doubtful = None
     for index in sorted(map(int, peaks), key=lambda index: -upright[index]):
         if index == pulse.peak_index:
@@ -128,7 +136,7 @@ def find_second_pulse(
         rise, fall = _find_half_crossings(upright, index)
         is_cut = fall > upright.size - 1
         delay = (index if is_cut else (rise + fall) / 2.0) - pulse.middle
-        is_apart = DELAY_MARGIN * SECOND_PULSE_DELAY * duration <= abs(delay) <= window
+        is_apart = apart <= abs(delay) <= window
         shortest = 0.0 if is_cut else SHORTEST_SECOND_PULSE * pulse.half_amplitude_width
         if not is_apart or fall - rise < shortest:
             continue

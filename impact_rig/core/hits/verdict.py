@@ -38,14 +38,14 @@ def check_stream(record: Record) -> tuple[Rejection, ...]:
     if not record.triggered:
         return (Rejection(Reason.NO_TRIGGER, "the arming ended without a trigger"),)
     found = [Rejection(Reason.GAP, flaw) for flaw in record.flaws]
+    if record.hammer.acceleration.size == 0:
+        return (*found, Rejection(Reason.NO_PULSE, "the record is empty"))
     for name, trace in _name_channels(record):
-        bad = int(np.count_nonzero(~np.isfinite(trace.acceleration)))
-        if bad:
+        if not all(map(math.isfinite, trace.extremes)):
+            bad = int(np.count_nonzero(~np.isfinite(trace.acceleration)))
             found.append(
                 Rejection(Reason.NON_FINITE, f"{bad} points of the {name} trace are no numbers")
             )
-    if record.hammer.acceleration.size == 0:
-        found.append(Rejection(Reason.NO_PULSE, "the record is empty"))
     return tuple(found)
 
 

@@ -121,15 +121,16 @@ def judge_zeros(
         return [None] * count
     parts = traces[:, begin : begin + TAIL_PARTS * size].reshape(count, TAIL_PARTS, size)
     means = parts.sum(axis=2) / size
-    typical = np.sqrt(np.mean(means * means, axis=1))
+    typical = np.sqrt(np.square(means).sum(axis=1) / TAIL_PARTS)
     contact = np.abs(traces[:, math.floor(pulse.rise) : math.ceil(pulse.fall) + 1])
     peaks, own = contact.max(axis=1), noise / math.sqrt(size)
-    # What the causes make is smooth: ringing leaves nearly all of itself beside a cubic.
-    rough = np.abs(means @ ROUGH).max(axis=1) / LARGEST_ROUGHNESS
     stands_out = typical > np.maximum(LEAST_LEVEL * peaks, REST_NOISE * own)
     found: list[ZeroShift | None] = [None] * count
-    is_smooth = rough < np.abs(means).max(axis=1)
-    for channel in np.flatnonzero(stands_out & is_smooth).tolist():
+    for channel in np.flatnonzero(stands_out).tolist():
+        # What the causes make is smooth: ringing leaves nearly all of itself beside a cubic.
+        rough, largest = (float(np.abs(x).max()) for x in (means[channel] @ ROUGH, means[channel]))
+        if rough >= LARGEST_ROUGHNESS * largest:
+            continue
         places = begin + (size - 1) / 2.0 + size * np.arange(TAIL_PARTS)
         tail = _Tail(
             traces[channel],
@@ -194,12 +195,17 @@ class _Tail:
 
     def explain(self, least: float) -> ZeroShift | None:
         """Return the cause that leaves least of the tail; None: all leave more than `least`."""
+        upright = self.means * math.copysign(1.0, float(self.means.sum()))
+        other = np.minimum(upright, 0.0)
+        if float(other @ other) > (TAIL_PARTS - 1) * least**2:
+            # Every cause stays on one side of zero.
+            return None
         # A high-pass of one pole takes 2 pi f_c times its own output's integral away.
-        velocity = np.cumsum(self.trace) - self.trace / 2.0
+        velocity = np.cumsum(self.trace)
         middle = (self.baseline - 1) / 2.0
-        rate = self._find_rate()
+        rate = self._find_rate(upright)
         places = np.rint(self.places).astype(int)
-        droop = self._fit(-velocity[places])
+        droop = self._fit(self.trace[places] / 2.0 - velocity[places])
         drift = self._fit(self.places - middle)
         step = self._fit(np.exp(-rate * (self.places - self.pulse.fall)))
         exact = EXACT * math.sqrt(float(self.means @ self.means) / TAIL_PARTS)
@@ -212,19 +218,18 @@ class _Tail:
         if rests[cause] > least:
             return None
         if cause is Reason.DROOP:
-            return self._describe_droop(droop, velocity)
+            return self._describe_droop(droop, velocity - self.trace / 2.0)
         if cause is Reason.DRIFT:
             return self._describe_drift(drift, middle)
         return self._describe_step(step, rate)
 
-    def _find_rate(self) -> float:
+    def _find_rate(self, upright: FloatArray) -> float:
         """Return the rate at which a step goes [1/point]: a line in the tail's logarithm."""
-        upright = self.means * math.copysign(1.0, float(self.means.sum()))
         weights = np.square(np.maximum(upright, 0.0))
         logarithms = np.log(np.where(upright > 0.0, upright, 1.0))
         if np.count_nonzero(weights) < TAIL_PARTS / 2:
             return 0.0
-        lapse = self.places - np.average(self.places, weights=weights)
+        lapse = self.places - float(weights @ self.places) / float(weights.sum())
         return max(-float((weights * lapse) @ logarithms / ((weights * lapse) @ lapse)), 0.0)
 
     def _describe_droop(self, fit: _Fit, velocity: FloatArray) -> ZeroShift:
