@@ -233,7 +233,7 @@ def _correct_zero(
         hit.baseline_points,
         hit.raw_noise,
         hit.sampling_rate,
-        settings.double_hit_level,
+        settings,
     )
     for channel, (name, shift) in enumerate(zip(CHANNELS, shifts, strict=False)):
         is_stated = channel < len(low_corners) and low_corners[channel] > 0.0

@@ -14,6 +14,8 @@ import numpy as np
 
 from impact_rig.core.hits.pulse_width import PulseWidth
 from impact_rig.core.hits.reasons import Reason
+from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.signals.filtering import low_pass
 from impact_rig.core.signals.record import FloatArray
 
 ZERO_AFTER = "zero after the impact"
@@ -55,6 +57,15 @@ EXACT = 0.02
 noisy baseline, integrated, tells a droop no better."""
 STEP_HANDICAP = 1.5
 """Factor on what a step leaves where causes are compared [-], our choice: it has two numbers."""
+JUMP_REACH = 0.25
+"""On either side of where a step may have come at once, in the pulse's widths [-], our choice: a
+cubic follows the pulse that far within 0.1 % of its peak."""
+JUMP_TOLERANCE = 0.3
+"""By how much what jumps within the pulse may differ from the step in the tail, over it [-], our
+choice: the pulse's noise and ringing."""
+JUMP_NOISE = 4.0
+"""Least step that is looked for within the pulse, in standard deviations of what the noise jumps
+[-], our choice: it then lies within the tolerance."""
 LEAST_DECAY = 0.1
 """Decay over the record below which a step stays [-], our choice."""
 EXPANDED = 2.0
@@ -89,7 +100,7 @@ def judge_zeros(
     baseline: int,
     noise: FloatArray,
     sampling_rate: float,
-    largest_wander: float,
+    settings: AnalysisSettings,
 ) -> list[ZeroShift | None]:
     """Judge the level of each trace after the impact.
 
@@ -105,8 +116,9 @@ def judge_zeros(
         Standard deviation of each trace's white noise [unit of the traces].
     sampling_rate : float
         [Hz]
-    largest_wander : float
-        RMS of the hammer's tail, over the peak, that needs no explanation [-].
+    settings : AnalysisSettings
+        Of the low-pass; and of double hits: an RMS of the hammer's tail, over the peak, of less
+        than their level needs no explanation.
 
     Returns
     -------
@@ -141,11 +153,13 @@ def judge_zeros(
             places,
             means[channel],
             float(peaks[channel]),
+            float(noise[channel]),
+            settings.cutoff_frequency,
         )
         least = max(LARGEST_REST * float(typical[channel]), REST_NOISE * float(own[channel]))
         found[channel] = tail.explain(least)
     part = float(typical[0] / peaks[0])
-    if found[0] is None and part > largest_wander and not _is_ringing(means[0]):
+    if found[0] is None and part > settings.double_hit_level and not _is_ringing(means[0]):
         text = (
             f"it wanders by {100.0 * part:.2g} % of the peak, RMS, as by noise of a cable or"
             " strain of the sensor's base"
@@ -192,6 +206,8 @@ class _Tail:
     places: FloatArray
     means: FloatArray
     peak: float
+    noise: float
+    cutoff_frequency: float
 
     def explain(self, least: float) -> ZeroShift | None:
         """Return the cause that leaves least of the tail; None: all leave more than `least`."""
@@ -267,14 +283,44 @@ class _Tail:
             abs(fit.size) <= LARGEST_STEP * self.peak
             and rate * (self.places[0] - self.pulse.fall) <= FASTEST_RECOVERY
         )
-        share = compute_share(self.hammer, self.pulse)
+        jump = self._find_jump(fit.size) if is_sure else None
+        share = compute_share(self.hammer, self.pulse) if jump is None else self._smooth_step(jump)
+        unsure = fit.size * (1.0 if jump is None else JUMP_TOLERANCE)
         return ZeroShift(
             Reason.ZERO_SHIFT,
             text,
             fit.size * share * np.exp(-rate * lapse) if is_sure else None,
-            # When within the shock it came is not known: evenly distributed.
-            math.hypot(fit.size / math.sqrt(12.0), fit.standard),
+            # When within the shock it came, or what did not come at once, is evenly distributed.
+            math.hypot(unsure / math.sqrt(12.0), fit.standard),
         )
+
+    def _find_jump(self, size: float) -> int | None:
+        """Return the point within the pulse at which the step came at once; None: it did not.
+
+        Around each point a cubic and a step are fitted. What the step has is compared with what
+        the tail shows.
+        """
+        reach = int(JUMP_REACH * self.pulse.half_amplitude_width)
+        first, last = math.floor(self.pulse.rise), math.ceil(self.pulse.fall)
+        if reach < SHORTEST_PART or first < reach:
+            return None
+        step = self._smooth_step(first)[first - reach : first + reach + 1]
+        powers = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, 2 * reach + 1), 4))[0]
+        kernel = step - powers @ (powers.T @ step)
+        square = float(kernel @ kernel)
+        if abs(size) < JUMP_NOISE * self.noise / math.sqrt(square):
+            return None
+        near = self.trace[first - reach : last + reach + 1]
+        jumps = np.correlate(near, kernel, "valid") / square
+        place = int(np.argmax(jumps * math.copysign(1.0, size)))
+        is_inside = 0 < place < jumps.size - 1
+        is_alike = abs(jumps[place] - size) < JUMP_TOLERANCE * abs(size)
+        return first + place if is_inside and is_alike else None
+
+    def _smooth_step(self, place: int) -> FloatArray:
+        """Return a step of 1 at a point as the low-pass leaves it."""
+        step = np.heaviside(np.arange(self.trace.size) - float(place), 0.5)
+        return low_pass(step, self.cutoff_frequency, self.sampling_rate)
 
     def _fit(self, shape: FloatArray) -> _Fit:
         square = float(shape @ shape)
