@@ -32,6 +32,7 @@ from impact_rig.present.rerun.addresses import LOOPBACK
 from impact_rig.present.rerun.destination import DestinationPlan, Work
 from impact_rig.present.rerun.health import Health, Level, NodeHealth
 from impact_rig.present.rerun.opening import Destination, open_destinations
+from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.recordings.messages import (
     block_from_msg,
     label_from_msg,
@@ -292,9 +293,13 @@ class VisualizerNode(RigNode):
         self._counts["comparisons"] += 1
         campaign.add_comparison(message)
         sample = message.sample
-        self._put_latest(
-            ("traces", sample), lambda log: log.log_sample(campaign.make_traces(sample))
-        )
+
+        def show(log: ViewLog) -> None:
+            traces = campaign.make_traces(sample)
+            log.log_sample(traces)
+            log.log_law(traces, campaign.make_law(sample), campaign.setup)
+
+        self._put_latest(("traces", sample), show)
 
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
         if not self._health.add(message):

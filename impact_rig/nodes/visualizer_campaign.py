@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from impact_rig.core.errors import RigError, SignalError
 from impact_rig.core.estimation import paper_method, sample
+from impact_rig.core.estimation.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.hits.hit import judge_hit
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.settings import AnalysisSettings
@@ -260,6 +261,11 @@ class ShownCampaign:
             comparisons = tuple(self._comparisons[sample].values())
             estimate = self._estimates.get(sample)
         return sample_traces_from_msgs(comparisons, estimate)
+
+    def make_law(self, sample: str) -> ContactLaw:
+        """Return the contact law of one sample as it is known now."""
+        estimate = self._estimates.get(sample)
+        return from_message(ContactLaw, estimate.contact_law) if estimate else NO_LAW
 
 
 def _keep(table: OrderedDict[HitLabel, Any], label: HitLabel, value: Any) -> None:

@@ -8,7 +8,7 @@ from impact_rig.core.estimation.contact_law import ContactLaw
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.model.contact_law import compute_pulses
 from impact_rig.core.model.pulses import compute_pulse
-from impact_rig.core.setup.sensors import FLAT, SensorResponse
+from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.filtering import low_pass
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.core.signals.sensor_response import respond
@@ -46,13 +46,7 @@ class LawCurves:
     law_force: FloatArray
 
 
-def compute_law_curves(
-    law: ContactLaw,
-    traces: SampleTraces,
-    hammer_mass: float,
-    cutoff_frequency: float,
-    response: SensorResponse = FLAT,
-) -> LawCurves | None:
+def compute_law_curves(law: ContactLaw, traces: SampleTraces, setup: RigSetup) -> LawCurves | None:
     """Return the curves of a law with masses; None: there is no such law.
 
     Parameters
@@ -61,12 +55,8 @@ def compute_law_curves(
         Of the sample.
     traces : SampleTraces
         Its mean hit.
-    hammer_mass : float
-        m1 [kg].
-    cutoff_frequency : float
-        Of the low-pass that the traces went through [Hz]; 0: none.
-    response : SensorResponse
-        Of the hammer's sensor.
+    setup : RigSetup
+        With the hammer's mass and sensor, and the low-pass that the traces went through.
     """
     if not law.impact_speed.is_known:
         return None
@@ -74,7 +64,8 @@ def compute_law_curves(
     pulse = compute_pulses(np.array([exponent]), np.array([law.damping.value * speed]))
     unit = law.duration.value / float(pulse.duration[0])
     height = law.peak_force.value / float(pulse.compute_peak_force()[0])
-    rate, time = traces.sampling_rate, traces.time
+    rate, time, hammer_mass = traces.sampling_rate, traces.time, setup.hammer_mass
+    cutoff_frequency, response = setup.analysis.cutoff_frequency, setup.responses[0]
     upright = traces.mean * np.sign(traces.mean.sum(axis=1, keepdims=True))
 
     def filter_force(force: FloatArray) -> FloatArray:

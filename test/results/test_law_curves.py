@@ -17,7 +17,6 @@ from impact_rig.results.sample_traces import sample_traces_from_estimate
 
 SAMPLE = "steel medium"
 RESTITUTION = 0.7
-CUTOFF = PAPER_SETUP.analysis.cutoff_frequency
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +35,7 @@ def struck():
 
 def test_the_law_lies_on_the_pulse_and_the_versed_sine_beside_it(struck) -> None:
     estimate, traces = struck
-    curves = compute_law_curves(estimate.contact_law, traces, 0.1, CUTOFF)
+    curves = compute_law_curves(estimate.contact_law, traces, PAPER_SETUP)
     peak = curves.measured.max()
     law, versed = (
         np.abs(curves.measured - model).max() / peak for model in (curves.law, curves.versed_sine)
@@ -50,7 +49,7 @@ def test_both_loops_hold_the_energy_lost(struck) -> None:
     estimate, traces = struck
     contact = make_nominal_contact(PAPER_SETUP, SAMPLE, 1.5, RESTITUTION)
     lost = contact.equivalent_mass * contact.impact_speed**2 * (1.0 - contact.restitution**2) / 2.0
-    curves = compute_law_curves(estimate.contact_law, traces, 0.1, CUTOFF)
+    curves = compute_law_curves(estimate.contact_law, traces, PAPER_SETUP)
     assert np.trapezoid(curves.law_force, curves.law_indentation) == pytest.approx(lost, rel=0.03)
     assert np.trapezoid(curves.loop_force, curves.indentation) == pytest.approx(lost, rel=0.05)
     assert curves.indentation.max() == pytest.approx(curves.law_indentation.max(), rel=5e-3)
@@ -59,5 +58,5 @@ def test_both_loops_hold_the_energy_lost(struck) -> None:
 def test_one_trace_has_no_loop_and_no_law_no_curves(struck) -> None:
     estimate, traces = struck
     alone = replace(traces, mean=traces.mean[:1])
-    assert compute_law_curves(estimate.contact_law, alone, 0.1, CUTOFF).indentation.size == 0
-    assert compute_law_curves(NO_LAW, traces, 0.1, CUTOFF) is None
+    assert compute_law_curves(estimate.contact_law, alone, PAPER_SETUP).indentation.size == 0
+    assert compute_law_curves(NO_LAW, traces, PAPER_SETUP) is None

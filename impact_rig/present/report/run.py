@@ -134,14 +134,7 @@ def _make_sample_section(run: Run, sample: SampleEstimate, prefix: str) -> Secti
             if hit.aligned is not None and hit.result.accepted and hit.result.sample == sample.name
         ]
         parts.append(Picture(draw_sample_figure(sample, traces, hits, prefix=prefix)))
-        setup = run.campaign.results.setup
-        curves = compute_law_curves(
-            sample.contact_law,
-            traces,
-            setup.hammer_mass,
-            setup.analysis.cutoff_frequency,
-            setup.responses[0],
-        )
+        curves = compute_law_curves(sample.contact_law, traces, run.campaign.results.setup)
         if curves is not None:
             parts.append(Picture(draw_law_figure(sample, curves, prefix=prefix)))
     if sample.notes:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 TAB_LAST_HIT = "Last hit"
 TAB_SAMPLES = "Samples"
 TAB_PRINTED = "Samples, model as printed"
+TAB_LAW = "Contact law"
 TAB_CAMPAIGN = "Campaign"
 TAB_TRENDS = "Trends"
 TAB_RESULTS = "Results"
@@ -27,6 +28,7 @@ TABS = (
     TAB_LAST_HIT,
     TAB_SAMPLES,
     TAB_PRINTED,
+    TAB_LAW,
     TAB_CAMPAIGN,
     TAB_TRENDS,
     TAB_RESULTS,
@@ -67,8 +69,8 @@ def make_blueprint(
     Returns
     -------
     rerun.blueprint.Blueprint
-        Tabs: the last hit, the samples against both models, the paper's figures, trends over the
-        hits, the results, the rig's health.
+        Tabs: the last hit, the samples against both models, their contact laws, the paper's
+        figures, trends over the hits, the results, the rig's health.
 
     Raises
     ------
@@ -84,6 +86,7 @@ def make_blueprint(
             _lay_out_last_hit(),
             _lay_out_samples(sample_names, decay),
             _lay_out_printed(sample_names, decay),
+            _lay_out_laws(sample_names),
             _lay_out_campaign(sample_names, decay, widths),
             _lay_out_trends(),
             _lay_out_results(),
@@ -166,6 +169,34 @@ def _lay_out_printed(names: Sequence[str], time_range: Range | None) -> rrb.Cont
     )
 
 
+def _lay_out_laws(names: Sequence[str]) -> rrb.Container:
+    """Return a tab with a tab for each sample: pulse, what is left of it, loop."""
+    layout = import_rerun().blueprint
+    pages = [
+        layout.Horizontal(
+            layout.Vertical(
+                _make_time_view(
+                    f"Force on the hammer of {name} [N]", [make_body_path(name, entities.LAW)]
+                ),
+                _make_time_view(
+                    f"What law and versed-sine leave of {name} [N]",
+                    [make_body_path(name, entities.LAW_RESIDUAL)],
+                    legend="none",
+                ),
+                row_shares=[2, 1],
+            ),
+            _make_drawing(
+                f"Force [N] over indentation [µm] of {name}",
+                make_body_path(name, entities.LOOP),
+            ),
+            column_shares=[3, 2],
+            name=name,
+        )
+        for name in names
+    ]
+    return layout.Tabs(*pages, name=TAB_LAW)
+
+
 def _make_grid(name: str, cells: Sequence[rrb.View]) -> rrb.Container:
     columns = min(LARGEST_GRID_WIDTH, math.ceil(math.sqrt(len(cells))))
     return import_rerun().blueprint.Grid(contents=cells, grid_columns=max(columns, 1), name=name)
@@ -193,8 +224,15 @@ def _lay_out_campaign(
         layout.Vertical(
             _lay_out_figure_5(names, time_range),
             layout.Horizontal(
-                _make_bars("Fig. 6a: mean square error, hammer", entities.HAMMER),
-                _make_bars("Fig. 6b: mean square error, samples", entities.SPECIMEN),
+                *(
+                    _make_drawing(
+                        f"Fig. 6{letter}: mean square error, {whose}", (*entities.FIGURE_6, body)
+                    )
+                    for letter, whose, body in (
+                        ("a", "hammer", entities.HAMMER),
+                        ("b", "samples", entities.SPECIMEN),
+                    )
+                )
             ),
         ),
         name=TAB_CAMPAIGN,
@@ -217,10 +255,11 @@ def _lay_out_figure_5(names: Sequence[str], time_range: Range | None) -> rrb.Con
     return layout.Tabs(*pages, name="Fig. 5")
 
 
-def _make_bars(name: str, body: str) -> rrb.Spatial2DView:
+def _make_drawing(name: str, path: Path) -> rrb.Spatial2DView:
+    """Return a view of what is drawn into a plane."""
     sdk = import_rerun()
     return sdk.blueprint.Spatial2DView(
-        origin=sdk.new_entity_path([*entities.FIGURE_6, body]),
+        origin=sdk.new_entity_path(path),
         name=name,
         visual_bounds=sdk.blueprint.VisualBounds2D(
             x_range=[-paper_figures.LEFT, paper_figures.WIDTH + paper_figures.RIGHT],

@@ -60,10 +60,12 @@ AS_PRINTED = "printed"
 """Below a sample: mean, model as printed and residual of both bodies."""
 POINTS = "points"
 """Below a body: what was read from the mean."""
+LAW, LAW_RESIDUAL, LOOP = "law", "law residual", "loop"
+"""Below a sample: its contact's pulse, what law and versed-sine leave of it, its loop."""
 SUMMARY = "summary"
 """Below a sample: what was found of it, in words."""
 
 
-def make_body_path(sample: str, body: str) -> Path:
-    """Return the parent of what is drawn of one body of a sample's hits."""
-    return (*SAMPLES, sample, body)
+def make_body_path(sample: str, part: str) -> Path:
+    """Return the parent of what is drawn of a sample: of one body, or of its contact."""
+    return (*SAMPLES, sample, part)

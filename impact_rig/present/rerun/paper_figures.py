@@ -186,18 +186,40 @@ def _draw_bars(
             colors=[colour for *_, colour in bars for _ in offsets],
             radii=OVERLAP * strand,
         ),
-        "grid": _make_uprights([tick * scale for tick in ticks], 0.0, GREY, 0.5),
-        "bound": _make_uprights([bound * scale], -0.4, LIGHT, 1.0),
-        "labels": rr.Points2D(
-            [(x, y - LABEL_RISE) for x, y, _ in labels],
-            labels=[text for *_, text in labels],
-            colors=LIGHT,
-            radii=rr.Radius.ui_points(0.0),
-            show_labels=True,
-        ),
+        "grid": make_lines(_make_uprights([tick * scale for tick in ticks], 0.0), GREY, 1.0),
+        "bound": make_lines(_make_uprights([bound * scale], -0.4), LIGHT, 2.0),
+        "labels": make_labels(labels),
     }
+    draw_parts(stream, family, parts)
+
+
+def draw_parts(stream: rr.RecordingStream, family: Path, parts: Mapping[str, Any]) -> None:
+    """Draw into a plane, in place of what was there, what `make_lines` and such return."""
     for part, archetype in parts.items():
-        stream.log(rr.new_entity_path([*family, part]), archetype, static=True)
+        path = import_rerun().new_entity_path([*family, part])
+        stream.log(path, archetype, static=True)
+
+
+def make_labels(labels: Sequence[tuple[float, float, str]]) -> Any:
+    """Return texts in the middle of their places."""
+    rr = import_rerun()
+    return rr.Points2D(
+        [(x, y - LABEL_RISE) for x, y, _ in labels],
+        labels=[text for *_, text in labels],
+        colors=LIGHT,
+        radii=rr.Radius.ui_points(0.0),
+        show_labels=True,
+    )
+
+
+def make_lines(
+    strips: Sequence[Any], colour: Colour, width: float, order: float | None = None
+) -> Any:
+    """Return lines through points, shape (n, 2) each, so thick [points]; higher order: on top."""
+    rr = import_rerun()
+    return rr.LineStrips2D(
+        strips, colors=colour, radii=rr.Radius.ui_points(width / 2.0), draw_order=order
+    )
 
 
 def _format(value: float) -> str:
@@ -205,10 +227,5 @@ def _format(value: float) -> str:
     return f"{value:.3f} %" if value >= SMALLEST_VALUE else f"< {SMALLEST_VALUE} %"
 
 
-def _make_uprights(places: Sequence[float], top: float, colour: Colour, radius: float) -> Any:
-    rr = import_rerun()
-    return rr.LineStrips2D(
-        [[(place, top), (place, HEIGHT)] for place in places],
-        colors=colour,
-        radii=rr.Radius.ui_points(radius),
-    )
+def _make_uprights(places: Sequence[float], top: float) -> Sequence[Points]:
+    return [[(place, top), (place, HEIGHT)] for place in places]

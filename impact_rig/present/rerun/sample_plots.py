@@ -89,12 +89,12 @@ def draw_sample(plots: PlotLog, traces: SampleTraces) -> None:
     for row, body in enumerate(bodies):
         parent = make_body_path(traces.name, body)
         columns, lines = _gather_lines(traces, row, (DRIVEN, IDENTIFIED))
-        _replace_lines(plots, (*parent, entities.MODELS), traces.time, columns, lines)
+        replace_lines(plots, (*parent, entities.MODELS), traces.time, columns, lines)
         plots.hide((*parent, entities.CONTACT))
         plots.hide((*parent, entities.POINTS))
         _draw_contact(plots, traces, row)
     gathered = [_gather_lines(traces, row, (PRINTED,)) for row in range(len(bodies))]
-    _replace_lines(
+    replace_lines(
         plots,
         (*entities.SAMPLES, traces.name, entities.AS_PRINTED),
         traces.time,
@@ -113,7 +113,7 @@ def draw_figure_5(plots: PlotLog, traces: SampleTraces) -> None:
     if modelled is not None:
         columns.append(modelled)
         lines.append(Line("model", SPECIMEN_MODEL, MODEL_WIDTH))
-    _replace_lines(plots, (*entities.FIGURE_5, traces.name), traces.time, columns, lines)
+    replace_lines(plots, (*entities.FIGURE_5, traces.name), traces.time, columns, lines)
 
 
 def _gather_lines(
@@ -141,13 +141,14 @@ def _name_model(model: ModelTraces, row: int) -> str:
     return f"{BODIES[row]}, {kind} (MSE {format_percent(model.mse_percent[row])})"
 
 
-def _replace_lines(
+def replace_lines(
     plots: PlotLog,
     family: Path,
     time: FloatArray,
     columns: Sequence[FloatArray],
     lines: Sequence[Line],
 ) -> None:
+    """Draw smooth lines, every second point and the peaks, in place of the ones before."""
     is_drawn = np.zeros(time.size, dtype=bool)
     is_drawn[::THINNING] = True
     for column in columns:

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from impact_rig.core.estimation.contact_law import NO_LAW, ContactLaw
+from impact_rig.core.setup.samples import RigSetup
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.blueprint import make_blueprint
 from impact_rig.present.rerun.entities import Path
 from impact_rig.present.rerun.health import Health, HealthLog, format_health
+from impact_rig.present.rerun.law_plots import draw_law, draw_loop
 from impact_rig.present.rerun.markdown import (
     format_log_line,
     format_results,
@@ -29,6 +32,7 @@ from impact_rig.present.rerun.sample_plots import draw_aligned_hits, draw_figure
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.figure_rows import make_figure_rows
 from impact_rig.results.hit_traces import HitTraces
+from impact_rig.results.law_curves import compute_law_curves
 from impact_rig.results.numbers import MICRO
 from impact_rig.results.palette import CONTACT, GREY, HAMMER, SPECIMEN
 from impact_rig.results.sample_traces import AlignedHit, SampleTraces
@@ -144,6 +148,12 @@ class ViewLog:
         draw_sample(self._plots, traces)
         draw_figure_5(self._plots, traces)
 
+    def log_law(self, traces: SampleTraces, law: ContactLaw, setup: RigSetup) -> None:
+        """Show a sample's contact law beside its mean in place of the one before."""
+        curves = compute_law_curves(law, traces, setup)
+        draw_law(self._plots, traces.name, law, curves)
+        draw_loop(self._stream, traces.name, curves)
+
     def log_results(self, results: Results) -> None:
         """Show tables, Figs. 3, 4 and 6 and what was found of each sample, replacing the last."""
         self._log_document(entities.TABLES, format_results(results))
@@ -183,8 +193,10 @@ class ViewLog:
                 overlays[hit.result.sample, hit.aligned.sampling_rate].append(hit.aligned)
         for overlay in overlays.values():
             draw_aligned_hits(self._plots, overlay)
+        laws = {sample.name: sample.contact_law for sample in results.samples}
         for traces in campaign.samples:
             self.log_sample(traces)
+            self.log_law(traces, laws.get(traces.name, NO_LAW), results.setup)
         self.log_results(results)
         self._log_document(entities.HEALTH, format_health(()))
 

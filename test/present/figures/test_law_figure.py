@@ -8,7 +8,7 @@ from impact_rig.results.law_curves import compute_law_curves
 @pytest.fixture(scope="module")
 def figure(struck):
     sample, traces = struck.results.samples[0], struck.samples[0]
-    curves = compute_law_curves(sample.contact_law, traces, 0.1, 50e3)
+    curves = compute_law_curves(sample.contact_law, traces, struck.results.setup)
     assert curves is not None
     return draw_law_figure(sample, curves)
 

@@ -15,6 +15,7 @@ from impact_rig.present.rerun.blueprint import (
     TAB_CAMPAIGN,
     TAB_HEALTH,
     TAB_LAST_HIT,
+    TAB_LAW,
     TAB_PRINTED,
     TAB_RESULTS,
     TAB_SAMPLES,
@@ -205,6 +206,15 @@ EACH_HIT = f"of each hit (timeline {HIT} or {WALL_CLOCK}, chosen below)"
             },
         ),
         ((TAB_PRINTED,), HIT_TIME, dict.fromkeys(SAMPLES, (*BOTH, *MODELS))),
+        (
+            (TAB_LAW, "steel medium"),
+            HIT_TIME,
+            {
+                "Force on the hammer of steel medium [N]": (palette.BLUE, palette.VERMILION),
+                "What law and versed-sine leave of steel medium [N]": (palette.VERMILION,),
+                "Force [N] over indentation [µm] of steel medium": (palette.BLUE, palette.GREY),
+            },
+        ),
         (
             (TAB_CAMPAIGN,),
             HIT_TIME,
