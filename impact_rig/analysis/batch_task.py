@@ -5,7 +5,7 @@ from pathlib import Path
 
 from impact_rig.analysis.recording_analysis import (
     AnalyzedRecording,
-    SettingsChanges,
+    Settings,
     analyze_recording,
 )
 from impact_rig.core.errors import RigError
@@ -30,7 +30,7 @@ class BatchOutcome:
     error: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BatchTask:
     """What a worker is sent: paths and settings, no data.
 
@@ -38,17 +38,17 @@ class BatchTask:
     ----------
     path : Path
         Of the recording.
-    changes : SettingsChanges
-        Settings to use in place of the recorded ones.
+    settings : mapping
+        Fields of `AnalysisSettings` to use in place of the recorded ones.
     """
 
     path: Path
-    changes: SettingsChanges
+    settings: Settings
 
     def run(self) -> BatchOutcome:
         """Analyze the recording; what is wrong with it is an outcome too."""
         try:
-            return BatchOutcome(self.path, analyze_recording(self.path, self.changes))
+            return BatchOutcome(self.path, analyze_recording(self.path, self.settings))
         except RigError as error:
             return BatchOutcome(self.path, None, str(error))
         except MemoryError:

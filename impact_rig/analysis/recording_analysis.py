@@ -3,8 +3,9 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.core.estimation.pulse_shape import NO_SHAPE, estimate_pulse_shape
@@ -18,7 +19,6 @@ from impact_rig.core.hits.overrule import (
 )
 from impact_rig.core.session import Session, SessionResults
 from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.record import Block, HitLabel
 from impact_rig.core.uncertainty.contact import estimate_hit_contact_time
@@ -29,43 +29,9 @@ from impact_rig.results.sample_traces import AlignedHit, align_hit, sample_trace
 from impact_rig.results.trace_series import FileResults, file_results_from_judged
 from impact_rig.results.traced_campaign import TracedCampaign, TracedHit
 
-
-@dataclass(frozen=True)
-class SettingsChanges:
-    """Settings to use instead of the recorded or the default ones; None: keep those.
-
-    Attributes
-    ----------
-    cutoff_frequency : float or None
-        [Hz]; 0: no filter.
-    pulse_factor : float or None
-        F in tau_p = F * w50 [-].
-    double_hit_level : float or None
-        Second pulse that makes a double hit, part of the first [-].
-    keep_hits : int or None
-        How many hits of a sample are averaged at most [-]; 0: all.
-    contact_exponent : float or None
-        n of the contact law [-].
-    double_hit_window : float or None
-        Distance of two pulses up to which the second counts [s].
-    turns_polarity : bool or None
-        Turn hits of the other sign.
-    """
-
-    cutoff_frequency: float | None = None
-    pulse_factor: float | None = None
-    double_hit_level: float | None = None
-    keep_hits: int | None = None
-    contact_exponent: float | None = None
-    double_hit_window: float | None = None
-    turns_polarity: bool | None = None
-
-    def apply(self, settings: AnalysisSettings) -> AnalysisSettings:
-        """Return the changed settings; raises `ParameterError` for impossible ones."""
-        given = {name: value for name, value in asdict(self).items() if value is not None}
-        return replace(settings, **given)
-
-
+Settings = Mapping[str, Any]
+"""Fields of `AnalysisSettings` to use in place of the recorded ones, by name."""
+NO_CHANGES: Settings = {}
 Report = Callable[[str, int, int], None]
 """Is told now and then what is done (``reading`` [byte] or ``estimating`` [samples]), how much of
 it, and of how much."""
@@ -139,7 +105,7 @@ class JudgedRecording:
 
 def judge_recording(
     path: Path,
-    changes: SettingsChanges,
+    settings: Settings,
     accept: Sequence[str] = (),
     reject: Sequence[str] = (),
     *,
@@ -152,8 +118,8 @@ def judge_recording(
     ----------
     path : Path
         Of the `.mcap` file.
-    changes : SettingsChanges
-        Settings to use in place of the recorded ones.
+    settings : mapping
+        Fields of `AnalysisSettings` to use in place of the recorded ones.
     accept, reject : sequence of str
         Hits that a person takes into the mean or leaves out, by name; see `find_label`.
     keep_traces : bool
@@ -169,7 +135,7 @@ def judge_recording(
         If the settings cannot be used, or a person's word on a hit makes no sense.
     """
     recording = read_recording(path)
-    overrules = _find_overrules(recording, changes, accept, reject)
+    overrules = _find_overrules(recording, settings, accept, reject)
     sessions: list[
         tuple[Session, list[HitTraces], list[AlignedHit], dict[HitLabel, FileResults]]
     ] = []
@@ -177,7 +143,7 @@ def judge_recording(
     for event in recording.events(_bind(report, "reading", recording.size)):
         if not isinstance(event, Block):
             # Each campaign begins with its set-up, and its estimates start afresh.
-            setup = replace(event, analysis=changes.apply(event.analysis))
+            setup = replace(event, analysis=replace(event.analysis, **settings))
             sessions.append((Session(setup, overrules), [], [], {}))
         elif sessions:
             session, traces, aligned, files = sessions[-1]
@@ -206,13 +172,13 @@ def judge_recording(
 
 def analyze_recording(
     path: Path,
-    changes: SettingsChanges,
+    settings: Settings,
     accept: Sequence[str] = (),
     reject: Sequence[str] = (),
     report: Report | None = None,
 ) -> AnalyzedRecording:
     """Judge every hit of a recording and estimate; parameters and errors as `judge_recording`."""
-    judged = judge_recording(path, changes, accept, reject, report=report)
+    judged = judge_recording(path, settings, accept, reject, report=report)
     campaigns = tuple(
         _finish(campaign.session, judged.faults, report) for campaign in judged.campaigns
     )
@@ -235,8 +201,11 @@ def describe_hit(hit: JudgedHit, setup: RigSetup) -> FileResults:
     except RigError:
         shape = NO_SHAPE
     best = shape.best_fit
+    factor, unit = setup.hammer_reading
     return replace(
         flat,
+        measured_peak=factor * hit.hammer_peak,
+        measured_unit=unit,
         contact_time=contact_time,
         best_shape=shape.best_shape,
         shape_residual_percent=best.residual_percent if best else math.nan,
@@ -264,7 +233,7 @@ def _bind(report: Report | None, what: str, total: int) -> Callable[[int], None]
 
 
 def _find_overrules(
-    recording: Recording, changes: SettingsChanges, accept: Sequence[str], reject: Sequence[str]
+    recording: Recording, settings: Settings, accept: Sequence[str], reject: Sequence[str]
 ) -> Overrules:
     """Return a person's word on the hits of a recording, which is read for their names alone."""
     if not (accept or reject):
@@ -272,7 +241,7 @@ def _find_overrules(
     labels: list[set[HitLabel]] = []
     for event in recording.events():
         if not isinstance(event, Block):
-            detector = ImpactDetector(changes.apply(event.analysis))
+            detector = ImpactDetector(replace(event.analysis, **settings))
             labels.append(set())
         elif labels:
             labels[-1].update(record.label for record in detector.feed(event))
@@ -318,7 +287,7 @@ class TracedRecording:
 
 def trace_recording(
     path: Path,
-    changes: SettingsChanges | None = None,
+    settings: Settings = NO_CHANGES,
     accept: Sequence[str] = (),
     reject: Sequence[str] = (),
     *,
@@ -331,8 +300,8 @@ def trace_recording(
     ----------
     path : Path
         Of the `.mcap` file.
-    changes : SettingsChanges, optional
-        Settings to use in place of the recorded ones.
+    settings : mapping, optional
+        Fields of `AnalysisSettings` to use in place of the recorded ones.
     accept, reject : sequence of str
         Hits that a person takes into the mean or leaves out, by name; see `find_label`.
     with_models : bool
@@ -347,8 +316,7 @@ def trace_recording(
     ParameterError
         If the settings cannot be used, or a person's word on a hit makes no sense.
     """
-    changes = changes or SettingsChanges()
-    judged = judge_recording(path, changes, accept, reject, keep_traces=True, report=report)
+    judged = judge_recording(path, settings, accept, reject, keep_traces=True, report=report)
     campaigns = tuple(
         _trace_campaign(campaign, judged.faults, report, with_models=with_models)
         for campaign in judged.campaigns

@@ -1,7 +1,6 @@
 """`impact-rig analyze`: recordings and plain traces, without ROS."""
 
-from collections.abc import Sequence
-from dataclasses import fields
+from collections.abc import Mapping, Sequence
 from enum import Enum, auto
 from pathlib import Path
 from typing import Any
@@ -13,13 +12,13 @@ from rich.progress import MofNCompleteColumn, TextColumn
 
 from impact_rig.analysis.batch import analyze_batch
 from impact_rig.analysis.batch_task import BatchTask
+from impact_rig.analysis.measured_files import make_series
 from impact_rig.analysis.recording_analysis import (
     AnalyzedRecording,
-    SettingsChanges,
     analyze_recording,
 )
 from impact_rig.analysis.repeated_files import find_repeated_files
-from impact_rig.analysis.trace_analysis import TraceOptions, analyze_traces
+from impact_rig.analysis.trace_analysis import analyze_traces
 from impact_rig.cli import options
 from impact_rig.cli.each_file import raise_errors
 from impact_rig.cli.progress_bar import PATIENCE, ProgressBar, TimeLeft
@@ -109,7 +108,7 @@ class Form(Enum):
 
 def report_recording(
     path: Path,
-    changes: SettingsChanges,
+    settings: Mapping[str, Any],
     accept: Sequence[str],
     reject: Sequence[str],
     form: Form,
@@ -119,7 +118,7 @@ def report_recording(
     Raises as `analyze_recording`.
     """
     with AnalysisProgress(make_console(stderr=True), path) as bar:
-        recording = analyze_recording(path, changes, accept, reject, bar.report)
+        recording = analyze_recording(path, settings, accept, reject, bar.report)
     _print_warnings(recording)
     several = len(recording.campaigns) > 1
     if form is Form.JSON:
@@ -153,7 +152,7 @@ def _print(
 
 def report_batch(
     paths: Sequence[Path],
-    changes: SettingsChanges,
+    settings: Mapping[str, Any],
     form: Form,
     workers: int | None,
     scheduler: str | None,
@@ -164,7 +163,7 @@ def report_batch(
     ----------
     paths : sequence of Path
         Of the recordings, none of them twice.
-    changes : SettingsChanges
+    settings : mapping
         Settings to use in place of the recorded ones.
     form : Form
         Tables or JSON.
@@ -184,7 +183,7 @@ def report_batch(
         If the cluster cannot be used.
     """
     # A cluster's workers stand in folders of their own.
-    tasks = [BatchTask(path.absolute() if scheduler else path, changes) for path in paths]
+    tasks = [BatchTask(path.absolute() if scheduler else path, settings) for path in paths]
     with BatchProgress(make_console(stderr=True), len(tasks)) as progress:
         outcomes = analyze_batch(tasks, workers, scheduler, progress.report, _remark)
     campaigns: list[BatchCampaign] = []
@@ -252,27 +251,6 @@ RESULTS_OPTIONS = {"files", "as_json", "budget"}
 @options.files_argument
 @options.json_option
 @click.option("--budget", is_flag=True, help="Print where each uncertainty comes from, too.")
-@options.make_analysis_options(
-    "that of recording or rig file; else 50 kHz, off where the sampling is too slow",
-    "that of the recording; else 0",
-)
-@click.option(
-    "--exponent",
-    type=float,
-    metavar="N",
-    help="n of the contact law F = k δⁿ (1 + a δ'): 1 linear spring, 1.5 Hertz. [fitted]",
-)
-@click.option(
-    "--double-hit-window",
-    type=options.Quantity("s", "1 ms"),
-    metavar="TIME",
-    help="Distance of two pulses up to which the second makes a double hit. [any]",
-)
-@click.option(
-    "--polarity",
-    type=click.Choice(["fixed", "auto"]),
-    help="Hits of the other sign than those before: rejected, or turned. [fixed]",
-)
 @click.option(
     "--accept",
     multiple=True,
@@ -283,7 +261,7 @@ RESULTS_OPTIONS = {"files", "as_json", "budget"}
 @click.option(
     "--reject", multiple=True, metavar="HIT", help="Leave a hit out of the mean, named likewise."
 )
-@options.channel_options
+@options.measurement_options
 @click.option(
     "--workers",
     type=click.IntRange(1),
@@ -302,18 +280,12 @@ def command(
     files: tuple[Path, ...],
     as_json: bool,
     budget: bool,
-    cutoff: float | None,
-    pulse_factor: float | None,
-    exponent: float | None,
-    double_hit_level: float | None,
-    double_hit_window: float | None,
-    polarity: str | None,
-    keep: int | None,
     accept: tuple[str, ...],
     reject: tuple[str, ...],
     workers: int | None,
     scheduler: str | None,
-    **trace_options: Any,
+    traces: Mapping[str, Any],
+    settings: Mapping[str, Any],
 ) -> None:
     """Estimate contact time, stiffness and damping from recordings or plain traces.
 
@@ -329,29 +301,25 @@ def command(
         return
     paths, errors = _find_files(files)
     recordings = [path for path in paths if is_recording(path)]
-    traces = [path for path in paths if not is_recording(path)]
-    if recordings and traces:
+    others = [path for path in paths if not is_recording(path)]
+    if recordings and others:
         raise ParameterError(
-            f"{recordings[0]} is a recording and {traces[0]} a plain trace: analyze them apart"
+            f"{recordings[0]} is a recording and {others[0]} a plain trace: analyze them apart"
         )
-
-    turns = None if polarity is None else polarity == "auto"
-    changes = SettingsChanges(
-        cutoff, pulse_factor, double_hit_level, keep, exponent, double_hit_window, turns
-    )
     if recordings:
-        is_batch = len(files) > 1
-        _check_recording_options(context)
-        if is_batch:
+        for name in traces:
+            raise ParameterError(
+                f"{options.make_flag(name)} is for plain traces: a recording explains itself"
+            )
+        if len(files) > 1:
             _check_batch_options(accept, reject, form)
-            errors += report_batch(recordings, changes, form, workers, scheduler)
+            errors += report_batch(recordings, settings, form, workers, scheduler)
         else:
-            report_recording(recordings[0], changes, accept, reject, form)
-    elif traces:
+            report_recording(recordings[0], settings, accept, reject, form)
+    elif others:
         if workers is not None or scheduler is not None:
             raise ParameterError("--workers and --scheduler are for recordings")
-        series = TraceOptions(**trace_options).make_series(changes)
-        analyzed = analyze_traces(traces, series, accept, reject)
+        analyzed = analyze_traces(others, make_series(traces, settings), accept, reject)
         errors += analyzed.errors
         for remark in analyzed.remarks:
             print_warning(remark)
@@ -397,17 +365,6 @@ def _check_results_alone(context: click.Context, files: Sequence[Path]) -> None:
             raise ParameterError(
                 f"{parameter.opts[0]} changes nothing in {results}, a results file: analyze its"
                 " recording"
-            )
-
-
-def _check_recording_options(context: click.Context) -> None:
-    """Refuse options that a recording has no use for."""
-    names = {field.name for field in fields(TraceOptions)}
-    for parameter in context.command.params:
-        source = context.get_parameter_source(parameter.name or "")
-        if parameter.name in names and source is not ParameterSource.DEFAULT:
-            raise ParameterError(
-                f"{parameter.opts[0]} is for plain traces: a recording explains itself"
             )
 
 

@@ -1,16 +1,14 @@
 """`impact-rig import`: measurements of other instruments as a recording, without ROS."""
 
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
-from impact_rig.analysis.recording_analysis import SettingsChanges
-from impact_rig.analysis.trace_analysis import TraceOptions, TraceSeries
+from impact_rig.analysis.measured_files import TraceSeries, make_series
 from impact_rig.cli import options
 from impact_rig.cli.each_file import raise_errors
-from impact_rig.cli.options import Quantity
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.present.terminal.console import print_warning
 from impact_rig.results.numbers import format_count
@@ -69,30 +67,9 @@ def _print_template(context: click.Context, _parameter: click.Parameter, value: 
     callback=_print_template,
     help="Print a file for --channels, with comments, and stop.",
 )
-@options.channel_options
-@options.make_analysis_options("rig file's; else 50 kHz, off where the sampling is too slow", "0")
-@click.option(
-    "--pre-trigger",
-    type=Quantity("s", "200 us"),
-    metavar="TIME",
-    help="Kept before the impact. [the whole file is the record]",
-)
-@click.option(
-    "--record-duration",
-    type=Quantity("s", "2 ms"),
-    metavar="TIME",
-    help="Length of the record. [the whole file is the record]",
-)
+@options.measurement_options
 def command(
-    files: tuple[Path, ...],
-    output: Path,
-    cutoff: float | None,
-    pulse_factor: float | None,
-    double_hit_level: float | None,
-    keep: int | None,
-    pre_trigger: float | None,
-    record_duration: float | None,
-    **trace_options: Any,
+    files: tuple[Path, ...], output: Path, traces: Mapping[str, Any], settings: Mapping[str, Any]
 ) -> None:
     """Make a recording of other instruments' files, one hit each, all of one sample.
 
@@ -100,31 +77,14 @@ def command(
     """
     if output.suffix != RECORDING_SUFFIX:
         raise ParameterError(f"{output} should be a recording: give it the suffix .mcap")
-    changes = SettingsChanges(cutoff, pulse_factor, double_hit_level, keep)
-    series = TraceOptions(**trace_options).make_series(changes)
-    series = _set_window(series, pre_trigger, record_duration)
-    errors = _import_files(files, output, series)
+    errors = _import_files(files, output, make_series(traces, settings))
     raise_errors(errors)
-
-
-def _set_window(
-    series: TraceSeries, pre_trigger: float | None, record_duration: float | None
-) -> TraceSeries:
-    if pre_trigger is None and record_duration is None:
-        return series
-    analysis = series.setup.analysis
-    analysis = replace(
-        analysis,
-        pre_trigger=analysis.pre_trigger if pre_trigger is None else pre_trigger,
-        record_duration=analysis.record_duration if record_duration is None else record_duration,
-    )
-    return replace(series, setup=replace(series.setup, analysis=analysis), has_window=True)
 
 
 def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) -> list[str]:
     """Write the recording; return what is wrong with files that are not in it."""
+    from impact_rig.analysis.measured_files import read_series
     from impact_rig.analysis.repeated_files import find_repeated_files
-    from impact_rig.analysis.trace_analysis import read_series
     from impact_rig.recordings.importing import write_imported
 
     repeated = find_repeated_files(files)

@@ -263,144 +263,185 @@ def use_private_domain() -> Iterator[None]:
 
 
 _UNITS = ", ".join(UNITS)
+_SENSOR_OPTIONS: dict[str, dict[str, Any]] = {
+    "unit": {"metavar": "UNIT", "help": f"{_UNITS}. [as the file states it; else m/s^2]"},
+    "sensitivity": {
+        "type": SensitivityText(),
+        "metavar": "VALUE",
+        "help": 'For a channel in V: "10 mV/g", of a force hammer "2.25 mV/N".',
+    },
+    "full_scale": {
+        "type": Reading(),
+        "metavar": "VALUE",
+        "help": 'Largest value that the channel can show: "500 g", "10 V". [not known]',
+    },
+    "resonance": {
+        "type": Quantity("Hz", "70 kHz"),
+        "metavar": "FREQUENCY",
+        "help": "Of the mounted sensor; the models are sent through it. [not known]",
+    },
+    "resonance_damping": {
+        "type": float,
+        "metavar": "RATIO",
+        "help": "Of that resonance, over critical. [0.02]",
+    },
+    "low_corner": {
+        "type": Quantity("Hz", "0.5 Hz"),
+        "metavar": "FREQUENCY",
+        "help": "-3 dB of sensor and amplifier at the low end. [not known]",
+    },
+}
+"""Of each body."""
+_TRACE_OPTIONS: dict[str, dict[str, Any]] = {
+    "channels": {
+        "type": click.Path(path_type=Path),
+        "metavar": "FILE.toml",
+        "help": "File that holds all of the following; `import --template` prints one.",
+    },
+    "hammer": {
+        "metavar": "CHANNEL",
+        "help": "Name or number of the hammer's channel. [the first one]",
+    },
+    "specimen": {
+        "metavar": "CHANNEL",
+        "help": "Of the sample's. [the second one; none if --hammer is given]",
+    },
+    "columns": {
+        "metavar": "ROLE,...",
+        "help": "Or the role of every column: time, hammer, specimen or skip.",
+    },
+    "rate": {
+        "type": Quantity("Hz", "25.6 kHz"),
+        "metavar": "RATE",
+        "help": "For files that state no sampling rate; goes before a column of times.",
+    },
+    "time_unit": {
+        "metavar": "UNIT",
+        "help": f"Of times: {', '.join(TIME_UNITS)}. [as the file states it; s if it can be]",
+    },
+    **{f"hammer_{key}": keywords for key, keywords in _SENSOR_OPTIONS.items()},
+    **{
+        f"sample_{key}": {**keywords, "help": "Likewise."}
+        for key, keywords in _SENSOR_OPTIONS.items()
+    },
+    "sample": {"metavar": "NAME", "help": "Which sample was struck."},
+    "rig_file": {
+        "type": click.Path(path_type=Path),
+        "help": "TOML file with masses and settings; --sample is one of its samples.",
+    },
+    "hammer_mass": {"type": Quantity("kg", "100 g"), "metavar": "MASS", "help": "m1."},
+    "sample_mass": {
+        "type": Quantity("kg", "102.38 g"),
+        "metavar": "MASS",
+        "help": "Without accelerometer.",
+    },
+    "accelerometer_mass": {
+        "type": Quantity("kg", "3 g"),
+        "metavar": "MASS",
+        "help": "Carried by the sample. [0]",
+    },
+    "hammer_stiffness": {
+        "type": Quantity("N/m", "22.5 MN/m"),
+        "metavar": "K",
+        "help": "k1, from an earlier control experiment.",
+    },
+    "control": {
+        "is_flag": True,
+        "default": None,
+        "help": "Hammer and sample are alike: k1 = k2 = 2 k_eq.",
+    },
+    "pre_trigger": {
+        "type": Quantity("s", "200 us"),
+        "metavar": "TIME",
+        "help": "Kept before each impact. [the whole file is the record]",
+    },
+    "record_duration": {
+        "type": Quantity("s", "2 ms"),
+        "metavar": "TIME",
+        "help": "A record of many impacts is cut into such. [the whole file is the record]",
+    },
+}
+"""What is said of measured files, see `impact_rig.analysis.measured_files`."""
+_SETTINGS: dict[str, tuple[str, dict[str, Any]]] = {
+    "cutoff": (
+        "cutoff_frequency",
+        {
+            "type": Cutoff(),
+            "metavar": "FREQUENCY",
+            "help": "Low-pass, or off. [that of recording or rig file; else 50 kHz, off where the"
+            " sampling is too slow]",
+        },
+    ),
+    "pulse_factor": (
+        "pulse_factor",
+        {"type": float, "metavar": "F", "help": "τp = F w50: 2 versed-sine, 1.5 half-sine. [2]"},
+    ),
+    "exponent": (
+        "contact_exponent",
+        {
+            "type": float,
+            "metavar": "N",
+            "help": "n of the contact law F = k δⁿ (1 + a δ'): 1 linear spring, 1.5 Hertz."
+            " [fitted]",
+        },
+    ),
+    "double_hit_level": (
+        "double_hit_level",
+        {
+            "type": float,
+            "metavar": "LEVEL",
+            "help": "Second pulse that makes a double hit, part of the first. [0.02]",
+        },
+    ),
+    "double_hit_window": (
+        "double_hit_window",
+        {
+            "type": Quantity("s", "1 ms"),
+            "metavar": "TIME",
+            "help": "Distance of two pulses up to which the second makes a double hit. [any]",
+        },
+    ),
+    "polarity": (
+        "turns_polarity",
+        {
+            "type": click.Choice(["fixed", "auto"]),
+            "callback": lambda _context, _option, value: value and value == "auto",
+            "help": "Hits of the other sign than those before: rejected, or turned. [fixed]",
+        },
+    ),
+    "keep": (
+        "keep_hits",
+        {
+            "type": click.IntRange(0),
+            "metavar": "N",
+            "help": "Average the N most consistent hits of a sample; 0: all. [that of recording or"
+            " rig file; else 0]",
+        },
+    ),
+}
+"""Options for `AnalysisSettings`, and their fields."""
 
-channel_options = _combine(
-    click.option(
-        "--channels",
-        type=click.Path(path_type=Path),
-        metavar="FILE.toml",
-        help="File that holds all of the following; `import --template` prints one.",
-    ),
-    click.option(
-        "--hammer",
-        metavar="CHANNEL",
-        help="Name or number of the hammer's channel. [the first one]",
-    ),
-    click.option(
-        "--specimen",
-        metavar="CHANNEL",
-        help="Of the sample's. [the second one; none if --hammer is given]",
-    ),
-    click.option(
-        "--columns",
-        metavar="ROLE,...",
-        help="Or the role of every column: time, hammer, specimen or skip.",
-    ),
-    click.option(
-        "--rate",
-        type=Quantity("Hz", "25.6 kHz"),
-        metavar="RATE",
-        help="For files that state no sampling rate; goes before a column of times.",
-    ),
-    click.option(
-        "--time-unit",
-        metavar="UNIT",
-        help=f"Of a column of times: {', '.join(TIME_UNITS)}. [its heading's; s if it can be]",
-    ),
-    click.option(
-        "--hammer-unit",
-        metavar="UNIT",
-        help=f"Of the hammer's channel: {_UNITS}. [as the file states it; else m/s^2]",
-    ),
-    click.option("--sample-unit", metavar="UNIT", help="Of the sample's channel, likewise."),
-    click.option(
-        "--hammer-sensitivity",
-        type=SensitivityText(),
-        metavar="VALUE",
-        help='For a channel in V: "10 mV/g", of a force hammer "2.25 mV/N".',
-    ),
-    click.option(
-        "--sample-sensitivity", type=SensitivityText(), metavar="VALUE", help="Likewise."
-    ),
-    click.option(
-        "--hammer-full-scale",
-        type=Reading(),
-        metavar="VALUE",
-        help='Largest value that the channel can show: "500 g", "10 V". [not known]',
-    ),
-    click.option("--sample-full-scale", type=Reading(), metavar="VALUE", help="Likewise."),
-    click.option(
-        "--hammer-resonance",
-        type=Quantity("Hz", "70 kHz"),
-        metavar="FREQUENCY",
-        help="Of the hammer's mounted sensor; the models are sent through it. [not known]",
-    ),
-    click.option(
-        "--sample-resonance", type=Quantity("Hz", "70 kHz"), metavar="FREQUENCY", help="Likewise."
-    ),
-    click.option(
-        "--hammer-resonance-damping",
-        type=float,
-        metavar="RATIO",
-        help="Of that resonance, over critical. [0.02]",
-    ),
-    click.option("--sample-resonance-damping", type=float, metavar="RATIO", help="Likewise."),
-    click.option(
-        "--hammer-low-corner",
-        type=Quantity("Hz", "0.5 Hz"),
-        metavar="FREQUENCY",
-        help="-3 dB of the hammer's sensor and amplifier at the low end. [not known]",
-    ),
-    click.option(
-        "--sample-low-corner", type=Quantity("Hz", "0.5 Hz"), metavar="FREQUENCY", help="Likewise."
-    ),
-    click.option("--sample", metavar="NAME", help="Which sample was struck."),
-    click.option(
-        "--rig-file",
-        "--setup",
-        "rig_file",
-        type=click.Path(path_type=Path),
-        help="TOML file with masses and settings; --sample is one of its samples.",
-    ),
-    click.option("--hammer-mass", type=Quantity("kg", "100 g"), metavar="MASS", help="m1."),
-    click.option(
-        "--sample-mass",
-        type=Quantity("kg", "102.38 g"),
-        metavar="MASS",
-        help="Without accelerometer.",
-    ),
-    click.option(
-        "--accelerometer-mass",
-        type=Quantity("kg", "3 g"),
-        metavar="MASS",
-        help="Carried by the sample. [0]",
-    ),
-    click.option(
-        "--hammer-stiffness",
-        type=Quantity("N/m", "22.5 MN/m"),
-        metavar="K",
-        help="k1, from an earlier control experiment.",
-    ),
-    click.option("--control", is_flag=True, help="Hammer and sample are alike: k1 = k2 = 2 k_eq."),
-)
-"""Their names are the fields of `TraceOptions`."""
+
+def make_flag(name: str) -> str:
+    """Return an option as it is written on the command line."""
+    return f"--{name.replace('_', '-')}"
 
 
-def make_analysis_options(cutoff: str, keep: str) -> Decorator:
-    """Return the options that make `SettingsChanges`; what is taken without them is said."""
-    return _combine(
-        click.option(
-            "--cutoff", type=Cutoff(), metavar="FREQUENCY", help=f"Low-pass, or off. [{cutoff}]"
-        ),
-        click.option(
-            "--pulse-factor",
-            type=float,
-            metavar="F",
-            help="τp = F w50: 2 versed-sine, 1.5 half-sine. [2]",
-        ),
-        click.option(
-            "--double-hit-level",
-            type=float,
-            metavar="LEVEL",
-            help="Second pulse that makes a double hit, part of the first. [0.02]",
-        ),
-        click.option(
-            "--keep",
-            type=click.IntRange(0),
-            metavar="N",
-            help=f"Average the N most consistent hits of a sample; 0: all. [{keep}]",
-        ),
-    )
+def measurement_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add what is said of measured files and of settings, as two mappings of what is given."""
+
+    @functools.wraps(command)
+    def joined(**values: Any) -> Any:
+        found = {name: values.pop(name) for name in (*_TRACE_OPTIONS, *_SETTINGS)}
+        given = {name: value for name, value in found.items() if value is not None}
+        traces = {name: given[name] for name in _TRACE_OPTIONS if name in given}
+        settings = {field: given[name] for name, (field, _) in _SETTINGS.items() if name in given}
+        return command(traces=traces, settings=settings, **values)
+
+    options = {name: keywords for name, (_, keywords) in _SETTINGS.items()} | _TRACE_OPTIONS
+    for name, keywords in reversed(options.items()):
+        joined = click.option(make_flag(name), **keywords)(joined)
+    return joined
 
 
 def recording_options(command: Callable[..., Any]) -> Callable[..., Any]:

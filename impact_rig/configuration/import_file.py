@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,12 @@ CHANNEL_KEYS = (
     "resonance_damping",
     "low_corner",
 )
+RESPONSE_KEYS = {
+    "resonance": "resonance",
+    "resonance_damping": "damping",
+    "low_corner": "low_corner",
+}
+"""Those of `SensorResponse`, and what they are there."""
 NAN = math.nan
 
 
@@ -103,6 +109,51 @@ def parse_import_file(text: str) -> ImportFile:
         control=specimen.take_boolean("control", default=False),
         settings=parse_settings(document),
     )
+
+
+def add_options(file: ImportFile, given: Mapping[str, Any]) -> ImportFile:
+    """Return what a file says, changed by options of the command line, which go before it.
+
+    Parameters
+    ----------
+    file : ImportFile
+        What is changed.
+    given : mapping
+        Names or numbers of the channels `hammer` and `specimen`; `columns`, their roles between
+        commas; `rate` [Hz]; `time_unit`; keys of a channel behind `hammer_` and `sample_`, of
+        which `full_scale` has its unit beside it; and fields of `ImportFile` by their names.
+
+    Raises
+    ------
+    ParameterError
+        If they contradict each other, or a value cannot be meant.
+    """
+    plan = file.plan
+    columns, hammer, specimen = plan.columns, plan.hammer, plan.specimen
+    if "columns" in given:
+        columns = tuple(role.strip() for role in given["columns"].split(","))
+        hammer, specimen = replace(hammer, channel=""), replace(specimen, channel="")
+    elif "hammer" in given:
+        columns = None
+    plan = ChannelPlan(
+        _change_use(hammer, given, "hammer", "hammer"),
+        _change_use(specimen, given, "sample", "specimen"),
+        columns,
+        given.get("rate", plan.sampling_rate),
+        given.get("time_unit", plan.time_unit),
+    )
+    plain = {item.name for item in fields(ImportFile)} & given.keys()
+    return replace(file, plan=plan, **{name: given[name] for name in plain})
+
+
+def _change_use(use: ChannelUse, given: Mapping[str, Any], body: str, role: str) -> ChannelUse:
+    found = {key: given.get(f"{body}_{key}") for key in CHANNEL_KEYS if key != "mass"}
+    found |= {"channel": given.get(role)}
+    values = {key: value for key, value in found.items() if value is not None}
+    if "full_scale" in values:
+        values["full_scale"], values["full_scale_unit"] = values["full_scale"]
+    response = {key: values.pop(name) for name, key in RESPONSE_KEYS.items() if name in values}
+    return replace(use, response=replace(use.response, **response), **values)
 
 
 def _parse_plan(document: TomlTable, hammer: TomlTable, specimen: TomlTable) -> ChannelPlan:

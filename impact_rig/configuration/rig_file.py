@@ -34,6 +34,7 @@ ANALYSIS_QUANTITIES = {
     "cutoff_frequency": ("Hz", "50 kHz"),
     "pre_trigger": ("s", "200 us"),
     "record_duration": ("s", "2 ms"),
+    "double_hit_window": ("s", "1 ms"),
 }
 """Settings that have a unit; the others are plain numbers."""
 WHOLE_SETTINGS = ("overload_run", "keep_hits")
@@ -58,6 +59,8 @@ def parse_settings(document: TomlTable) -> dict[str, Any]:
     for key, value in table.items():
         if key in ANALYSIS_QUANTITIES:
             values[key] = table.take_quantity(key, *ANALYSIS_QUANTITIES[key])
+        elif key == "turns_polarity":
+            values[key] = table.take_boolean(key, default=False)
         elif isinstance(value, bool) or not isinstance(value, int | float):
             raise table.refuse(key, "a plain number")
         elif key not in WHOLE_SETTINGS:

@@ -229,7 +229,9 @@ class VisualizerNode(RigNode):
         contact_times = [sample.reference_contact_time for sample in setup.samples.samples]
         for destination in self._destinations:
             destination.begin(
-                lambda log: log.log_setup(setup.name, setup.samples.names, contact_times)
+                lambda log: log.log_setup(
+                    setup.name, setup.samples.names, contact_times, setup.hammer_reading
+                )
             )
         self._put_results(campaign)
         early = tuple(self._early)

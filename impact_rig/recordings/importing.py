@@ -90,8 +90,6 @@ class MappedChannels:
     unit : str
         Of what the hammer's sensor measures: m/s^2, N, or V where its sensitivity is not known;
         empty: nobody states it.
-    per_unit : float
-        Acceleration of one such unit [m/s^2].
     remarks : tuple of str
         What was taken for granted.
     names : tuple of str
@@ -107,7 +105,6 @@ class MappedChannels:
     specimen: ChannelBlock = NO_SPECIMEN
     has_scale: bool = True
     unit: str = DEFAULT_UNIT
-    per_unit: float = 1.0
     remarks: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
     stamp: int = 0
@@ -167,10 +164,12 @@ def _map_hit(
     if specimen is not None:
         _check_pair(path, hammer, specimen)
     is_force = _is_force(hammer, plan.hammer)
+    is_stated = bool(hammer.unit or plan.hammer.unit or plan.hammer.sensitivity)
     is_voltage = not plan.hammer.sensitivity and _is_voltage(hammer, plan.hammer)
-    has_scale = needs_scale or not (is_voltage or (is_force and math.isnan(hammer_mass)))
+    has_scale = needs_scale or (
+        is_stated and not is_voltage and not (is_force and math.isnan(hammer_mass))
+    )
     mass = hammer_mass if has_scale else 1.0
-    is_stated = hammer.unit or plan.hammer.unit or plan.hammer.sensitivity
     unit = "V" if is_voltage else "N" if is_force else DEFAULT_UNIT if is_stated else ""
     return MappedChannels(
         sampling_rate=_choose_rate(path, plan, hammer, found.get("time")),
@@ -180,7 +179,6 @@ def _map_hit(
         else NO_SPECIMEN,
         has_scale=has_scale,
         unit=unit,
-        per_unit=1.0 / mass if is_force else 1.0,
         remarks=tuple(
             remark
             for role, use in (("hammer", plan.hammer), ("specimen", plan.specimen))
@@ -419,7 +417,8 @@ def _note_unit(body: str, channel: MeasuredChannel, use: ChannelUse) -> Iterator
     """Yield what is taken for granted of a channel's unit."""
     unit = use.unit or channel.unit
     if not unit and not use.sensitivity:
-        yield f"nobody states the unit of the {body}'s channel: m/s^2 is taken (--{body}-unit)"
+        taken = "its peaks have none" if body == "hammer" else "m/s^2 is taken"
+        yield f"nobody states the unit of the {body}'s channel: {taken} (--{body}-unit)"
     if normalize_unit(unit) == "kgn":
         yield f"the {body}'s channel is taken for thousands of g; a force in kilograms is kgf"
 
@@ -495,7 +494,6 @@ class ImportedHit:
     has_scale : bool
         The hammer's numbers make accelerations; see `MappedChannels`, as of these:
     unit : str
-    per_unit : float
     remarks : tuple of str
     channels : tuple of str
         Names of the channels in the file.
@@ -505,7 +503,6 @@ class ImportedHit:
     block: Block
     has_scale: bool
     unit: str
-    per_unit: float
     remarks: tuple[str, ...]
     channels: tuple[str, ...]
 
@@ -578,7 +575,6 @@ def read_hits(
                     counted,
                     channels.has_scale,
                     channels.unit,
-                    channels.per_unit,
                     channels.remarks,
                     channels.names,
                 )
@@ -606,9 +602,8 @@ def _check_alone(path: Path, block: Block) -> None:
     distances = np.diff(high)
     window = min(LONGEST_WINDOW, 0.4 * float(distances[distances >= step].min()) / rate)
     raise SignalError(
-        f"{path} holds {len(apart) + 1} impacts of like height: `impact-rig import"
-        f" {shlex.quote(str(path))} -o hits.mcap --record-duration {1e3 * window:.2g}ms"
-        f" --pre-trigger {1e2 * window:.2g}ms` makes a hit of each"
+        f"{path} holds {len(apart) + 1} impacts of like height: --record-duration"
+        f" {1e3 * window:.2g}ms --pre-trigger {1e2 * window:.2g}ms makes a hit of each"
     )
 
 

@@ -24,6 +24,11 @@ def format_number(value: float, digits: int) -> str:
     return f"{value:z.{digits}f}" if math.isfinite(value) else MISSING
 
 
+def show_unit(unit: str) -> str:
+    """Return a unit as it is printed."""
+    return unit.replace("^2", "²")
+
+
 def format_difference(value: float, reference: float, digits: int = 2) -> str:
     """Return the difference in percent of the reference, signed; a dash where one is missing."""
     percent = compute_difference(value, reference)

@@ -10,8 +10,9 @@ from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.origin import MIXED, SIMULATED, UNKNOWN_KIND, Origin, join_origins
-from impact_rig.results.campaign import HitResults
-from impact_rig.results.numbers import MICRO, MISSING, format_count, format_number
+from impact_rig.core.setup.samples import RigSetup
+from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.numbers import MICRO, MISSING, format_count, format_number, show_unit
 from impact_rig.results.tables import (
     Column,
     Table,
@@ -94,17 +95,17 @@ def count_reasons(hits: Sequence[HitResults]) -> str:
     return ", ".join(f"{reason} ({number})" for reason, number in counts.most_common())
 
 
-def tabulate_rejections(hits: Sequence[HitResults]) -> list[Table]:
+def tabulate_rejections(results: Results) -> list[Table]:
     """Return the rejected hits with their reasons, and what the virtual rig did on purpose.
 
     Marked are those with which something is wrong, not those that others were preferred to.
     """
+    hits = sorted(results.rejections, key=lambda hit: hit.record)
     if not hits:
         return []
-    hits = sorted(hits, key=lambda hit: hit.record)
     columns = [
         *_make_label_columns(hits),
-        make_optional("Hammer peak [m/s²]", _format_peaks(hits, "hammer_peak")),
+        _make_hammer_column(hits, results.setup),
         make_text_column("Why", ["\n".join(hit.reasons) for hit in hits]),
         make_text_column("Injected", ["\n".join(hit.injected_faults) for hit in hits]),
         *_make_origin_columns(hits),
@@ -120,19 +121,20 @@ def tabulate_rejections(hits: Sequence[HitResults]) -> list[Table]:
     return [make_table(f"Rejected hits: {len(hits)}", columns, notes, wrong)]
 
 
-def tabulate_accepted(hits: Sequence[HitResults]) -> list[Table]:
+def tabulate_accepted(results: Results) -> list[Table]:
     """Return the hits in the means, each as it was by itself."""
+    hits = [hit for hit in results.hits if hit.accepted]
     if not hits:
         return []
     columns = [
         *_make_label_columns(hits),
         make_optional("τp [µs]", [format_number(hit.contact_time * MICRO, 2) for hit in hits]),
-        make_optional("Hammer peak [m/s²]", _format_peaks(hits, "hammer_peak")),
-        make_optional("Sample peak [m/s²]", _format_peaks(hits, "specimen_peak")),
+        _make_hammer_column(hits, results.setup),
+        make_optional("Sample peak [m/s²]", _format_peaks([hit.specimen_peak for hit in hits])),
         make_text_column("By hand", ["\n".join(hit.reasons) for hit in hits]),
         *_make_origin_columns(hits),
     ]
-    note = "τp: of this hit alone. Peaks: largest acceleration after the low-pass, either sign."
+    note = "τp: of this hit alone. Peaks: largest value after the low-pass, either sign."
     return [make_table(f"Hits in the means: {len(hits)}", columns, [note])]
 
 
@@ -155,8 +157,13 @@ def _make_origin_columns(hits: Sequence[HitResults]) -> list[Column]:
     ]
 
 
-def _format_peaks(hits: Sequence[HitResults], name: str) -> list[str]:
-    values = [getattr(hit, name) for hit in hits]
+def _make_hammer_column(hits: Sequence[HitResults], setup: RigSetup) -> Column:
+    factor, unit = setup.hammer_reading
+    peaks = [factor * hit.hammer_peak for hit in hits]
+    return make_optional(f"Hammer peak [{show_unit(unit)}]", _format_peaks(peaks))
+
+
+def _format_peaks(values: Sequence[float]) -> list[str]:
     return [f"{value:.1f}" if math.isfinite(value) else MISSING for value in values]
 
 

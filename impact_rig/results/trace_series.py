@@ -17,6 +17,7 @@ from impact_rig.results.numbers import (
     format_count,
     format_number,
     format_quantity,
+    show_unit,
 )
 from impact_rig.results.results_file import origin_to_json
 from impact_rig.results.tables import (
@@ -32,7 +33,6 @@ from impact_rig.results.wire import Json, to_json
 FORMAT_NAME = "impact-rig trace results"
 FORMAT_VERSION = 4
 NAN = math.nan
-SHOWN_UNITS = {"m/s^2": "m/s²"}
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def tabulate_hits(hits: Sequence[FileResults]) -> Table:
             "leaves: RMS of what the best shape leaves, over the peak.",
         ),
         make_optional(
-            f"Peak [{SHOWN_UNITS.get(unit, unit)}]" if unit else "Peak",
+            f"Peak [{show_unit(unit)}]" if unit else "Peak",
             [_format_peak(hit.measured_peak) for hit in hits],
         ),
         Column("Place", [hit.origin.place for hit in hits], is_text=True, is_optional=True),

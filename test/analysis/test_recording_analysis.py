@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from impact_rig.analysis.recording_analysis import (
-    SettingsChanges,
     analyze_recording,
     trace_recording,
 )
@@ -32,9 +31,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a recording of two samples, some hits with faults."""
     rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=11, faults=FaultPlan(0.1)))
     hits = [
-        ImportedHit(
-            Path(__file__), rig.strike(label).split(10_000, 0)[0], True, "m/s^2", 1.0, (), ()
-        )
+        ImportedHit(Path(__file__), rig.strike(label).split(10_000, 0)[0], True, "m/s^2", (), ())
         for label in LABELS
     ]
     output = tmp_path_factory.mktemp("traced") / "session.mcap"
@@ -44,13 +41,13 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_results_are_those_of_the_analysis(path: Path) -> None:
     (campaign,) = trace_recording(path, with_models=True).campaigns
-    (analyzed,) = analyze_recording(path, SettingsChanges()).campaigns
+    (analyzed,) = analyze_recording(path, {}).campaigns
     assert repr(campaign.results) == repr(analyzed)
 
 
 def test_without_models_everything_else_is_the_same(path: Path) -> None:
     (campaign,) = trace_recording(path, with_models=False).campaigns
-    (analyzed,) = analyze_recording(path, SettingsChanges()).campaigns
+    (analyzed,) = analyze_recording(path, {}).campaigns
     assert repr(campaign.results.hits) == repr(analyzed.hits)
     for sample, other in zip(campaign.results.samples, analyzed.samples, strict=True):
         assert sample.identifications == ()
@@ -87,7 +84,7 @@ def test_a_mean_is_that_of_its_accepted_hits(path: Path) -> None:
 def test_a_person_s_word_and_other_settings_hold(path: Path) -> None:
     (before,) = trace_recording(path, with_models=False).campaigns
     first = next(hit.result for hit in before.hits if hit.result.accepted)
-    changes = SettingsChanges(pulse_factor=1.5)
+    changes = {"pulse_factor": 1.5}
     (after,) = trace_recording(
         path, changes, reject=[str(first.record)], with_models=False
     ).campaigns
@@ -105,12 +102,12 @@ def test_a_simulated_hit_among_measured_ones_is_told(tmp_path: Path) -> None:
     measured = Origin(MEASURED, "digitizer 7")
     blocks = [rig.strike(label).split(10_000, 0)[0] for label in LABELS[:3]]
     blocks[1:] = [replace(block, origin=measured) for block in blocks[1:]]
-    hits = [ImportedHit(Path(__file__), block, True, "m/s^2", 1.0, (), ()) for block in blocks]
+    hits = [ImportedHit(Path(__file__), block, True, "m/s^2", (), ()) for block in blocks]
     write_imported(tmp_path / "mixed.mcap", PAPER_SETUP, hits)
-    (results,) = analyze_recording(tmp_path / "mixed.mcap", SettingsChanges()).campaigns
+    (results,) = analyze_recording(tmp_path / "mixed.mcap", {}).campaigns
     assert [hit.origin.kind for hit in results.hits] == ["simulated", "measured", "measured"]
     assert results.origin.kind == "mixed"
-    (table,) = tabulate_accepted(results.hits)
+    (table,) = tabulate_accepted(results)
     (column,) = [column for column in table.columns if column.header == "Origin"]
     assert column.cells[1] == "measured (digitizer 7)"
     assert column.cells[0].startswith("simulated (virtual rig")

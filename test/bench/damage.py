@@ -16,8 +16,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Literal
 
-from impact_rig.analysis.recording_analysis import SettingsChanges
-from impact_rig.analysis.trace_analysis import TraceOptions, read_series
+from impact_rig.analysis.measured_files import make_series, read_series
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.errors import RigError
 from impact_rig.core.session import Session
@@ -271,7 +270,7 @@ def import_file(path: Path) -> None:
         raise RigError(errors[path])
 
 
-SERIES = TraceOptions(hammer_mass=0.5).make_series(SettingsChanges(cutoff_frequency=0.0))
+SERIES = make_series({"hammer_mass": 0.5}, {"cutoff_frequency": 0.0})
 """What is stated of all files."""
 
 

@@ -15,7 +15,6 @@ from mcap.writer import Writer
 from bench.campaigns import COMPRESSIONS, compress_anew
 from bench.measure import Bench, Figure, at_least, at_most, compare_times, divide, part
 from impact_rig.analysis.batch_task import BatchTask
-from impact_rig.analysis.recording_analysis import SettingsChanges
 from impact_rig.core.errors import RigError
 from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.reader import read_recording
@@ -183,7 +182,7 @@ def measure_batch(bench: Bench) -> Iterator[Figure]:
 def _analyze(client: Any, path: Path, count: int) -> None:
     from impact_rig.analysis.dask_workers import run_on_workers
 
-    tasks = [BatchTask(path, SettingsChanges()) for _ in range(count)]
+    tasks = [BatchTask(path, {}) for _ in range(count)]
     for outcome in run_on_workers(client, tasks, lambda _: None):
         if outcome.recording is None:
             raise RigError(outcome.error)

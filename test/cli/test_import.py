@@ -1,6 +1,7 @@
 """`impact-rig import`: files of other instruments become recordings that `analyze` takes."""
 
 import json
+import re
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
@@ -17,6 +18,7 @@ DATA = Path(__file__).parents[1] / "data"
 REAL_HITS = sorted((DATA / "pyfrf_hammer").glob("*.npy"))
 REAL_SHOCKS = sorted((DATA / "repeat_shock").glob("acc_base*.txt"))
 SLOW = ("--cutoff", "off")
+ACCELERATION = ("--hammer-unit", "m/s^2")
 
 
 @pytest.fixture
@@ -53,7 +55,11 @@ def read_json(outcome: Any) -> Any:
     ("files", "words"),
     [
         pytest.param(REAL_HITS, ["--hammer-unit", "N", "--hammer-mass", "0.3"], id="hammer"),
-        pytest.param(REAL_HITS, ["--hammer-mass=0.3", "--sample-mass=0.3", "--control"], id="k"),
+        pytest.param(
+            REAL_HITS,
+            [*ACCELERATION, "--hammer-mass=0.3", "--sample-mass=0.3", "--control"],
+            id="k",
+        ),
         pytest.param(REAL_SHOCKS, ["--columns", "time,hammer", "--hammer-unit", "g"], id="shock"),
     ],
 )
@@ -94,11 +100,14 @@ def test_a_files_number_is_its_hits_record(
 ) -> None:
     files = [save("b.npy"), save("a.npy", 210e-6)]
     output = tmp_path / "hits.mcap"
-    outcome = run("import", *files, "-o", output, "--sample", "brass", "--sample-unit", "g")
+    words = ("-o", output, "--sample", "brass", "--sample-unit", "g")
+    refused = run("import", *files, *words)
+    assert refused.exit_code == 2
+    assert "nobody states the unit of the hammer's channel: give --hammer-unit" in refused.stderr
+    outcome = run("import", *files, *words, *ACCELERATION)
     assert outcome.exit_code == 0
     assert "2 hits on 'brass', from 2 of 2 files" in outcome.stdout
-    assert "nobody states the unit of the hammer's channel" in outcome.stderr
-    assert "sample's" not in outcome.stderr
+    assert outcome.stderr == ""
     blocks = read_blocks(output)
     assert [block.label.record for block in blocks] == [1, 2]
     assert {block.label.sample for block in blocks} == {"brass"}
@@ -157,7 +166,7 @@ def test_the_template_is_printed_for_such_files(run: Run, tmp_path: Path) -> Non
 
 def test_the_window_can_be_given(run: Run, save: Callable[..., Path], tmp_path: Path) -> None:
     output = tmp_path / "hits.mcap"
-    words = ("--pre-trigger", "100 us", "--record-duration", "1 ms")
+    words = (*ACCELERATION, "--pre-trigger", "100 us", "--record-duration", "1 ms")
     assert run("import", save("hit.npy"), "-o", output, *words).exit_code == 0
     analysis = read_recording(output).setup.analysis
     assert (analysis.pre_trigger, analysis.record_duration) == pytest.approx((1e-4, 1e-3))
@@ -175,7 +184,7 @@ def test_good_files_are_imported_whatever_the_others_are(
     (tmp_path / "copy.npy").write_bytes(good.read_bytes())
     files = [flat, "damaged.npy", "empty.csv", good, "copy.npy", "absent.npy", good]
     output = tmp_path / "hits.mcap"
-    outcome = run("import", *(tmp_path / file for file in files), "-o", output)
+    outcome = run("import", *(tmp_path / file for file in files), "-o", output, *ACCELERATION)
     assert outcome.exit_code == 2
     assert "1 of 7 files" in outcome.stdout
     told = [line for line in outcome.stderr.splitlines() if line.startswith("error: ")]
@@ -195,7 +204,7 @@ def test_good_files_are_imported_whatever_the_others_are(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--cutoff", "600 kHz"], "too low"),
+        (["--cutoff", "600 kHz", *ACCELERATION], "too low"),
         (["--hammer", "force"], "no channel 'force': it has 1 'column 1'"),
         (["--hammer-unit", "Pa"], "unit 'Pa' is unknown"),
         (["--hammer-sensitivity", "10"], "'10': it must be a voltage per unit"),
@@ -221,7 +230,7 @@ def test_a_recording_is_never_overwritten(
 ) -> None:
     output = tmp_path / "hits.mcap"
     output.write_text("precious")
-    outcome = run("import", save("hit.npy"), "-o", output)
+    outcome = run("import", save("hit.npy"), "-o", output, *ACCELERATION)
     assert outcome.exit_code == 2
     assert "hits.mcap exists already" in outcome.stderr
     assert output.read_text() == "precious"
@@ -241,7 +250,7 @@ def test_where_the_sampling_is_too_slow_for_the_usual_low_pass_it_is_left_out_an
 
 def test_a_low_pass_that_was_asked_for_is_not_left_out(run: Run, tmp_path: Path) -> None:
     output = tmp_path / "hits.mcap"
-    outcome = run("import", *REAL_HITS, "-o", output, "--cutoff", "50 kHz")
+    outcome = run("import", *REAL_HITS, "-o", output, "--cutoff", "50 kHz", *ACCELERATION)
     assert outcome.exit_code == 2
     assert "too low for the 50 kHz low-pass" in outcome.stderr
     assert not output.exists()
@@ -275,3 +284,30 @@ def test_an_imported_hit_keeps_its_file_and_nothing_that_nobody_measured_is_told
     assert "hit_4.npy" in text
     for words in ("simulated", "8.19 cm/s", "58 ppm"):
         assert words not in text, words
+
+
+def test_settings_of_the_analysis_are_kept_by_the_recording(
+    run: Run, save: Callable[..., Path], tmp_path: Path
+) -> None:
+    output = tmp_path / "hits.mcap"
+    words = ("--double-hit-level", "0.3", "--double-hit-window", "2 ms", "--polarity", "auto")
+    words += ("--exponent", "1.5", "--keep", "5", "--hammer-mass", "1")
+    assert run("import", save("hit.csv"), "-o", output, *words).exit_code == 0
+    found = read_recording(output).setup.analysis
+    assert (found.double_hit_level, found.double_hit_window) == (0.3, 2e-3)
+    assert (found.turns_polarity, found.contact_exponent, found.keep_hits) == (True, 1.5, 5)
+
+
+def test_peaks_of_a_force_hammer_are_in_newtons_wherever_they_are_shown(
+    run: Run, save: Callable[..., Path], tmp_path: Path
+) -> None:
+    files, output = [save(f"hit_{k}.csv", peak=500.0 + k) for k in range(3)], tmp_path / "h.mcap"
+    words = ("--hammer-mass", "200 g")
+    assert run("import", *files, "-o", output, *words).exit_code == 0
+    shown, direct = run("analyze", output).stdout, run("analyze", *files, *words).stdout
+    assert shown.split("Hits")[1].split("\n\n")[0] == direct.split("Hits")[1].split("\n\n")[0]
+    assert run("report", output, "-o", tmp_path / "h.html").exit_code == 0
+    page = (tmp_path / "h.html").read_text("utf-8")
+    assert "Hammer peak <span>[N]" in page
+    assert "Peak [N]" in shown
+    assert re.search(r"(499|50[0-2])\.\d", shown)

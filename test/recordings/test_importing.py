@@ -109,7 +109,7 @@ def test_where_files_state_rates_the_first_two_channels_are_hammer_and_sample():
     found = map_one(file, plan(), hammer_mass=0.5)
     assert found.names == ("force", "response")
     assert (found.hammer.scale, found.specimen.scale) == (2.0, 9.80665)
-    assert (found.remarks, found.unit, found.per_unit) == ((), "N", 2.0)
+    assert (found.remarks, found.unit) == ((), "N")
 
 
 @pytest.mark.parametrize(("hammer", "specimen"), [("b", "a"), ("2", "1")])
@@ -198,10 +198,10 @@ class TestTimesOfOneRecord:
 
 def test_volts_without_a_sensitivity_stay_volts_and_forces_without_a_mass_forces():
     volts = map_one(stated(channel("a", unit="mV")), plan(), needs_scale=False)
-    assert (volts.has_scale, volts.unit, volts.per_unit) == (False, "V", 1.0)
+    assert (volts.has_scale, volts.unit) == (False, "V")
     assert volts.hammer.scale == pytest.approx(1e-3)
     force = map_one(stated(channel("a", unit="lbf")), plan(), needs_scale=False)
-    assert (force.has_scale, force.unit, force.per_unit) == (False, "N", 1.0)
+    assert (force.has_scale, force.unit) == (False, "N")
     with pytest.raises(ParameterError, match="a channel in mV needs a sensitivity"):
         map_one(stated(channel("a", unit="mV")), plan())
 

@@ -350,8 +350,7 @@ def look_at_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
     """Return the law of a mean hit on `sample`; where it is not determined, its notes say why."""
     numbers = make_rig_numbers(setup, sample)
     settings = setup.analysis
-    given = settings.contact_exponent
-    exponent = None if math.isnan(given) else given
+    exponent = settings.contact_exponent or None
     sensors = setup.find_sensor("hammer"), setup.find_sensor("specimen")
     try:
         return estimate_contact_law(

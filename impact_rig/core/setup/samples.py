@@ -183,6 +183,10 @@ class SampleSet:
         return self.find(name).mass + self.accelerometer_mass
 
 
+ACCELERATION = 1.0, "m/s^2"
+"""What an accelerometer measures at 1 m/s^2, and its unit."""
+
+
 @dataclass(frozen=True)
 class RigSetup:
     """Everything that turns records into numbers, and lets a recording explain itself.
@@ -254,6 +258,13 @@ class RigSetup:
     def responses(self) -> tuple[SensorResponse, SensorResponse]:
         """Of both channels' sensors."""
         return self.find_sensor("hammer").response, self.find_sensor("specimen").response
+
+    @property
+    def hammer_reading(self) -> tuple[float, str]:
+        """What the hammer's sensor measures at 1 m/s^2, and in which unit: N of a force hammer."""
+        if self.find_sensor("hammer").quantity != "force":
+            return ACCELERATION
+        return (1.0 if math.isnan(self.hammer_mass) else self.hammer_mass), "N"
 
     def find_unknown_masses(self, name: str) -> tuple[str, ...]:
         """Return whose mass, of hammer and sample called `name`, is not known."""

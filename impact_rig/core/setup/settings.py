@@ -1,11 +1,10 @@
 """How hits are cut out, judged and evaluated: one record, stored with every recording."""
 
-import math
 from dataclasses import dataclass, field
 
 from impact_rig.core.checks import check_between, check_not_negative, check_positive
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.quantity import INTERNAL, describe
+from impact_rig.core.quantity import describe
 
 CONTACT_EXPONENTS = (0.6, 3.9)
 """Least and largest n of a contact law that is given [-], our choice: 1 is a linear spring, 3/2
@@ -47,13 +46,11 @@ class AnalysisSettings:
         How many accepted hits of a sample are averaged at most, the most consistent ones [-]; 0:
         all.
     double_hit_window : float
-        Distance of two pulses up to which the second counts [s]; 0: any. For an analysis of
-        files: a live rig is not told.
+        Distance of two pulses up to which the second counts [s]; 0: any.
     turns_polarity : bool
-        Turn hits of the other sign than those before, instead of rejecting them. Likewise.
+        Turn hits of the other sign than those before, instead of rejecting them.
     contact_exponent : float
-        n of the contact law where it is known [-]; NaN: it is fitted. For an analysis of files: a
-        live rig is not told.
+        n of the contact law where it is known [-]; 0: it is fitted.
     """
 
     cutoff_frequency: float = field(default=50e3, metadata=describe("Hz"))
@@ -66,9 +63,9 @@ class AnalysisSettings:
     overload_run: int = 2
     double_hit_level: float = 0.02
     keep_hits: int = 0
-    double_hit_window: float = field(default=0.0, metadata=INTERNAL)
-    turns_polarity: bool = field(default=False, metadata=INTERNAL)
-    contact_exponent: float = field(default=math.nan, metadata=INTERNAL)
+    double_hit_window: float = field(default=0.0, metadata=describe("s", since=5))
+    turns_polarity: bool = field(default=False, metadata=describe(since=5))
+    contact_exponent: float = field(default=0.0, metadata=describe(since=5))
 
     def __post_init__(self) -> None:
         """Refuse values that cannot be meant."""
@@ -92,7 +89,7 @@ class AnalysisSettings:
         check_between("overload_run", self.overload_run, 1, 1000)
         check_between("double_hit_level", self.double_hit_level, 1e-3, 1.0)
         check_not_negative("double_hit_window", self.double_hit_window, "s")
-        if not math.isnan(self.contact_exponent):
+        if self.contact_exponent:
             check_between("contact_exponent", self.contact_exponent, *CONTACT_EXPONENTS)
         check_between("keep_hits", self.keep_hits, 0, MOST_KEPT_HITS)
         if self.keep_hits != int(self.keep_hits):

@@ -159,8 +159,8 @@ def _make_hits_section(results: Results) -> Section:
     )
     if rejected:
         text += f": {count_reasons(rejected)}. A hit may have several reasons"
-    folded = [Folded(table.caption, (table,)) for table in tabulate_accepted(accepted)]
-    return Section("Hits", (Paragraph(f"{text}."), *tabulate_rejections(rejected), *folded))
+    folded = [Folded(table.caption, (table,)) for table in tabulate_accepted(results)]
+    return Section("Hits", (Paragraph(f"{text}."), *tabulate_rejections(results), *folded))
 
 
 def _make_missing_section(results: Results) -> Section | None:

@@ -37,6 +37,8 @@ class SetupField:
         """Return a value in this unit; a dash for what is not known."""
         if isinstance(value, str):
             return value or MISSING
+        if isinstance(value, bool):
+            return "yes" if value else "no"
         if value is None or not math.isfinite(value):
             return MISSING
         return f"{value * self.scale:.7g}"
@@ -52,6 +54,9 @@ SETTINGS = {
     "maximum_peak": SetupField("overload above, of full scale", "%", 100.0),
     "overload_run": SetupField("points at the rail that make an overload"),
     "double_hit_level": SetupField("second pulse that makes a double hit, of the first", "%", 100),
+    "double_hit_window": SetupField("second pulse counts within, 0 for anywhere", "ms", 1e3),
+    "turns_polarity": SetupField("hits of the other sign are turned"),
+    "contact_exponent": SetupField("n of the contact law, 0 where it is fitted"),
     "keep_hits": SetupField("hits of a sample averaged at most, 0 for all"),
 }
 """Fields of `AnalysisSettings`."""

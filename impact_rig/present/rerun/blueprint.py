@@ -12,6 +12,7 @@ from impact_rig.present.rerun.entities import BODIES, Path, make_body_path
 from impact_rig.present.rerun.health import DISK, LEVELS, LOSSES, RATES
 from impact_rig.present.rerun.rerun_sdk import import_rerun
 from impact_rig.results.figure_rows import sort_as_figure_5
+from impact_rig.results.numbers import show_unit
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
@@ -54,7 +55,7 @@ Range = tuple[float, float]
 
 
 def make_blueprint(
-    sample_names: Sequence[str], contact_times: Sequence[float] = ()
+    sample_names: Sequence[str], contact_times: Sequence[float] = (), hammer_unit: str = "m/s^2"
 ) -> rrb.Blueprint:
     """Lay out the view for a sample set.
 
@@ -65,6 +66,8 @@ def make_blueprint(
     contact_times : sequence of float
         Those that are expected [s], NaN where not known: plots begin with the part of the time in
         which something happens. Without any they begin with whole records.
+    hammer_unit : str
+        Of what the hammer's sensor measures.
 
     Returns
     -------
@@ -88,7 +91,7 @@ def make_blueprint(
             _lay_out_printed(sample_names, decay),
             _lay_out_laws(sample_names),
             _lay_out_campaign(sample_names, decay, widths),
-            _lay_out_trends(),
+            _lay_out_trends(hammer_unit),
             _lay_out_results(),
             _lay_out_health(),
             active_tab=0,
@@ -268,14 +271,14 @@ def _make_drawing(name: str, path: Path) -> rrb.Spatial2DView:
     )
 
 
-def _lay_out_trends() -> rrb.Container:
+def _lay_out_trends(hammer_unit: str) -> rrb.Container:
     """Return a tab with contact time and peaks of each hit."""
     when = f"of each hit (timeline {entities.HIT} or {entities.WALL_CLOCK}, chosen below)"
     plots = [
         _make_time_view(f"{title} {when}", [(*entities.TRENDS, quantity)])
         for title, quantity in (
             ("Contact time τp [µs]", entities.CONTACT_TIME),
-            ("Peak of the hammer [m/s²]", entities.HAMMER_PEAK),
+            (f"Peak of the hammer [{show_unit(hammer_unit)}]", entities.HAMMER_PEAK),
             ("Peak of the sample [m/s²]", entities.SPECIMEN_PEAK),
         )
     ]

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.origin import SIMULATED
+from impact_rig.core.setup.samples import ACCELERATION
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.numbers import MICRO, MISSING, format_number
+from impact_rig.results.numbers import MICRO, MISSING, format_number, show_unit
 from impact_rig.results.references import explain_misprint, find_reference
 from impact_rig.results.remarks import (
     Remark,
@@ -39,8 +40,11 @@ def escape_markdown(text: str) -> str:
     return "".join(f"\\{letter}" if letter in SPECIAL else letter for letter in line)
 
 
-def format_verdict(hit: HitResults) -> str:
-    """Return a hit's verdict as Markdown: which hit, the verdict, every reason, the figures."""
+def format_verdict(hit: HitResults, hammer: tuple[float, str] = ACCELERATION) -> str:
+    """Return a hit's verdict as Markdown: which hit, the verdict, every reason, the figures.
+
+    The hammer's peak is in the unit of its sensor, see `RigSetup.hammer_reading`.
+    """
     lines = [
         f"# {escape_markdown(hit.sample)}",
         f"Impact {hit.impact}, attempt {hit.attempt} (record {hit.record})",
@@ -52,7 +56,7 @@ def format_verdict(hit: HitResults) -> str:
         f"| {name} | {format_number(value, digits)} {unit} |"
         for name, value, digits, unit in (
             ("Contact time", hit.contact_time * MICRO, 2, "µs"),
-            ("Hammer peak", hit.hammer_peak, 0, "m/s²"),
+            ("Hammer peak", hammer[0] * hit.hammer_peak, 0, show_unit(hammer[1])),
             ("Sample peak", hit.specimen_peak, 0, "m/s²"),
         )
         if math.isfinite(value)
@@ -90,7 +94,7 @@ def format_log_line(hit: HitResults) -> str:
 def format_results(results: Results) -> str:
     """Return everything found as Markdown: values, remarks, and hits that were rejected."""
     if not results.samples:
-        return "\n\n".join([NOT_YET, *map(format_table, tabulate_rejections(results.rejections))])
+        return "\n\n".join([NOT_YET, *map(format_table, tabulate_rejections(results))])
     return "\n\n".join(
         [
             f"**{escape_markdown(describe_origin(hit.origin for hit in results.hits))}**",
@@ -98,7 +102,7 @@ def format_results(results: Results) -> str:
             LEGEND,
             *_format_remarks("Warnings", gather_warnings(results.samples)),
             *_format_remarks("Notes", gather_notes(results.samples, results.hammer)),
-            *map(format_table, tabulate_rejections(results.rejections)),
+            *map(format_table, tabulate_rejections(results)),
         ]
     )
 

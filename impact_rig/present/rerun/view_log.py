@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from impact_rig.core.estimation.contact_law import NO_LAW, ContactLaw
-from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup.samples import ACCELERATION, RigSetup
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.blueprint import make_blueprint
 from impact_rig.present.rerun.entities import Path
@@ -79,10 +79,15 @@ class ViewLog:
         self._trends: dict[str, str] = {}
         self._health = HealthLog(stream)
         self._layout: tuple[str, ...] | None = None
+        self._hammer = ACCELERATION
         self._summarised: set[str] = set()
 
     def log_setup(
-        self, name: str, sample_names: Sequence[str], contact_times: Sequence[float] = ()
+        self,
+        name: str,
+        sample_names: Sequence[str],
+        contact_times: Sequence[float] = (),
+        hammer_reading: tuple[float, str] = ACCELERATION,
     ) -> None:
         """Begin a campaign: hide what was shown before, and lay the view out for a sample set.
 
@@ -97,7 +102,10 @@ class ViewLog:
         contact_times : sequence of float
             Those that are expected [s], NaN where not known: plots then begin with the part of
             the time in which something happens. Without any they begin with whole records.
+        hammer_reading : tuple of float and str
+            What the hammer's sensor measures at 1 m/s^2, and its unit.
         """
+        self._hammer = hammer_reading
         self._plots.hide()
         self._trends.clear()
         summaries = (_make_summary_path(sample) for sample in (*self._summarised, *sample_names))
@@ -106,9 +114,12 @@ class ViewLog:
         draw_figure_6(self._stream, ())
         if name:
             self._stream.send_recording_name(name)
-        if self._layout != tuple(sample_names):
-            self._layout = tuple(sample_names)
-            self._stream.send_blueprint(make_blueprint(sample_names, contact_times))
+        layout = (*sample_names, hammer_reading[1])
+        if self._layout != layout:
+            self._layout = layout
+            self._stream.send_blueprint(
+                make_blueprint(sample_names, contact_times, hammer_reading[1])
+            )
 
     def log_hit(self, traces: HitTraces) -> None:
         """Show a record's traces in place of the last one's; an empty record shows nothing."""
@@ -136,7 +147,7 @@ class ViewLog:
         stamp : int
             Time of the hit, nanoseconds since the epoch.
         """
-        self._log_document(entities.VERDICT, format_verdict(verdict))
+        self._log_document(entities.VERDICT, format_verdict(verdict, self._hammer))
         self._log_verdicts([verdict], [stamp])
 
     def log_aligned_hit(self, hit: AlignedHit) -> None:
@@ -180,13 +191,14 @@ class ViewLog:
             results.setup.name,
             [sample.name for sample in results.samples or results.setup.samples.samples],
             [sample.contact_time.value for sample in results.samples],
+            results.setup.hammer_reading,
         )
         if hits:
             self._log_verdicts([hit.result for hit in hits], [hit.stamp for hit in hits])
         self._draw_earlier_hits([hit.recorded for hit in hits[:-1]])
         for last in hits[-1:]:
             self.log_hit(last.recorded)
-            self._log_document(entities.VERDICT, format_verdict(last.result))
+            self._log_document(entities.VERDICT, format_verdict(last.result, self._hammer))
         overlays: dict[tuple[str, float], list[AlignedHit]] = defaultdict(list)
         for hit in hits:
             if hit.aligned is not None and hit.result.accepted:
@@ -216,7 +228,10 @@ class ViewLog:
             columns=rr.TextLog.columns(text=list(map(format_log_line, hits)), level=levels),
         )
         values = np.array(
-            [(hit.contact_time * MICRO, hit.hammer_peak, hit.specimen_peak) for hit in hits]
+            [
+                (hit.contact_time * MICRO, self._hammer[0] * hit.hammer_peak, hit.specimen_peak)
+                for hit in hits
+            ]
         )
         accepted = np.array([hit.accepted for hit in hits], dtype=bool)
         for quantity, column in zip(TRENDS, values.T, strict=True):

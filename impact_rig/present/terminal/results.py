@@ -54,7 +54,7 @@ def print_results(console: Console, results: Results, files: Sequence[FileResult
         If the results name a sample that is not in their set-up.
     """
     print_origin(console, results.hits)
-    hits = [tabulate_hits(files)] if files else tabulate_rejections(results.rejections)
+    hits = [tabulate_hits(files)] if files else tabulate_rejections(results)
     for table in (*hits, *tabulate_results(results)):
         print_result(console, table)
     print_remarks(console, results.samples, results.hammer)
