@@ -5,6 +5,7 @@ from impact_rig.configuration.processes import use_one_thread
 
 use_one_thread()  # before numpy is imported, which reads it once
 
+import gc
 import re
 import signal
 import sys
@@ -60,7 +61,7 @@ def strike_samples(
     return results_from_session(session.estimate_all(), faults)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def strike() -> Strike:
     """Return the function that strikes samples."""
     return strike_samples
@@ -70,6 +71,11 @@ def strike() -> Strike:
 def results() -> Results:
     """Return the paper's campaign with two hits each."""
     return strike_samples()
+
+
+def pytest_collection_finish():
+    """Leave what was loaded and collected out of every later search for garbage: it stays."""
+    gc.freeze()
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -183,7 +183,7 @@ def test_the_same_seed_gives_the_same_however_it_is_recorded_and_whatever_a_view
     assert {chunk.compression for chunk in chunks} == {"lz4"}
     log = (folder / "again" / "nodes.log").read_text("utf-8")
     # The second where the host is so busy that the visualizer comes up after the kill.
-    assert log.count("is gone or takes no data") + log.count("no viewer answers") == 1
+    assert "is gone or takes no data" in log or "no viewer answers" in log
     assert (folder / "again" / "session.rrd").stat().st_size > 0
 
 

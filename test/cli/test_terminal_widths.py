@@ -16,7 +16,7 @@ from impact_rig.results.results_file import format_json, results_to_json
 
 from .pseudo_terminal import ESCAPE, find_widest, open_terminal
 
-WIDTHS = (40, 60, 80, 100, 132, 200)
+WIDTHS = (60, 80, 132)
 PROGRAM = """
 import contextlib, fcntl, json, struct, sys, termios
 from impact_rig.cli.main import cli

@@ -107,7 +107,7 @@ def get_numbers(session: Session) -> dict[str, tuple[object, ...]]:
 
 
 @given(order=st.permutations(["alike", "heavy", "third"]), size=st.integers(50, 2500))
-@settings(max_examples=5)
+@settings(max_examples=3)
 def test_neither_the_order_of_samples_nor_the_size_of_blocks_changes_a_bit(
     strike: Strike, order: list[str], size: int
 ) -> None:

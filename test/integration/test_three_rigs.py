@@ -23,8 +23,8 @@ QUANTITIES = {
     "stiffness": ("n_per_m", 1e-6, "k [MN/m]"),
     "damping_coefficient": ("n_s_per_m", 1.0, "c [N s/m]"),
 }
-CYCLES = 20
-HITS_BETWEEN = 100
+CYCLES = 5
+HITS_BETWEEN = 30
 """Enough for the cycles: one to three hits lie between two of them."""
 REASONS = {
     "scpi": r"paused: the accelerometer's device is lost: .*127\.0\.0\.1",

@@ -19,7 +19,8 @@ THERE = [engine for engine in ENGINES.values() if not find_obstacle(engine)]
 
 
 @pytest.fixture(scope="module")
-def run(results) -> Run:
+def run(strike) -> Run:
+    results = strike((PAPER_SETUP.samples.control_sample, "brass small"))
     return Run("monday", "monday/results.json", TracedCampaign(results, (), ()))
 
 
