@@ -22,7 +22,6 @@ from impact_rig.core.errors import FileError, ParameterError, SignalError
 from impact_rig.core.origin import IMPORTED, MIXED, SIMULATED, Origin
 from impact_rig.core.setup.calibration import (
     FORCES,
-    SAMPLES,
     TIME_UNITS,
     UNITS,
     VOLTAGES,
@@ -41,9 +40,8 @@ from impact_rig.recordings.formats.measurement import (
     RATE_DIGITS,
     MeasuredChannel,
     Measurement,
-    compute_sampling_rate,
     is_clock,
-    parse_time_unit,
+    read_clock,
 )
 from impact_rig.recordings.formats.registry import read_measurement
 from impact_rig.recordings.messages import NANOSECONDS, MessageEncoder
@@ -339,38 +337,27 @@ def _check_pair(path: Path, hammer: MeasuredChannel, specimen: MeasuredChannel) 
 def _choose_rate(
     path: Path, plan: ChannelPlan, hammer: MeasuredChannel, time: MeasuredChannel | None
 ) -> float:
-    stated, given = hammer.sampling_rate, plan.sampling_rate
-    if time is not None and math.isnan(given):
-        return _read_clock(path, plan, hammer, time)
-    if math.isnan(stated) and math.isnan(given):
+    rate, unit, given = hammer.sampling_rate, hammer.time_unit, plan.sampling_rate
+    if not math.isnan(given):
+        is_stated = unit and not math.isnan(rate)
+        if is_stated and not math.isclose(rate, given, rel_tol=10.0**-RATE_DIGITS):
+            raise ParameterError(
+                f"{path} is sampled at {rate:g} Hz, as it states, not at {given:g} Hz"
+            )
+        return given
+    if time is not None:
+        rate, unit = read_clock(path, time.name, time.values, time.unit)
+    if math.isnan(rate):
         raise SignalError(
-            f"{path} has no time and states no rate: give its sampling rate (--rate)"
+            hammer.time_flaw
+            or f"{path} has no time and states no rate: give its sampling rate (--rate)"
         )
-    if math.isnan(given):
-        return stated
-    if not math.isnan(stated) and not math.isclose(stated, given, rel_tol=10.0**-RATE_DIGITS):
+    if unit and plan.time_unit and unit != plan.time_unit:
         raise ParameterError(
-            f"{path} is sampled at {stated:g} Hz, as it states, not at {given:g} Hz"
+            f"{path}: its times are in {unit}, as the file states, not in {plan.time_unit}"
         )
-    return given
-
-
-def _read_clock(
-    path: Path, plan: ChannelPlan, hammer: MeasuredChannel, time: MeasuredChannel
-) -> float:
-    """Return the rate of a column of times [Hz], whose unit is stated or plausible."""
-    try:
-        stated = parse_time_unit(time.name, time.unit)
-    except SignalError as error:
-        raise SignalError(f"{path}: {error}; if they are, skip them and give --rate") from None
-    if stated == SAMPLES:
-        raise SignalError(f"{path}: {time.name!r} counts samples: give their rate (--rate)")
-    if stated and plan.time_unit and stated != plan.time_unit:
-        raise ParameterError(
-            f"{path}: its times are in {stated}, as the file states, not in {plan.time_unit}"
-        )
-    unit = stated or plan.time_unit
-    rate = compute_sampling_rate(path, time.values.astype(np.float64), unit)
+    if plan.time_unit and not unit:
+        return float(f"{rate / TIME_UNITS[plan.time_unit]:.{RATE_DIGITS}g}")
     width = count_width(hammer.values) / rate
     if not unit and (width > LONGEST_WIDTH or 1.0 / rate > LONGEST_STEP):
         would = ", ".join(

@@ -48,8 +48,6 @@ def read_hdf5(path: Path) -> Measurement:
     ------
     FileError
         If the file is no HDF5, is cut off, or has no vector of real numbers.
-    SignalError
-        If it has times that do not run in even steps.
     """
     import h5py
 
@@ -98,7 +96,7 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
     if item.size and not item.id.get_storage_size():
         raise FileError(f"{path}: {name} should have {item.size} numbers, none of them is there")
     rate = _read_number(stated, RATE_NAMES)
-    if math.isnan(rate):
+    if is_step := math.isnan(rate):
         rate = round_rate(_read_number(stated, STEP_NAMES))
     units = [stated[key] for key in stated if key in UNIT_NAMES]
     recorded_at = item.attrs.get(RECORDED_AT)
@@ -111,6 +109,7 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
         is_channel=NAME in item.attrs and len(item.shape) == 1,
         recorded_at=int(recorded_at) if isinstance(recorded_at, np.integer) else 0,
         origin=str(item.attrs.get(ORIGIN, "")),
+        time_unit="" if is_step else "s",
     )
 
 

@@ -41,8 +41,6 @@ def read_mat(path: Path) -> Measurement:
     ------
     FileError
         If the file is none of MATLAB's, is cut off, or has no vector of real numbers.
-    SignalError
-        If it has times that do not run in even steps.
     """
     with path.open("rb") as file:
         beginning = file.read(HDF5_BLOCK + len(HDF5_MARK))

@@ -16,7 +16,12 @@ from numpy.typing import NDArray
 
 from impact_rig.core.checks import check_positive
 from impact_rig.core.errors import FileError, ParameterError, RigError, SignalError
-from impact_rig.core.setup.calibration import TIME_UNITS, normalize_time_unit, normalize_unit
+from impact_rig.core.setup.calibration import (
+    SAMPLES,
+    TIME_UNITS,
+    normalize_time_unit,
+    normalize_unit,
+)
 from impact_rig.core.signals.record import FloatArray, RawArray
 
 DOUBLE_DIGITS = 17
@@ -37,7 +42,7 @@ rounding to the printed digits makes of even steps, far below a point that is mi
 MANY_UNEVEN = 10
 """So many steps are uneven where points are missing; where times are rounded, more are [-]. Our
 choice."""
-TIME_HEADING = re.compile(r"[\s_/:.-]+")
+TIME_HEADING = re.compile(r"[\s_/:.()\[\]-]+")
 """What stands between the words of a heading."""
 
 
@@ -144,6 +149,25 @@ def compute_sampling_rate(path: Path, times: FloatArray, unit: str = "") -> floa
     return float(f"{1.0 / step:.{RATE_DIGITS}g}")
 
 
+def read_clock(path: Path, name: str, times: RawArray, unit: str = "") -> tuple[float, str]:
+    """Return the rate of a column of times, and their unit as its heading states it.
+
+    Parameters and errors as `parse_time_unit` and `compute_sampling_rate`.
+
+    Returns
+    -------
+    tuple of float and str
+        [Hz]; where no unit is stated it is as of seconds.
+    """
+    try:
+        stated = parse_time_unit(name, unit)
+    except SignalError as error:
+        raise SignalError(f"{path}: {error}; if they are, skip them and give --rate") from None
+    if stated == SAMPLES:
+        raise SignalError(f"{path}: {name!r} counts samples: give their rate (--rate)")
+    return compute_sampling_rate(path, times.astype(np.float64), stated), stated
+
+
 def is_clock(values: RawArray) -> bool:
     """Tell whether a column that never falls must be one of times: no signal is like that."""
     return values.size > 1 and bool(np.all(values[1:] >= values[:-1]) and values[-1] > values[0])
@@ -204,7 +228,7 @@ EARLIEST, LATEST = 315_532_800, 2_145_916_800
 were never set begin in 1904, 1970 or 1980, and ROS 2's stamps end in January 2038."""
 NANOSECONDS = 1_000_000_000
 """In a second [ns]."""
-TIME_NAMES = {"t", "time", "time s", "times", "x value", "tdxvec"}
+TIME_NAMES = {"t", "time", "times", "x value", "tdxvec"}
 RATE_NAMES = {
     "fs", "rate", "sampling rate", "sampling rate hz", "sample rate", "samplerate",
     "samplefrequency", "sampling frequency",
@@ -244,6 +268,11 @@ class MeasuredChannel:
         Why the file's numbers could not be read: then there are no values; empty: they could.
     origin : str
         Where its numbers come from, in the words of an export; empty: the file does not say.
+    time_unit : str
+        Of the times that the rate is of, as the file states it; empty: it does not, and the rate
+        is as of seconds.
+    time_flaw : str
+        Why the file's times make no rate; empty: they do, or there are none.
     """
 
     name: str
@@ -254,6 +283,8 @@ class MeasuredChannel:
     recorded_at: int = 0
     flaw: str = ""
     origin: str = ""
+    time_unit: str = "s"
+    time_flaw: str = ""
 
     def __post_init__(self) -> None:
         """Copy the values, make them read-only, and refuse what cannot be meant."""
@@ -354,7 +385,7 @@ class NamedArray:
         In the file.
     values : ndarray
         Of any kind and shape.
-    sampling_rate, unit, start, recorded_at, origin
+    sampling_rate, unit, start, recorded_at, origin, time_unit
         As in `MeasuredChannel`.
     is_channel : bool
         The file says so of numbers; False: found out by name and shape.
@@ -368,6 +399,7 @@ class NamedArray:
     is_channel: bool = False
     recorded_at: int = 0
     origin: str = ""
+    time_unit: str = "s"
 
 
 def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
@@ -392,8 +424,6 @@ def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
     ------
     FileError
         If no array is a channel.
-    SignalError
-        If time does not run in even steps.
     """
     rates = [array for array in arrays if read_stated_rate(array) > 0]
     clocks = [array for array in arrays if _is_time(array)]
@@ -472,16 +502,24 @@ def _make_channels(
 ) -> list[MeasuredChannel]:
     columns = split_columns(array.values)
     sampling_rate, start = array.sampling_rate, array.start
+    time_unit, time_flaw = array.time_unit, ""
     if math.isnan(sampling_rate) and not array.is_channel:
         if rates:
-            sampling_rate = read_stated_rate(_find_nearest(rates, array))
+            stated = _find_nearest(rates, array)
+            sampling_rate = read_stated_rate(stated)
+            time_unit = "" if clean_name(stated.name) in STEP_NAMES else "s"
         points = max(array.values.shape)
         fitting = [clock for clock in clocks if clock.values.size == points]
         if fitting:
             time = _find_nearest(fitting, array)
-            times = np.asarray(time.values, dtype=np.float64).ravel()
-            sampling_rate = compute_sampling_rate(path, times, time.unit)
-            start = TIME_UNITS[parse_time_unit("", time.unit) or "s"] * float(times[0])
+            times = time.values.ravel()
+            try:
+                sampling_rate, time_unit = read_clock(
+                    path, clean_name(time.name), times, time.unit
+                )
+                start = TIME_UNITS[time_unit or "s"] * float(times[0])
+            except SignalError as error:  # a given rate goes before them
+                time_flaw = str(error)
     return [
         MeasuredChannel(
             name=array.name + place,
@@ -491,6 +529,8 @@ def _make_channels(
             start=start,
             recorded_at=array.recorded_at,
             origin=array.origin,
+            time_unit=time_unit,
+            time_flaw=time_flaw,
         )
         for place, column in columns.items()
     ]
@@ -547,11 +587,18 @@ def read_stated_rate(array: NamedArray) -> float:
 
 
 def _is_time(array: NamedArray) -> bool:
+    name = clean_name(array.name)
+    word, *rest = [word for word in TIME_HEADING.split(name) if word] or [name]
+    units = [normalize_time_unit(word) for word in rest]
     return (
         not array.is_channel
         and _is_channel(array)
         and max(array.values.shape) == array.values.size
-        and clean_name(array.name) in TIME_NAMES
+        and (
+            name in TIME_NAMES
+            or (word in TIME_NAMES and all(units))
+            or normalize_time_unit(name) == SAMPLES
+        )
     )
 
 

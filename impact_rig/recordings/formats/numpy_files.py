@@ -53,8 +53,6 @@ def read_npz(path: Path) -> Measurement:
     ------
     FileError
         If the file is no sound archive, holds objects, or no vector of real numbers.
-    SignalError
-        If it holds times that do not run in even steps.
     """
     arrays = []
     with zipfile.ZipFile(path) as archive:

@@ -24,8 +24,6 @@ def read_parquet(path: Path) -> Measurement:
     ------
     FileError
         If the file is no Parquet, or has no column of real numbers.
-    SignalError
-        If its times do not run in even steps.
     """
     import pyarrow as pa
     from pyarrow import parquet

@@ -45,8 +45,6 @@ def read_tdms(path: Path) -> Measurement:
     ------
     FileError
         If the file is no TDMS, is cut off, or has no channel of real numbers.
-    SignalError
-        If it has a channel of times that do not run in even steps.
     """
     from nptdms import TdmsFile
 

@@ -103,7 +103,7 @@ def _make_channel(path: Path, function: dict[str, Any], number: int) -> Measured
         raise FileError(
             f"{path} {what}: {name!r} should have {points} points, it has {values.size}"
         )
-    rate, start = _read_clock(path, function, points)
+    rate, start, time_unit = _read_clock(path, function, points)
     return MeasuredChannel(
         name=name if name not in ("", NONE) else f"channel {number}",
         values=values,
@@ -111,6 +111,7 @@ def _make_channel(path: Path, function: dict[str, Any], number: int) -> Measured
         unit=str(function["ordinate_axis_units_lab"]).strip().replace(NONE, ""),
         start=start,
         origin=_read_origin(str(function["id2"])),
+        time_unit=time_unit,
     )
 
 
@@ -119,20 +120,21 @@ def _read_origin(line: str) -> str:
     return line.strip().removeprefix(mark) if line.startswith(mark) else ""
 
 
-def _read_clock(path: Path, function: dict[str, Any], points: int) -> tuple[float, float]:
-    """Return sampling rate [Hz] and start [s]."""
+def _read_clock(path: Path, function: dict[str, Any], points: int) -> tuple[float, float, str]:
+    """Return sampling rate [Hz], start [s] and the unit that the file states for them."""
     stated = STATED.match(str(function["id5"]))
     if stated is not None:
-        return float(stated[1]), float(stated[2])
-    scale = TIME_UNITS.get(normalize_time_unit(str(function["abscissa_axis_units_lab"])), 1.0)
+        return float(stated[1]), float(stated[2]), "s"
+    unit = normalize_time_unit(str(function["abscissa_axis_units_lab"]))
+    scale = TIME_UNITS.get(unit, 1.0)
     if function["abscissa_spacing"] == 0:
         times: FloatArray = scale * np.asarray(function["x"], dtype=np.float64)[:points]
-        return compute_sampling_rate(path, times), float(times[0])
+        return compute_sampling_rate(path, times), float(times[0]), unit
     step = float(function["abscissa_inc"])
     digits = next((n for n in STEP_DIGITS if float(f"{step:.{n - 1}e}") == step), None)
     error = compute_rounding(step, digits) if digits and step > 0 else 0.0
     start = scale * float(function["abscissa_min"])
-    return round_rate(scale * step, scale * error), start
+    return round_rate(scale * step, scale * error), start, unit
 
 
 def write_uff(path: Path, measurement: Measurement) -> None:
