@@ -16,6 +16,7 @@ from impact_rig.present.terminal.console import ALARM, GOOD, NOTE, print_table, 
 from impact_rig.results.numbers import MISSING, format_number
 from impact_rig.results.tables import Column
 from impact_rig.study.cases import Part
+from impact_rig.study.files import list_selection
 from impact_rig.study.results import (
     ESTIMATOR_NAMES,
     SYMBOLS,
@@ -91,6 +92,21 @@ def print_study(console: Console, results: StudyResults) -> None:
         for note in _make_notes(Part.BIAS, results):
             print_text(console, note, NOTE)
         console.print()
+    if results.selection:
+        found = list_selection(results.selection)
+        columns = [
+            Column("What is wrong with a hit", [row["fault"] for row in found], is_text=True),
+            Column("hits", [str(row["hits"]) for row in found]),
+            Column("found\n[%]", [f"{row['found_percent']:.1f}" for row in found]),
+            Column(
+                "95 %",
+                [
+                    f"{row['found_low_percent']:.2f} to {row['found_high_percent']:.2f}"
+                    for row in found
+                ],
+            ),
+        ]
+        print_table(console, "Faults by their size: found and rightly named", columns)
     _print_goals(console, judge_goals(results))
 
 
@@ -216,7 +232,7 @@ PARTS = ("coverage", "efficiency", "bias", "selection", "speed")
       coverage    how often 95 % intervals cover the truth
       efficiency  error over the Cramér-Rao bound, in white noise
       bias        against noise, bits, sampling rate, damping and pulse shape
-      selection   faults found for the right reason, good hits lost
+      selection   faults of sensors found by their size, good hits lost
       speed       one identification, beside the same fit around an integrator
 
     \b

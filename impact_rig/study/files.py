@@ -312,22 +312,19 @@ def write_figure(folder: StudyFolder, results: StudyResults) -> list[str]:
 
 
 def list_selection(count: SelectionCount) -> list[Json]:
-    """Return one row per fault, and one for the good hits."""
-    counts = [
-        *((fault, total, count.detected.get(fault, 0)) for fault, total in count.faulty.items()),
-        ("none", count.good, count.good_rejected),
-    ]
+    """Return one row for each fault and size, and one for the good hits that are left out."""
+    counts = [(fault, total, count.detected[fault]) for fault, total in count.faulty.items()]
     rows = []
-    for fault, total, rejected in counts:
-        part = compute_fraction(rejected, total)
+    for fault, total, found in [*counts, ("nothing", count.good, count.good_rejected)]:
+        part = compute_fraction(found, total)
         rows.append(
             {
                 "fault": fault,
                 "hits": total,
-                "rejected": rejected,
-                "rejected_percent": 100.0 * part.value,
-                "rejected_low_percent": 100.0 * part.low,
-                "rejected_high_percent": 100.0 * part.high,
+                "found": found,
+                "found_percent": 100.0 * part.value,
+                "found_low_percent": 100.0 * part.low,
+                "found_high_percent": 100.0 * part.high,
             }
         )
     return rows

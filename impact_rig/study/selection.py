@@ -1,41 +1,93 @@
-"""Hits with and without faults: every fault found for the right reason, no good hit lost."""
+"""Hits with and without faults of sensors and converters: from which size on each is found.
 
+Contacts of the law, of other materials, n and e each, through sensors that ring, by a converter
+with noise and hum. Every fault is what physics makes of it: a second contact is slower, lower and
+wider than the first, a zero shifts with the momentum or at once, a low corner droops.
+"""
+
+import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.signal import butter, lfilter
 
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.core.setup.sensors import SensorResponse
+from impact_rig.core.signals.record import Block, ChannelBlock, FloatArray, HitLabel
+from impact_rig.core.signals.sensor_response import respond
+from impact_rig.devices.virtual.contact import make_nominal_contact
 from impact_rig.devices.virtual.rig import (
-    FaultPlan,
-    ScheduledFault,
-    VirtualRig,
+    CountArray,
+    DigitizerSettings,
     VirtualRigSettings,
+    compute_scale,
+    couple,
+    digitize,
 )
-from impact_rig.study.campaigns import strike
 
-SERIES_HITS = 12
-"""Hits of a series [-], our choice: ten good ones are left on the average, as in a campaign."""
-FAULT_PROBABILITY = 0.2
-"""Of one fault at a hit [-]."""
-BLOCK_SIZE = 500
-"""Points per block [-], our choice: a lost block must leave others."""
-PLANTS = (Plant.PUBLISHED, Plant.DYNAMICS, Plant.CONTACT)
-RIGHT_REASONS = {
-    Fault.DOUBLE_HIT: Reason.DOUBLE_HIT,
-    Fault.OVERLOAD: Reason.OVERLOAD,
-    Fault.WEAK_HIT: Reason.WEAK,
-    Fault.MISSED_TRIGGER: Reason.NO_TRIGGER,
-    Fault.DEAD_CHANNEL: Reason.DEAD_CHANNEL,
-    Fault.LOST_BLOCK: Reason.GAP,
+SERIES_HITS = 10
+"""Good hits of a series [-], as in a campaign."""
+EXPONENTS, RESTITUTIONS = (1.3, 1.7), (0.7, 0.9)
+"""Of the contacts [-]: what metals show, more or less like Hertz."""
+RESONANCES = (40e3, 100e3)
+"""Of mounted sensors [Hz]."""
+LARGEST_HUM = 2e-4
+"""Its amplitude over full scale [-], our choice."""
+MAINS_FREQUENCY = 50.0
+SHORTEST_DELAY = 1.3
+"""Of a second contact from touch to touch, in durations [-]: before, it is the first."""
+RECOVERIES = (1e-3, 1.0)
+"""In which a zero shift goes [s]: milliseconds to seconds."""
+CABLE_FREQUENCY = 2e3
+"""Up to which a moving cable makes noise [Hz], our choice."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What may be wrong with a hit, in several sizes.
+
+    Attributes
+    ----------
+    reason : Reason
+        By which it is to be found.
+    sizes : tuple of float
+        Through and below what is to be found; in per cent of the peak, but for the corner [Hz].
+    sure : float
+        Size from which on 99 % are to be found; NaN: none is asked for.
+    text : str
+        How a size is called.
+    """
+
+    reason: Reason
+    sizes: tuple[float, ...]
+    sure: float
+    text: str
+
+    def name(self, size: float) -> str:
+        """Return the name of one size."""
+        return self.text.format(size)
+
+
+SECOND = Fault(Reason.DOUBLE_HIT, (1.5, 2.0, 3.0, 5.0), 5.0, "second contact of {:g} %")
+STEP = Fault(Reason.ZERO_SHIFT, (0.2, 0.5, 1.0, 2.0, 5.0), 2.0, "zero shift of {:g} %")
+DROOP = Fault(Reason.DROOP, (1.0, 3.0, 5.0, 10.0, 50.0), 50.0, "lower corner of {:g} Hz")
+CLIPPED = Fault(Reason.OVERLOAD, (99.8, 99.5, 99.0, 97.0), 97.0, "clipped at {:g} % of the peak")
+DROPOUT = Fault(Reason.DROPOUT, (3.0, 5.0, 10.0, 50.0), 10.0, "one point lost {:g} % into it")
+TURNED = Fault(Reason.POLARITY, (1.0, 2.0), 1.0, "{:g} of 2 channels turned")
+CABLE = Fault(Reason.UNSTEADY_ZERO, (1.0, 2.0, 3.0, 5.0), math.nan, "cable noise of {:g} % RMS")
+FAULTS = (SECOND, STEP, DROOP, CLIPPED, DROPOUT, TURNED, CABLE)
+ASKED = {
+    fault.name(size)
+    for fault in FAULTS
+    for size in fault.sizes[fault.sizes.index(fault.sure) if fault.sure in fault.sizes else 99 :]
 }
+"""Names of what is to be found."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +99,7 @@ class SelectionCount:
     good, good_rejected : int
         Hits without a fault, and those of them that were left out.
     faulty, detected : mapping of str to int
-        Hits by fault, and those of them that were rejected for the right reason.
+        Hits by fault, and those of them that were rejected or corrected for the right reason.
     false_reasons : mapping of str to int
         Why good hits were left out.
     """
@@ -57,11 +109,6 @@ class SelectionCount:
     faulty: Mapping[str, int] = field(default_factory=dict)
     detected: Mapping[str, int] = field(default_factory=dict)
     false_reasons: Mapping[str, int] = field(default_factory=dict)
-
-    @property
-    def hits(self) -> int:
-        """All of them."""
-        return self.good + sum(self.faulty.values())
 
     def __add__(self, other: "SelectionCount") -> "SelectionCount":
         """Return the counts of both."""
@@ -79,68 +126,130 @@ class SelectionCount:
 
 
 def _add_counts(first: Mapping[str, int], second: Mapping[str, int]) -> dict[str, int]:
-    return dict(sorted((Counter(first) + Counter(second)).items()))
+    return {name: first.get(name, 0) + second.get(name, 0) for name in {**first, **second}}
 
 
 def simulate_series(setup: RigSetup, entropy: tuple[int, ...], number: int) -> SelectionCount:
-    """Strike one series of hits with faults among them and count the verdicts.
+    """Strike one series, of good hits or of one fault in all its sizes, and count the verdicts.
 
     Parameters
     ----------
     setup : RigSetup
-        Its samples take turns, and after each round the plants.
+        Its samples take turns, and after each round the faults.
     entropy : tuple of int
         Of the random numbers; the series' number is added.
     number : int
         Of the series.
     """
     names = setup.samples.names
-    sample = names[number % len(names)]
-    plant = PLANTS[number // len(names) % len(PLANTS)]
-    generator = np.random.default_rng(np.random.SeedSequence((*entropy, number)))
-    scheduled = _draw_faults(generator)
-    rig = VirtualRig(
-        setup,
-        VirtualRigSettings(
-            plant=plant,
-            seed=int(generator.integers(2**63)),
-            faults=FaultPlan(scheduled=scheduled),
-        ),
-    )
+    sample, kind = names[number % len(names)], number // len(names) % (len(FAULTS) + 1)
+    rig = _Rig(setup, sample, np.random.default_rng(np.random.SeedSequence((*entropy, number))))
     session = Session(setup)
-    for impact in range(1, SERIES_HITS + 1):
-        label = HitLabel(sample, impact, impact)
-        strike(rig, session, label, BLOCK_SIZE, rig.settings.digitizer.sampling_rate)
-    # Estimates select among all hits once more, when all have come.
-    return count_verdicts(scheduled, session.get_selection(sample).left_out)
+    if kind == len(FAULTS):
+        for impact in range(1, SERIES_HITS + 1):
+            session.feed(rig.strike(HitLabel(sample, impact, impact)))
+        return count_good(SERIES_HITS, session.get_selection(sample).left_out)
+    fault = FAULTS[kind]
+    if fault is TURNED:
+        session.feed(rig.strike(HitLabel(sample)))
+    judged = {}
+    for impact, size in enumerate(fault.sizes, start=2):
+        if fault is not TURNED:
+            session = Session(setup)
+        block = rig.strike(HitLabel(sample, impact, impact), fault, size)
+        judged[fault.name(size)] = session.feed(block)[0]
+    return count_faulty(fault, judged)
 
 
-def _draw_faults(generator: np.random.Generator) -> tuple[ScheduledFault, ...]:
-    faults = tuple(Fault)
-    return tuple(
-        ScheduledFault(faults[int(generator.integers(len(faults)))], impact)
-        for impact in range(1, SERIES_HITS + 1)
-        if generator.random() < FAULT_PROBABILITY
-    )
+def count_good(hits: int, left_out: tuple[JudgedHit, ...]) -> SelectionCount:
+    """Count good hits, and those of them that were left out."""
+    reasons = Counter(item.reason.value for hit in left_out for item in hit.rejections)
+    return SelectionCount(hits, len(left_out), false_reasons=dict(reasons))
 
 
-def count_verdicts(
-    scheduled: tuple[ScheduledFault, ...], rejected: tuple[JudgedHit, ...]
-) -> SelectionCount:
-    """Count what became of the hits of one series, given its faults and the rejected hits."""
-    reasons: dict[int, set[Reason]] = {impact: set() for impact in range(1, SERIES_HITS + 1)}
-    for hit in rejected:
-        reasons[hit.label.impact].update(item.reason for item in hit.rejections)
-    faults = {item.impact: item.fault for item in scheduled}
-    good = [found for impact, found in reasons.items() if impact not in faults]
+def count_faulty(fault: Fault, judged: Mapping[str, JudgedHit]) -> SelectionCount:
+    """Count the hits with a fault, by the names of its sizes, and where it was told rightly."""
     return SelectionCount(
-        good=len(good),
-        good_rejected=sum(map(bool, good)),
-        faulty=Counter(fault.value for fault in faults.values()),
-        detected=Counter(
-            fault.value
-            for impact, fault in faults.items()
-            if RIGHT_REASONS[fault] in reasons[impact]
-        ),
-        false_reasons=Counter(reason.value for found in good for reason in found),
+        faulty=dict.fromkeys(judged, 1),
+        detected={
+            name: int(fault.reason in {item.reason for item in hit.rejections + hit.findings})
+            for name, hit in judged.items()
+        },
     )
+
+
+class _Rig:
+    """One contact, its sensors and their digitizer, drawn at random."""
+
+    def __init__(self, setup: RigSetup, sample: str, random: np.random.Generator) -> None:
+        self._random = random
+        self._contact = make_nominal_contact(
+            setup, sample, random.uniform(*EXPONENTS), random.uniform(*RESTITUTIONS)
+        )
+        self._sensors = [SensorResponse(random.uniform(*RESONANCES)) for _ in range(2)]
+        self._hum = LARGEST_HUM * random.uniform()
+        self._is_stated = bool(random.integers(2))
+
+    def strike(self, label: HitLabel, fault: Fault | None = None, size: float = 0.0) -> Block:
+        """Return one hit as it is recorded."""
+        random, scatter, digitizer = self._random, VirtualRigSettings(), DigitizerSettings()
+        contact = self._contact.scatter(
+            1.0 + scatter.contact_time_scatter * random.standard_normal(),
+            1.0 + scatter.amplitude_scatter * random.standard_normal(),
+        )
+        rate, count = digitizer.sampling_rate, digitizer.count
+        start = digitizer.trigger_jitter * random.standard_normal() - digitizer.pre_trigger
+        time = start + np.arange(count) / rate
+        traces = np.stack(contact.simulate(rate, count, start))
+        peak, part = float(np.abs(traces[0]).max()), size / 100.0
+        if fault is SECOND:
+            # Without loss F goes with v^(2n / (n + 1)).
+            slower = part ** ((contact.exponent + 1.0) / (2.0 * contact.exponent))
+            last = time[-1] - contact.duration
+            delay = random.uniform(SHORTEST_DELAY * contact.duration, last)
+            traces += contact.scatter(1.0, slower).simulate(rate, count, start - delay)
+        shape = self._shift_zero(time, traces[0], contact.duration)
+        traces = np.stack(
+            [respond(*pair, rate) for pair in zip(traces, self._sensors, strict=True)]
+        )
+        if fault is STEP:
+            traces[0] += part * peak * random.choice((-1.0, 1.0)) * shape
+        if fault is DROOP:
+            traces[0] = couple(traces[0], size, rate)
+        if fault is CABLE:
+            noise = lfilter(
+                *butter(2, CABLE_FREQUENCY, fs=rate), random.standard_normal(2 * count)
+            )[count:]
+            traces[0] += part * peak * noise / noise.std() * (time > 0.0)
+        traces[: int(size) if fault is TURNED else 0] *= -1.0
+        scales = digitizer.hammer_full_scale, digitizer.specimen_full_scale
+        hum = self._hum * np.sin(2.0 * math.pi * (MAINS_FREQUENCY * time + random.uniform()))
+        counts = [
+            digitize(trace + scale * hum, scale, digitizer, random)
+            for trace, scale in zip(traces, scales, strict=True)
+        ]
+        if fault is CLIPPED:
+            highest = float(np.abs(traces[0]).max())
+            rail = round(part * highest / compute_scale(scales[0], digitizer.bits))
+            counts[0] = np.clip(counts[0], -rail, rail)
+        if fault is DROPOUT:
+            counts[0][int(np.searchsorted(time, part * contact.duration))] = 0
+        hammer, specimen = (
+            self._make_channel(values, scale, compute_scale(scale, digitizer.bits))
+            for values, scale in zip(counts, scales, strict=True)
+        )
+        return Block(0, rate, hammer, specimen, label, last=True)
+
+    def _make_channel(self, counts: CountArray, scale: float, step: float) -> ChannelBlock:
+        """Return what a digitizer sends, or what a file has that states neither scale nor step."""
+        if self._is_stated:
+            return ChannelBlock(counts, step, 0.0, scale)
+        return ChannelBlock(counts.astype(np.float64) * step, 1.0, 0.0, 0.0)
+
+    def _shift_zero(self, time: FloatArray, force: FloatArray, duration: float) -> FloatArray:
+        """Return how a zero goes that a shock shifts by 1: with the momentum, or at once."""
+        random = self._random
+        recovery = math.exp(random.uniform(*np.log(RECOVERIES)))
+        passed = np.cumsum(force) / force.sum()
+        shift = time > random.uniform(0.2, 0.8) * duration if random.integers(2) else passed
+        return np.asarray(shift * np.exp(-np.maximum(time - duration, 0.0) / recovery))

@@ -73,8 +73,9 @@ def test_tables_and_goals_fit_a_terminal(run: Run, tmp_path: Path) -> None:
         "identification",
         "93 to 97 %",
         "at most 1.15 bounds",
-        "rejected for the right reason",
-        "reached",
+        "Faults by their size",
+        "found and rightly named",
+        "MISSED",
     ):
         assert words in text
     assert outcome.stderr.startswith(f"in {tmp_path / 'study'}: study.json")

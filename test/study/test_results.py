@@ -24,15 +24,20 @@ from impact_rig.study.results import (
     summarize,
 )
 from impact_rig.study.run import plan_units
-from impact_rig.study.selection import SelectionCount
+from impact_rig.study.selection import STEP, SelectionCount
 from impact_rig.study.speed import Speed
 
 NAN = math.nan
 
 
-def test_wilsons_interval_is_that_of_the_textbook():
-    # Newcombe 1998, table I: 81 of 263 gives 0.2553 to 0.3662, 15 of 148 gives 0.0624 to 0.1605.
-    for successes, count, low, high in ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605)):
+def test_the_interval_is_that_of_the_textbook():
+    # Newcombe 1998, table I, method 5: 81 of 263, 15 of 148, 0 of 20, 1 of 29.
+    for successes, count, low, high in (
+        (81, 263, 0.2527, 0.3676),
+        (15, 148, 0.0578, 0.1617),
+        (0, 20, 0.0, 0.1684),
+        (1, 29, 0.0009, 0.1776),
+    ):
         found = compute_fraction(successes, count)
         assert found.value == successes / count
         assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
@@ -147,12 +152,12 @@ def test_an_empty_cell_is_what_is_not_determined():
 
 def test_the_selection_has_a_row_for_each_fault_and_one_for_the_good_hits():
     rows = list_selection(SelectionCount(50, 1, {"overload": 4}, {"overload": 3}, {"weak": 1}))
-    assert [(row["fault"], row["hits"], row["rejected"]) for row in rows] == [
+    assert [(row["fault"], row["hits"], row["found"]) for row in rows] == [
         ("overload", 4, 3),
-        ("none", 50, 1),
+        ("nothing", 50, 1),
     ]
-    assert rows[0]["rejected_percent"] == 75.0
-    assert rows[0]["rejected_low_percent"] < 75.0 < rows[0]["rejected_high_percent"]
+    assert rows[0]["found_percent"] == 75.0
+    assert rows[0]["found_low_percent"] < 75.0 < rows[0]["found_high_percent"]
 
 
 UNKNOWN = Ratio(math.nan, math.nan, math.nan)
@@ -229,11 +234,13 @@ def test_an_estimator_that_gives_up_is_not_efficient():
     assert not goal.is_reached
 
 
-def test_every_fault_must_be_found_and_few_good_hits_lost():
-    count = SelectionCount(8000, 5, {"overload": 9, "weak_hit": 9}, {"overload": 9}, {})
-    overload, weak, good = judge(selection=count)
-    assert (overload.is_reached, weak.is_reached, good.is_reached) == (True, False, False)
-    assert "0 of 9" in weak.subject
+def test_faults_must_be_found_from_a_size_on_and_few_good_hits_lost():
+    large, small = STEP.name(2.0), STEP.name(0.3)
+    for detected, is_reached in ((1000, True), (996, False)):
+        count = SelectionCount(8000, 20, {large: 1000, small: 1000}, {large: detected, small: 9})
+        fault, good = judge(selection=count)
+        assert (fault.is_reached, good.is_reached) == (is_reached, False)
+        assert f"{large}: {detected} of 1000 found" in fault.subject
     (good,) = judge(selection=SelectionCount(8000, 2))
     assert good.is_reached
 

@@ -116,11 +116,11 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
 
 
 SMALL = Configuration(parts=(Part.COVERAGE, Part.SELECTION), campaigns=21)
-STOPPED = Configuration(parts=(Part.SELECTION,), campaigns=240)
+STOPPED = Configuration(parts=(Part.SELECTION,), campaigns=29)
 """Six units: the first finished, one running and one on its way leave some to be done."""
 COMMAND = (
     sys.executable, "-m", "impact_rig.cli.main", "study", "selection",
-    "--campaigns", "240", "--jobs", "1",
+    "--campaigns", "29", "--jobs", "1",
 )  # fmt: skip
 PATIENCE = 60.0
 """For what takes a second or two on a machine at rest [s]."""

@@ -52,10 +52,10 @@ our choice: what it was under the pulse is extrapolated."""
 LARGEST_CORNER = 300.0
 """Lower corner that is corrected [Hz], our choice: bad connections have some 200; what comes back
 sooner is a body that is damped, or nothing that is known."""
-EXACT = 0.02
-"""What a cause leaves of the tail, over it, below which it is exact [-], our choice: the mean of a
-noisy baseline, integrated, tells a droop no better."""
-STEP_HANDICAP = 1.5
+EXACT = 0.01
+"""What a cause leaves of the tail, over it, below which it is exact [-], our choice: a hum, or the
+mean of a noisy baseline, integrated, tells a droop no better."""
+STEP_HANDICAP = 1.8
 """Factor on what a step leaves where causes are compared [-], our choice: it has two numbers."""
 JUMP_REACH = 0.25
 """On either side of where a step may have come at once, in the pulse's widths [-], our choice: a
@@ -63,9 +63,9 @@ cubic follows the pulse that far within 0.1 % of its peak."""
 JUMP_TOLERANCE = 0.3
 """By how much what jumps within the pulse may differ from the step in the tail, over it [-], our
 choice: the pulse's noise and ringing."""
-JUMP_NOISE = 4.0
+JUMP_NOISE = 6.0
 """Least step that is looked for within the pulse, in standard deviations of what the noise jumps
-[-], our choice: it then lies within the tolerance."""
+[-], our choice: less the tolerance, noise has such a jump in one pulse of a thousand."""
 LEAST_DECAY = 0.1
 """Decay over the record below which a step stays [-], our choice."""
 EXPANDED = 2.0
@@ -224,7 +224,10 @@ class _Tail:
         droop = self._fit(self.trace[places] / 2.0 - velocity[places])
         drift = self._fit(self.places - middle)
         step = self._fit(np.exp(-rate * (self.places - self.pulse.fall)))
-        exact = EXACT * math.sqrt(float(self.means @ self.means) / TAIL_PARTS)
+        exact = max(
+            EXACT * math.sqrt(float(self.means @ self.means) / TAIL_PARTS),
+            self.noise / math.sqrt(self.places[1] - self.places[0]),
+        )
         rests = {
             Reason.DROOP: max(droop.rest, exact) if droop.size > 0.0 else math.inf,
             Reason.DRIFT: max(drift.rest, exact),
