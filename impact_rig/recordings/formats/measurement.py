@@ -235,7 +235,7 @@ RATE_NAMES = {
 }  # fmt: skip
 STEP_NAMES = {
     "dt", "delta t", "delta x", "step", "ts", "sample interval", "sampling interval", "increment",
-    "tinc",
+    "tinc", "tinterval",
 }  # fmt: skip
 UNIT_NAMES = {"unit", "units", "unit string", "quantity.label"}
 """Names of arrays that say when the others were taken and in what unit, in small letters,

@@ -517,8 +517,13 @@ def _read_headings(
     if not candidates:
         return [("", "")] * width, {}
     last = candidates[-1]
-    has_units = len(candidates) > 1 and _are_units(last[:used])
-    names = candidates[-2] if has_units else last
+    above_units = candidates[-2] if len(candidates) > 1 and _are_units(last[:used]) else []
+    # Settings in as many cells are no names.
+    has_units = above_units and not any(
+        ":" in cell or (Style().is_number(cell) and not cell.isdecimal())
+        for cell in above_units[:used]
+    )
+    names = above_units if has_units else last
     # Beside the names of all columns statements may stand, their values below them.
     reach = width if len(names) <= width else used
     headings = [_split_name(cell) for cell in names[:reach]]
@@ -543,7 +548,10 @@ def _split_heading(line: str, style: Style, kinds: str) -> list[str] | None:
         text = unquote(text)
     delimiters = dict.fromkeys((style.delimiter, ",", ";", "\t"))
     splits = [
-        [cell.strip() for cell in next(csv.reader([text], delimiter=delimiter))]
+        [
+            cell.strip()
+            for cell in next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
+        ]
         for delimiter in delimiters
         if delimiter is not None and (delimiter in text or used == 1)
     ]
@@ -578,11 +586,13 @@ def _is_unit(text: str) -> bool:
 
 
 def _split_name(cell: str) -> tuple[str, str]:
-    """Return name and unit of `hammer [m/s^2]`, `hammer (m/s^2)` or `hammer / N`."""
+    """Return name and unit of `hammer [m/s^2]`, `hammer (m/s^2)`, `hammer / N` or `C1 in V`."""
     opening = BRACKETS.get(cell[-1:])
     if opening is None:
-        name, _, unit = cell.rpartition("/")
-        return (name.strip(), unit.strip()) if name.strip() and _is_unit(unit) else (cell, "")
+        for name, mark, unit in (cell.rpartition("/"), f" {cell}".rpartition(" in ")):
+            if mark and _is_unit(unit):
+                return name.strip() or TIME, unit.strip()
+        return cell, ""
     depth = 0
     for place in range(len(cell) - 1, -1, -1):
         depth += (cell[place] == cell[-1]) - (cell[place] == opening)

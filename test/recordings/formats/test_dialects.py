@@ -1,7 +1,8 @@
 """Text as instruments write it: the same pulse, found in each of their ways to put it down.
 
-Each file is written here line by line as its instrument is known to write it, from headings that
-programs of others quote and from memory; none of them was saved by the instrument itself.
+Each file is written here line by line as the document says that is named with it: a manual, a file
+that such an instrument saved and somebody published (GitHub repository, path), or programs that
+read them. Of these files the layout is taken, not the numbers.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,84 +25,117 @@ PAIRS: Pairs = list(zip(TIME.tolist(), PULSE.tolist(), strict=True))
 
 
 def write_tektronix_tds(pairs: Pairs) -> Iterator[str]:
-    """TDS1000/2000: settings beside the first rows."""
+    """TDS, TBS: settings beside the first rows.
+
+    Mihai-Ziu/PHGN215_SP26, F0000CH1.CSV: TBS1052B-EDU.
+    """
     beside = [
         "Record Length,2.500000e+03", f"Sample Interval,{1 / RATE:.6e}",
-        "Trigger Point,1.000000000000e+02", ",", ",", ",", "Source,CH1", "Vertical Units,V",
+        "Trigger Point,1.240000000000e+03", ",", ",", ",", "Source,CH1", "Vertical Units,V",
         "Vertical Scale,5.000000e-01", "Vertical Offset,0.000000e+00", "Horizontal Units,s",
         "Horizontal Scale,5.000000e-05", "Pt Fmt,Y", "Yzero,0.000000e+00",
-        "Probe Atten,1.000000e+00", "Model Number,TDS2024B", "Serial Number,C000000",
-        "Firmware Version,FV:v22.11",
+        "Probe Atten,1.000000e+00", "Model Number,TBS1052B-EDU", "Serial Number,C000000",
+        "Firmware Version,FV:v4.06",
     ]  # fmt: skip
     for number, (time, value) in enumerate(pairs):
-        yield f"{beside[number] if number < len(beside) else ','},,{time:018.12f},{value:10.5f},"
+        yield f"{beside[number] if number < len(beside) else ','},,{time:016.12f},{value:10.5f},"
 
 
 def write_tektronix_mso(pairs: Pairs) -> Iterator[str]:
-    """MSO/DPO 2000 to 5 series: settings above, blank cells between, names last."""
-    yield from ("Model,MSO54", "Firmware Version,1.26.6", "", "Waveform Type,ANALOG")
-    yield from ("Point Format,Y", "Horizontal Units,s", f"Sample Interval,{1 / RATE}")
-    yield from (f"Record Length,{COUNT}", "Vertical Units,V", "Vertical Scale,0.5", ",", ",")
-    yield from ("Label,", "TIME,CH1")
-    yield from (f"{time:.6E},{value}" for time, value in pairs)
+    """MSO, DPO: settings above, names last.
+
+    FractionalIntuition/BEE331_Lab_4, tek0000.csv: MSO3012.
+    """
+    yield from ("Model,MSO3012", "Firmware Version,2.40", "", "Waveform Type,ANALOG,")
+    yield from ("Point Format,Y,", "Horizontal Units,s,", "Horizontal Scale,4e-05,")
+    yield from ("Horizontal Delay,0,", f"Sample Interval,{1 / RATE:g},", f"Record Length,{COUNT},")
+    yield from ("Gating,0.0% to 100.0%,", "Probe Attenuation,1,", "Vertical Units,V,")
+    yield from ("Vertical Offset,0,", "Vertical Scale,0.5,", ",,", ",,", "Label,,", "TIME,CH1")
+    yield from (f"{time:.4e},{value:.6g}" for time, value in pairs)
 
 
 def write_rigol(pairs: Pairs) -> Iterator[str]:
-    """DS1000Z: points are counted; start and increment stand in the heading."""
+    """DS1000Z, MSO1000Z: points are counted; start and increment stand in the heading.
+
+    Quoted alike by many programs that read them, among them one for a DS1054Z.
+    """
     yield from ("X,CH1,Start,Increment,", f"Sequence,Volt,{START:.6e},{1 / RATE:.6e}")
     yield from (f"{number},{value:.2e}," for number, (_, value) in enumerate(pairs))
 
 
 def write_rigol_steps(pairs: Pairs) -> Iterator[str]:
-    """DHO800/MSO5000: no times, start and step in words beside the name of the channel."""
+    """DHO, MSO5000, "Save Memory": start and step beside the name, as a program quotes it."""
     yield f"CH1(V),t0 = {START}s, tInc = {1 / RATE}s,"
     yield from (f"{value:.5f}" for _, value in pairs)
 
 
 def write_keysight(pairs: Pairs) -> Iterator[str]:
-    """InfiniiVision: channels are called by their numbers."""
+    """InfiniiVision: channels are called by numbers (HCui91/Scope_plot, scope_0.csv)."""
     yield from ("x-axis,1", "second,Volt")
-    yield from (f"{time * 1e6:+.2f}E-06,{value:.4E}" for time, value in pairs)
+    yield from (f"{time * 1e6:+.2f}E-06,{value * 1e3:+.5f}E-03" for time, value in pairs)
 
 
 def write_lecroy(pairs: Pairs) -> Iterator[str]:
-    """WaveRunner, HDO: five lines of heading that state no unit."""
+    """WaveRunner, HDO, MAUI: five lines without a unit, as programs quote them that read them."""
     yield from ("LECROYHDO9404,30152,Waveform", "Segments,1,SegmentSize,402")
     yield from ("Segment,TrigTime,TimeSinceSegment1", "#1,28-Dec-2020 13:34:10,0   ", "Time,Ampl")
     yield from (f"{time:.6g},{value}" for time, value in pairs)
 
 
 def write_siglent(pairs: Pairs) -> Iterator[str]:
-    """SDS1000X: settings by channel; the unit stands with the channel's name."""
-    yield from (f"Record Length,Analog:{COUNT},", f"Sample Interval,Analog:{1 / RATE:E},")
-    yield from ("Vertical Units,CH1:V,,", "Vertical Scale,CH1:1.00,,", "Horizontal Units,s,")
-    yield from ("Model Number,SDS1104X-E,", "Second,Value")
-    yield from (f"{time:+.6E},{value:+.6E}" for time, value in pairs)
+    """SDS1000X-E: settings by channel, a unit of times that is of the screen.
+
+    evanmoring/siglent_utils, SDS00001.csv: SDS1202X-E.
+    """
+    yield from (f"Record Length,Analog:{COUNT}", f"Sample Interval,CH1:{1 / RATE:.13f}")
+    yield from (
+        "Vertical Units,CH1:V,,,",
+        "Vertical Scale,CH1:0.50,,,",
+        "Vertical Offset,CH1:0.00",
+    )
+    yield from ("Horizontal Units,us,,,", "Horizontal Scale,20000.0000000000,,,")
+    yield from ("Model Number,SDS1202X-E,,,", "Software Version,1.3.26,,,", "Source,CH1")
+    yield "Second,Volt"
+    yield from (f"{time: .11f},{value:.5f}" for time, value in pairs)
+
+
+def write_siglent_rate(pairs: Pairs) -> Iterator[str]:
+    """SDS1104X-E of older software: a rate, no name (MartinCowen/SigFyCSV, README)."""
+    yield from (f"Record Length,Analog:{COUNT}", f"Sample Rate,{RATE}", "Vertical Scale,CH1: 0.05")
+    yield from ("Vertical Offset,CH1:0.00000", "Horizontal Scale, 0.000010000", "Second,Volt")
+    yield from (f"{time:.11f},{value:.5f}" for time, value in pairs)
+
+
+def write_rohde_schwarz(pairs: Pairs) -> Iterator[str]:
+    """RTB, RTM: units and names in words (RTM20 user manual, "CSV"; programs quote it)."""
+    yield "in s,C1 in V"
+    yield from (f"{time:.7E},{value:.7E}" for time, value in pairs)
 
 
 def write_picoscope(pairs: Pairs) -> Iterator[str]:
-    """PicoScope 6: names, units in brackets, a blank line; times in what suits them."""
-    yield from ("Time,Channel A", "(us),(V)", "")
+    """PicoScope 6: units in brackets, times in what suits them (User's Guide, "Text formats")."""
+    yield from ("Time,Channel A", "(µs),(V)", "")
     yield from (f"{time * 1e6:.8f},{value:.8f}" for time, value in pairs)
 
 
 def write_digilent(pairs: Pairs) -> Iterator[str]:
-    """WaveForms: settings as comments."""
+    """WaveForms: settings as comments, as the importer of ngscopeclient reads them."""
     yield from ("#Digilent WaveForms Oscilloscope Acquisition", "#Device Name: Discovery2")
+    yield from ("#Serial Number: SN:000000000000", "#Date Time: 2026-09-28 00:00:00.000.000.000")
     yield from (f"#Sample rate: {RATE:g}Hz", f"#Samples: {COUNT}", "")
     yield "Time (s),Channel 1 (V)"
     yield from (f"{time:.9g},{value:.9g}" for time, value in pairs)
 
 
 def write_dewesoft(pairs: Pairs) -> Iterator[str]:
-    """Text export with semicolons and decimal commas, units in their own line."""
+    """Text export with semicolons and decimal commas, units in their own line; from memory."""
     yield from ("File name: Impact_0001.dxd", f"Sample rate: {RATE:g} Hz", "")
     yield from ("Time;Hammer", "s;V")
     yield from (f"{time:.7f};{value:.5f}".replace(".", ",") for time, value in pairs)
 
 
 def write_saleae(pairs: Pairs) -> Iterator[str]:
-    """Logic 2: support.saleae.com, "Binary and CSV export formats"."""
+    """Logic 2 (support.saleae.com, "Binary and CSV Export Formats")."""
     yield "Time [s],Channel 0 [V]"
     yield from (f"{time:.9f},{value}" for time, value in pairs)
 
@@ -140,6 +174,8 @@ DIALECTS = {
     "keysight.csv": write_keysight,
     "lecroy.csv": write_lecroy,
     "siglent.csv": write_siglent,
+    "siglent_rate.csv": write_siglent_rate,
+    "rohde_schwarz.csv": write_rohde_schwarz,
     "picoscope.csv": write_picoscope,
     "digilent.csv": write_digilent,
     "dewesoft.txt": write_dewesoft,

@@ -129,3 +129,13 @@ def test_matlab_files_without_vectors_are_named(tmp_path, variables):
     scipy.io.savemat(tmp_path / "hit.mat", variables)
     with pytest.raises(FileError, match=r"hit\.mat has no vector of real numbers"):
         read_measurement(tmp_path / "hit.mat")
+
+
+def test_picoscope_states_start_and_step_beside_the_channels(tmp_path):
+    """As its User's Guide has it under "Binary formats"."""
+    values = {"Tstart": -1e-4, "Tinterval": 1 / RATE, "Length": 40.0, "A": TRACE, "B": -TRACE}
+    scipy.io.savemat(tmp_path / "scope.mat", values)
+    channels = read_channels(tmp_path / "scope.mat")
+    assert {name: channel.sampling_rate for name, channel in channels.items()} == dict.fromkeys(
+        "AB", RATE
+    )
