@@ -24,7 +24,9 @@ from launch_ros.actions import Node, PushRosNamespace
 
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
+    FINAL_CODES,
     LAUNCHER,
+    RESPAWN_DELAY,
     NodeProcess,
     RecordingPlan,
     list_rig_processes,
@@ -126,6 +128,12 @@ ARGUMENTS = (
     ),
     DeclareLaunchArgument("namespace", default_value="", description="ROS namespace of the rig"),
     DeclareLaunchArgument(
+        "respawn",
+        default_value="false",
+        choices=SWITCH,
+        description="start a node again that has died; else the rig ends with it",
+    ),
+    DeclareLaunchArgument(
         "params_file",
         default_value="",
         description="YAML file with ROS parameters of the nodes; the other arguments go before it",
@@ -178,7 +186,8 @@ def make_rig(context: LaunchContext) -> list[Action]:
     check_free(join_names(read("namespace"), (process.name for process in processes)))
     if any("output" in process.parameters for process in processes):
         make_run_folder(folder)
-    actions = [make_node(process, read("params_file")) for process in processes]
+    respawn = read("respawn") == "true"
+    actions = [make_node(process, read("params_file"), respawn=respawn) for process in processes]
     if read("namespace"):
         actions = [GroupAction([PushRosNamespace(read("namespace")), *actions])]
     impacts = read_number("impacts", read("impacts"), int)
@@ -189,8 +198,13 @@ def make_rig(context: LaunchContext) -> list[Action]:
     return [*(SetEnvironmentVariable(*item) for item in variables.items()), *actions]
 
 
-def make_node(process: NodeProcess, params_file: str) -> Action:
-    """Return one node of the rig; the rig ends when it does."""
+def make_node(process: NodeProcess, params_file: str, *, respawn: bool) -> Action:
+    """Return one node of the rig; the rig ends when it does, and is not to be started again."""
+
+    def end(event: Any, _: LaunchContext) -> list[Action]:
+        is_back = respawn and event.returncode not in FINAL_CODES
+        return [] if is_back else [Shutdown(reason=f"{process.name} ended")]
+
     parameters: list[Any] = [params_file] if params_file else []
     if process.parameters:
         parameters.append(dict(process.parameters))
@@ -201,7 +215,9 @@ def make_node(process: NodeProcess, params_file: str) -> Action:
         parameters=parameters,
         output="both",
         emulate_tty=True,
-        on_exit=Shutdown(reason=f"{process.name} ended"),
+        respawn=respawn,
+        respawn_delay=RESPAWN_DELAY,
+        on_exit=end,
     )
 
 

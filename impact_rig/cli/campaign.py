@@ -59,7 +59,7 @@ class CampaignView(ProgressBar):
                     f"sample {feedback.sample_number} of {feedback.sample_count}:"
                     f" {feedback.sample}"
                 )
-        if feedback.last.record != self._record:
+        if feedback.last.record not in (0, self._record):
             self._record = feedback.last.record
             self._take_verdict(feedback.last)
         if feedback.message != self._pause:

@@ -20,8 +20,10 @@ from impact_rig.configuration import run
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     ACTIVE,
+    FINAL_CODES,
     LAUNCHER,
     LOG_NAME,
+    RESPAWN_DELAY,
     NodeProcess,
     RecordingPlan,
     list_rig_processes,
@@ -35,6 +37,18 @@ STOPPED_BY_REQUEST = (0, 128 + signal.SIGINT, 128 + signal.SIGTERM)
 STANDARD_INPUT = 0
 RETRY_PERIOD = 0.1
 """How soon a stop is tried again that came while the processes were still starting [s]."""
+_RESPAWN = f"""\
+trap stop=1 TERM
+while ({{command}}); code=$?
+  case $code in {"|".join(map(str, FINAL_CODES))}) false;; *) [ ! "$stop" ];; esac
+do
+  echo "ended with code $code, and is started again"
+  sleep {RESPAWN_DELAY:g}
+  [ ! "$stop" ] || break
+done
+exit $code
+"""
+"""Shell script: a signal reaches the node, too, which is of the same group of processes."""
 
 
 class _Manager(Manager):
@@ -119,6 +133,7 @@ def run_nodes(
     ready: str,
     namespace: str = "",
     stop_with_input: bool = False,
+    respawn: bool = False,
 ) -> int:
     """Run nodes side by side until told to stop, or until one of them ends.
 
@@ -134,6 +149,8 @@ def run_nodes(
         Of the rig.
     stop_with_input : bool
         Stop when standard input ends: whoever holds the other end may die without a word.
+    respawn : bool
+        Start a node again that has died.
 
     Returns
     -------
@@ -144,7 +161,10 @@ def run_nodes(
     manager = _Manager(_Printer(output, (process.name for process in processes), ready))
     environment = {**os.environ, "PYTHONUNBUFFERED": "1", LAUNCHER: str(os.getpid())}
     for process in processes:
-        manager.add_process(process.name, make_command(process, namespace), env=environment)
+        command = make_command(process, namespace)
+        if respawn:
+            command = _RESPAWN.format(command=command)
+        manager.add_process(process.name, command, env=environment)
     if stop_with_input:
         threading.Thread(target=_stop_at_end_of_input, daemon=True).start()
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
@@ -210,6 +230,7 @@ def _stop_at_end_of_input() -> None:
     help="Set any ROS parameter of a node, or a key of the rig file's table [source] as"
     " source.KEY=VALUE; repeatable.",
 )
+@click.option("--respawn", is_flag=True, help="Start a node again that has died.")
 @click.option("--template", is_flag=True, help="Print the paper's rig file and end.")
 @click.option("--stop-with-input", is_flag=True, hidden=True)
 @click.option("--log-file", type=click.Path(path_type=Path), hidden=True)
@@ -228,6 +249,7 @@ def command(
     viewers: tuple[str, ...],
     only: tuple[str, ...],
     settings: tuple[str, ...],
+    respawn: bool,
     template: bool,
     stop_with_input: bool,
     log_file: Path | None,
@@ -276,6 +298,7 @@ def command(
         ready=describe_ready(rig, recorded, namespace=namespace, only=only),
         namespace=namespace,
         stop_with_input=stop_with_input,
+        respawn=respawn,
     )
     if recorded and recorded.exists():
         click.echo(f"recording: {recorded}")

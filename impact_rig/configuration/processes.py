@@ -68,6 +68,11 @@ TAKE_REPLAYS = "take_replays"
 """Parameter of the nodes that are of use without a rig, too."""
 LAUNCHER = "IMPACT_RIG_LAUNCHER"
 """Names the process that started a node, whose death, however sudden, stops the node."""
+FINAL_CODES = (0, 2)
+"""With which a node ends that is not to be started again: as it was told, or with a parameter that
+is impossible each time."""
+RESPAWN_DELAY = 1.0
+"""After which one is that ended with another code [s], our choice."""
 
 CONTINUOUS = "continuous"
 """Mode of accelerometers that stream all the time."""

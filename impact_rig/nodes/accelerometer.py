@@ -256,6 +256,8 @@ class AccelerometerNode(DeviceNode):
             self._open.hammerless.take_setup(self._setup)
 
     def _arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
+        # Started anew in the middle of a campaign: numbers go on where they were.
+        self._record = max(self._record, request.after)
         label = HitLabel(request.sample, self._record + 1, request.impact, request.attempt)
         arming = self._arming
         # The same request again: it was to wait, or its first answer was lost.
@@ -314,8 +316,6 @@ class AccelerometerNode(DeviceNode):
         self._tell(AcquisitionState.ARMED, "waiting for the trigger", arming.label.sample)
 
     def _swing(self, message: HammerRelease) -> None:
-        # Started anew in the middle of a campaign: numbers go on where they were.
-        self._record = max(self._record, message.record)
         arming, opened = self._arming, self._open
         if arming is None or opened is None or message.record != arming.label.record:
             self._answer_late(message.record)

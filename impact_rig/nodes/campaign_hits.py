@@ -163,8 +163,8 @@ def describe_broken_way(rig: RigState) -> str:
 def _describe_lost_listener(rig: RigState) -> str:
     return (
         rig.describe_loss(ACCELEROMETER, ESTIMATOR)
-        # One that has left for good is missed by those alone whom it recorded.
-        or ("" if rig[RECORDER].has_left else rig.describe_loss(RECORDER))
+        # One that has ended its recording, and itself, is missed by nobody.
+        or ("" if rig[RECORDER].has_left and not rig.recording else rig.describe_loss(RECORDER))
         or rig.describe_inactivity(ACCELEROMETER, ESTIMATOR)
     )
 
@@ -380,7 +380,6 @@ class Striker:
     def begin(self) -> None:
         """Forget the campaign before."""
         self.recording = ""
-        self._newest = 0
         for memory in (self._verdicts, self._unjudged):
             memory.clear()
 
@@ -396,7 +395,7 @@ class Striker:
         """Go on after a campaign node that has died; a verdict that comes yet counts."""
         self.begin()
         state = self._rig[ACCELEROMETER].state
-        self._newest = max(judged, state.record if state else 0)
+        self._newest = max(self._newest, judged, state.record if state else 0)
         self._unjudged.update(range(judged + 1, self._newest + 1))
 
     async def strike(self, progress: CampaignProgress, label: HitLabel) -> Impact:
@@ -467,15 +466,9 @@ class Striker:
             angle = SetAngle.Request(angle=progress.angle)
             failure = "the release angle is not set"
             await self._ask(progress, self._set_angle, angle, losses, failure)
-        armed = await self._ask(
-            progress, self._arm, Arm.Request(**hit), losses, "the accelerometers cannot be armed"
-        )
-        record = armed.record
-        if record <= self._newest:
-            raise DeviceError(
-                f"the accelerometers have counted record {record} after {self._newest}: they were"
-                " started anew; start the campaign anew, too, so that no two hits have one number"
-            )
+        arming = Arm.Request(**hit, after=self._newest)
+        failure = "the accelerometers cannot be armed"
+        record = (await self._ask(progress, self._arm, arming, losses, failure)).record
         self._newest = record
         self._rig.forget_stored(record)
         self._unjudged.add(record)
@@ -530,7 +523,7 @@ class Striker:
                 record in self._verdicts
                 or progress.is_cancelled
                 or bool(describe_broken_way(self._rig))
-                or self._has_lost(record)
+                or self._rig.is_lost(record, self.recording)
             ),
             timeout + longest_swing,
         )
@@ -542,7 +535,9 @@ class Striker:
             longest_wait = STATE_TIMEOUT if is_inactive else timeout
             await self._node.wait_until(
                 lambda: (
-                    record in self._verdicts or progress.is_cancelled or self._has_lost(record)
+                    record in self._verdicts
+                    or progress.is_cancelled
+                    or self._rig.is_lost(record, self.recording)
                 ),
                 longest_wait,
             )
@@ -550,19 +545,16 @@ class Striker:
             return
         progress.check_cancel()
         cause = self._explain_silence(record, timeout)
-        if not self._has_lost(record) and is_lost_since(self._rig, losses):
+        has_ended = self._rig.describe_end_of_recording(self.recording)
+        if is_lost_since(self._rig, losses) and not has_ended:
             raise InterruptedHitError(cause)
         raise DeviceError(cause)
 
-    def _has_lost(self, record: int) -> bool:
-        """Whether the recorder has stopped before it stored a record."""
-        end = self._rig.describe_end_of_recording(self.recording)
-        return bool(end) and not self._rig.is_stored(record)
-
     def _explain_silence(self, record: int, timeout: float) -> str:
         """Return why there is no verdict on a record, as far as it can be known here."""
-        if self._has_lost(record):
-            return self._rig.describe_end_of_recording(self.recording)
+        if self._rig.is_lost(record, self.recording):
+            end = self._rig.describe_end_of_recording(self.recording)
+            return end or f"the recorder was lost before it had stored record {record}"
         cause = f"no verdict on record {record} came within {timeout:g} s"
         if self.recording and not self._rig.is_stored(record):
             cause += f": the recorder has not said that record {record} is stored"

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -18,6 +19,7 @@ from impact_rig.core.errors import RigError
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.session import Session
+from impact_rig.core.signals.record import Block
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator_gate import MissedStart, StorageGate
 from impact_rig.nodes.estimator_stream import StreamCutting, StreamListener
@@ -30,6 +32,8 @@ from impact_rig.nodes.result_messages import (
 )
 from impact_rig.nodes.rig_node import Read, RigNode
 from impact_rig.recordings.messages import block_from_msg, setup_from_msg, stamp_from_msg
+from impact_rig.recordings.new_file import list_parts
+from impact_rig.recordings.reader import read_recording
 
 WAITING_BLOCKS = 1000
 """Blocks kept while no set-up has arrived [-], our choice: a few seconds of streaming."""
@@ -60,6 +64,7 @@ class EstimatorNode(RigNode):
             low=1, high=100_000, read=Read.AT_START,
         )  # fmt: skip
         self._session: Session | None = None
+        self._knows_recording = False
         self._setup_stamp = Time()
         self._unchecked: dict[str, None] = {}
         self._checking = self.create_timer(CHECK_PAUSE, self._check)
@@ -136,6 +141,7 @@ class EstimatorNode(RigNode):
             self._warn(self._gate.drop())
         self._gate.is_open = not message.recording
         self._work_off()
+        self._read_recording()
 
     def _is_recorded(self) -> bool:
         """Whether a recorder records; one that is there and has not been heard of may well do."""
@@ -163,6 +169,7 @@ class EstimatorNode(RigNode):
     def _begin(self, message: RigSetup) -> None:
         if self._session is not None and not stamp_from_msg(message.header.stamp):
             return  # A campaign node has come, and no campaign has begun.
+        self._knows_recording = self._session is not None
         setup = setup_from_msg(message)
         self._session = Session(setup)
         self._setup_stamp = message.header.stamp
@@ -171,6 +178,30 @@ class EstimatorNode(RigNode):
         self._cutting.use_settings(setup.analysis)
         while self._early:
             self._evaluate(self._session, self._early.popleft())
+        self._read_recording()
+
+    def _read_recording(self) -> None:
+        """Take the hits of a campaign that had begun before this node was started again.
+
+        They are on the disk, if it is this computer's. The verdict on the last may not be out yet.
+        """
+        begun, recorder = stamp_from_msg(self._setup_stamp), self._recorder
+        if self._session is None or self._knows_recording or not begun:
+            return
+        if recorder is None or not recorder.recording:
+            return
+        self._knows_recording = True
+        session, hits = Session(self._session.setup), deque[JudgedHit](maxlen=1)
+        try:
+            for path in list_parts(Path(recorder.uri)):
+                for event in read_recording(path, self.get_namespace()).events():
+                    if isinstance(event, Block) and event.stamp >= begun:
+                        hits.extend(session.feed(event))
+        except RigError as error:
+            self._warn(f"earlier hits of this campaign are not all known: {error}")
+        self._session = session
+        for hit in hits:
+            self._publish(session, hit)
 
     def _evaluate(self, session: Session, message: AccelerationBlock) -> None:
         self._counts["blocks"] += 1

@@ -18,7 +18,7 @@ from impact_rig.nodes.process import run_node
 from impact_rig.nodes.recorder_run import SYNC_CHUNK, SYNC_HIT, SYNCS, RecordingRun
 from impact_rig.nodes.rig_node import Read, RigNode, split_names
 from impact_rig.nodes.topics import name_type
-from impact_rig.recordings.new_file import DiskFullError
+from impact_rig.recordings.new_file import DiskFullError, choose_free
 from impact_rig.recordings.provenance import read_attached_file
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import (
@@ -245,7 +245,8 @@ class RecorderNode(RigNode):
         output = self.get_value("output")
         folder = make_run_folder_name(datetime.now().astimezone())
         return RecordingWriter(
-            Path(output or Path(folder, RECORDING_NAME)).expanduser().absolute(),
+            # Its own of before, if it is activated or started again.
+            choose_free(Path(output or Path(folder, RECORDING_NAME)).expanduser().absolute()),
             compression=self.get_value("compression"),
             chunk_size=self.get_value("chunk_size"),
             library=f"impact_rig {__version__}",

@@ -227,24 +227,25 @@ class RigState:
         return str(state.uri) if state is not None and state.recording else ""
 
     def describe_end_of_recording(self, recording: str) -> str:
-        """Return why nothing more comes into a recording; empty: it goes on.
+        """Return how the recorder has ended a recording; empty: it has not.
 
         Parameters
         ----------
         recording : str
             Its path on the recorder's host; empty: nothing is recorded.
         """
+        # Another node may have heard of it first: what was heard last here is of the one before.
+        return self.describe_stop_of_recorder() if recording in self._recordings else ""
+
+    def is_lost(self, record: int, recording: str) -> bool:
+        """Whether a record that is not in a recording yet will not come into it any more."""
         recorder = self[RECORDER]
-        if not recording or recorder.state is None:
-            return ""
+        if not recording or recorder.state is None or self.is_stored(record):
+            return False
         if recorder.has_left:
-            return "the recorder has gone"
-        if recording not in self._recordings:
-            # Another node has heard of it first: what was heard last here is of the one before.
-            return ""
-        if recorder.state.uri != recording:
-            return f"the recorder has begun another recording, {recorder.state.uri}"
-        return self.describe_stop_of_recorder()
+            return True
+        is_over = recorder.state.uri != recording or bool(self.describe_stop_of_recorder())
+        return is_over and recording in self._recordings
 
     def describe_stop_of_recorder(self) -> str:
         """Return that the recorder is there and records nothing, nor waits to; empty: it does."""

@@ -11,6 +11,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable, Hashable
+from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -39,6 +40,7 @@ from impact_rig.recordings.messages import (
     setup_from_msg,
     stamp_from_msg,
 )
+from impact_rig.recordings.new_file import choose_free
 from impact_rig.results.hit_traces import TraceAssembler
 from impact_rig.results.sample_traces import AlignedHit
 
@@ -151,14 +153,12 @@ class VisualizerNode(RigNode):
 
     def configure(self) -> None:
         """Open the file and the viewers."""
+        names = ("connect", "spawn", "web", "listen", "web_port", "relay_port")
+        output = self.get_value("output")
         plan = DestinationPlan(
-            **{
-                name: self.get_value(name)
-                for name in (
-                    "output", "connect", "spawn", "web", "listen", "web_port", "relay_port",
-                )
-            }
-        )  # fmt: skip
+            output=str(choose_free(Path(output))) if output else "",
+            **{name: self.get_value(name) for name in names},
+        )
         log = self.get_logger()
         self._destinations = open_destinations(plan, announce=log.info, notify=log.warning)
         self._campaign = None

@@ -2,7 +2,9 @@
 
 import contextlib
 import errno
+import itertools
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,6 +22,27 @@ than a disk takes to write it, so that giving it back waits for nothing."""
 SENT_AT_ONCE = 4 << 20
 """How much is written before the system is told to send it to the disk [byte], our choice: a disk
 takes it in hundredths of a second, and sending less takes a tenth more of the processor."""
+
+
+def list_successors(path: Path) -> Iterator[Path]:
+    """Yield the names of what is written after one another to one place: it, it-2, it-3 ..."""
+    yield path
+    for number in itertools.count(2):
+        yield path.with_name(f"{path.stem}-{number}{path.suffix}")
+
+
+def choose_free(path: Path) -> Path:
+    """Return the first of the `list_successors` of a path that is not taken."""
+    return next(item for item in list_successors(path) if not os.path.lexists(item))
+
+
+def list_parts(path: Path) -> list[Path]:
+    """Return what was written before a path to the same place, and the path."""
+    first = path.with_name(re.sub(r"-\d+$", "", path.stem) + path.suffix)
+    return [
+        *itertools.takewhile(lambda item: item != path and item.exists(), list_successors(first)),
+        path,
+    ]
 
 
 class DiskFullError(FileError):

@@ -24,6 +24,7 @@ PARTS = {
     "batch": "recording",
     "fuzz": "survival",
     "kill": "survival",
+    "faults": "faults",
 }
 """Parts and the modules of this package that measure them, in the order in which they run: the
 quiet ones first."""

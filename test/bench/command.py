@@ -39,6 +39,7 @@ EXIT_SIGNALLED = 128
       batch    many recordings on two Dask workers, beside one
       fuzz     damaged recordings: no hang, no crash, memory bounded
       kill     kill -9 in campaigns: no published verdict is lost
+      faults   a fault in each campaign: no hit lost or double
 
     \b
     Examples:
@@ -76,7 +77,7 @@ EXIT_SIGNALLED = 128
 @click.option(
     "--hits", type=click.IntRange(1), metavar="N", help="In part series; memory: 0.3 N. [10000]"
 )
-@click.option("--kills", type=click.IntRange(1), metavar="N", help="In part kill. [2]")
+@click.option("--kills", type=click.IntRange(1), metavar="N", help="In parts kill and faults. [2]")
 @click.option(
     "--mutations",
     type=click.IntRange(1),

@@ -122,7 +122,8 @@ class RigProcesses:
     """
 
     def __init__(self, environment: Mapping[str, str], log: Path) -> None:
-        self._environment = dict(environment)
+        # No emergency stop of another rig's hammer that had the same domain.
+        self._environment = {**environment, "XDG_STATE_HOME": str(log.parent)}
         self._log = log
         self._processes: dict[str, subprocess.Popen[str]] = {}
 
@@ -156,20 +157,20 @@ class RigProcesses:
         words = [sys.executable, "-m", OUTSIDE, role, *arguments]
         return Said(self._start(f"outside {role}", words, listen=True), self.read_log)
 
-    def start_command(self, *words: str) -> subprocess.Popen[str]:
-        """Start `impact-rig` with some words."""
-        return self._start(COMMAND_LINE, [sys.executable, "-m", COMMAND_LINE, *words])
+    def start_command(self, *words: str, log: Path | None = None) -> subprocess.Popen[str]:
+        """Start `impact-rig` with some words; it prints to the log, if there is no other."""
+        return self._start(COMMAND_LINE, [sys.executable, "-m", COMMAND_LINE, *words], log=log)
 
     def _start(
-        self, name: str, words: Sequence[str], *, listen: bool = False
+        self, name: str, words: Sequence[str], *, listen: bool = False, log: Path | None = None
     ) -> subprocess.Popen[str]:
-        with self._log.open("a") as log:
+        with (log or self._log).open("a") as said:
             # A session of their own: Ctrl-C reaches the bench alone, which then ends them.
             self._processes[name] = subprocess.Popen(
                 words,
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE if listen else log,
-                stderr=log,
+                stdout=subprocess.PIPE if listen else said,
+                stderr=said,
                 env=self._environment,
                 text=True,
                 start_new_session=True,

@@ -1,5 +1,6 @@
 """A rig that is up, and campaigns run on it from another process."""
 
+import contextlib
 import json
 import os
 import signal
@@ -107,6 +108,48 @@ def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
             if connection.topic == "/note"
         ]
     assert notes == ["new tip, 21 °C"]
+
+
+def find_node(rig, name):
+    """Return the process of a node that `up` has started."""
+    words = ["ps", "-eo", "pid=,args=", "--forest"]
+    lines = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
+    for line in lines:
+        number, _, command = line.strip().partition(" ")
+        environment = Path("/proc", number, "environ")
+        if f"impact_rig.nodes {name} " in command and "sh -c" not in command:
+            with contextlib.suppress(OSError):
+                if f"IMPACT_RIG_LAUNCHER={rig.pid}".encode() in environment.read_bytes():
+                    return int(number)
+    raise AssertionError(f"no {name} node is there")
+
+
+def test_nodes_that_die_are_started_again_and_the_campaign_has_every_hit(
+    start, environment, tmp_path
+):
+    rig = start(
+        "up", "--respawn", "--output", "run", "--set", "hammer.swing_time=0.2", "--no-visualizer"
+    )
+    assert any("ready: " in line for line in rig.stdout)
+    campaign = start(
+        "campaign", "--samples", "steel small", "--impacts", "12", "--output", "results"
+    )
+    # What the recorder had written when it died is what the estimator takes up.
+    for name in ("recorder", "estimator"):
+        assert any("sample 1 of" in line or "it goes on" in line for line in campaign.stdout)
+        os.kill(find_node(rig, name), signal.SIGKILL)
+        assert any(f"paused: the {name} node has gone" in line for line in campaign.stdout)
+    told = campaign.communicate(timeout=PATIENCE)[0]
+    assert campaign.returncode == 0, told
+    hits = json.loads((tmp_path / "results" / "results.json").read_text("utf-8"))["hits"]
+    assert [hit["impact"] for hit in hits if hit["accepted"]] == list(range(1, 13))
+    assert len({hit["record"] for hit in hits}) == len(hits)
+    rig.send_signal(signal.SIGINT)
+    rig.communicate(timeout=PATIENCE)
+    assert rig.returncode == 0
+    assert sorted(path.name for path in (tmp_path / "run").glob("*.mcap")) == [
+        "session-2.mcap", "session.mcap",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

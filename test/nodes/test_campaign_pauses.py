@@ -291,15 +291,6 @@ def test_a_hit_of_which_no_verdict_comes_is_struck_again_with_a_record_of_its_ow
     assert not cancel(harness, handle).result.rejected
 
 
-def test_records_that_are_counted_anew_end_the_campaign(harness):
-    accelerometers, client = start_losing_rig(harness, records=(1, 1))
-    handle, feedback = begin(harness, client, samples=["steel small"], impacts=2)
-    wait_for_phase(feedback, PAUSED, "unplugged")
-    accelerometers.come_back()
-    result = harness.wait(handle.get_result_async()).result
-    assert "record 1 after 1" in result.message
-
-
 def test_a_recorder_that_stops_in_a_pause_ends_the_campaign(harness):
     recorder = harness.advertise(interfaces.RECORDER_STATE)
     _, client = start_losing_rig(harness, records=(1,))

@@ -110,14 +110,17 @@ def test_a_node_that_is_not_active_is_told_until_it_is(node, tell):
     assert node.rig.losses == 1
 
 
-def test_a_recording_ends_with_the_next_one_but_not_with_what_was_said_before_it(node, tell):
+def test_what_a_recorder_began_another_recording_without_is_lost(node, tell):
     tell(interfaces.RECORDER_STATE, record("first.mcap"))
-    assert not node.rig.describe_end_of_recording("second.mcap")
+    # Another node may have heard of the second one before.
+    assert not node.rig.is_lost(1, "second.mcap")
     tell(interfaces.RECORDER_STATE, record("second.mcap"))
+    assert not node.rig.is_lost(1, "second.mcap")
+    tell(interfaces.RECORDER_STATE, record("second-2.mcap"))
+    assert node.rig.is_lost(1, "second.mcap")
     assert not node.rig.describe_end_of_recording("second.mcap")
-    tell(interfaces.RECORDER_STATE, record("third.mcap"))
-    end = node.rig.describe_end_of_recording("second.mcap")
-    assert end == "the recorder has begun another recording, third.mcap"
+    tell(interfaces.RECORD_STORED, RecordStored(record=1, complete=True))
+    assert not node.rig.is_lost(1, "second.mcap")
 
 
 def test_a_recorder_that_stops_ends_its_recording(node, tell):

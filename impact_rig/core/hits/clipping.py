@@ -87,6 +87,8 @@ def count_chance_run(upright: FloatArray, start: int, quiet: int, step: float) -
         q, one count; 0: not known, the least difference between values is taken.
     """
     height = float(upright[start])
+    if height <= 0.0:
+        return math.inf  # no top of anything: the baseline is not that of a hit
     if step <= 0.0:
         step = find_step(upright)
     noise = float(np.std(upright[:quiet]))

@@ -1,0 +1,170 @@
+"""What a campaign makes of a fault in its middle: it pauses with the reason, and has every hit."""
+
+import json
+import random
+import re
+import signal
+import subprocess
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+from bench.measure import Bench, Figure, at_most, part
+from bench.rig_processes import COMMAND_LINE, RigProcesses, use_own_domain
+from impact_rig.configuration.processes import RECORDING_NAME, list_rig_processes
+from impact_rig.core.errors import RigError
+from impact_rig.core.signals.record import Block
+from impact_rig.recordings.new_file import choose_free, list_parts
+from impact_rig.recordings.reader import read_recording
+
+SAMPLES = ("steel small", "brass small")
+IMPACTS = 3
+CAMPAIGN = ("--impacts", str(IMPACTS), *(word for name in SAMPLES for word in ("--samples", name)))
+OVERRIDES = {"hammer": {"swing_time": 0.2}}
+"""The fault should meet every part of a hit, and swings are most of it."""
+LONGEST_WAIT = 1.5
+"""From the campaign's first word to the fault [s], our choice: what six hits take."""
+LONGEST_CAMPAIGN = 150.0
+"""[s], our choice: a freeze of 30 s, and all that is waited for after it."""
+A_RIG = 10
+"""Campaigns on one rig, our choice: it has to live through their faults one after the other."""
+TOLD = "SIGTERM"
+FAULTS = {
+    "kill -9": 0.0,
+    TOLD: 0.0,
+    "frozen for 1 s": 1.0,
+    "frozen for 5 s": 5.0,
+    "frozen for 30 s": 30.0,
+}
+"""And how long a node stands still [s]. One that has ended is started again."""
+_PAUSES = re.compile(r"^paused:(.*)$", re.MULTILINE)
+
+
+class FaultyRig:
+    """A rig one of whose nodes has a fault in every campaign.
+
+    Parameters
+    ----------
+    processes : RigProcesses
+        Which it is started in.
+    folder : Path
+        Of its recording.
+
+    Attributes
+    ----------
+    nodes : dict
+        Their parameters, by name.
+    """
+
+    def __init__(self, processes: RigProcesses, folder: Path) -> None:
+        self._processes = processes
+        self._folder = folder
+        self.nodes = {
+            node.name: dict(node.parameters)
+            for node in list_rig_processes(folder, visualize=False, overrides=OVERRIDES)
+        }
+        self._running = {
+            name: processes.start_node(name, **parameters)
+            for name, parameters in self.nodes.items()
+        }
+
+    def run(self, fault: str, node: str, wait: float) -> tuple[str, int]:
+        """Run a campaign with a fault; return what was wrong, empty: nothing, and its pauses."""
+        output = choose_free(self._folder / "results")
+        log = output.with_suffix(".log")
+        command = self._processes.start_command(
+            "campaign", *CAMPAIGN, "--output", str(output), log=log
+        )
+        deadline = time.monotonic() + LONGEST_CAMPAIGN
+        while "sample 1 of" not in log.read_text() and command.poll() is None:
+            if time.monotonic() > deadline:
+                break
+            time.sleep(0.01)
+        time.sleep(wait)
+        self._inflict(fault, node)
+        try:
+            code = command.wait(max(deadline - time.monotonic(), 0.0))
+        except subprocess.TimeoutExpired:
+            self._processes.kill([COMMAND_LINE])
+            return f"no end within {LONGEST_CAMPAIGN:g} s: {log.read_text()[-300:]}", 0
+        text = log.read_text()
+        pauses = _PAUSES.findall(text)
+        if code and fault == TOLD and node in text.rpartition("error:")[2]:
+            return "", len(pauses)  # whoever stops a node on purpose ends what needs it
+        if code:
+            return f"code {code}: {text.strip()[-300:]}", len(pauses)
+        if not all(reason.strip() for reason in pauses):
+            return "a pause without a reason", len(pauses)
+        return self._compare(output), len(pauses)
+
+    def _inflict(self, fault: str, node: str) -> None:
+        process = self._running[node]
+        if FAULTS[fault]:
+            process.send_signal(signal.SIGSTOP)
+            time.sleep(FAULTS[fault])
+            process.send_signal(signal.SIGCONT)
+            return
+        process.send_signal(signal.SIGKILL if fault != TOLD else signal.SIGTERM)
+        process.wait()
+        self._running[node] = self._processes.start_node(node, **self.nodes[node])
+
+    def _compare(self, output: Path) -> str:
+        """Return what is missing or double in the results, or not in the recording."""
+        hits = json.loads((output / "results.json").read_text())["hits"]
+        accepted = Counter((hit["sample"], hit["impact"]) for hit in hits if hit["accepted"])
+        wanted = Counter((name, 1 + impact) for name in SAMPLES for impact in range(IMPACTS))
+        if accepted != wanted:
+            return f"missing {dict(wanted - accepted)}, double {dict(accepted - wanted)}"
+        records = Counter(hit["record"] for hit in hits)
+        if max(records.values()) > 1:
+            return f"a record counts twice: {records}"
+        recorded = Counter(_list_records(self._folder / RECORDING_NAME))
+        if lost := [record for record in records if not recorded[record]]:
+            return f"records {lost} are in no recording"
+        return ""
+
+
+def _list_records(first: Path) -> Iterator[int]:
+    """Yield the record of every last block in what a rig has recorded so far."""
+    newest = choose_free(first)
+    for path in list_parts(newest)[:-1]:
+        try:
+            for event in read_recording(path).events():
+                if isinstance(event, Block) and event.last:
+                    yield event.label.record
+        except RigError:
+            continue  # a recorder that was killed at once has written nothing
+
+
+@part("faults", "A fault in each campaign: no hit lost or double, all told", 60.0)
+def measure_faults(bench: Bench) -> Iterator[Figure]:
+    """Run short campaigns, and in each of them let a random node have a random fault."""
+    dice = random.Random(bench.extent.seed)
+    wrong: list[str] = []
+    total, pauses = bench.extent.kills, 0
+    for first in range(0, total, A_RIG):
+        folder = bench.folder / f"faults{first}"
+        folder.mkdir()
+        with (
+            use_own_domain() as environment,
+            RigProcesses(environment, folder / "log.txt") as processes,
+        ):
+            rig = FaultyRig(processes, folder)
+            for number in range(first, min(first + A_RIG, total)):
+                bench.report(number, total)
+                fault, node = dice.choice(list(FAULTS)), dice.choice(list(rig.nodes))
+                wait = dice.uniform(0.0, LONGEST_WAIT)
+                complaint, told = rig.run(fault, node, wait)
+                pauses += told
+                if complaint:
+                    wrong.append(f"{number}, {node} {fault} after {wait:.2f} s: {complaint}")
+    yield Figure(
+        "campaigns that lost, doubled or did not explain",
+        len(wrong),
+        "",
+        at_most(0),
+        "; ".join(wrong),
+    )
+    yield Figure("campaigns, each with a fault", total)
+    yield Figure("pauses, each with its reason", pauses)
