@@ -286,13 +286,15 @@ def _list_channels(measurement: Measurement) -> str:
 
 def _ask_for_roles(measurement: Measurement) -> str:
     count = len(measurement.channels)
-    guess = ["time" if is_clock(measurement.channels[0].values) else "hammer"]
-    guess += ["specimen" if "hammer" in guess else "hammer"]
-    guess += ["specimen" if "specimen" not in guess else "skip", *["skip"] * count]
+    left, guess = ["hammer", "specimen"], list[str]()
+    for channel in measurement.channels:
+        is_time = is_clock(channel.values) and "time" not in guess
+        is_used = left and not channel.flaw
+        guess.append("time" if is_time else left.pop(0) if is_used else "skip")
     return (
         f"{measurement.path} has {count} columns: give the role of each ({', '.join(ROLES)}). They"
         f" are {_list_channels(measurement)}. For example, `impact-rig analyze"
-        f" {shlex.quote(str(measurement.path))} --columns {','.join(guess[:count])}`; several"
+        f" {shlex.quote(str(measurement.path))} --columns {','.join(guess)}`; several"
         " hammers are several hits"
     )
 
@@ -454,6 +456,9 @@ FIRST_STAMP = NANOSECONDS
 in ROS 2 is no time."""
 PAUSE = NANOSECONDS
 """Between two hits whose times are not known [ns], our choice: rigs are not struck faster."""
+AROUND_CUE, BEFORE_CUE = 0.1, 0.4
+"""A hit lies so near a cue [s], less where cues are nearer; this part before it [-]. Our choice:
+people and recorders mark it that well."""
 MANY_IMPACTS, IMPACT_DISTANCE, ALIKE = 3, 0.05, 0.5
 """So many impacts, so far apart [s] and of such a part of the highest's height are no bounces of
 one [-], our choice."""
@@ -546,10 +551,7 @@ def read_hits(
             last=True,
             stamp=channels.stamp,
         )
-        if window is None:
-            _check_alone(path, whole)
-        # Where no impact is found, the whole says why.
-        for first, block in (cut_impacts(whole, window) if window else ()) or [(0, whole)]:
+        for first, block in _cut_hits(path, whole, measurement.cues, window):
             number = label.record + len(hits)
             counted = replace(
                 block,
@@ -567,6 +569,23 @@ def read_hits(
                 )
             )
     return hits
+
+
+def _cut_hits(
+    path: Path, whole: Block, cues: Sequence[int], window: AnalysisSettings | None
+) -> Iterator[tuple[int, Block]]:
+    """Yield what is a record of its own, with its first point: around cues, or all of it."""
+    size = whole.hammer.output.size
+    length = min([round(AROUND_CUE * whole.sampling_rate), *map(int, np.diff(cues))])
+    starts = [max(cue - round(BEFORE_CUE * length), 0) for cue in cues] if cues else [0]
+    for start in starts:
+        piece = whole.cut(start, start + length if cues else size)
+        piece = replace(piece, first_sample=0, last=True)
+        if window is None:
+            _check_alone(path, piece)
+        # Where no impact is found, the whole says why.
+        for first, block in (cut_impacts(piece, window) if window else ()) or [(0, piece)]:
+            yield start + first, block
 
 
 def _check_alone(path: Path, block: Block) -> None:
@@ -696,7 +715,7 @@ def write_imported(output: Path, setup: RigSetup, hits: Sequence[ImportedHit]) -
         stamps = _assign_stamps(hits)
         writer.add_message(setups, encoder.encode_setup(setup, stamps[0]), stamps[0], stamps[0])
         for hit, stamp in zip(hits, stamps, strict=True):
-            for block in _split(replace(hit.block, stamp=stamp)):
+            for block in replace(hit.block, stamp=stamp).split(BLOCK_POINTS):
                 arrival = block.stamp + _compute_duration(block)
                 writer.add_message(blocks, encoder.encode_block(block), arrival, arrival)
 
@@ -733,17 +752,3 @@ def _describe(hit: ImportedHit) -> str:
 def _compute_duration(block: Block) -> int:
     """Return how long a block is [ns]."""
     return round(block.hammer.output.size / block.sampling_rate * NANOSECONDS)
-
-
-def _split(whole: Block) -> Iterator[Block]:
-    size = whole.hammer.output.size
-    for first in range(0, size, BLOCK_POINTS):
-        window = slice(first, first + BLOCK_POINTS)
-        yield replace(
-            whole,
-            first_sample=first,
-            hammer=replace(whole.hammer, output=whole.hammer.output[window]),
-            specimen=replace(whole.specimen, output=whole.specimen.output[window]),
-            last=first + BLOCK_POINTS >= size,
-            stamp=whole.stamp + round(first / whole.sampling_rate * NANOSECONDS),
-        )

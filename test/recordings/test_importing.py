@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 import re
+import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -584,6 +585,24 @@ def test_a_long_record_is_cut_into_its_hits_bit_by_bit(many_hits):
         assert 96 <= place - first <= 2 * 96 + 16
         assert hit.block.hammer.output.tolist() == signal[first : last + 1].tolist()
         assert hit.block.hammer.full_scale == 0.0
+
+
+def test_cue_points_of_a_sound_file_say_where_hits_are(many_hits):
+    path, places, signal = many_hits
+    cues = [place + 200 for place in places[1:4]]
+    entries = b"".join(struct.pack("<II4sIII", n, c, b"data", 0, 0, c) for n, c in enumerate(cues))
+    with path.open("ab") as file:
+        file.write(struct.pack("<4sII", b"cue ", 4 + len(entries), len(cues)) + entries)
+    hits = read_hits(path, HitLabel("beam"), plan())
+    assert len(hits) == 3
+    for hit, place in zip(hits, places[1:4], strict=True):
+        first, last = map(int, re.findall(r"points (\d+) to (\d+)", hit.block.origin.place)[0])
+        assert first < place < last < first + 4800
+        assert hit.block.hammer.output.tolist() == signal[first : last + 1].tolist()
+    window = AnalysisSettings(pre_trigger=2e-3, record_duration=20e-3)
+    cut = read_hits(path, HitLabel("beam"), plan(), window=window)
+    assert len(cut) == 3
+    assert all(960 <= hit.block.hammer.output.size <= 960 + 96 for hit in cut)
 
 
 def test_a_record_of_many_impacts_is_not_taken_for_one_hit(many_hits):

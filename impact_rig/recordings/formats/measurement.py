@@ -132,7 +132,7 @@ def compute_sampling_rate(path: Path, times: FloatArray, unit: str = "") -> floa
         raise SignalError(
             f"{path}: its times have too few digits: they go on by {steps.min():.6g} to"
             f" {steps.max():.6g} s from point to point, by {step:.6g} s on average. If its points"
-            f" are evenly spaced, give --rate {1.0 / step:.6g}"
+            f" are evenly spaced, give --rate, about {1.0 / step:.3g} Hz"
         )
     if not (step > 0 and np.isfinite(step)) or steps.min() <= 0:
         worst = int(np.argmin(steps))
@@ -326,10 +326,13 @@ class Measurement:
         Of the file.
     channels : tuple of MeasuredChannel
         One at least, in the order of the file. Lengths, rates and starts may differ.
+    cues : tuple of int
+        Points where somebody marked a hit, growing; empty: nobody did.
     """
 
     path: Path
     channels: tuple[MeasuredChannel, ...]
+    cues: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse a measurement of nothing."""

@@ -3,7 +3,6 @@
 import io
 import struct
 from pathlib import Path
-from typing import NamedTuple
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.formats.measurement import (
@@ -15,13 +14,8 @@ from impact_rig.recordings.formats.measurement import (
 BYTE_ORDERS = {b"RIFF": "<", b"RIFX": ">", b"RF64": "<"}
 CHUNK_HEADER = 8
 """Name and size of a chunk [byte]."""
-
-
-class _Layout(NamedTuple):
-    """Channels, and bytes that one number of a channel takes."""
-
-    channels: int
-    width: int
+CUE_COUNT, CUE_SIZE, CUE_POINT = 4, 24, 20
+"""Of a chunk of cues: its count, the size of each, and where in each its point stands [byte]."""
 
 
 def read_wav(path: Path) -> Measurement:
@@ -35,40 +29,45 @@ def read_wav(path: Path) -> Measurement:
     from scipy.io import wavfile
 
     data = path.read_bytes()
-    layout = _check_chunks(path, data)
-    # From memory, where a size in the header that is too large takes none.
-    rate, array = wavfile.read(io.BytesIO(data))
-    if array.dtype.kind == "i" and array.dtype.itemsize > layout.width:
-        array = array >> 8 * (array.dtype.itemsize - layout.width)  # 24 bits come shifted up
-    columns = [array] if layout.channels == 1 else list(array.T)
-    return Measurement(
-        path,
-        tuple(
-            MeasuredChannel(f"channel {number}", keep_values(column, f"{path}"), float(rate))
-            for number, column in enumerate(columns, start=1)
-        ),
-    )
-
-
-def _check_chunks(path: Path, data: bytes) -> _Layout:
-    """Return how numbers are laid out; refuse a file that is shorter than it claims to be."""
     order = BYTE_ORDERS.get(data[:4])
     if order is None or data[8:12] != b"WAVE":
         raise FileError(f"{path} is no .wav file: it should begin with RIFF and WAVE")
-    layout = None
+    chunks = _find_chunks(path, data, order)
+    if not {b"fmt ", b"data"} <= chunks.keys():
+        raise FileError(f"{path} is cut off: it holds no sound")
+    channel_count, _, _, block = struct.unpack_from(f"{order}HIIH", chunks[b"fmt "], 2)
+    # From memory, where a size in the header that is too large takes none.
+    rate, array = wavfile.read(io.BytesIO(data))
+    spare = array.dtype.itemsize - block // channel_count
+    if array.dtype.kind == "i" and spare > 0:
+        array = array >> 8 * spare  # 24 bits come shifted up
+    columns = [array] if channel_count == 1 else list(array.T)
+    channels = (
+        MeasuredChannel(f"channel {number}", keep_values(column, f"{path}"), float(rate))
+        for number, column in enumerate(columns, start=1)
+    )
+    cues = _read_cues(chunks.get(b"cue ", b""), order)
+    return Measurement(path, tuple(channels), tuple(cue for cue in cues if cue < len(array)))
+
+
+def _find_chunks(path: Path, data: bytes, order: str) -> dict[bytes, memoryview]:
+    """Return the chunks by their names; refuse a file that is shorter than its sound."""
+    chunks: dict[bytes, memoryview] = {}
     position = 12
     while position + CHUNK_HEADER <= len(data):
         name, size = struct.unpack_from(f"{order}4sI", data, position)
         position += CHUNK_HEADER
-        if name == b"fmt ":
-            channels, _, _, block = struct.unpack_from(f"{order}HIIH", data, position + 2)
-            layout = _Layout(channels, block // channels)
-        if name == b"data" and layout is not None:
-            left = len(data) - position
-            if size > left and data[:4] != b"RF64":
-                raise FileError(
-                    f"{path} is cut off: it should have {size} bytes of sound, it has {left}"
-                )
-            return layout
+        left = len(data) - position
+        if name == b"data" and size > left and data[:4] != b"RF64":
+            raise FileError(
+                f"{path} is cut off: it should have {size} bytes of sound, it has {left}"
+            )
+        chunks.setdefault(name, memoryview(data)[position : position + size])
         position += size + size % 2
-    raise FileError(f"{path} is cut off: it holds no sound")
+    return chunks
+
+
+def _read_cues(chunk: bytes | memoryview, order: str) -> list[int]:
+    """Return the points that cues mark, in their order."""
+    places = range(CUE_COUNT + CUE_POINT, len(chunk) - 3, CUE_SIZE)
+    return sorted({struct.unpack_from(f"{order}I", chunk, place)[0] for place in places})
