@@ -186,7 +186,11 @@ class Session:
         return self._hammers[control][1]
 
     def estimate_numbers(self, name: str) -> SampleEstimate:
-        """Return tau_p, k and c of one sample so far: at once after a hit."""
+        """Return tau_p, k and c of one sample so far: at once after a hit.
+
+        The budget of tau_p has the contact's law as it was last found, with the hits before: a fit
+        takes as long as all else together, and `estimate_sample` does it anew.
+        """
         if name not in self._numbers:
             self._numbers[name] = self._estimate_numbers(name)
         return self._numbers[name]
@@ -217,6 +221,7 @@ class Session:
 
     def estimate_sample(self, name: str) -> SampleEstimate:
         """Return the same with what stands beside it, but for the fitted model."""
+        self._forget_older_laws({name, self.get_setup(name).samples.control_sample})
         estimate, mean = self.estimate_numbers(name), self.compute_mean(name)
         if mean is None or self.setup.find_unknown_masses(name):
             return estimate
@@ -231,8 +236,16 @@ class Session:
             self._traces[name] = mean, estimate_traces(name, mean, self.get_setup(name), law)
         return self._traces[name][1]
 
+    def _forget_older_laws(self, names: set[str]) -> None:
+        """Forget laws of fewer hits than there are now, and what was made of them."""
+        for name in names & self._laws.keys():
+            if self._laws[name][0] is not self.compute_mean(name):
+                del self._laws[name]
+                self._hammers.pop(name, None)
+                self._numbers.clear()
+
     def _estimate_law(self, name: str, mean: MeanHit) -> ContactLaw:
-        if name not in self._laws or self._laws[name][0] is not mean:
+        if name not in self._laws:
             self._laws[name] = mean, look_at_law(mean, self.get_setup(name), name)
         return self._laws[name][1]
 

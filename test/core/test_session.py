@@ -42,6 +42,21 @@ def test_a_rejected_hit_changes_no_estimate(strike: Strike) -> None:
     assert repr(drop_internals(replace(after, impacts_rejected=0))) == repr(drop_internals(before))
 
 
+def test_what_follows_a_hit_at_once_changes_nothing_of_what_is_found_later(strike: Strike) -> None:
+    hurried, patient = Session(SETUP), Session(SETUP)
+    for name in ("alike", "heavy"):
+        for impact in range(1, 4):
+            strike(patient, name, impact)
+            strike(hurried, name, impact)
+            at_once = hurried.estimate_numbers(name)
+            assert at_once.contact_time.value == hurried.estimate_sample(name).contact_time.value
+    found, expected = (
+        repr([drop_internals(sample) for sample in session.estimate_all().samples])
+        for session in (hurried, patient)
+    )
+    assert found == expected
+
+
 def test_a_sample_measured_before_the_control_sample_gets_its_k2_afterwards(
     strike: Strike,
 ) -> None:
