@@ -252,7 +252,7 @@ def _describe_filter(wanted: float, cutoff: float, hits: Sequence[ImportedHit]) 
     wider = measure_pulse(filtered).half_amplitude_width / FINE_POINTS - 1.0
     if wider < WORTH_SAYING:
         return []
-    pulses = f"pulses of {width * 1e6:.3g} us at half amplitude"
+    pulses = f"pulses of {width * 1e6:.3g} µs at half amplitude"
     return [
         f"the {cutoff / 1e3:g} kHz low-pass makes {pulses} {wider * 100:.0f} % wider (--cutoff)"
     ]

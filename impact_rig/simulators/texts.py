@@ -65,7 +65,7 @@ def _describe(parameters: Parameters) -> list[str]:
             f" free, meeting at {1e3 * contact.speed:.2f} mm/s."
         ),
         f"{origin.capitalize()} at {parameters.measured.describe_speeds()}:",
-        f"  contact duration  {_format(contact.duration, contact.duration_expanded, MICRO)} us",
+        f"  contact duration  {_format(contact.duration, contact.duration_expanded, MICRO)} µs",
         f"  restitution       {_format(contact.restitution, contact.restitution_expanded, 1.0)}",
         f"  peak force        {contact.peak_force:.4g} N",
         (
@@ -98,21 +98,21 @@ def _describe(parameters: Parameters) -> list[str]:
         speed = ratio * contact.speed
         there, wanted = parameters.compute_pulse(speed), contact.at_speed(speed)
         lines.append(
-            f"  at {1e3 * speed:.4g} mm/s it gives {there.duration * MICRO:.1f} us and"
-            f" e = {there.restitution:.4f}; the contact law: {wanted.duration * MICRO:.1f} us and"
+            f"  at {1e3 * speed:.4g} mm/s it gives {there.duration * MICRO:.1f} µs and"
+            f" e = {there.restitution:.4f}; the contact law: {wanted.duration * MICRO:.1f} µs and"
             f" e = {wanted.restitution:.4f}"
         )
     return lines
 
 
 def _format(value: float, expanded: float, scale: float) -> str:
-    return format_uncertain(scale * value, scale * expanded, 4).replace("±", "+-")
+    return format_uncertain(scale * value, scale * expanded, 4)
 
 
 def _describe_value(value: Value) -> str:
     text = f"{value.value:.6g}"
     if value.expanded > 0.0:
-        text += f" +- {value.expanded:.2g}"
+        text += f" ± {value.expanded:.2g}"
     text = f"{text} {value.unit}".rstrip()
     if value.highest > value.lowest:
         text += f", {value.lowest:.4g} to {value.highest:.4g} over the measured speeds"

@@ -51,7 +51,14 @@ from impact_rig.devices.virtual.rig import (
     compute_scale,
     make_nominal_physics,
 )
-from impact_rig.study.cases import CONTACT_LAW, FREE_DECAY, IDENTIFICATION, PAPER, Case
+from impact_rig.study.cases import (
+    CONTACT_LAW,
+    FREE_DECAY,
+    IDENTIFICATION,
+    LAWS,
+    PAPER,
+    Case,
+)
 
 UNIFORM_VARIANCE = 12.0
 """A step of the quantiser is uniform noise of step^2 / 12."""
@@ -390,6 +397,11 @@ class CampaignSource:
         source = np.random.SeedSequence((*self._entropy, number))
         seed, truth_source = source.spawn(2)
         truth = draw_truth(stated, np.random.default_rng(truth_source))
+        if case.varies_law:
+            # Every law meets every sample.
+            exponent, restitution = LAWS[(number + number // len(names)) % len(LAWS)]
+            rig = replace(case.rig, contact_exponent=exponent, restitution=restitution)
+            case = replace(case, rig=rig)
         settings = adapt_ranges(case, stated, sample)
         rig = VirtualRig(
             truth.setup,

@@ -66,9 +66,8 @@ DAMPING_RATIOS = (0.01, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7)
 """Of every sample [-]."""
 NOISE_LEVELS = (2e-4, 5e-4, 1e-3, 3e-3, 1e-2)
 """Of the efficiency part, white, part of each trace's peak [-]."""
-EXPONENTS = (1.0, 1.5, 2.0)
-RESTITUTIONS = (1.0, 0.9, 0.7, 0.5)
-"""Of the contact law [-]."""
+LAWS = tuple(itertools.product((1.0, 1.5, 2.0), (1.0, 0.9, 0.7, 0.5)))
+"""Exponents and restitutions of contact laws [-]."""
 FINEST_BITS = 31
 """A digitizer without quantisation, for what the study can tell."""
 
@@ -132,6 +131,8 @@ class Case:
         Whether the control sample is struck too, which k and c by the paper's method need.
     estimators : tuple of str
         Those that are asked.
+    varies_law : bool
+        Whether campaigns take every contact law of `LAWS` in turn, instead of the rig's.
     """
 
     part: Part
@@ -145,6 +146,7 @@ class Case:
     is_exact: bool = False
     has_control: bool = True
     estimators: tuple[str, ...] = ESTIMATORS
+    varies_law: bool = False
 
     @property
     def key(self) -> str:
@@ -185,7 +187,6 @@ class _Axis:
 
 def _list_axes() -> tuple[_Axis, ...]:
     default = VirtualRigSettings(plant=Plant.DYNAMICS)
-    laws = list(itertools.product(EXPONENTS, RESTITUTIONS))
 
     def change(**values: Any) -> VirtualRigSettings:
         return replace(default, digitizer=replace(default.digitizer, **values))
@@ -224,11 +225,11 @@ def _list_axes() -> tuple[_Axis, ...]:
         ),
         _Axis(
             "contact law",
-            tuple(f"n = {n:g}, e = {e:g}" for n, e in laws),
-            tuple(map(float, range(len(laws)))),
+            tuple(f"n = {n:g}, e = {e:g}" for n, e in LAWS),
+            tuple(map(float, range(len(LAWS)))),
             tuple(
                 VirtualRigSettings(plant=Plant.CONTACT, contact_exponent=n, restitution=e)
-                for n, e in laws
+                for n, e in LAWS
             ),
             estimators=LAW_ESTIMATORS,
         ),
@@ -286,6 +287,7 @@ def _list_efficiency_cases() -> list[Case]:
             is_exact=True,
             has_control=False,
             estimators=estimators,
+            varies_law=plant is Plant.CONTACT,
         )
         for axis, plant, estimators in (
             ("noise of peak", Plant.DYNAMICS, ESTIMATORS),

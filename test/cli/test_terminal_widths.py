@@ -42,7 +42,7 @@ ALARM = "\x1b[1;38;5;166m"
 NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?![\w.]*\d)")
 REASONS = (
     "overload: 250 points in a row of the hammer at the rail of 1999 m/s^2 (203.8 g)",
-    "double_hit: a second pulse of 40 % of the largest follows after 376 us",
+    "double_hit: a second pulse of 40 % of the largest follows after 376 µs",
 )
 NAMES = {
     "steel small": "鋼の試料 第一号 とても長い名前の円柱",

@@ -78,8 +78,8 @@ def test_a_file_says_what_was_measured_and_what_its_law_does_not_hold(find, engi
     lines = format_text(find(engine, contact), suffix).splitlines()
     assert max(map(len, lines)) < 100
     text = " ".join(" ".join(line.lstrip("#! ") for line in lines).split())
-    assert "contact duration 211.02 +- 0.85 us" in text
-    assert "restitution 0.9001 +- 0.0016" in text
+    assert "contact duration 211.02 ± 0.85 µs" in text
+    assert "restitution 0.9001 ± 0.0016" in text
     assert "Measured at 81.90 mm/s" in text
     assert "at 40.95 mm/s it gives" in text
     is_spring = engine in {"drake", "sdf", "pybullet"}

@@ -436,7 +436,7 @@ def _find_tail(mean: MeanHit, contact_time: float, cutoff_frequency: float) -> s
     points = max(0, math.ceil((last - first) / step))
     if points < MINIMUM_POINTS:
         raise NotDeterminedError(
-            f"free decay: {max(0, last - first) / rate * 1e6:.3g} us of tail after the contact are"
+            f"free decay: {max(0, last - first) / rate * 1e6:.3g} µs of tail after the contact are"
             f" {points} points; it needs {MINIMUM_POINTS}: record longer"
         )
     return slice(first, last, step)

@@ -26,9 +26,9 @@ MARGIN_AFTER = 0.1
 POINTS_PER_WIDTH = 96
 """Points of the model in w50, where the trace has so many [-], our choice: every second is
 compared."""
-KERNEL_REACH = 1.5
-"""Half length of the low-pass's kernel, in periods of the cutoff [-], our choice: 1e-3 of it lies
-outside."""
+KERNEL_REACH = 2.0
+"""Half length of the low-pass's kernel, in periods of the cutoff [-], our choice: 1e-5 of it lies
+outside, and a law's n is off by less than noise of 0.02 % makes it."""
 REMEMBERED_MATRICES = 8
 """Of low-pass and sensor [-], our choice: the hits of a sample need two, of a megabyte or so."""
 CONVERGED = (1, 2, 3, 4)

@@ -71,7 +71,7 @@ class Quantity:
 
 
 QUANTITIES = (
-    Quantity("tau_p", " us", "contact_time", 1e6, 0.005),
+    Quantity("tau_p", " µs", "contact_time", 1e6, 0.005),
     Quantity("hammer peak", " m/s^2", "hammer_peak", 1.0, 0.03),
     Quantity("w10/w50", "", "width_ratio", 1.0, 0.01),
 )

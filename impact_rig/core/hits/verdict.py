@@ -83,7 +83,7 @@ def check_channels(record: Record, settings: AnalysisSettings) -> tuple[Rejectio
             found.append(
                 Rejection(
                     Reason.DROPOUT,
-                    f"a single point of the {name}, {place * 1e6:.0f} us into the record, is"
+                    f"a single point of the {name}, {place * 1e6:.0f} µs into the record, is"
                     f" {abs(off):.4g} m/s^2 off its neighbours",
                 )
             )
@@ -159,10 +159,10 @@ def check_pulse(
         height = f"{float(f'{second.height * 100:.2g}'):g} % of the largest"
         place = (
             f"{'follows after' if second.delay > 0 else 'precedes it by'}"
-            f" {abs(second.delay) / sampling_rate * 1e6:.0f} us"
+            f" {abs(second.delay) / sampling_rate * 1e6:.0f} µs"
         )
         counts = f"from {level * 100:g} % on"
-        counts += f" within {window * 1e6:g} us one counts" if window else " one counts"
+        counts += f" within {window * 1e6:g} µs one counts" if window else " one counts"
         if second.kind is Kind.CONTACT:
             text = f"a second pulse of {height} {place}; {counts}"
             against.append(Rejection(Reason.DOUBLE_HIT, text))

@@ -198,8 +198,9 @@ class Sensor:
         if self.calibration_date:
             known.append(f"calibrated {self.calibration_date}")
         if self.resonance:
-            damping = f"damping {self.resonance_damping:g}"
-            known.append(f"resonance {self.resonance * 1e-3:.6g} kHz, {damping}")
+            known.append(f"resonance {self.resonance * 1e-3:.6g} kHz")
+            default = ", the default" * (self.resonance_damping == DEFAULT_RESONANCE_DAMPING)
+            known.append(f"damping {self.resonance_damping:g}{default}")
         if self.low_corner:
             known.append(f"low corner {self.low_corner:.6g} Hz")
         return ", ".join(known)

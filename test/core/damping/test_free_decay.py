@@ -307,7 +307,7 @@ def test_a_real_ringing_gives_the_decrement_of_its_peaks() -> None:
             0.1,
             r"a tail of 0.\d+ periods is too",
         ),
-        (Oscillation(0.3), 1300, 0.1, r"us of tail after the contact are"),
+        (Oscillation(0.3), 1300, 0.1, r"µs of tail after the contact are"),
         (Oscillation(0.97), COUNT, 0.02, "damping is critical or nearly so"),
         (Oscillation(0.3, amplitude=1.0), COUNT, 5.0, "is in the noise"),
         (Oscillation(0.3, amplitude=0.0), COUNT, 5.0, "is in the noise"),

@@ -89,15 +89,15 @@ class TestOutliers:
         hits.append(make_hit(10, 300e-6))
         (found,) = make_series(hits[:-1]).check(hits[-1])
         assert str(found) == (
-            "inconsistent: tau_p 300 us is 22.5 robust standard deviations from the median"
-            " 200 us of 11 hits"
+            "inconsistent: tau_p 300 µs is 22.5 robust standard deviations from the median"
+            " 200 µs of 11 hits"
         )
 
     def test_every_quantity_that_is_off_is_named(self) -> None:
         odd = make_hit(11, 300e-6, 100.0, 3.0)
         found = make_series(make_hits(10)).check(odd)
         assert [item.explanation.split(" is ")[0] for item in found] == [
-            "tau_p 300 us", "hammer peak 100 m/s^2", "w10/w50 3",
+            "tau_p 300 µs", "hammer peak 100 m/s^2", "w10/w50 3",
         ]  # fmt: skip
 
     def test_four_hits_are_too_few_to_tell(self) -> None:

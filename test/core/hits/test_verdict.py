@@ -161,7 +161,7 @@ class TestChannels:
         hammer[place] = 0.0
         (found,) = check_channels(make_record(hammer), SETTINGS)
         assert found.reason is Reason.DROPOUT
-        assert f" {place} us into the record" in found.explanation
+        assert f" {place} µs into the record" in found.explanation
 
     @given(width=st.integers(5, 60), phase=st.floats(0, 1), noise=st.floats(0, 10))
     def test_a_pulse_of_few_points_has_no_dropout(
@@ -270,12 +270,12 @@ class TestPulse:
         late = make_trace(180.0, start=500, noise=0.0)
         (found,) = judge_pulse(make_record(make_trace(900.0, noise=0.0) + late))
         assert str(found) == (
-            "double_hit: a second pulse of 20 % of the largest follows after 300 us; from 2 % on"
+            "double_hit: a second pulse of 20 % of the largest follows after 300 µs; from 2 % on"
             " one counts"
         )
         (found,) = judge_pulse(make_record(make_trace(900.0, start=900, noise=0.0) + late))
         assert str(found) == (
-            "double_hit: a second pulse of 20 % of the largest precedes it by 400 us; from 2 % on"
+            "double_hit: a second pulse of 20 % of the largest precedes it by 400 µs; from 2 % on"
             " one counts"
         )
 
