@@ -115,7 +115,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
     assert (tmp_path / "study.json").read_bytes() == b"old"
 
 
-SMALL = Configuration(parts=(Part.COVERAGE, Part.SELECTION), campaigns=21)
+SMALL = Configuration(parts=(Part.COVERAGE, Part.SELECTION), campaigns=2)
 STOPPED = Configuration(parts=(Part.SELECTION,), campaigns=29)
 """Six units: the first finished, one running and one on its way leave some to be done."""
 COMMAND = (
