@@ -400,8 +400,8 @@ class CampaignSource:
         if case.varies_law:
             # Every law meets every sample.
             exponent, restitution = LAWS[(number + number // len(names)) % len(LAWS)]
-            rig = replace(case.rig, contact_exponent=exponent, restitution=restitution)
-            case = replace(case, rig=rig)
+            changed = replace(case.rig, contact_exponent=exponent, restitution=restitution)
+            case = replace(case, rig=changed)
         settings = adapt_ranges(case, stated, sample)
         rig = VirtualRig(
             truth.setup,
