@@ -84,13 +84,13 @@ def count_chance_run(upright: FloatArray, start: int, quiet: int, step: float) -
     quiet : int
         Points before the pulse.
     step : float
-        q, one count; 0: not known, the least difference between values is taken.
+        q, one count; 0: not known.
     """
     height = float(upright[start])
     if height <= 0.0:
         return math.inf  # no top of anything: the baseline is not that of a hit
     if step <= 0.0:
-        step = find_step(upright)
+        step = find_step(upright, height)
     noise = float(np.std(upright[:quiet]))
     below = upright < 0.5 * height
     before, after = below[:start][::-1], below[start:]
@@ -105,11 +105,13 @@ def count_chance_run(upright: FloatArray, start: int, quiet: int, step: float) -
     return min(rounded, 1.0 + math.log(CHANCE / max(width, 1)) / math.log(alike))
 
 
-def find_step(values: FloatArray) -> float:
-    """Return the least difference of two values, rounding apart: one count, where there are."""
-    steps = np.diff(np.unique(values))
-    largest = float(steps.sum())
-    return float(np.min(steps[steps > SAME * largest], initial=largest))
+def find_step(values: FloatArray, extreme: float) -> float:
+    """Return by how much the next value is below the largest, rounding apart.
+
+    Where a converter's steps are not known, it has none smaller there: files give a few digits, so
+    that 0.998 comes after 0.999 and 1.01 after 1.00.
+    """
+    return extreme - float(np.max(values[values < (1.0 - SAME) * extreme], initial=0.0))
 
 
 def _find_longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
@@ -168,7 +170,8 @@ def find_dropout(trace: Trace, quiet: int) -> tuple[int, float] | None:
     near[REACH] = curve
     left = float(np.abs(np.diff(near, n=2)).max()) / 2.0
     noise = float(np.std(values[:quiet]))
-    step = trace.resolution or find_step(values)
+    upright = np.abs(values)
+    step = trace.resolution or find_step(upright, float(upright.max()))
     least = max(least, DROPOUT_NOISE * noise, DROPOUT_STEPS * step)
     is_alone = left <= DROPOUT_REST * abs(off) + TOP_NOISE * noise
     if abs(off) < least or not is_alone:

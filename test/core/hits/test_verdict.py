@@ -31,6 +31,8 @@ from impact_rig.core.model.pulses import PULSE_SHAPES, VERSED_SINE, PulseShape, 
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import Record, Trace
 
+from ..struck import Impact
+
 SETTINGS = AnalysisSettings()
 Make = Callable[..., Any]
 
@@ -208,6 +210,29 @@ class TestRail:
         for peak in np.linspace(30.0, 40.0, 41):
             counts = np.rint(make_trace(peak, width=500, noise=noise))
             assert find_longest_rail_run(Trace(counts, resolution=1.0), 200) == 0
+
+    @pytest.mark.parametrize("volts", [0.2, 1.0, 1.05, 2.5, 9.9])
+    @pytest.mark.parametrize("noise", [0.0, 3e-4, 1e-3])
+    @pytest.mark.parametrize("levels", [0, 200])
+    def test_is_told_from_the_coarse_steps_of_an_oscilloscope(
+        self, volts: float, noise: float, levels: int
+    ) -> None:
+        # Three digits are written: 0.999, 1.00, 1.01; of 8 bits, or of more.
+        random = np.random.default_rng(1)
+        for exponent, loss in ((1.0, 0.0), (1.5, 0.1), (1.5, 0.5)):
+            force = Impact(exponent=exponent, restitution=1.0 - loss).find_force(
+                np.arange(COUNT) / 1e6 - 300e-6
+            )
+            force *= volts / force.max()
+            for part in (np.inf, 0.9, 0.7):
+                trace = np.minimum(
+                    force + noise * volts * random.standard_normal(COUNT), part * volts
+                )
+                if levels:
+                    trace = np.rint(trace / volts * levels) * volts / levels
+                written = np.array([float(f"{value:.2e}") for value in trace])
+                run = find_longest_rail_run(Trace(written), 200)
+                assert (run >= SETTINGS.overload_run) is (part < 1.0)
 
     def test_runs_do_not_add_up(self) -> None:
         trace = np.zeros(20)
