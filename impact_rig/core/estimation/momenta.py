@@ -41,7 +41,7 @@ def restore_levels(mean: MeanHit, sensors: tuple[Sensor, Sensor]) -> MeanHit:
             ]
         ).astype(traces.dtype)
 
-    hits = tuple(replace(hit, traces=restore(hit.traces)) for hit in mean.hits)
+    hits = tuple(replace(hit, scaled=restore(hit.scaled)) for hit in mean.hits)
     return replace(mean, traces=restore(mean.traces), hits=hits)
 
 
@@ -70,7 +70,7 @@ def compare_momenta(mean: MeanHit, contact: slice, masses: RigNumbers, sample: s
     return compute_quantity(number.x, number)
 
 
-def _divide_changes(traces: FloatArray | NDArray[np.float32]) -> float:
+def _divide_changes(traces: FloatArray) -> float:
     hammer, sample = traces.sum(axis=1, dtype=np.float64).tolist()
     return abs(float(sample) / float(hammer))
 

@@ -1,11 +1,11 @@
 """Mean traces of one sample: accepted hits aligned on the middle of the hammer pulse.
 
-Hits are added to a sum as they come, in single precision: at full scale that is finer than the
-steps of any converter.
+Hits are added to a sum as they come, in single precision of their own scale: at full scale that is
+finer than the steps of any converter.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -24,9 +24,11 @@ class AveragedHit:
 
     Attributes
     ----------
-    traces : ndarray of float32, shape (channels, n)
+    scaled : ndarray of float32, shape (channels, n)
         Hammer, then sample where measured, shifted so that the middle of the hammer pulse falls
-        onto a point [m/s^2].
+        onto a point [`scale`].
+    scale : float
+        A power of two, so that nothing is rounded by it [m/s^2].
     origin : int
         That point.
     sampling_rate : float
@@ -43,7 +45,8 @@ class AveragedHit:
         Which hit it is.
     """
 
-    traces: NDArray[np.float32]
+    scaled: NDArray[np.float32]
+    scale: float
     origin: int
     sampling_rate: float
     pulse: PulseWidth
@@ -54,14 +57,21 @@ class AveragedHit:
     zero_uncertainty: float = 0.0
     label: HitLabel | None = None
 
+    @property
+    def traces(self) -> FloatArray:
+        """All of them [m/s^2]."""
+        return self.scale * self.scaled.astype(np.float64)
+
 
 def shift_hit(hit: FilteredHit, label: HitLabel | None = None) -> AveragedHit:
     """Shift a hit by a part of a point, so that its pulse's middle falls onto one."""
     traces, origin = hit.aligned
-    single = traces.astype(np.float32)
-    single.setflags(write=False)
+    scale = 2.0 ** math.frexp(hit.pulse.peak)[1]
+    scaled = (traces / scale).astype(np.float32)
+    scaled.setflags(write=False)
     return AveragedHit(
-        traces=single,
+        scaled=scaled,
+        scale=scale,
         origin=origin,
         sampling_rate=hit.sampling_rate,
         pulse=hit.pulse,
@@ -160,15 +170,11 @@ class MeanHit:
         """Standard uncertainty of the hammer's zero under the pulse by corrections [m/s^2]."""
         return self.summary.zero_uncertainty / self.count
 
-    def cut_hit(self, index: int) -> NDArray[np.float32]:
-        """Return one of `hits` over the mean's window, shape (channels, n)."""
-        hit = self.hits[index]
-        first = hit.origin - self.origin
-        return hit.traces[:, first : first + self.traces.shape[1]]
-
-    def cut_hits(self) -> list[NDArray[np.float32]]:
-        """Return all of `hits` over the mean's window, each of shape (channels, n)."""
-        return [self.cut_hit(index) for index in range(len(self.hits))]
+    def cut_hits(self) -> Iterator[FloatArray]:
+        """Yield each of `hits` over the mean's window, of shape (channels, n)."""
+        for hit in self.hits:
+            first = hit.origin - self.origin
+            yield hit.traces[:, first : first + self.traces.shape[1]]
 
 
 @dataclass(frozen=True)
@@ -203,12 +209,12 @@ class HitSum:
     def add(self, hit: AveragedHit) -> Self:
         """Return the sum with one more hit."""
         if not self.summary.count:
-            total, origin = hit.traces.astype(np.float64), hit.origin
-        elif hit.traces.shape[0] != self.total.shape[0]:
+            total, origin = hit.traces, hit.origin
+        elif hit.scaled.shape[0] != self.total.shape[0]:
             total, origin = self.total, self.origin
         else:
             origin = min(self.origin, hit.origin)
-            after = min(self.total.shape[1] - self.origin, hit.traces.shape[1] - hit.origin)
+            after = min(self.total.shape[1] - self.origin, hit.scaled.shape[1] - hit.origin)
             total = (
                 self.total[:, self.origin - origin : self.origin + after]
                 + hit.traces[:, hit.origin - origin : hit.origin + after]
@@ -221,7 +227,7 @@ class HitSum:
             variance=self.variance + np.square(hit.noise),
             raw_variance=self.raw_variance + np.square(hit.raw_noise),
             rates=self.rates | {hit.sampling_rate},
-            channels=self.channels | {hit.traces.shape[0]},
+            channels=self.channels | {hit.scaled.shape[0]},
         )
 
     def make_mean(self, hits: Sequence[AveragedHit]) -> MeanHit:

@@ -74,7 +74,7 @@ class TraceFile:
             raise IndexError(number)
         self._file.seek(self._places[number])
         hit: AveragedHit = pickle.load(self._file)  # noqa: S301 - what this process has written
-        hit.traces.setflags(write=False)
+        hit.scaled.setflags(write=False)
         return hit
 
 

@@ -204,7 +204,7 @@ def _report(problem: FitProblem, solution: FitSolution, mean: MeanHit) -> Identi
     covariance = problem.compute_covariance(values, factors)
     if not np.all(np.isfinite(covariance)):
         raise NotDeterminedError("identification: the covariance is no finite number")
-    hits = [hit.astype(np.float64) for hit in mean.cut_hits()]
+    hits = list(mean.cut_hits())
     left = rms / problem.peaks
     variant = problem.measured.variant
     model = f"the {variant.value} model"

@@ -225,7 +225,7 @@ def _read_decrements(mean: MeanHit, decrements: Mapping[int, LogDecrement]) -> l
     """
     if not decrements:
         return []
-    cuts = mean.cut_hits()
+    cuts = list(mean.cut_hits())
     rows = []
     for channel in sorted(decrements):
         peaks = decrements[channel]

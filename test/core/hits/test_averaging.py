@@ -81,8 +81,18 @@ def test_the_order_of_hits_hardly_matters(order: list[int]) -> None:
 
 def test_the_mean_is_that_of_its_hits_over_the_same_window() -> None:
     mean = average_hits([make_hit(300.0, 1000), make_hit(500.2, 900), make_hit(350.7, 950)])
-    hits = mean.cut_hits()
+    hits = list(mean.cut_hits())
     np.testing.assert_allclose(np.mean(hits, axis=0, dtype=float), mean.traces, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("unit", [2.0**133, 2.0**-166])
+def test_accelerations_in_any_unit_have_the_same_mean(unit: float) -> None:
+    # 1e40 and 1e-50 m/s^2 are beyond single precision.
+    middles = (300.0, 420.5, 441.0)
+    mean = average_hits([make_hit(middle) for middle in middles])
+    other = average_hits([make_hit(middle, height=100.0 * unit) for middle in middles])
+    np.testing.assert_array_equal(other.traces, unit * mean.traces)
+    np.testing.assert_array_equal(list(other.cut_hits())[1], unit * list(mean.cut_hits())[1])
 
 
 def test_the_mean_cannot_be_changed() -> None:
