@@ -31,6 +31,7 @@ from impact_rig.recordings.importing import (
     count_width,
     read_hits,
 )
+from impact_rig.results.numbers import format_count
 
 DEFAULT_NAME = "sample"
 MASSES = ("hammer_mass", "sample_mass", "accelerometer_mass")
@@ -210,6 +211,19 @@ def read_series(
     if hits:
         remarks += _describe_filter(wanted, setup.analysis.cutoff_frequency, hits)
     return hits, setup, errors, tuple(dict.fromkeys(remarks))
+
+
+def join_errors(errors: Mapping[Path, str]) -> list[str]:
+    """Return the sentences of `read_series`, one for all files that suffer from the same."""
+    alike: dict[str, list[Path]] = {}
+    for path, error in errors.items():
+        alike.setdefault(error.removeprefix(str(path)), []).append(path)
+    return [
+        f"{files[0]} and {format_count(len(files) - 1, 'other')}{text}"
+        if len(files) > 1
+        else errors[files[0]]
+        for text, files in alike.items()
+    ]
 
 
 def _make_series_setup(series: TraceSeries, hits: Sequence[ImportedHit]) -> RigSetup:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from impact_rig.analysis.measured_files import TraceSeries, read_series
+from impact_rig.analysis.measured_files import TraceSeries, join_errors, read_series
 from impact_rig.analysis.recording_analysis import describe_hit
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.core.estimation.contact_law import ContactLaw
@@ -80,7 +80,7 @@ def analyze_traces(
     session = Session(setup, overrules)
     judged = [judged for hit in hits for judged in session.feed(hit.block)]
     results, mean_errors = _finish(session, series.sample, judged, hits)
-    return AnalyzedTraces(results, (*errors.values(), *mean_errors), remarks)
+    return AnalyzedTraces(results, (*join_errors(errors), *mean_errors), remarks)
 
 
 def _check_acceptable(hit: ImportedHit, setup: RigSetup) -> None:

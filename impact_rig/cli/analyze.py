@@ -30,6 +30,7 @@ from impact_rig.present.terminal.results import (
     print_results,
     print_trace_results,
 )
+from impact_rig.recordings.formats.registry import READABLE
 from impact_rig.recordings.source import find_recording, is_recording
 from impact_rig.results.batch import BatchCampaign
 from impact_rig.results.campaign import Results
@@ -346,7 +347,9 @@ def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:
         try:
             found.append(find_recording(path) if path.is_dir() else path)
         except FileError as error:
-            errors.append(str(error))
+            kinds = sorted({file.suffix for file in path.iterdir()} & READABLE.keys())
+            named_so = [f"; of others name those that are meant: {path}/*{kind}" for kind in kinds]
+            errors.append("".join([str(error), *named_so[:1]]))
         except OSError as error:
             errors.append(f"{path} cannot be read: {error.strerror}")
     repeated = find_repeated_files(found)

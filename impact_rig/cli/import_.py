@@ -83,14 +83,14 @@ def command(
 
 def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) -> list[str]:
     """Write the recording; return what is wrong with files that are not in it."""
-    from impact_rig.analysis.measured_files import read_series
+    from impact_rig.analysis.measured_files import join_errors, read_series
     from impact_rig.analysis.repeated_files import find_repeated_files
     from impact_rig.recordings.importing import write_imported
 
     repeated = find_repeated_files(files)
     paths = [path for place, path in enumerate(files) if place not in repeated]
     hits, setup, broken, remarks = read_series(paths, series, needs_scale=True)
-    errors = [*repeated.values(), *broken.values()]
+    errors = [*repeated.values(), *join_errors(broken)]
     if not hits:
         return [*errors, f"none of the files could be used: {output} is not written"]
     for remark in remarks:

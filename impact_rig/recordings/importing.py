@@ -447,7 +447,10 @@ def _calibrate(
             compute_scale(use.full_scale_unit, mass, use.sensitivity)
         )
     except ParameterError as error:
-        raise ParameterError(f"{path}: {BODIES[role]}: {error}") from None
+        option = "mass" if _is_force(channel, use) else "sensitivity"
+        raise ParameterError(
+            f"{path}: {BODIES[role]}: {error} (--{BODIES[role]}-{option})"
+        ) from None
     return ChannelBlock(channel.values, scale, 0.0, full_scale)
 
 

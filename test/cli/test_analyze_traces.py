@@ -376,3 +376,12 @@ class TestTheChannelsUnit:
         assert hit["measured_peak"] == pytest.approx(peak, rel=0.02)
         found = hit["hammer_peak_m_per_s2"]
         assert found == (acceleration and pytest.approx(acceleration, rel=0.02))
+
+
+def test_a_folder_of_measured_files_says_how_to_name_them(
+    run: Run, save: Callable[..., Path], tmp_path: Path
+) -> None:
+    save("hit.csv", make_pulse())
+    outcome = run("analyze", tmp_path)
+    assert outcome.exit_code == 2
+    assert f"name those that are meant: {tmp_path}/*.csv" in outcome.stderr

@@ -103,7 +103,8 @@ def test_a_files_number_is_its_hits_record(
     words = ("-o", output, "--sample", "brass", "--sample-unit", "g")
     refused = run("import", *files, *words)
     assert refused.exit_code == 2
-    assert "nobody states the unit of the hammer's channel: give --hammer-unit" in refused.stderr
+    assert f"{files[0]} and 1 other: nobody states the unit" in refused.stderr
+    assert "give --hammer-unit" in refused.stderr
     outcome = run("import", *files, *words, *ACCELERATION)
     assert outcome.exit_code == 0
     assert "2 hits on 'brass', from 2 of 2 files" in outcome.stdout

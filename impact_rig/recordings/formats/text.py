@@ -42,10 +42,10 @@ from impact_rig.recordings.formats.measurement import (
 
 WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
 """Beginnings of text in two bytes for each letter, as LabVIEW and spreadsheets write it, too."""
-HEAD, PIECE = 1 << 16, 1 << 22
-"""Letters that are read at once, our choice: the table must begin in the first piece with numbers;
-the others are what memory is needed for, beside the numbers of a small file."""
-MUCH = 1 << 25
+HEAD, PIECE, LONGEST_LINE = 1 << 16, 1 << 20, 1 << 22
+"""Letters that are read at once, and in a line, our choice: the table must begin in the first
+piece with numbers; others are what memory is needed for, beside the numbers of a small file."""
+MUCH = 1 << 24
 """Numbers that go to a temporary file [byte], our choice."""
 ENOUGH_LINES = 100
 """Written alike they are the table, our choice: more than instruments put above it."""
@@ -151,9 +151,11 @@ def read_pieces(path: Path) -> Iterator[str]:
         try:
             while piece := text.read(size):
                 size = PIECE
-                rest = text.readline(PIECE)
-                if len(rest) == PIECE:
-                    raise FileError(f"{path} is no text: a line has more than {PIECE} letters")
+                rest = text.readline(LONGEST_LINE)
+                if len(rest) == LONGEST_LINE:
+                    raise FileError(
+                        f"{path} is no text: a line has more than {LONGEST_LINE} letters"
+                    )
                 # The last sign of old text files is one that ends the file.
                 piece = (piece + rest).rstrip("\x1a")
                 if "\0" in piece:
@@ -223,7 +225,7 @@ def read_text(path: Path) -> Measurement:
             break
         except FileError:
             piece = next(pieces, "")
-            if not piece or len(head) > PIECE:
+            if not piece or len(head) > LONGEST_LINE:
                 raise
             head += piece
     columns = _read_columns(path, table, head, pieces)
@@ -456,16 +458,8 @@ class RowReader:
             is_regular &= plain.count(style.delimiter) == lines * (len(kinds) - 1)
         rows: FloatArray | None = None
         if is_regular and plain:
-            try:
-                rows = np.loadtxt(
-                    BytesIO(plain.encode()),
-                    delimiter=style.delimiter,
-                    comments=None,
-                    usecols=self._table.columns if style.delimiter else None,
-                    ndmin=2,
-                )
-            except ValueError:
-                rows = None
+            with contextlib.suppress(ValueError):
+                rows = _parse_numbers(plain, self._table)
         if rows is None or rows.shape != (lines, len(self._table.columns)):
             rows = self._read_lines(split_lines(piece, before))
         self._count += len(rows)
@@ -506,6 +500,36 @@ class RowReader:
             return float(self._table.style.make_point(cell))
         except ValueError:
             raise FileError(f"{self._path}, {_refuse_cell(line, cell)}") from None
+
+
+def _parse_numbers(text: str, table: Table) -> FloatArray:
+    """Return the columns of lines of numbers alone; raises `ValueError` if there is more."""
+    delimiter, data = table.style.delimiter, BytesIO(text.encode())
+    if delimiter and len(text) > HEAD:
+        with contextlib.suppress(ModuleNotFoundError):  # five times as fast, where it is there
+            import pyarrow as pa
+            from pyarrow import csv as pa_csv
+
+            names = list(map(str, range(len(table.kinds))))
+            found = pa_csv.read_csv(
+                data,
+                pa_csv.ReadOptions(use_threads=False, column_names=names),
+                pa_csv.ParseOptions(delimiter=delimiter, quote_char=False),
+                pa_csv.ConvertOptions(
+                    include_columns=[names[column] for column in table.columns],
+                    column_types=dict.fromkeys(names, pa.float64()),
+                    null_values=[],
+                ),
+                pa.system_memory_pool(),
+            )
+            return np.stack([column.to_numpy() for column in found.columns], axis=1)
+    return np.loadtxt(
+        data,
+        delimiter=delimiter,
+        comments=None,
+        usecols=table.columns if delimiter else None,
+        ndmin=2,
+    )
 
 
 def _read_headings(
