@@ -20,7 +20,7 @@ from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import block_to_msg
 from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RateMeter, RigNode
-from impact_rig.recordings.messages import stream_block_from_msg
+from impact_rig.recordings.messages import block_from_msg
 
 WARNING_TIME = 10 * DIAGNOSTIC_PERIOD
 """How long a loss is warned of [s], our choice: long enough to be seen."""
@@ -85,7 +85,7 @@ class StreamCutting:
         if cutter is None or settings != self._used:
             cutter = self._cutter = StreamCutter(settings)
             self._used, self._missing = settings, 0
-        block = stream_block_from_msg(message)
+        block = block_from_msg(message)
         duration = block.hammer.output.size / block.sampling_rate
         self._due = math.inf if block.ends_stream else time.monotonic() + duration
         for cut in cutter.feed(block):

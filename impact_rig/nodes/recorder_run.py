@@ -25,7 +25,7 @@ from impact_rig.nodes.recorder_node_parameters import NodeParameters
 from impact_rig.nodes.rig_node import RateMeter, RigNode
 from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, make_qos, name_type
 from impact_rig.recordings.hits import RecordWatch, StreamWatch
-from impact_rig.recordings.messages import prepare_heads, read_block_head, read_stream_head
+from impact_rig.recordings.messages import STREAM_TYPE, prepare_heads, read_block_head
 from impact_rig.recordings.provenance import (
     ORIGIN_RECORD,
     PARAMETERS_RECORD,
@@ -111,7 +111,7 @@ class RecordStorage:
 
     def take_stream_block(self, data: bytes, sent: int) -> None:
         """Count a block of the running stream that was written."""
-        head = read_stream_head(data)
+        head = read_block_head(data, STREAM_TYPE)
         self.stream.add(head.first_sample, head.points)
         self._note_origin(head.origin)
         self.longest_stream_lag = max(self.longest_stream_lag, _measure_lag(sent))

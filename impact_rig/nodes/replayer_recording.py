@@ -23,9 +23,9 @@ from impact_rig.recordings.messages import (
     SETUP_TYPE,
     STREAM_TYPE,
     VIRTUAL_IMPACT_TYPE,
+    block_from_msg,
     label_from_msg,
     setup_from_msg,
-    stream_block_from_msg,
 )
 from impact_rig.recordings.qos import DEFAULT_DEPTH, choose_qos, parse_offered_qos
 from impact_rig.recordings.reader import holds_blocks, is_stream, list_namespaces, make_relative
@@ -186,7 +186,7 @@ class ReplayedStream:
         """
         if self._cutter is None:
             return
-        for cut in self._cutter.feed(stream_block_from_msg(block)):
+        for cut in self._cutter.feed(block_from_msg(block)):
             yield cut.label, cut.last, serialize_message(block_to_msg(cut))
 
 

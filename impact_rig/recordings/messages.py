@@ -92,7 +92,7 @@ def _channel_from_msg(message: Any) -> ChannelBlock:
 
 
 def block_from_msg(message: Any) -> Block:
-    """Return an `AccelerationBlock` as a `Block`, which reads the message's own counts.
+    """Return an `AccelerationBlock` or `StreamBlock`, as a `Block` that reads its own counts.
 
     Raises
     ------
@@ -102,26 +102,12 @@ def block_from_msg(message: Any) -> Block:
         If the sampling rate is not a positive number.
     """
     return Block(
-        label=label_from_msg(message),
-        first_sample=int(message.first_sample),
-        sampling_rate=float(message.sampling_rate),
-        hammer=_channel_from_msg(message.hammer),
-        specimen=_channel_from_msg(message.specimen),
-        triggered=bool(message.triggered),
-        last=bool(message.last),
-        stamp=stamp_from_msg(message.header.stamp),
-        origin=origin_from_msg(message),
-    )
-
-
-def stream_block_from_msg(message: Any) -> Block:
-    """Return a `StreamBlock` as a `Block` of the running stream; errors as `block_from_msg`."""
-    return Block(
         label=label_from_msg(message) if message.record else NOT_ARMED,
         first_sample=int(message.first_sample),
         sampling_rate=float(message.sampling_rate),
         hammer=_channel_from_msg(message.hammer),
         specimen=_channel_from_msg(message.specimen),
+        triggered=bool(getattr(message, "triggered", True)),  # a stream has no trigger
         last=bool(message.last),
         stamp=stamp_from_msg(message.header.stamp),
         origin=origin_from_msg(message),
@@ -197,23 +183,14 @@ def head_from_msg(message: Any) -> BlockHead:
     )
 
 
-def read_block_head(data: bytes) -> BlockHead:
-    """Read the head of an `AccelerationBlock`, serialised by the installed interfaces.
+def read_block_head(data: bytes, type_name: str = BLOCK_TYPE) -> BlockHead:
+    """Read the head of a block, serialised by the installed interfaces.
 
     Raises
     ------
     FileError
         If it is cut off, or is none.
     """
-    return _read_head(BLOCK_TYPE, data)
-
-
-def read_stream_head(data: bytes) -> BlockHead:
-    """Read the head of a serialised `StreamBlock`; raises as `read_block_head`."""
-    return _read_head(STREAM_TYPE, data)
-
-
-def _read_head(type_name: str, data: bytes) -> BlockHead:
     try:
         message = _make_installed_decoder(type_name)(data)
     except DECODING_ERRORS:

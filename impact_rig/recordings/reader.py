@@ -20,7 +20,6 @@ from impact_rig.recordings.messages import (
     label_from_msg,
     setup_from_msg,
     stamp_from_msg,
-    stream_block_from_msg,
 )
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.schemas import SchemaDecoder
@@ -126,7 +125,7 @@ class Recording:
             elif raw.channel.type_name == BLOCK_TYPE:
                 yield self.convert(raw, block_from_msg)
             elif cutter is not None and is_stream(raw.channel):
-                yield from cutter.feed(self.convert(raw, stream_block_from_msg))
+                yield from cutter.feed(self.convert(raw, block_from_msg))
             elif is_first:
                 is_first = False
             else:

@@ -12,7 +12,7 @@ from bench.campaigns import check_room
 from bench.measure import Bench, Figure, at_most, part
 from bench.rig_processes import RigProcesses, Said, use_own_domain
 from impact_rig.core.errors import RigError
-from impact_rig.recordings.messages import read_stream_head
+from impact_rig.recordings.messages import STREAM_TYPE, read_block_head
 from impact_rig.recordings.records import RawMessage
 from impact_rig.recordings.schemas import SchemaDecoder
 from impact_rig.recordings.source import RecordingSource
@@ -70,7 +70,7 @@ def read_flow(recording: Path, begin: int, end: int) -> Flow:
     for raw in messages:
         if raw.channel.topic == STREAM:
             if begin <= raw.publish_time <= end:
-                head = read_stream_head(raw.data)
+                head = read_block_head(raw.data, STREAM_TYPE)
                 starts.append(head.first_sample)
                 size = head.points
             continue

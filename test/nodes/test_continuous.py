@@ -22,7 +22,7 @@ from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.replayer_recording import open_recording
-from impact_rig.recordings.messages import stream_block_from_msg
+from impact_rig.recordings.messages import block_from_msg
 from impact_rig.recordings.reader import read_recording
 
 SAMPLE = "steel small"
@@ -98,7 +98,7 @@ def wait_for_status(harness, collector, node, condition):
 def test_the_stream_runs_without_a_break_whether_armed_or_not(harness):
     harness.add(AccelerometerNode, **GENTLE)
     stream = harness.listen(interfaces.make_stream_topic(500))
-    blocks = [stream_block_from_msg(message) for message in stream.wait_for_count(8)]
+    blocks = [block_from_msg(message) for message in stream.wait_for_count(8)]
     assert [b.first_sample - blocks[0].first_sample for b in blocks] == [
         50_000 * number for number in range(len(blocks))
     ]

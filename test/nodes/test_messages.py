@@ -21,7 +21,12 @@ from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes import messages, result_messages
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.result_messages import record_to_msg
-from impact_rig.recordings.messages import read_block_head, read_stream_head, setup_from_msg
+from impact_rig.recordings.messages import (
+    BLOCK_TYPE,
+    STREAM_TYPE,
+    read_block_head,
+    setup_from_msg,
+)
 from impact_rig.results.wire import fill_message, from_message, list_fields
 
 VALUES = {
@@ -118,13 +123,13 @@ def test_a_set_up_comes_back_as_it_went(setup):
     assert asdict(setup_from_msg(setup_to_msg(setup, stamp_to_msg(7)))) == asdict(setup)
 
 
-KINDS = [(AccelerationBlock, read_block_head), (StreamBlock, read_stream_head)]
+KINDS = [(AccelerationBlock, BLOCK_TYPE), (StreamBlock, STREAM_TYPE)]
 
 
-@pytest.mark.parametrize(("kind", "read"), KINDS)
+@pytest.mark.parametrize(("kind", "type_name"), KINDS)
 @pytest.mark.parametrize("frame", ["", "rig", "hall 3"])
 @pytest.mark.parametrize("sample", ["", "a", "steel", "Prüfkörper, groß"])
-def test_all_fields_are_found_wherever_they_are_aligned(kind, read, frame, sample):
+def test_all_fields_are_found_wherever_they_are_aligned(kind, type_name, frame, sample):
     message = kind(
         record=7, sample=sample, impact=3, attempt=2, first_sample=2**40 + 1,
         sampling_rate=2.5e6, last=True,
@@ -132,14 +137,14 @@ def test_all_fields_are_found_wherever_they_are_aligned(kind, read, frame, sampl
     message.header.frame_id = frame
     message.header.stamp.sec, message.header.stamp.nanosec = 1_700_000_000, 123_456_789
     message.hammer = Channel(counts=array("i", range(11)))
-    head = read(serialize_message(message))
+    head = read_block_head(serialize_message(message), type_name)
     assert head.label == HitLabel(sample, 7, 3, 2)
     assert (head.first_sample, head.points, head.last) == (2**40 + 1, 11, True)
     assert head.stamp == 1_700_000_000_123_456_789
 
 
-@pytest.mark.parametrize(("kind", "read"), KINDS)
-def test_numbers_of_any_other_source_are_counted_as_points(kind, read):
+@pytest.mark.parametrize(("kind", "type_name"), KINDS)
+def test_numbers_of_any_other_source_are_counted_as_points(kind, type_name):
     message = kind(hammer=Channel(values=array("d", [0.5] * 9)), last=False)
-    head = read(serialize_message(message))
+    head = read_block_head(serialize_message(message), type_name)
     assert (head.points, head.last) == (9, False)

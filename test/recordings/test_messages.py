@@ -19,7 +19,6 @@ from impact_rig.recordings.messages import (
     block_from_msg,
     read_block_head,
     setup_from_msg,
-    stream_block_from_msg,
 )
 
 MESSAGE = SimpleNamespace(
@@ -87,14 +86,14 @@ class TestStreamBlock:
 
     def test_reads_the_message_s_own_counts(self) -> None:
         counts = array("i", range(100))
-        block = stream_block_from_msg(self.make(counts))
+        block = block_from_msg(self.make(counts))
         assert np.shares_memory(block.hammer.output, np.frombuffer(counts, np.int32))
         assert not block.hammer.output.flags.writeable
         assert (block.first_sample, block.stamp, block.label) == (5000, 2_000_000_007, NOT_ARMED)
 
     def test_reads_numbers_of_a_source_that_does_not_count_in_place(self) -> None:
         values = array("d", [0.25, 0.5])
-        block = stream_block_from_msg(self.make(array("i"), values))
+        block = block_from_msg(self.make(array("i"), values))
         assert np.shares_memory(block.hammer.output, np.frombuffer(values))
         assert block.hammer.resolution == 0.0
 
@@ -102,7 +101,7 @@ class TestStreamBlock:
         message = self.make(
             array("i", [1]), record=3, sample="oak", impact=2, attempt=1, last=True
         )
-        block = stream_block_from_msg(message)
+        block = block_from_msg(message)
         assert (block.label, block.last) == (HitLabel("oak", 3, 2, 1), True)
 
 

@@ -11,7 +11,7 @@ from lifecycle_msgs.srv import ChangeState
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
-from impact_rig.recordings.messages import stream_block_from_msg
+from impact_rig.recordings.messages import block_from_msg
 
 from .desk_rig import arm, make_record, wait_for_release, wait_for_state
 
@@ -25,7 +25,7 @@ def test_a_running_stream_passes_gaps_on_and_counts_them(harness, desk, rig):
     record = replace(make_record(), last=False)
     harness.wait_until(lambda: node.diagnose()["subscribers"])
     desk.deliver(record, replace(record, first_sample=7500))
-    got = [stream_block_from_msg(item) for item in stream.wait_for_count(4)]
+    got = [block_from_msg(item) for item in stream.wait_for_count(4)]
     assert [block.first_sample for block in got] == [0, 2500, 7500, 10000]
     assert not any(block.last for block in got)
     assert desk.calls == ["configure", "arm"]
@@ -74,8 +74,8 @@ def test_a_hit_that_the_end_of_the_stream_cuts_off_is_rejected_at_once(
     (verdict,) = impacts.wait_for_count(1)
     assert (verdict.record, verdict.accepted) == (record, False)
     assert verdict.reasons[0].startswith("gap:")
-    got = stream.wait(lambda got: stream_block_from_msg(got[-1]).ends_stream)
-    final = stream_block_from_msg(got[-1])
+    got = stream.wait(lambda got: block_from_msg(got[-1]).ends_stream)
+    final = block_from_msg(got[-1])
     assert (final.first_sample, final.hammer.output.size) == (6200, 0)
 
 
