@@ -51,7 +51,9 @@ def test_real_hits_are_accepted_with_the_widths_that_their_readme_states(run: Ru
     assert [hit["accepted"] for hit in content["hits"]] == [True] * len(files)
     for hit in content["hits"]:
         assert 169e-6 <= hit["half_amplitude_width_s"] <= 184.5e-6
-    assert content["samples"][0]["impacts_accepted"] == len(files)
+    (sample,) = content["samples"]
+    assert sample["impacts_accepted"] == len(files)
+    assert "do not tell it, 6 may; sample faster" in " ".join(sample["contact_law"]["notes"])
 
 
 @pytest.mark.parametrize("name", ["hit.npy", "hit.csv", "hit.txt"])
@@ -260,8 +262,12 @@ SHOCK_OPTIONS = ("--cutoff", "off", "--columns", "time,hammer", "--hammer-unit",
 
 def test_a_real_shock_that_rings_is_accepted(run: Run) -> None:
     path = REAL_SHOCKS / "acc_base_a0_start.txt"
-    (hit,) = read_json(run("analyze", *SHOCK_OPTIONS, path))["hits"]
+    content = read_json(run("analyze", *SHOCK_OPTIONS, path))
+    (hit,), (sample,) = content["hits"], content["samples"]
     assert hit["reasons"] == []
+    # A table that rings is no contact of free bodies: no n is made up.
+    assert sample["contact_law"]["exponent"] is None
+    assert "the pulse has 2 tops" in " ".join(sample["contact_law"]["notes"])
 
 
 def test_a_real_clipped_shock_is_rejected_with_the_rail_that_its_readme_states(run: Run) -> None:
