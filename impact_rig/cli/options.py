@@ -263,163 +263,121 @@ def use_private_domain() -> Iterator[None]:
 
 
 _UNITS = ", ".join(UNITS)
-_SENSOR_OPTIONS: dict[str, dict[str, Any]] = {
-    "unit": {"metavar": "UNIT", "help": f"{_UNITS}. [as the file states it; else m/s^2]"},
-    "sensitivity": {
-        "type": SensitivityText(),
-        "metavar": "VALUE",
-        "help": 'For a channel in V: "10 mV/g", of a force hammer "2.25 mV/N".',
-    },
-    "full_scale": {
-        "type": Reading(),
-        "metavar": "VALUE",
-        "help": 'Largest value that the channel can show: "500 g", "10 V". [not known]',
-    },
-    "resonance": {
-        "type": Quantity("Hz", "70 kHz"),
-        "metavar": "FREQUENCY",
-        "help": "Of the mounted sensor; the models are sent through it. [not known]",
-    },
-    "resonance_damping": {
-        "type": float,
-        "metavar": "RATIO",
-        "help": "Of that resonance, over critical. [0.02]",
-    },
-    "low_corner": {
-        "type": Quantity("Hz", "0.5 Hz"),
-        "metavar": "FREQUENCY",
-        "help": "-3 dB of sensor and amplifier at the low end. [not known]",
-    },
+_Options = dict[str, tuple[Any, str, str]]
+"""Type, placeholder and help of options, by their names."""
+_SENSOR_OPTIONS: _Options = {
+    "unit": (str, "UNIT", f"{_UNITS}. [as the file states it]"),
+    "sensitivity": (
+        SensitivityText(),
+        "VALUE",
+        'For a channel in V: "10 mV/g", of a force hammer "2.25 mV/N".',
+    ),
+    "full_scale": (Reading(), "VALUE", 'Largest the channel can show: "500 g". [not known]'),
+    "resonance": (
+        Quantity("Hz", "70 kHz"),
+        "FREQUENCY",
+        "Of the mounted sensor; the models are sent through it. [not known]",
+    ),
+    "resonance_damping": (float, "RATIO", "Of that resonance, over critical. [0.02]"),
+    "low_corner": (
+        Quantity("Hz", "0.5 Hz"),
+        "FREQUENCY",
+        "-3 dB of sensor and amplifier at the low end. [not known]",
+    ),
 }
 """Of each body."""
-_TRACE_OPTIONS: dict[str, dict[str, Any]] = {
-    "channels": {
-        "type": click.Path(path_type=Path),
-        "metavar": "FILE.toml",
-        "help": "File that holds all of the following; `import --template` prints one.",
-    },
-    "hammer": {
-        "metavar": "CHANNEL",
-        "help": "Name or number of the hammer's channel. [the first one]",
-    },
-    "specimen": {
-        "metavar": "CHANNEL",
-        "help": "Of the sample's. [the second one; none if --hammer is given]",
-    },
-    "columns": {
-        "metavar": "ROLE,...",
-        "help": "Or the role of every column: time, hammer, specimen or skip.",
-    },
-    "rate": {
-        "type": Quantity("Hz", "25.6 kHz"),
-        "metavar": "RATE",
-        "help": "For files that state no sampling rate; goes before a column of times.",
-    },
-    "time_unit": {
-        "metavar": "UNIT",
-        "help": f"Of times: {', '.join(TIME_UNITS)}. [as the file states it; s if it can be]",
-    },
-    **{f"hammer_{key}": keywords for key, keywords in _SENSOR_OPTIONS.items()},
+_FILE = click.Path(path_type=Path)
+_TRACE_OPTIONS: _Options = {
+    "channels": (
+        _FILE,
+        "FILE.toml",
+        "File that holds all of the following; `import --template` prints one.",
+    ),
+    "hammer": (str, "CHANNEL", "Name or number of the hammer's channel. [the first one]"),
+    "specimen": (
+        str,
+        "CHANNEL",
+        "Of the sample's. [the second one; none if --hammer is given]",
+    ),
+    "columns": (str, "ROLE,...", "Or the role of every column: time, hammer, specimen or skip."),
+    "rate": (
+        Quantity("Hz", "25.6 kHz"),
+        "RATE",
+        "For files that state no sampling rate; goes before a column of times.",
+    ),
+    "time_unit": (
+        str,
+        "UNIT",
+        f"Of times: {', '.join(TIME_UNITS)}. [as the file states it; s if it can be]",
+    ),
+    **{f"hammer_{key}": option for key, option in _SENSOR_OPTIONS.items()},
     **{
-        f"sample_{key}": {**keywords, "help": "Likewise."}
-        for key, keywords in _SENSOR_OPTIONS.items()
+        f"sample_{key}": (kind, metavar, "Likewise.")
+        for key, (kind, metavar, _) in _SENSOR_OPTIONS.items()
     },
-    "sample": {"metavar": "NAME", "help": "Which sample was struck."},
-    "rig_file": {
-        "type": click.Path(path_type=Path),
-        "help": "TOML file with masses and settings; --sample is one of its samples.",
-    },
-    "hammer_mass": {"type": Quantity("kg", "100 g"), "metavar": "MASS", "help": "m1."},
-    "sample_mass": {
-        "type": Quantity("kg", "102.38 g"),
-        "metavar": "MASS",
-        "help": "Without accelerometer.",
-    },
-    "accelerometer_mass": {
-        "type": Quantity("kg", "3 g"),
-        "metavar": "MASS",
-        "help": "Carried by the sample. [0]",
-    },
-    "hammer_stiffness": {
-        "type": Quantity("N/m", "22.5 MN/m"),
-        "metavar": "K",
-        "help": "k1, from an earlier control experiment.",
-    },
-    "control": {
-        "is_flag": True,
-        "default": None,
-        "help": "Hammer and sample are alike: k1 = k2 = 2 k_eq.",
-    },
-    "pre_trigger": {
-        "type": Quantity("s", "200 us"),
-        "metavar": "TIME",
-        "help": "Kept before each impact. [the whole file is the record]",
-    },
-    "record_duration": {
-        "type": Quantity("s", "2 ms"),
-        "metavar": "TIME",
-        "help": "A record of many impacts is cut into such. [the whole file is the record]",
-    },
+    "sample": (str, "NAME", "Which sample was struck."),
+    "rig_file": (_FILE, "FILE.toml", "Masses and settings; --sample is one of its samples."),
+    "hammer_mass": (Quantity("kg", "100 g"), "MASS", "m1."),
+    "sample_mass": (Quantity("kg", "102.38 g"), "MASS", "Without accelerometer."),
+    "accelerometer_mass": (Quantity("kg", "3 g"), "MASS", "Carried by the sample. [0]"),
+    "hammer_stiffness": (
+        Quantity("N/m", "22.5 MN/m"),
+        "K",
+        "k1, from an earlier control experiment.",
+    ),
+    "control": (bool, "", "Hammer and sample are alike: k1 = k2 = 2 k_eq."),
+    "pre_trigger": (
+        Quantity("s", "200 us"),
+        "TIME",
+        "Kept before each impact. [the whole file is the record]",
+    ),
+    "record_duration": (
+        Quantity("s", "2 ms"),
+        "TIME",
+        "A record of many impacts is cut into such. [the whole file is the record]",
+    ),
 }
 """What is said of measured files, see `impact_rig.analysis.measured_files`."""
-_SETTINGS: dict[str, tuple[str, dict[str, Any]]] = {
+_SETTING_OPTIONS: _Options = {
     "cutoff": (
-        "cutoff_frequency",
-        {
-            "type": Cutoff(),
-            "metavar": "FREQUENCY",
-            "help": "Low-pass, or off. [that of recording or rig file; else 50 kHz, off where the"
-            " sampling is too slow]",
-        },
+        Cutoff(),
+        "FREQUENCY",
+        "Low-pass, or off. [as recorded or in the rig file; else 50 kHz, off at low rates]",
     ),
-    "pulse_factor": (
-        "pulse_factor",
-        {"type": float, "metavar": "F", "help": "τp = F w50: 2 versed-sine, 1.5 half-sine. [2]"},
-    ),
+    "pulse_factor": (float, "F", "τp = F w50: 2 versed-sine, 1.5 half-sine. [2]"),
     "exponent": (
-        "contact_exponent",
-        {
-            "type": float,
-            "metavar": "N",
-            "help": "n of the contact law F = k δⁿ (1 + a δ'): 1 linear spring, 1.5 Hertz."
-            " [fitted]",
-        },
+        float,
+        "N",
+        "n of the contact law F = k δⁿ (1 + a δ'): 1 linear spring, 1.5 Hertz. [fitted]",
     ),
     "double_hit_level": (
-        "double_hit_level",
-        {
-            "type": float,
-            "metavar": "LEVEL",
-            "help": "Second pulse that makes a double hit, part of the first. [0.02]",
-        },
+        float,
+        "LEVEL",
+        "Second pulse that makes a double hit, part of the first. [0.02]",
     ),
     "double_hit_window": (
-        "double_hit_window",
-        {
-            "type": Quantity("s", "1 ms"),
-            "metavar": "TIME",
-            "help": "Distance of two pulses up to which the second makes a double hit. [any]",
-        },
+        Quantity("s", "1 ms"),
+        "TIME",
+        "Distance of two pulses up to which the second makes a double hit. [any]",
     ),
     "polarity": (
-        "turns_polarity",
-        {
-            "type": click.Choice(["fixed", "auto"]),
-            "callback": lambda _context, _option, value: value and value == "auto",
-            "help": "Hits of the other sign than those before: rejected, or turned. [fixed]",
-        },
+        click.Choice(["fixed", "auto"]),
+        "fixed|auto",
+        "Hits of the other sign than those before: rejected, or turned. [fixed]",
     ),
     "keep": (
-        "keep_hits",
-        {
-            "type": click.IntRange(0),
-            "metavar": "N",
-            "help": "Average the N most consistent hits of a sample; 0: all. [that of recording or"
-            " rig file; else 0]",
-        },
+        click.IntRange(0),
+        "N",
+        "Average the N most consistent hits of a sample; 0: all. [as recorded; else 0]",
     ),
 }
-"""Options for `AnalysisSettings`, and their fields."""
+_SETTINGS = {
+    "cutoff": "cutoff_frequency",
+    "exponent": "contact_exponent",
+    "polarity": "turns_polarity",
+    "keep": "keep_hits",
+}
+"""Fields of `AnalysisSettings` whose options have other names."""
 
 
 def make_flag(name: str) -> str:
@@ -429,18 +387,28 @@ def make_flag(name: str) -> str:
 
 def measurement_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add what is said of measured files and of settings, as two mappings of what is given."""
+    options = _SETTING_OPTIONS | _TRACE_OPTIONS
 
     @functools.wraps(command)
     def joined(**values: Any) -> Any:
-        found = {name: values.pop(name) for name in (*_TRACE_OPTIONS, *_SETTINGS)}
+        found = {name: values.pop(name) for name in options}
         given = {name: value for name, value in found.items() if value is not None}
+        if "polarity" in given:
+            given["polarity"] = given["polarity"] == "auto"
         traces = {name: given[name] for name in _TRACE_OPTIONS if name in given}
-        settings = {field: given[name] for name, (field, _) in _SETTINGS.items() if name in given}
+        settings = {_SETTINGS.get(name, name): given[name] for name in given.keys() - traces}
         return command(traces=traces, settings=settings, **values)
 
-    options = {name: keywords for name, (_, keywords) in _SETTINGS.items()} | _TRACE_OPTIONS
-    for name, keywords in reversed(options.items()):
-        joined = click.option(make_flag(name), **keywords)(joined)
+    for name, (kind, metavar, words) in reversed(options.items()):
+        is_flag = kind is bool
+        joined = click.option(
+            make_flag(name),
+            type=kind,
+            is_flag=is_flag,
+            default=None,
+            metavar=None if is_flag else metavar,
+            help=words,
+        )(joined)
     return joined
 
 

@@ -33,8 +33,6 @@ COMMENT = "Comment"
 """Heading of the last column, of words."""
 DAY = re.compile(r"(\d{4})\D(\d{1,2})\D(\d{1,2})")
 CLOCK = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)")
-SECONDS_OF_A_DAY = 86400
-EPOCH = dt.date(1970, 1, 1)
 FIRST_WORDS, END_OF_HEADER = "LabVIEW Measurement", "***End_of_Header***"
 SEPARATORS = {"Tab": "\t", "Comma": ","}
 SPECIAL_START, SPECIAL_END = "***Start_Special***", "***End_Special***"
@@ -225,11 +223,12 @@ def _read_time(segment: Segment, column: int) -> int | None:
         return None
     hours, minutes, seconds = clock.groups()
     try:
-        days = (dt.date(*map(int, day.groups())) - EPOCH).days
+        date = dt.date(*map(int, day.groups()))
+        minute = dt.datetime.combine(date, dt.time(int(hours), int(minutes)), dt.UTC)
     except ValueError:
         return None
-    whole = SECONDS_OF_A_DAY * days + 60 * (60 * int(hours) + int(minutes))
-    return NANOSECONDS * whole + round(NANOSECONDS * Decimal(seconds.replace(",", ".")))
+    whole = NANOSECONDS * int(minute.timestamp())
+    return whole + round(NANOSECONDS * Decimal(seconds.replace(",", ".")))
 
 
 def read_lvm(path: Path) -> Measurement:
