@@ -143,7 +143,9 @@ class CampaignNode(RigNode):
             result.success, result.message = True, "complete"
         finally:
             progress, self._progress = self._progress, None
-        if not self.stop_requested.done():  # else nobody is waited for any more
+        if self.stop_requested.done():  # nobody is waited for any more
+            result.success, result.message = False, "the campaign node has been stopped"
+        else:
             await self._finish(result, 0 if progress is None else progress.judged)
         if result.success:
             handle.succeed()
@@ -313,7 +315,10 @@ class CampaignNode(RigNode):
         await self._readiness.disable()
         await self._striker.disarm()
         results = await self._try_call(self._results, GetResults.Request())
-        if results is not None:
+        if results is None:
+            result.success = False
+            result.message += ": the estimator tells no results, analyze the recording"
+        else:
             result.hammer = results.hammer
             result.samples = results.samples
             result.speed_exponents = results.speed_exponents

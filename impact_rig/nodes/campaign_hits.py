@@ -18,6 +18,7 @@ from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.nodes.rig_state import ACCELEROMETER, ESTIMATOR, HAMMER, RECORDER, RigState
+from impact_rig.recordings.messages import stamp_from_msg
 
 ENABLE_PERIOD = 1.0
 """How soon a refused enable is asked for again [s], our choice."""
@@ -145,7 +146,7 @@ def find_obstacle(rig: RigState) -> Obstacle | None:
     hammer = rig[HAMMER]
     if hammer.state is None:
         return None
-    return _find_hammer_obstacle(hammer.state, is_active=not hammer.describe_inactivity())
+    return _find_hammer_obstacle(rig, hammer.state)
 
 
 def describe_loss(rig: RigState) -> str:
@@ -184,8 +185,8 @@ def is_lost_since(rig: RigState, losses: int) -> bool:
     return rig.losses != losses or bool(describe_loss(rig))
 
 
-def _find_hammer_obstacle(hammer: HammerState, *, is_active: bool) -> Obstacle | None:
-    feedback = RunCampaign.Feedback
+def _find_hammer_obstacle(rig: RigState, hammer: HammerState) -> Obstacle | None:
+    feedback, is_active = RunCampaign.Feedback, not rig[HAMMER].describe_inactivity()
     activate = "" if is_active else "activate the hammer node, then "
     if hammer.disarmed_by == HammerState.EMERGENCY_STOP and not hammer.armed:
         why = f"emergency stop: to go on, {activate}call hammer/reset and then hammer/arm"
@@ -198,7 +199,7 @@ def _find_hammer_obstacle(hammer: HammerState, *, is_active: bool) -> Obstacle |
         return Obstacle(feedback.RUNNING, "the hammer is on its way back")
     elif hammer.armed:
         return None
-    elif hammer.disarmed_by == HammerState.LOSS:
+    elif not rig.is_disarmed_by_person:
         why = f"the hammer was disarmed because something was lost ({hammer.message})"
         return Obstacle(feedback.PAUSED, why, can_enable=True)
     else:
@@ -372,10 +373,12 @@ class Striker:
         self._newest = 0
         self._unjudged: set[int] = set()
         self._is_armed_in_vain = False
+        self._was_interrupted = False
         self._arm = node.create_client(Arm, interfaces.ARM_ACCELEROMETER)
         self._disarm = node.create_client(Trigger, interfaces.DISARM_ACCELEROMETER)
         self._set_angle = node.create_client(SetAngle, interfaces.SET_ANGLE)
         self._release = node.create_client(Release, interfaces.RELEASE_HAMMER)
+        self._results = node.create_client(GetResults, interfaces.GET_RESULTS)
 
     def begin(self) -> None:
         """Forget the campaign before."""
@@ -397,6 +400,7 @@ class Striker:
         state = self._rig[ACCELEROMETER].state
         self._newest = max(self._newest, judged, state.record if state else 0)
         self._unjudged.update(range(judged + 1, self._newest + 1))
+        self._was_interrupted = True
 
     async def strike(self, progress: CampaignProgress, label: HitLabel) -> Impact:
         """Strike once, unless the verdict on an interrupted hit has come; return the verdict.
@@ -418,6 +422,9 @@ class Striker:
         DeviceError
             If it failed though nothing is lost.
         """
+        if self._was_interrupted:
+            self._was_interrupted = False
+            await self._ask_for_verdicts()
         if verdict := self._take_late_verdict():
             return verdict
         losses = self._rig.losses
@@ -426,11 +433,28 @@ class Striker:
         try:
             return await self._strike(progress, label, losses)
         except InterruptedHitError:
+            self._was_interrupted = True
             progress.check_cancel()
             await self.disarm()
             if verdict := self._take_late_verdict():
                 return verdict
             raise
+
+    async def _ask_for_verdicts(self) -> None:
+        """Hear from the estimator what did not get through, or was found in the recording."""
+        results, deadline = GetResults.Response(), time.monotonic() + STATE_TIMEOUT
+        while not stamp_from_msg(results.setup_stamp) and time.monotonic() < deadline:
+            try:
+                results = await self._node.call(
+                    self._results,
+                    GetResults.Request(),
+                    is_given_up=lambda: self._rig[ESTIMATOR].is_gone,
+                )
+            except DeviceError:
+                return
+            await self._node.pause(NOT_YET_PERIOD)
+        for hit in (*results.accepted, *results.rejected):
+            self.keep_verdict(hit)
 
     async def disarm(self) -> None:
         """Disarm the accelerometers, if they are there; else before they are armed again."""
@@ -541,6 +565,8 @@ class Striker:
                 ),
                 longest_wait,
             )
+        if record not in self._verdicts and not self._rig.is_lost(record, self.recording):
+            await self._ask_for_verdicts()
         if record in self._verdicts:
             return
         progress.check_cancel()

@@ -183,7 +183,7 @@ class EstimatorNode(RigNode):
     def _read_recording(self) -> None:
         """Take the hits of a campaign that had begun before this node was started again.
 
-        They are on the disk, if it is this computer's. The verdict on the last may not be out yet.
+        They are on the disk, if it is this computer's.
         """
         begun, recorder = stamp_from_msg(self._setup_stamp), self._recorder
         if self._session is None or self._knows_recording or not begun:
@@ -191,17 +191,15 @@ class EstimatorNode(RigNode):
         if recorder is None or not recorder.recording:
             return
         self._knows_recording = True
-        session, hits = Session(self._session.setup), deque[JudgedHit](maxlen=1)
+        session = Session(self._session.setup)
         try:
             for path in list_parts(Path(recorder.uri)):
                 for event in read_recording(path, self.get_namespace()).events():
                     if isinstance(event, Block) and event.stamp >= begun:
-                        hits.extend(session.feed(event))
+                        session.feed(event)
         except RigError as error:
             self._warn(f"earlier hits of this campaign are not all known: {error}")
         self._session = session
-        for hit in hits:
-            self._publish(session, hit)
 
     def _evaluate(self, session: Session, message: AccelerationBlock) -> None:
         self._counts["blocks"] += 1
@@ -278,9 +276,10 @@ class EstimatorNode(RigNode):
             self._comparison.publish(comparison_to_msg(estimate, comparison, stamp, setup_stamp))
 
     def _answer(self, _: GetResults.Request, response: GetResults.Response) -> GetResults.Response:
+        is_silent = self._recorder is None and self._of_recorder.get_publisher_count()
+        if self._session is None or (is_silent and not self._knows_recording):
+            return response  # what the recorder has of this campaign is not known yet
         response.setup_stamp = setup_stamp = self._setup_stamp
-        if self._session is None:
-            return response
         results = self._session.estimate_all()
         self._unchecked.clear()
         self._outdated.clear()

@@ -31,6 +31,8 @@ class Disarming(IntEnum):
 
 
 ON_ITS_WAY = "the holder moves the hammer to its release angle"
+NEVER_ARMED = "held, not armed"
+"""What a hammer says that has just been started, or is back."""
 _AWAY = "put it back and call hammer/confirm_held"
 
 
@@ -53,7 +55,7 @@ class HammerCondition:
     place: HammerPlace = HammerPlace.HELD
     is_armed: bool = False
     disarmed_by: Disarming = Disarming.OPERATOR
-    message: str = "held, not armed"
+    message: str = NEVER_ARMED
 
 
 class GuardedHammer:
@@ -100,7 +102,7 @@ class GuardedHammer:
         self._holder, self._fault = holder, ""
         self._is_known_held = self._is_known_held or not confirm_return
         if self._is_known_held:
-            self._change(place=HammerPlace.HELD, is_armed=False, message="held, not armed")
+            self._change(place=HammerPlace.HELD, is_armed=False, message=NEVER_ARMED)
         else:
             self._change(place=HammerPlace.AWAY, is_armed=False, message=_AWAY)
 

@@ -21,16 +21,13 @@ from impact_rig.nodes.guarded_hammer import (
 )
 from impact_rig.nodes.hammer_files import StopMemory, describe_missing_enable
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import Read
+from impact_rig.nodes.rig_node import LONGEST_PAUSE, Read
 from impact_rig.nodes.rig_state import ACCELEROMETER, CAMPAIGN, RECORDER, RigState
 
 Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
 WATCH_PERIOD = 0.5
 """How often holder, accelerometers and recorder are looked after [s], our choice: an operator who
 pulls a plug wants to see the enable go."""
-LONGEST_PAUSE = 1.5
-"""How long this process may not have run before it takes what it knows for old [s], our choice:
-three times the watch."""
 CATCH_UP_TIME = interfaces.LEASE + 0.5
 """How long a process that was stopped refuses to release when it goes on [s]: by then it has heard
 what was said meanwhile, and missed who has died."""
@@ -76,7 +73,7 @@ class HammerNode(DeviceNode):
         self._publish_state = self.advertise_state(interfaces.HAMMER_STATE)
         self._release = self.advertise(interfaces.RELEASE)
         self._hammer = GuardedHammer(self._tell)
-        self._newest, self._recorded_to = 0, ""
+        self._newest, self._recorded_to, self._losses = 0, "", 0
         self._seen_running, self._is_caught_up_at = math.inf, 0.0
         self._rig = RigState(self, (ACCELEROMETER, RECORDER, CAMPAIGN), self._note_loss)
         self._rig[ACCELEROMETER].take = self._take_acquisition
@@ -262,8 +259,10 @@ class HammerNode(DeviceNode):
     def _is_unstored(self, request: Release.Request) -> bool:
         """Whether the record before this one is still on its way to the disk."""
         rig, newest = self._rig, self._newest
-        # What one recording did not store, the next one will not.
+        # What one recording did not store, the next one will not; nor what was on its way when
+        # accelerometers or recorder were lost.
         is_awaited = bool(self._recorded_to) and rig.recording == self._recorded_to
+        is_awaited = is_awaited and rig.losses == self._losses
         return is_awaited and newest != request.record and not rig.is_stored(newest)
 
     # What is asked of the hammer.
@@ -368,6 +367,7 @@ class HammerNode(DeviceNode):
             return str(error)
         if not reason:
             self._newest, self._recorded_to = request.record, self._rig.recording
+            self._losses = self._rig.losses
             self._release.publish(release)
             self._released = request
             self._swings += 1

@@ -42,6 +42,8 @@ NAMING_TIME = 0.5
 """How long the name of a node may take to be known after its topics [s], our choice."""
 WAITING_PERIOD = 0.05
 """How often a condition without a callback is looked at [s], our choice."""
+LONGEST_PAUSE = 1.5
+"""Longer than that a process that is not stopped does not stand still [s], our choice."""
 SERVICE_TIMEOUT = 20.0
 """How long another node may take to appear or answer [s], our choice: six Python processes start
 in seconds on two cores."""
@@ -452,16 +454,22 @@ class RigNode(LifecycleNode):
             processes see of it, beyond its end.
         """
         future: Future = Future(executor=self.executor)
-        deadline = time.monotonic() + timeout
+        seen = time.monotonic()
+        deadline = seen + timeout
 
         def look() -> None:
+            nonlocal seen, deadline
             if future.done():
                 return
+            # While the process stood still nothing could come.
+            now = time.monotonic()
+            deadline += max(now - seen - LONGEST_PAUSE, 0.0)
+            seen = now
             if self.stop_requested.done():
                 future.set_exception(DeviceError(f"the {self.get_name()} node has been stopped"))
             elif condition():
                 future.set_result(True)
-            elif time.monotonic() >= deadline:
+            elif now >= deadline:
                 future.set_result(False)
 
         look()

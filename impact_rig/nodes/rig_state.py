@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs.msg import AcquisitionState, HammerState, RecordStored
 
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.guarded_hammer import NEVER_ARMED
 from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic
 from impact_rig.nodes.rig_node import IS_ACTIVE, LIFECYCLE, RigNode
 from impact_rig.recordings.messages import stamp_from_msg
@@ -142,7 +143,7 @@ class RigMember:
         self._alive, self._silent = status.alive_count, status.not_alive_count
         if not self._alive and self._is_in_this_process():
             self._silent = 0
-        elif before and not self._alive:
+        elif self._alive < before:  # the other one may be its successor
             self.losses += 1
         self._note_change()
 
@@ -182,6 +183,8 @@ class RigState:
     ----------
     was_recorded : bool
         Whether something has been recorded since the start.
+    is_disarmed_by_person : bool
+        Whether the hammer was, before it was lost.
     """
 
     def __init__(
@@ -197,7 +200,10 @@ class RigState:
         self._stored: deque[int] = deque(maxlen=interfaces.RESULT_DEPTH)
         self._delays: dict[str, deque[float]] = {}
         self._members = {name: RigMember(node, name, TOPICS[name], note_change) for name in names}
+        self.is_disarmed_by_person = False
         self[RECORDER].take = self._take_recorder
+        if HAMMER in names:
+            self[HAMMER].take = self._take_hammer
         node.listen(interfaces.RECORD_STORED, self._take_stored)
         node.listen(DIAGNOSTICS, self._take_diagnostics, is_informed=True)
 
@@ -266,6 +272,11 @@ class RigState:
     def _take_recorder(self, message: Any) -> None:
         self._recordings.add(message.uri)
         self.was_recorded = self.was_recorded or message.recording
+
+    def _take_hammer(self, message: HammerState) -> None:
+        # One that was started anew does not know who had disarmed it.
+        if message.disarmed_by != HammerState.LOSS and message.message != NEVER_ARMED:
+            self.is_disarmed_by_person = not message.armed
 
     def _take_stored(self, message: RecordStored) -> None:
         if message.complete:
