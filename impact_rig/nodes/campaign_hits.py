@@ -571,8 +571,8 @@ class Striker:
             return
         progress.check_cancel()
         cause = self._explain_silence(record, timeout)
-        has_ended = self._rig.describe_end_of_recording(self.recording)
-        if is_lost_since(self._rig, losses) and not has_ended:
+        is_lost = self._rig.is_lost(record, self.recording) or is_lost_since(self._rig, losses)
+        if is_lost and not self._rig.describe_end_of_recording(self.recording):
             raise InterruptedHitError(cause)
         raise DeviceError(cause)
 
