@@ -106,12 +106,17 @@ def count_chance_run(upright: FloatArray, start: int, quiet: int, step: float) -
 
 
 def find_step(values: FloatArray, extreme: float) -> float:
-    """Return by how much the next value is below the largest, rounding apart.
+    """Return the least difference of values of the largest one's decade, rounding apart.
 
-    Where a converter's steps are not known, it has none smaller there: files give a few digits, so
-    that 0.998 comes after 0.999 and 1.01 after 1.00.
+    That is a converter's step, where it is not known: files give a few digits, so that 0.998 comes
+    after 0.999 and 1.01 after 1.00. Where the largest is alone in its decade, the next one counts.
     """
-    return extreme - float(np.max(values[values < (1.0 - SAME) * extreme], initial=0.0))
+    if not 0.0 < extreme < math.inf:
+        return 0.0
+    least = (1.0 - SAME) * 10.0 ** math.floor(math.log10(extreme))
+    steps = np.diff(np.unique(values[(values >= least) & (values <= extreme)]))
+    below = extreme - float(np.max(values[values < (1.0 - SAME) * extreme], initial=0.0))
+    return float(np.min(steps[steps > SAME * extreme], initial=below))
 
 
 def _find_longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
