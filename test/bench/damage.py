@@ -270,7 +270,10 @@ def import_file(path: Path) -> None:
         raise RigError(errors[path])
 
 
-SERIES = make_series({"hammer_mass": 0.5}, {"cutoff_frequency": 0.0})
+SERIES = make_series(
+    {"hammer_mass": 0.5, "hammer_unit": "m/s^2", "specimen_unit": "m/s^2"},
+    {"cutoff_frequency": 0.0},
+)
 """What is stated of all files."""
 
 
