@@ -18,7 +18,7 @@ from impact_rig.results.size_exponents import find_size_exponents
 from impact_rig.results.wire import Json, WireError, from_json, to_json
 
 FORMAT_NAME = "impact-rig results"
-FORMAT_VERSION = 5
+FORMAT_VERSION = 6
 UNSAFE = re.compile("[\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """What JSON may hold as it is, and terminals take for a command or an end of the line."""
 LARGEST_WHOLE = 2**63

@@ -57,7 +57,7 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path: Pat
     path = tmp_path / "results.json"
     write_results(path, RESULTS)
     content = json.loads(path.read_text())
-    assert content["format"] == {"name": "impact-rig results", "version": 5}
+    assert content["format"] == {"name": "impact-rig results", "version": 6}
     assert (content["origin"], content["origin_source"]) == ("simulated", "virtual rig")
     assert {"stiffness_n_per_m", "damping_coefficient_n_s_per_m"} <= set(content["hammer"])
     assert {
@@ -143,7 +143,7 @@ def _mistype(content: dict[str, Any]) -> None:
 
 
 def _age(content: dict[str, Any]) -> None:
-    content["format"]["version"] = 6
+    content["format"]["version"] = 7
 
 
 def _rename(content: dict[str, Any]) -> None:
@@ -159,7 +159,7 @@ def _flatten(content: dict[str, Any]) -> None:
     [
         (_drop, r"the field samples\[0\].contact_time_s is missing"),
         (_mistype, r"samples\[0\].impacts_accepted is 'three': it must be a whole number"),
-        (_age, "version 6; this program reads versions 3 to 5"),
+        (_age, "version 7; this program reads versions 3 to 6"),
         (_rename, "is not a results file"),
         (_flatten, "hits must be a list"),
     ],

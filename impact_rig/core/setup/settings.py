@@ -63,9 +63,9 @@ class AnalysisSettings:
     overload_run: int = 2
     double_hit_level: float = 0.02
     keep_hits: int = 0
-    double_hit_window: float = field(default=0.0, metadata=describe("s", since=5))
-    turns_polarity: bool = field(default=False, metadata=describe(since=5))
-    contact_exponent: float = field(default=0.0, metadata=describe(since=5))
+    double_hit_window: float = field(default=0.0, metadata=describe("s", since=6))
+    turns_polarity: bool = field(default=False, metadata=describe(since=6))
+    contact_exponent: float = field(default=0.0, metadata=describe(since=6))
 
     def __post_init__(self) -> None:
         """Refuse values that cannot be meant."""
