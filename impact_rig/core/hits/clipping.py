@@ -22,6 +22,11 @@ FEWEST_EQUAL = 3
 """Equal extremes in a row that are looked at [-]: two are the top of any symmetric pulse."""
 CHANCE = 1e-6
 """Probability of a run by noise, from where on it is none [-], our choice."""
+TOP_VALUES = 4
+"""Differences of the largest values that show a converter's step [-], our choice: noise leaves out
+some counts below a rail."""
+DECADE = 8.0
+"""From which ratio of two differences on they are steps of two decades, 10 [-]."""
 FLATNESS = 1.5
 """How much longer a real top may stay within a step than a versed-sine's of its width [-], our
 choice: a linear spring's, a half-sine, 1.06."""
@@ -106,17 +111,19 @@ def count_chance_run(upright: FloatArray, start: int, quiet: int, step: float) -
 
 
 def find_step(values: FloatArray, extreme: float) -> float:
-    """Return the least difference of values of the largest one's decade, rounding apart.
+    """Return the least difference of the largest values, rounding apart: one count there.
 
-    That is a converter's step, where it is not known: files give a few digits, so that 0.998 comes
-    after 0.999 and 1.01 after 1.00. Where the largest is alone in its decade, the next one counts.
+    A file that gives three digits has 1.01 after 1.00, and 0.999 before: a tenth of the last
+    difference is another decade's.
     """
     if not 0.0 < extreme < math.inf:
         return 0.0
-    least = (1.0 - SAME) * 10.0 ** math.floor(math.log10(extreme))
-    steps = np.diff(np.unique(values[(values >= least) & (values <= extreme)]))
-    below = extreme - float(np.max(values[values < (1.0 - SAME) * extreme], initial=0.0))
-    return float(np.min(steps[steps > SAME * extreme], initial=below))
+    steps = np.diff(np.unique(values[values > LEAST_EXTREME * extreme]))[::-1]
+    steps = steps[steps > SAME * extreme][:TOP_VALUES]
+    if steps.size == 0:
+        return extreme
+    last, least = float(steps[0]), float(steps.min())
+    return last if last > DECADE * least else least
 
 
 def _find_longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:

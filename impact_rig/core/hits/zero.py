@@ -3,7 +3,9 @@
 An accelerometer keeps a charge after a shock: a step that stays, or goes in milliseconds. A lower
 corner f_c takes 2 pi f_c times the velocity off the acceleration: after the pulse the trace lies
 on the other side, and comes back. A drift is there before the impact, too. Each is a line in the
-tail with one number or two; what none of them describes is not corrected.
+tail with one number or two; what none of them describes is not corrected. An amplifier that
+recovers from overload is none of its own: its tail is a step that goes, and where the record shows
+the overload the hit is rejected for that.
 """
 
 import math

@@ -123,10 +123,11 @@ def is_dated(provenance: Provenance) -> bool:
 
 
 def _format_period(provenance: Provenance) -> str:
-    """Return when a recording began and how long it took."""
+    """Return when a recording began and how long it took; of imported hits neither is known."""
+    if not is_dated(provenance):
+        return "date not known"
     duration = (provenance.end_time - provenance.start_time) * 1e-9
-    moment = format_time(provenance.start_time) if is_dated(provenance) else "date not known"
-    return f"{moment}, for {duration:.1f} s"
+    return f"{format_time(provenance.start_time)}, for {duration:.1f} s"
 
 
 def _list_facts(run: Run) -> tuple[tuple[str, str], ...]:
@@ -153,7 +154,8 @@ def _list_recording_facts(provenance: Provenance) -> list[tuple[str, str]]:
     is_sound = "sound: every checksum is right and nothing is missing"
     facts += [
         ("Condition", "; ".join(provenance.problems) or is_sound),
-        ("Lost while recorded", provenance.losses or "nothing"),
+        # Only a recorder that was there knows.
+        ("Lost while recorded", provenance.losses or ("nothing" if provenance.ended else "")),
         ("Ended", provenance.ended),
     ]
     return facts + [
@@ -204,7 +206,13 @@ def _tabulate_bodies(setup: RigSetup) -> Table:
     samples = {item.body: item for item in carried.samples}.values()
     rows = [
         ("hammer", "", setup.hammer_mass, setup.hammer_mass_uncertainty),
-        ("accelerometer", "", carried.accelerometer_mass, carried.accelerometer_mass_uncertainty),
+        # Without one nobody has stated it.
+        (
+            "accelerometer",
+            "",
+            carried.accelerometer_mass or math.nan,
+            carried.accelerometer_mass_uncertainty,
+        ),
         *((item.body, item.material, item.mass, item.mass_uncertainty) for item in samples),
     ]
 

@@ -137,8 +137,27 @@ def test_what_no_hit_determines_has_no_table_but_a_word(told: Run, undrawn: None
 def test_a_recording_without_a_date_is_not_of_1970(told: Run, undrawn: None, start: int):
     provenance = replace(told.provenance, start_time=start, end_time=start, notes=())
     read = Reader(render_page(make_report([replace(told, provenance=provenance)])))
-    assert "date not known, for 0.0 s" in read.text
+    assert "date not known" in read.text
+    assert "date not known, for" not in read.text
     assert "1970" not in read.text
+
+
+def test_what_nobody_stated_of_imported_hits_is_not_told(told: Run, undrawn: None):
+    provenance = replace(
+        told.provenance, start_time=0, end_time=4_000_000_000, ended="", losses=""
+    )
+    results = told.campaign.results
+    samples = replace(
+        results.setup.samples, accelerometer_mass=0.0, accelerometer_mass_uncertainty=0.0
+    )
+    setup = replace(results.setup, samples=samples)
+    campaign = replace(told.campaign, results=replace(results, setup=setup))
+    read = Reader(
+        render_page(make_report([replace(told, campaign=campaign, provenance=provenance)]))
+    )
+    assert "Lost while recorded" not in read.text
+    assert "4.0 s" not in read.text
+    assert "0.00 part of every m2" not in " ".join(read.text.split())
 
 
 def test_several_runs_are_compared_before_each_is_told_of(comparison_page: str):
