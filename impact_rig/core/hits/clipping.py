@@ -23,10 +23,10 @@ FEWEST_EQUAL = 3
 CHANCE = 1e-6
 """Probability of a run by noise, from where on it is none [-], our choice."""
 TOP_VALUES = 4
-"""Differences of the largest values that show a converter's step [-], our choice: noise leaves out
-some counts below a rail."""
+"""Differences of the largest values that show a step [-], our choice: noise leaves out some counts
+below a rail."""
 DECADE = 8.0
-"""From which ratio of two differences on they are steps of two decades, 10 [-]."""
+"""Ratio of two differences from which on they are steps of two decades, 10 [-]."""
 FLATNESS = 1.5
 """How much longer a real top may stay within a step than a versed-sine's of its width [-], our
 choice: a linear spring's, a half-sine, 1.06."""
@@ -113,17 +113,17 @@ def count_chance_run(upright: FloatArray, start: int, quiet: int, step: float) -
 def find_step(values: FloatArray, extreme: float) -> float:
     """Return the least difference of the largest values, rounding apart: one count there.
 
-    A file that gives three digits has 1.01 after 1.00, and 0.999 before: a tenth of the last
-    difference is another decade's.
+    A file that gives three digits has 1.01 after 1.00, and 0.999 before: the step is the last
+    difference where that is so much larger, and ten times the least of high values at most.
     """
     if not 0.0 < extreme < math.inf:
         return 0.0
-    steps = np.diff(np.unique(values[values > LEAST_EXTREME * extreme]))[::-1]
-    steps = steps[steps > SAME * extreme][:TOP_VALUES]
+    steps = np.diff(np.unique(values[values > LEAST_EXTREME * extreme]))
+    steps = steps[steps > SAME * extreme]
     if steps.size == 0:
         return extreme
-    last, least = float(steps[0]), float(steps.min())
-    return last if last > DECADE * least else least
+    last, top = float(steps[-1]), float(steps[-TOP_VALUES:].min())
+    return min(last if last > DECADE * top else top, 10.0 * float(steps.min()))
 
 
 def _find_longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
