@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.text import Text
 
 from impact_rig.cli import options
-from impact_rig.nodes.discovery import reserve_domain
+from impact_rig.nodes.discovery import SHARED_MEMORY, reserve_domain
 from impact_rig.present.terminal.console import (
     ALARM,
     GOOD,
@@ -423,7 +423,6 @@ SCARCE_DISK = 2e9
 """Free space below which a warning is due [bytes], our choice: some forty campaigns."""
 TOO_LITTLE_DISK = 1e8
 """Free space that one campaign may fill [bytes]."""
-SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - this is what Linux and Fast DDS use
 SCARCE_SHARED_MEMORY = 32e6
 """Free shared memory below which a warning is due [bytes], our choice: seven nodes take about
 half of it."""

@@ -9,12 +9,14 @@ import contextlib
 import itertools
 import os
 import random
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from impact_rig.configuration.processes import DISCOVERY
+from impact_rig.core.errors import DeviceError
 
 LOCALHOST = "LOCALHOST"
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -28,6 +30,9 @@ ANNOUNCEMENT_PERIOD = 300_000_000
 """Between two announcements of a node [ns], our choice: some hundred bytes each."""
 LOCAL_PEERS = 32
 """Processes of this host that are looked for [-]: as many as ROS 2 looks for."""
+SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - this is what Linux and Fast DDS use
+LEAST_SHARED_MEMORY = 4_000_000
+"""Free space of it that one more process needs [byte], our choice: one was seen to take 1 MB."""
 
 _PROFILES = """\
 <?xml version="1.0" encoding="UTF-8"?>
@@ -59,7 +64,13 @@ def offer_profile() -> Iterator[None]:
     """Let the first node that is made in the block be found soon, and with it its process.
 
     Fast DDS reads its profiles once. Whoever has given profiles of their own keeps them.
+
+    Raises
+    ------
+    DeviceError
+        If there is too little shared memory: Fast DDS would end the process with a bus error.
     """
+    _check_shared_memory()
     is_given = os.environ.get(PROFILE_VARIABLE) or PROFILE_FILE.exists()
     path = None if is_given else _write_profiles()
     if path is None:
@@ -71,6 +82,18 @@ def offer_profile() -> Iterator[None]:
     finally:
         del os.environ[PROFILE_VARIABLE]
         path.unlink(missing_ok=True)
+
+
+def _check_shared_memory() -> None:
+    if not SHARED_MEMORY.is_dir():
+        return
+    free = shutil.disk_usage(SHARED_MEMORY).free
+    if free < LEAST_SHARED_MEMORY:
+        raise DeviceError(
+            f"{SHARED_MEMORY} has {free / 1e6:.1f} MB free, and a process of the rig needs"
+            f" {LEAST_SHARED_MEMORY / 1e6:g} MB: once no node runs, remove what dead ones left"
+            " there (fastrtps_*), or make it larger (in a container, --shm-size=256m)"
+        )
 
 
 def _write_profiles() -> Path | None:

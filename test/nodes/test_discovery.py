@@ -11,6 +11,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from impact_rig.configuration.processes import DISCOVERY, SOCKET_BUFFER, make_network_variables
+from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import discovery
 from impact_rig.nodes.discovery import (
     DOMAINS,
@@ -118,6 +119,19 @@ def test_nobody_gets_a_domain_that_is_taken_here_or_by_another_process():
         assert all(FIRST_DOMAIN <= number < FIRST_DOMAIN + DOMAINS for number in ours)
     finally:
         other.communicate()
+
+
+def test_without_shared_memory_to_spare_no_node_is_made(monkeypatch, tmp_path):
+    # Fast DDS maps a file there, and would die by a signal when it writes to it.
+    monkeypatch.setattr(discovery, "SHARED_MEMORY", tmp_path)
+    with offer_profile():
+        pass
+    monkeypatch.setattr(discovery, "LEAST_SHARED_MEMORY", 2**63)
+    with (
+        pytest.raises(DeviceError, match=rf"{tmp_path} has .* MB free, .* needs"),
+        offer_profile(),
+    ):
+        pass
 
 
 def test_the_one_that_has_just_become_free_is_rarely_the_next():
