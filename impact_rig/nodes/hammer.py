@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Iterator
 from typing import Any, TypeVar
 
 from impact_rig_msgs.msg import AcquisitionState, HammerRelease
@@ -10,7 +11,7 @@ from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.setup.samples import check_release_angles
-from impact_rig.devices.drivers import HOLDERS, make_device
+from impact_rig.devices.drivers import HOLDERS, VIRTUAL, make_device, read_driver_name
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.guarded_hammer import (
@@ -28,6 +29,11 @@ Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
 WATCH_PERIOD = 0.5
 """How often holder, accelerometers and recorder are looked after [s], our choice: an operator who
 pulls a plug wants to see the enable go."""
+OWN_NODES = frozenset((
+    "accelerometer", "campaign", "campaign_client", "estimator", "hammer", "hammer_client",
+    "recorder", "replay_client", "replayer", "visualizer",
+))  # fmt: skip
+"""Names of what belongs to a rig, in its namespace; what begins with _ is a part of another."""
 CATCH_UP_TIME = interfaces.LEASE + 0.5
 """How long a process that was stopped refuses to release when it goes on [s]: by then it has heard
 what was said meanwhile, and missed who has died."""
@@ -67,6 +73,8 @@ class HammerNode(DeviceNode):
         self._memory = StopMemory(self.context.get_domain_id(), self.get_fully_qualified_name())
         self._patience = 0.0
         self._identity = ""
+        self._moves_by_message = False
+        self._others: tuple[str, ...] = ()
         self._released: Release.Request | None = None
         self._armed = 0
         self._swings = 0
@@ -93,9 +101,9 @@ class HammerNode(DeviceNode):
 
     def configure(self) -> None:
         """Open the holder, which holds from now on."""
-        path = self.get_value("rig_file")
+        path, table = self.get_value("rig_file"), self.read_rig_file().holder
         try:
-            holder = make_device(HOLDERS, self.read_rig_file().holder)
+            holder = make_device(HOLDERS, table)
         except ParameterError as error:
             raise ParameterError(f"rig file {path}: {error}") from None
         try:
@@ -104,6 +112,7 @@ class HammerNode(DeviceNode):
             holder.close()
             raise
         self._patience = holder.patience if holder.is_by_hand else 0.0
+        self._moves_by_message = not (holder.is_by_hand or read_driver_name(table) == VIRTUAL)
         self._hammer.take(holder, confirm_return=self.get_value("confirm_return"))
         if self._memory.is_stopped:
             self._hammer.stop()
@@ -140,8 +149,8 @@ class HammerNode(DeviceNode):
         }
 
     def describe_warning(self) -> str:
-        """Return that an emergency stop lasts."""
-        return "an emergency stop lasts" if self._hammer.is_stopped else ""
+        """Return that an emergency stop lasts, or that others could move the hammer."""
+        return "an emergency stop lasts" if self._hammer.is_stopped else self._describe_others()
 
     # What is heard and seen.
 
@@ -174,6 +183,7 @@ class HammerNode(DeviceNode):
     def _watch(self) -> None:
         """See whether what a release needs is still there; never releases."""
         self._note_pause()
+        self._look_for_others()
         self._note_loss()
         if self._hammer.condition.is_armed and (missing := self._describe_missing_enable()):
             self._hammer.disarm(missing)
@@ -193,6 +203,28 @@ class HammerNode(DeviceNode):
             self._is_caught_up_at = now + CATCH_UP_TIME
             self.get_logger().warning(f"this process did not run for {pause:.1f} s")
         self._seen_running = now
+
+    def _look_for_others(self) -> None:
+        """Say once who else is in the domain of a holder that lets go by itself."""
+        others = tuple(sorted(self._list_others())) if self._moves_by_message else ()
+        if others != self._others:
+            self._others = others
+            if others:
+                self.get_logger().warning(self._describe_others())
+
+    def _list_others(self) -> Iterator[str]:
+        own = self.get_namespace()
+        for name, namespace in self.get_node_names_and_namespaces():
+            if namespace != own or not (name.startswith("_") or name in OWN_NODES):
+                yield f"{namespace.rstrip('/')}/{name}"
+
+    def _describe_others(self) -> str:
+        if not self._others:
+            return ""
+        return (
+            f"others are in ROS domain {self.context.get_domain_id()}, and could release the"
+            f" hammer: {', '.join(self._others)}; give the rig a ROS_DOMAIN_ID of its own"
+        )
 
     # Whether the rest of the rig could record a hit.
 

@@ -178,3 +178,18 @@ def test_the_end_of_the_process_does_not_let_go(
     process.wait()
     assert board.is_holding
     assert not releases.acquire(blocking=False)
+
+
+def test_who_else_is_in_the_domain_of_a_relay_is_named(harness, rig_file):
+    node = add_hammer(harness, rig_file)
+    harness.wait_until(lambda: "/peer" in node.describe_warning())
+    assert (
+        "could release the hammer: /peer; give the rig a ROS_DOMAIN_ID" in node.describe_warning()
+    )
+
+
+def test_a_virtual_hammer_is_anybody_s(harness):
+    node = harness.add(HammerNode)
+    harness.wait_until(lambda: "peer" in node.get_node_names())
+    node._look_for_others()
+    assert not node.describe_warning()
