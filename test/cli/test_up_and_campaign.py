@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import psutil
 import pytest
 from rosbags.highlevel import AnyReader
 
@@ -112,15 +113,11 @@ def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
 
 def find_node(rig, name):
     """Return the process of a node that `up` has started."""
-    words = ["ps", "-eo", "pid=,args=", "--forest"]
-    lines = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
-    for line in lines:
-        number, _, command = line.strip().partition(" ")
-        environment = Path("/proc", number, "environ")
-        if f"impact_rig.nodes {name} " in command and "sh -c" not in command:
-            with contextlib.suppress(OSError):
-                if f"IMPACT_RIG_LAUNCHER={rig.pid}".encode() in environment.read_bytes():
-                    return int(number)
+    for process in psutil.Process(rig.pid).children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            words = process.cmdline()
+            if "impact_rig.nodes" in words and words[words.index("impact_rig.nodes") + 1] == name:
+                return process.pid
     raise AssertionError(f"no {name} node is there")
 
 

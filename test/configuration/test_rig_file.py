@@ -224,7 +224,7 @@ def test_what_the_template_comments_out_can_be_used():
     hammer, specimen = rig.setup.sensors
     assert hammer.describe() == (
         "acceleration, 10 mV per g, up to 500 g, serial number LW1234, calibrated 2026-03-01,"
-        " resonance 70 kHz, damping 0.02, low corner 0.5 Hz"
+        " resonance 70 kHz, damping 0.02, the default, low corner 0.5 Hz"
     )
     assert hammer.response == SensorResponse(70e3, 0.02, 0.5)
     uncertainties = (hammer.resonance_uncertainty, hammer.low_corner_uncertainty)
