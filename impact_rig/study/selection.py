@@ -85,7 +85,8 @@ FAULTS = (SECOND, STEP, DROOP, CLIPPED, DROPOUT, TURNED, CABLE)
 ASKED = {
     fault.name(size)
     for fault in FAULTS
-    for size in fault.sizes[fault.sizes.index(fault.sure) if fault.sure in fault.sizes else 99 :]
+    if not math.isnan(fault.sure)
+    for size in fault.sizes[fault.sizes.index(fault.sure) :]
 }
 """Names of what is to be found."""
 
