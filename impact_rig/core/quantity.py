@@ -134,11 +134,6 @@ class Quantity:
         """Whether there is a value."""
         return math.isfinite(self.value)
 
-    @property
-    def has_uncertainty(self) -> bool:
-        """Whether its uncertainty is determined."""
-        return math.isfinite(self.standard)
-
 
 UNKNOWN = Quantity()
 """What is not determined."""

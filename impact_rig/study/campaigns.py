@@ -544,7 +544,8 @@ def _estimate_by_free_decay(evidence: _Evidence) -> dict[str, Quantity]:
 
 def _identify(evidence: _Evidence) -> dict[str, Quantity]:
     mean, setup, sample = evidence.mean, evidence.setup, evidence.sample
-    return vars(estimate_fitted_body(identify_model(mean, setup, sample), setup, sample))
+    fitted = identify_model(mean, setup, sample)
+    return vars(estimate_fitted_body(fitted, setup, sample, mean.count))
 
 
 def _estimate_law(evidence: _Evidence) -> dict[str, Quantity]:

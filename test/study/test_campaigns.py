@@ -59,7 +59,8 @@ def test_one_exact_hit_has_the_bound_of_its_noise():
         ("stiffness", "k2", model.specimen.stiffness),
         ("damping_coefficient", "c2", model.specimen.damping_coefficient),
     ):
-        expected = bound.compute_standard_deviation(name) / truth
+        index = bound.names.index(name)
+        expected = math.sqrt(bound.covariance[index, index]) / truth
         assert found[quantity] == pytest.approx(expected, rel=1e-9)
     # zeta goes with c / sqrt(k): drawn, since formulas can be wrong twice.
     draws = np.random.default_rng(1).multivariate_normal(

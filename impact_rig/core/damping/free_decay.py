@@ -28,7 +28,7 @@ from scipy.optimize import leastsq
 from impact_rig.core.checks import check_not_negative, check_positive
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.hits.averaging import MeanHit
-from impact_rig.core.signals.record import FloatArray, make_read_only
+from impact_rig.core.signals.record import FloatArray
 
 TRIED_DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """Decay over the whole tail, a T, of the spectrum's weights [-], our choice: from nearly undamped
@@ -279,71 +279,28 @@ class FreeDecay:
         a [1/s].
     angular_frequency : float
         omega, damped [rad/s].
-    covariance : ndarray, shape (2, 2)
-        Of (a, omega), from the noise, or from what the fit leaves where that is more [1/s^2].
     hit_values : ndarray, shape (hits, 2)
         a and omega of each hit, to first order about those of the mean, which are their mean
         [1/s]: their spread is the type A evaluation.
-    amplitude : float
-        Of the envelope at the first point of `time` [m/s^2].
     r_squared : float
         Part of the tail's variance that the fit explains [-].
     residual_over_noise : float
         Standard deviation of what the fit leaves over that of the noise [-]; NaN: no noise known.
     periods : float
         Periods in the tail while the envelope stands out of the noise [-].
-    time : ndarray, shape (n,)
-        Of the tail's points, from the start of the contact [s].
-    measured, fitted : ndarray, shape (n,)
-        The tail and the fit [m/s^2].
     """
 
     decay_rate: float
     angular_frequency: float
-    covariance: FloatArray
     hit_values: FloatArray
-    amplitude: float
     r_squared: float
     residual_over_noise: float
     periods: float
-    time: FloatArray
-    measured: FloatArray
-    fitted: FloatArray
-
-    def __post_init__(self) -> None:
-        """Copy the arrays and make them read-only."""
-        for name in ("covariance", "hit_values", "time", "measured", "fitted"):
-            object.__setattr__(self, name, make_read_only(getattr(self, name)))
-
-    @property
-    def natural_frequency(self) -> float:
-        """Undamped angular frequency sqrt(a^2 + omega^2) [rad/s]."""
-        return math.hypot(self.decay_rate, self.angular_frequency)
 
     @property
     def frequency(self) -> float:
         """Of the damped oscillation [Hz]."""
         return self.angular_frequency / (2.0 * math.pi)
-
-    @property
-    def damping_ratio(self) -> float:
-        """Damping ratio a / sqrt(a^2 + omega^2) [-]."""
-        return self.decay_rate / self.natural_frequency
-
-    @property
-    def damping_ratio_uncertainty(self) -> float:
-        """Standard uncertainty of the damping ratio from `covariance` [-]."""
-        return _compute_ratio_uncertainty(self.decay_rate, self.angular_frequency, self.covariance)
-
-    def compute_stiffness(self, mass: float) -> float:
-        """Return k = m (a^2 + omega^2) [N/m] of a body of `mass` [kg]."""
-        check_positive("mass", mass, "kg")
-        return mass * self.natural_frequency**2
-
-    def compute_damping_coefficient(self, mass: float) -> float:
-        """Return c = 2 m a [N s/m] of a body of `mass` [kg]."""
-        check_positive("mass", mass, "kg")
-        return 2.0 * mass * self.decay_rate
 
 
 def estimate_free_decay(
@@ -411,17 +368,11 @@ def estimate_free_decay(
     return FreeDecay(
         decay_rate=decay,
         angular_frequency=frequency,
-        covariance=covariance * rate**2,
         # J^T B = 0: what the linear parameters of a hit are does not matter.
         hit_values=rate * (solution - hits @ np.linalg.pinv(jacobian).T),
-        amplitude=fit.amplitude,
         r_squared=r_squared,
         residual_over_noise=excess,
         periods=min(lasting, duration) * frequency / (2.0 * math.pi),
-        time=(np.arange(tail.start, tail.stop, tail.step) - mean.origin) / mean.sampling_rate
-        + contact_time / 2.0,
-        measured=measured,
-        fitted=measured - fit.residual,
     )
 
 
@@ -479,15 +430,11 @@ def _check_decay(parameters: FloatArray, covariance: FloatArray, points: int) ->
             f"free decay: damping is critical or nearly so (ratio {ratio:.2f}), and the tail does"
             " not tell stiffness and damping apart"
         )
-    uncertainty = _compute_ratio_uncertainty(decay, frequency, covariance)
+    # Of the damping ratio a over the root of a^2 + omega^2, in a and omega.
+    slope = np.array([frequency**2, -decay * frequency]) / math.hypot(decay, frequency) ** 3
+    uncertainty = float(np.sqrt(slope @ covariance @ slope))
     if uncertainty > LARGEST_RELATIVE_UNCERTAINTY * ratio:
         raise NotDeterminedError(
             f"free decay: the damping ratio of {ratio:.2g} has a standard uncertainty of"
             f" {uncertainty:.2g}; it must be below {100 * LARGEST_RELATIVE_UNCERTAINTY:g} %"
         )
-
-
-def _compute_ratio_uncertainty(decay: float, frequency: float, covariance: FloatArray) -> float:
-    # Of the damping ratio a over the root of a^2 + omega^2, in a and omega.
-    slope = np.array([frequency**2, -decay * frequency]) / math.hypot(decay, frequency) ** 3
-    return float(np.sqrt(slope @ covariance @ slope))

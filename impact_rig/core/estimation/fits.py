@@ -22,9 +22,10 @@ from impact_rig.core.quantity import INTERNAL, UNKNOWN, Quantity, describe
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.uncertainty.propagation import (
     FittedBody,
+    find_decaying_body,
+    find_identified_body,
     make_rig_numbers,
-    propagate_free_decay,
-    propagate_identification,
+    propagate_fit,
 )
 
 SPECIMEN_CHANNEL = 1
@@ -154,9 +155,10 @@ def estimate_decay(
     decay = estimate_free_decay(
         mean, SPECIMEN_CHANNEL, contact_time, setup.analysis.cutoff_frequency
     )
-    body = propagate_free_decay(
+    body = propagate_fit(
         f"scatter of the hits on {sample}",
         decay.hit_values,
+        find_decaying_body,
         make_rig_numbers(setup, sample),
         estimates=(decay.decay_rate, decay.angular_frequency),
         averaged=mean.count,
@@ -243,7 +245,7 @@ def _describe_model(
     )
     if not found.describes_traces:
         return model
-    body = estimate_fitted_body(found, setup, sample, averaged=averaged)
+    body = estimate_fitted_body(found, setup, sample, averaged)
     return replace(model, **vars(body))
 
 
@@ -254,16 +256,14 @@ def find_frequency(model: FittedModel, sample: str, setup: RigSetup) -> float:
 
 
 def estimate_fitted_body(
-    found: Identification, setup: RigSetup, sample: str, *, averaged: int = 0
+    found: Identification, setup: RigSetup, sample: str, averaged: int
 ) -> FittedBody:
-    """Estimate tau_p, k2, zeta2 and c2 by a model that was fitted to the hits on `sample`.
-
-    `averaged` is the number of hits in the mean; 0: those that it was fitted to one by one.
-    """
+    """Estimate tau_p, k2, zeta2 and c2 by a model fitted to the mean of `averaged` hits."""
     columns = [found.names.index(name) for name in ("tau_p", "k2", "c2")]
-    return propagate_identification(
+    return propagate_fit(
         f"scatter of the hits on {sample}",
         found.hit_values[:, columns],
+        find_identified_body,
         make_rig_numbers(setup, sample),
         estimates=found.values[columns].tolist(),
         averaged=averaged,

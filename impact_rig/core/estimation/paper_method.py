@@ -246,17 +246,6 @@ class ContactEstimate:
     )
 
 
-def estimate_contact(mean: MeanHit, setup: RigSetup, sample: str) -> ContactEstimate:
-    """Estimate tau_p = F w50 and k_eq of the contact with `sample` from the mean hammer trace.
-
-    Raises
-    ------
-    SignalError
-        If the mean trace has no whole pulse.
-    """
-    return _estimate_contact(read_mean_hit(mean, setup, sample), setup, sample)
-
-
 def _estimate_contact(series: MeanReading, setup: RigSetup, sample: str) -> ContactEstimate:
     width = series.pulse.half_amplitude_width / series.mean.sampling_rate
     contact_time = setup.analysis.pulse_factor * width

@@ -177,10 +177,6 @@ class PulseShapeEstimate:
         has no one peak.
     fits : tuple of ShapeFit
         One for each of `PULSE_SHAPES`, in their order.
-    width_ratio : float
-        w10 / w50 [-].
-    noise_percent : float
-        Standard deviation of the trace's noise, over the peak [%].
     warning : str
         Why a versed-sine does not describe the pulse; empty: it does.
     """
@@ -189,8 +185,6 @@ class PulseShapeEstimate:
     is_told_apart: bool = False
     fall_over_rise: float = NAN
     fits: tuple[ShapeFit, ...] = ()
-    width_ratio: float = field(default=NAN, metadata=INTERNAL)
-    noise_percent: float = field(default=NAN, metadata=INTERNAL)
     warning: str = field(default="", metadata=INTERNAL)
 
     @property
@@ -252,9 +246,7 @@ def estimate_pulse_shape(
     level = white * max(1.0, best.residual / noise) if noise > 0.0 else best.residual
     return PulseShapeEstimate(
         best_shape=shape_fits[order[0]].shape,
-        width_ratio=pulse.width_ratio,
         fall_over_rise=_compare_sides(upright, pulse),
-        noise_percent=100.0 * noise,
         fits=shape_fits,
         is_told_apart=is_worse(fits[order[1]], best, level, window),
         warning=_find_warning(

@@ -26,11 +26,6 @@ class CramerRaoBound:
     names: tuple[str, ...]
     covariance: FloatArray
 
-    def compute_standard_deviation(self, name: str) -> float:
-        """Return the smallest standard deviation of one parameter [its SI unit]."""
-        index = self.names.index(name)
-        return float(np.sqrt(self.covariance[index, index]))
-
 
 def compute_model_bound(
     model: ImpactModel,
@@ -38,9 +33,8 @@ def compute_model_bound(
     count: int,
     start_time: float,
     noise: tuple[float, float],
-    variant: ModelVariant = ModelVariant.DRIVEN,
 ) -> CramerRaoBound:
-    """Compute the bound for all parameters of the model from both traces, unfiltered.
+    """Compute the bound for all parameters of the driven model from both traces, unfiltered.
 
     The sample's gain and both offsets are unknown as well; v1 and the masses are known.
 
@@ -56,8 +50,6 @@ def compute_model_bound(
         Start of the contact, counted from the first point [s].
     noise : tuple of float
         Standard deviation of the white noise on hammer and sample [m/s^2].
-    variant : ModelVariant
-        How the bodies are driven.
 
     Raises
     ------
@@ -69,7 +61,7 @@ def compute_model_bound(
     for name, value in zip(("hammer noise", "sample noise"), noise, strict=True):
         check_positive(name, value, "m/s^2")
     measured = MeasuredModel(
-        variant,
+        ModelVariant.DRIVEN,
         hammer_mass=model.hammer.mass,
         moving_mass=model.specimen.mass,
         impact_speed=model.impact_speed,
@@ -82,80 +74,15 @@ def compute_model_bound(
         "k2": model.specimen.stiffness,
         "c2": model.specimen.damping_coefficient,
         "F0": model.peak_force,
-        "k1": model.hammer.stiffness,
-        "c1": model.hammer.damping_coefficient,
         "sample gain": 1.0,
     }
     values = np.array([known.get(name, 0.0) for name in measured.names])
     _, derivatives = measured.evaluate(values)
     weighted = derivatives / np.array(noise)[:, np.newaxis, np.newaxis]
-    return _bound(measured.names, np.concatenate([weighted[0].T, weighted[1].T]))
-
-
-def compute_pulse_bound(
-    contact_time: float,
-    peak: float,
-    sampling_rate: float,
-    count: int,
-    start_time: float,
-    noise: float,
-) -> CramerRaoBound:
-    """Compute the bound for tau_p from the hammer's trace alone.
-
-    A versed-sine of unknown duration, start, height and offset.
-
-    Parameters
-    ----------
-    contact_time : float
-        tau_p [s].
-    peak : float
-        Height of the pulse [m/s^2].
-    sampling_rate : float
-        [Hz]
-    count : int
-        Points.
-    start_time : float
-        Start of the pulse, counted from the first point [s].
-    noise : float
-        Standard deviation of the white noise [m/s^2].
-
-    Returns
-    -------
-    CramerRaoBound
-        Of tau_p, t0 [s], peak and offset [m/s^2].
-
-    Raises
-    ------
-    NotDeterminedError
-        If the record does not have the pulse.
-    ParameterError
-        If a number is impossible.
-    """
-    for name, value, unit in (
-        ("contact time", contact_time, "s"),
-        ("sampling rate", sampling_rate, "Hz"),
-        ("noise", noise, "m/s^2"),
-    ):
-        check_positive(name, value, unit)
-    phase = (np.arange(count) / sampling_rate - start_time) / contact_time
-    inside = (phase >= 0.0) & (phase <= 1.0)
-    slope = np.where(inside, np.pi * np.sin(2.0 * np.pi * phase), 0.0)
-    derivatives = np.stack(
-        [
-            -peak / contact_time * phase * slope,
-            -peak / contact_time * slope,
-            np.where(inside, np.sin(np.pi * phase) ** 2, 0.0),
-            np.ones(count),
-        ],
-        axis=1,
-    )
-    return _bound(("tau_p", "t0", "peak", "offset"), derivatives / noise)
-
-
-def _bound(names: tuple[str, ...], derivatives: FloatArray) -> CramerRaoBound:
-    check_independence(names, derivatives)
+    rows = np.concatenate([weighted[0].T, weighted[1].T])
+    check_independence(measured.names, rows)
     # Scaled to unit lengths, since parameters in SI units differ by ten orders of magnitude.
-    lengths = np.linalg.norm(derivatives, axis=0)
-    scaled = derivatives / lengths
+    lengths = np.linalg.norm(rows, axis=0)
+    scaled = rows / lengths
     covariance = np.linalg.inv(scaled.T @ scaled) / np.outer(lengths, lengths)
-    return CramerRaoBound(names, make_read_only(covariance))
+    return CramerRaoBound(measured.names, make_read_only(covariance))

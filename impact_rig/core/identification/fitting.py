@@ -161,10 +161,8 @@ class FitProblem:
 
     Attributes
     ----------
-    fitted : slice
-        What the padding of the low-pass does not reach.
     points : slice
-        Those of them that are fitted.
+        Those that are fitted: the padding of the low-pass does not reach them.
     independent_points : float
         Of each trace, 2 * cutoff * duration [-].
     peaks : ndarray, shape (2,)
@@ -184,7 +182,6 @@ class FitProblem:
             # Points that the thinned problem has as well: both then end at the same values.
             edge = math.ceil(edge / thinning) * thinning
             independent = min(2.0 * cutoff / rate, 1.0)
-        self.fitted = slice(edge, count - edge)
         self.points = slice(edge, count - edge, thinning)
         self.independent_points = independent * (count - 2 * edge)
         self.noise = np.maximum(noise, SMALLEST_NOISE * self.peaks)

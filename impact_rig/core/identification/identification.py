@@ -48,21 +48,15 @@ class Identification:
     values : ndarray, shape (p,)
         [SI units]
     covariance : ndarray, shape (p, p)
-        Of the mean traces' noise [SI units]; scaled up where `noise_factors` are above 1. Start
-        and offsets scatter more: alignment and baseline have moved them before.
-    noise_factors : ndarray, shape (2,)
-        Birge ratio of each channel, 1 at least: residual over what white noise of the baseline's
-        size would leave [-]. Above 1 the model does not describe the trace, or the noise is not
-        white, and the covariance is larger by the square.
+        Of the mean traces' noise [SI units]; scaled up by the square of each channel's
+        Birge ratio, residual over what white noise of the baseline's size would leave, where
+        that is above 1. Start and offsets scatter more: alignment and baseline have moved them
+        before.
     hit_values : ndarray, shape (hits, p)
         Parameters of each hit, one Gauss-Newton step from `values` [SI units]. Their mean is
         `values`; their scatter holds what differs from hit to hit.
-    sampling_rate : float
-        [Hz]
     measured, model, residual : ndarray, shape (2, n)
         Mean traces, the low-passed model, and their difference [m/s^2].
-    fitted : slice
-        The points that were fitted, before thinning.
     residual_percent : tuple of float
         RMS of the residual over the trace's peak, hammer and sample [%].
     chi_square : float
@@ -73,8 +67,6 @@ class Identification:
         smaller one describes the traces better; ten less is very strong evidence.
     undetermined : tuple of str
         What the traces do not determine, one sentence each.
-    at_bounds : tuple of str
-        Parameters that stand at the end of their range.
     notes : tuple of str
         What else must be known to read the values.
     """
@@ -83,38 +75,19 @@ class Identification:
     names: tuple[str, ...]
     values: FloatArray
     covariance: FloatArray
-    noise_factors: FloatArray
     hit_values: FloatArray
-    sampling_rate: float
     measured: FloatArray
     model: FloatArray
     residual: FloatArray
-    fitted: slice
     residual_percent: tuple[float, float]
     chi_square: float
     criterion: float
     undetermined: tuple[str, ...] = ()
-    at_bounds: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     def find(self, name: str) -> float:
         """Return the value of one parameter [its SI unit]."""
         return float(self.values[self.names.index(name)])
-
-    @property
-    def contact_time(self) -> float:
-        """tau_p [s]."""
-        return self.find("tau_p")
-
-    @property
-    def stiffness(self) -> float:
-        """k2 [N/m]."""
-        return self.find("k2")
-
-    @property
-    def damping_coefficient(self) -> float:
-        """c2 [N s/m]."""
-        return self.find("c2")
 
     @property
     def describes_traces(self) -> bool:
@@ -214,13 +187,10 @@ def _report(problem: FitProblem, solution: FitSolution, mean: MeanHit) -> Identi
         names=names,
         values=make_read_only(values),
         covariance=make_read_only(covariance),
-        noise_factors=make_read_only(factors),
         hit_values=make_read_only(problem.step_to_hits(values, hits)),
-        sampling_rate=problem.measured.sampling_rate,
         measured=problem.traces,
         model=make_read_only(traces),
         residual=make_read_only(problem.traces - traces),
-        fitted=problem.fitted,
         residual_percent=(100.0 * float(left[0]), 100.0 * float(left[1])),
         chi_square=float(np.mean(squares)),
         criterion=problem.independent_points * float(by_peak.sum()) + len(names) * math.log(total),
@@ -230,7 +200,6 @@ def _report(problem: FitProblem, solution: FitSolution, mean: MeanHit) -> Identi
             for name in solution.at_bounds
         )
         + _find_open_combinations(names, values, covariance, solution.at_bounds),
-        at_bounds=solution.at_bounds,
         notes=explain_covariance(model, left, factors),
     )
 

@@ -13,7 +13,6 @@ from impact_rig.core.arithmetic import (
     compute_square_root,
 )
 from impact_rig.core.damping.log_decrement import estimate_damping_ratio_from_coefficient
-from impact_rig.core.errors import ParameterError
 from impact_rig.core.quantity import UNKNOWN, Quantity
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import CHANNELS
@@ -107,83 +106,6 @@ def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
     )
 
 
-Formula = Callable[[Sequence[UncertainNumber], RigNumbers], Sequence[UncertainNumber]]
-"""Fitted parameters, masses and clock to results; written with + - * / ** and
-`core.arithmetic` alone."""
-
-
-def propagate_parameters(
-    source: str,
-    per_hit: FloatArray,
-    formula: Formula,
-    rig: RigNumbers,
-    *,
-    estimates: Sequence[float] | None = None,
-    noise_covariance: FloatArray | None = None,
-    averaged: int = 0,
-    owner: str = "",
-) -> tuple[Quantity, ...]:
-    """Propagate the scatter of fitted parameters, masses and clock to results.
-
-    The covariance of the estimates is that of the hits over their number, n - 1 degrees of
-    freedom (GUM 5.2.3, H.2). What noise does to each single hit is in their scatter; a fit whose
-    hits scatter less than the noise explains did so by chance.
-
-    Parameters
-    ----------
-    source : str
-        What scatters, for the budget: "scatter of the hits on steel".
-    per_hit : ndarray, shape (n_hits, p)
-        The parameters of every hit, in any units.
-    formula : callable
-        (parameters, rig) to results; the clock is the formula's to apply: times times
-        `rig.clock`, rates over it.
-    rig : RigNumbers
-        Masses and clock.
-    estimates : sequence of float, length p, optional
-        The best estimates, say of the mean trace; the mean over the hits by default.
-    noise_covariance : ndarray, shape (p, p), optional
-        Of the estimates, by errors that the scatter does not show; known, so with infinite
-        degrees of freedom. None: there are none.
-    averaged : int
-        Hits that the estimates are the mean of; 0: those of `per_hit`.
-    owner : str
-        What the parameters belong to, see `make_input`.
-
-    Returns
-    -------
-    tuple of Quantity
-        One for each result of `formula`; of one hit only the uncertainty is not determined.
-
-    Raises
-    ------
-    ParameterError
-        If the parameters are not a finite matrix or the covariance does not fit them.
-    """
-    values = np.asarray(per_hit, dtype=np.float64)
-    if (
-        values.shape != np.atleast_2d(values).shape
-        or values.size == 0
-        or not np.all(np.isfinite(values))
-    ):
-        raise ParameterError(
-            f"parameters of the hits have shape {values.shape}: they must be a finite matrix with"
-            " one row for each hit"
-        )
-    hits, count = values.shape
-    best = values.mean(axis=0).tolist() if estimates is None else [float(x) for x in estimates]
-    if hits < LEAST_HITS:
-        exact = make_ensemble(source, best, np.zeros((count, count)), np.inf, owner)
-        return tuple(Quantity(float(x.x), notes=(ONE_HIT,)) for x in formula(exact, rig))
-    scatter = np.atleast_2d(np.cov(values, rowvar=False, ddof=1)) / (averaged or hits)
-    parameters = make_ensemble(source, best, scatter, hits - 1, owner)
-    if noise_covariance is not None:
-        errors = make_ensemble("noise of the fit", [0.0] * count, noise_covariance, np.inf, owner)
-        parameters = tuple(a + b for a, b in zip(parameters, errors, strict=True))
-    numbers = formula(parameters, rig)
-    return tuple(compute_quantity(float(number.x), number, rig.notes) for number in numbers)
-
-
 @dataclass(frozen=True)
 class FittedBody:
     """What was fitted to one body.
@@ -206,78 +128,66 @@ class FittedBody:
     contact_time: Quantity = UNKNOWN
 
 
-def propagate_free_decay(
+Formula = Callable[[Sequence[UncertainNumber], RigNumbers], Sequence[UncertainNumber]]
+"""Fitted parameters, masses and clock to the fields of `FittedBody`; written with + - * / ** and
+`core.arithmetic` alone. The clock is the formula's to apply: times times it, rates over it."""
+
+
+def propagate_fit(
     source: str,
     per_hit: FloatArray,
+    formula: Formula,
     rig: RigNumbers,
     *,
-    estimates: Sequence[float] | None = None,
-    noise_covariance: FloatArray | None = None,
-    averaged: int = 0,
-    owner: str = "",
+    estimates: Sequence[float],
+    averaged: int,
+    owner: str,
 ) -> FittedBody:
-    """Propagate (a, omega_d) of a sample's free decay to zeta, c = 2 m a, k = m (a^2 + omega_d^2).
+    """Propagate the scatter of fitted parameters, masses and clock to results.
+
+    The covariance of the estimates is that of the hits over their number, n - 1 degrees of
+    freedom (GUM 5.2.3, H.2). What noise does to each single hit is in their scatter; a fit whose
+    hits scatter less than the noise explains did so by chance.
 
     Parameters
     ----------
-    source, rig, estimates, noise_covariance, averaged, owner
-        As in `propagate_parameters`.
-    per_hit : ndarray, shape (n_hits, 2)
-        Decay rate a [1/s] and damped angular frequency omega_d [rad/s] of every hit.
+    source : str
+        What scatters, for the budget: "scatter of the hits on steel".
+    per_hit : ndarray, shape (n_hits, p)
+        The parameters of every hit, in any units.
+    formula : callable
+        `find_decaying_body` or `find_identified_body`.
+    rig : RigNumbers
+        Masses and clock.
+    estimates : sequence of float, length p
+        The best estimates, say of the mean trace.
+    averaged : int
+        Hits that the estimates are the mean of.
+    owner : str
+        What the parameters belong to, see `make_input`.
+
+    Returns
+    -------
+    FittedBody
+        Of one hit only, its uncertainties are not determined.
     """
-    return FittedBody(
-        *propagate_parameters(
-            source,
-            per_hit,
-            _find_decaying_body,
-            rig,
-            estimates=estimates,
-            noise_covariance=noise_covariance,
-            averaged=averaged,
-            owner=owner,
+    hits, count = per_hit.shape
+    if hits < LEAST_HITS:
+        exact = make_ensemble(source, estimates, np.zeros((count, count)), np.inf, owner)
+        return FittedBody(
+            *(Quantity(float(number.x), notes=(ONE_HIT,)) for number in formula(exact, rig))
         )
+    scatter = np.atleast_2d(np.cov(per_hit, rowvar=False, ddof=1)) / averaged
+    numbers = formula(make_ensemble(source, estimates, scatter, hits - 1, owner), rig)
+    return FittedBody(
+        *(compute_quantity(float(number.x), number, rig.notes) for number in numbers)
     )
 
 
-def propagate_identification(
-    source: str,
-    per_hit: FloatArray,
-    rig: RigNumbers,
-    *,
-    estimates: Sequence[float] | None = None,
-    noise_covariance: FloatArray | None = None,
-    averaged: int = 0,
-    owner: str = "",
-) -> FittedBody:
-    """Propagate identified (tau_p, k2, c2) to themselves and zeta, with mass and clock.
-
-    Traces of accelerations determine k2 / m2 and c2 / m2, so that both go with the mass that was
-    stated; times go with the clock, c2 against it, k2 against its square.
-
-    Parameters
-    ----------
-    source, rig, estimates, noise_covariance, averaged, owner
-        As in `propagate_parameters`.
-    per_hit : ndarray, shape (n_hits, 3)
-        tau_p [s], k2 [N/m] and c2 [N s/m] of every hit, at the stated mass.
-    """
-    return FittedBody(
-        *propagate_parameters(
-            source,
-            per_hit,
-            _find_identified_body,
-            rig,
-            estimates=estimates,
-            noise_covariance=noise_covariance,
-            averaged=averaged,
-            owner=owner,
-        )
-    )
-
-
-def _find_decaying_body(
+def find_decaying_body(
     parameters: Sequence[UncertainNumber], rig: RigNumbers
 ) -> tuple[UncertainNumber, ...]:
+    """Return zeta, c = 2 m a and k = m (a^2 + omega^2) of a decay's a [1/s] and omega [rad/s]."""
     decay, frequency = (rate / rig.clock for rate in parameters)
     square = decay * decay + frequency * frequency
     return (
@@ -287,9 +197,14 @@ def _find_decaying_body(
     )
 
 
-def _find_identified_body(
+def find_identified_body(
     parameters: Sequence[UncertainNumber], rig: RigNumbers
 ) -> tuple[UncertainNumber, ...]:
+    """Return zeta, c2, k2 and tau_p of identified tau_p [s], k2 [N/m] and c2 [N s/m].
+
+    Traces of accelerations determine k2 / m2 and c2 / m2, so that both go with the mass that was
+    stated; times go with the clock, c2 against it, k2 against its square.
+    """
     contact_time, stiffness, damping = parameters
     part = rig.moving_mass / rig.moving_mass.x
     stiffness = stiffness * part / (rig.clock * rig.clock)

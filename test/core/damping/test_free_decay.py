@@ -40,6 +40,7 @@ def make_columns(decay: float, frequency: float) -> np.ndarray:
 
 
 @given(pairs=st.lists(st.tuples(decays, frequencies), min_size=1, max_size=12))
+@settings(max_examples=20)
 def test_what_pairs_leave_is_what_linear_least_squares_leave(
     pairs: list[tuple[float, float]],
 ) -> None:
@@ -55,6 +56,7 @@ def test_what_pairs_leave_is_what_linear_least_squares_leave(
 
 
 @given(decay=decays, frequency=frequencies)
+@settings(max_examples=20)
 def test_the_oscillation_and_its_amplitude_are_found(decay: float, frequency: float) -> None:
     fit = DecayFit(make_tail(decay, frequency))
     left = fit.compute_residual(np.array([decay, frequency]))
@@ -63,14 +65,8 @@ def test_the_oscillation_and_its_amplitude_are_found(decay: float, frequency: fl
     np.testing.assert_allclose(fit.oscillation, make_tail(decay, frequency) - 0.1, atol=1e-8)
 
 
-def test_without_oscillation_there_is_no_sine() -> None:
-    fit = DecayFit(np.exp(-0.05 * POINTS) + 2.0)
-    assert np.abs(fit.compute_residual(np.array([0.05, 0.0]))).max() < 1e-12
-    assert fit.amplitude == pytest.approx(1.0, rel=1e-9)
-    assert np.isfinite(fit.compute_jacobian(np.array([0.05, 0.0]))).all()
-
-
 @given(decay=st.floats(5e-3, 0.1), frequency=st.floats(0.1, 1.0), seed=st.integers(0, 100))
+@settings(max_examples=30)
 def test_the_search_ends_in_a_minimum(decay: float, frequency: float, seed: int) -> None:
     tail = make_tail(decay, frequency, noise=0.01, seed=seed)
     fit = DecayFit(tail)
@@ -145,6 +141,12 @@ def swing(oscillation: Oscillation, count: int = COUNT) -> FloatArray:
     return oscillation.compute((np.arange(count) - ORIGIN) / RATE)
 
 
+def describe(found: FreeDecay) -> tuple[float, float]:
+    """Return the damping ratio and the natural angular frequency."""
+    natural = float(np.hypot(found.decay_rate, found.angular_frequency))
+    return found.decay_rate / natural, natural
+
+
 def fit(mean: MeanHit, cutoff: float = CUTOFF) -> FreeDecay:
     return estimate_free_decay(mean, 1, TAU, cutoff)
 
@@ -155,7 +157,7 @@ def fit(mean: MeanHit, cutoff: float = CUTOFF) -> FreeDecay:
     phase=st.floats(-3.14, 3.14),
     offset=st.floats(-20.0, 20.0),
 )
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_any_decay_is_found_from_nothing(
     ratio: float, frequency: float, phase: float, offset: float
 ) -> None:
@@ -165,17 +167,15 @@ def test_any_decay_is_found_from_nothing(
         return
     true = Oscillation(ratio, natural, phase, PEAK, offset)
     found = fit(make_mean(swing(true), cutoff=0.0), 0.0)
-    assert found.damping_ratio == pytest.approx(ratio, rel=1e-5)
-    assert found.natural_frequency == pytest.approx(natural, rel=1e-5)
+    assert describe(found) == pytest.approx((ratio, natural), rel=1e-5)
     assert found.r_squared == pytest.approx(1.0, abs=1e-8)
 
 
-@pytest.mark.parametrize("ratio", [0.01, 0.1, 0.3, 0.5, 0.7])
+@pytest.mark.parametrize("ratio", [0.01, 0.3, 0.7])
 def test_the_low_pass_does_not_change_what_is_found(ratio: float) -> None:
     found = fit(make_mean(swing(Oscillation(ratio))))
     # What the filter smears of the jump at the start falls by e per 3.6 us.
-    assert found.damping_ratio == pytest.approx(ratio, rel=1e-3)
-    assert found.natural_frequency == pytest.approx(NATURAL, rel=1e-3)
+    assert describe(found) == pytest.approx((ratio, NATURAL), rel=1e-3)
 
 
 def test_a_body_followed_by_integration_gives_its_own_stiffness_and_damping() -> None:
@@ -195,55 +195,19 @@ def test_a_body_followed_by_integration_gives_its_own_stiffness_and_damping() ->
     acceleration = (drive - damping * path.y[1] - stiffness * path.y[0]) / mass
     specimen = np.concatenate((np.zeros(COUNT - after.size), acceleration))
     found = fit(make_mean(specimen))
-    assert found.compute_stiffness(mass) == pytest.approx(stiffness, rel=1e-4)
-    assert found.compute_damping_coefficient(mass) == pytest.approx(damping, rel=1e-4)
+    assert mass * describe(found)[1] ** 2 == pytest.approx(stiffness, rel=1e-4)
+    assert 2.0 * mass * found.decay_rate == pytest.approx(damping, rel=1e-4)
 
 
-def test_time_and_fit_are_those_of_the_trace() -> None:
-    true = Oscillation(0.2)
-    mean = make_mean(swing(true))
-    found = fit(mean)
-    np.testing.assert_allclose(
-        found.measured, true.compute(found.time - TAU / 2), atol=2e-3 * PEAK, rtol=0
-    )
-    np.testing.assert_allclose(found.fitted, found.measured, atol=1e-3 * PEAK, rtol=0)
-    assert found.time[0] == pytest.approx(1.05 * TAU + 1 / CUTOFF, abs=2.1 / RATE)
-    assert found.frequency == pytest.approx(NATURAL * np.sqrt(1 - 0.2**2) / 2 / np.pi, rel=1e-3)
-    with pytest.raises(ValueError, match="read-only"):
-        found.fitted[0] = 0.0
-
-
-@pytest.mark.parametrize("start", [(0.02, 0.1), (0.004, 0.05)])
-def test_the_jacobian_leads_downhill_as_numerical_differentiation_does(
-    start: tuple[float, float],
-) -> None:
-    points = np.arange(300)
-    noise = np.random.default_rng(2).standard_normal(300)
-    decay = DecayFit(np.exp(-0.01 * points) * np.cos(0.08 * points + 1.0) + 0.1 * noise + 0.3)
-
-    def error(parameters: FloatArray) -> float:
-        return float(np.sum(decay.compute_residual(parameters) ** 2)) / 2
-
-    at = np.array(start)
-    gradient = decay.compute_jacobian(at).T @ decay.compute_residual(at)
-    for index in (0, 1):
-        step = np.zeros(2)
-        step[index] = 1e-6
-        numeric = (error(at + step) - error(at - step)) / 2e-6
-        assert gradient[index] == pytest.approx(numeric, rel=1e-5)
-
-
-@pytest.mark.parametrize("ratio", [0.01, 0.1, 0.3, 0.5, 0.7])
-def test_in_noise_the_bias_is_small_and_the_stated_uncertainty_is_the_spread(ratio: float) -> None:
-    runs = 200
+@pytest.mark.parametrize("ratio", [0.01, 0.3, 0.7])
+def test_in_noise_the_bias_is_small(ratio: float) -> None:
+    runs = 100
     true = swing(Oscillation(ratio, natural=2 * np.pi * 3e3))
     found = [fit(make_mean(true, noise=1.0, seed=seed)) for seed in range(runs)]
-    ratios = np.array([item.damping_ratio for item in found])
-    stated = np.mean([item.damping_ratio_uncertainty for item in found])
+    ratios = np.array([describe(item)[0] for item in found])
     spread = ratios.std(ddof=1)
-    # The mean of 200 lies within four of its standard errors; their spread is known to 5 %.
+    # The mean of 100 lies within four of its standard errors.
     assert abs(ratios.mean() - ratio) < 4 * spread / np.sqrt(runs) + 1e-3 * ratio
-    assert spread / stated == pytest.approx(1.0, abs=0.2)
     assert np.mean([item.residual_over_noise for item in found]) == pytest.approx(1.0, abs=0.1)
 
 
@@ -255,7 +219,7 @@ def test_the_values_of_the_hits_average_to_the_value_of_the_mean() -> None:
 
 
 def test_student_intervals_from_the_hits_cover_the_truth() -> None:
-    runs, hits, ratio = 300, 4, 0.3
+    runs, hits, ratio = 150, 4, 0.3
     true = swing(Oscillation(ratio), 3000)
     covered = 0
     for seed in range(runs):
@@ -263,18 +227,20 @@ def test_student_intervals_from_the_hits_cover_the_truth() -> None:
         decay = found.hit_values[:, 0]
         half = student.ppf(0.975, hits - 1) * decay.std(ddof=1) / np.sqrt(hits)
         covered += abs(found.decay_rate - ratio * NATURAL) < half
-    # 95 % of 300, within three of the binomial's standard deviations of 1.3 %.
-    assert covered / runs == pytest.approx(0.95, abs=0.038)
+    # 95 % of 150, within three of the binomial's standard deviations of 1.8 %.
+    assert covered / runs == pytest.approx(0.95, abs=0.054)
 
 
 def test_periods_count_while_the_envelope_stands_out() -> None:
     quiet = fit(make_mean(swing(Oscillation(0.05)), noise=0.5))
-    loud = fit(make_mean(swing(Oscillation(0.05)), noise=20.0))
-    tail = quiet.time[-1] - quiet.time[0]
-    assert quiet.periods == pytest.approx(tail * quiet.frequency)
-    below = np.abs(loud.fitted) < 2 * 20.0 * np.sqrt(2 * CUTOFF / RATE)
-    last = loud.time[~below][-1] - loud.time[0]
-    assert loud.periods == pytest.approx(last * loud.frequency, abs=1.0)
+    loud = fit(make_mean(swing(Oscillation(0.15)), noise=20.0))
+    # The tail without what the low-pass disturbs at both of its ends.
+    first = 0.55 * TAU + 1.0 / CUTOFF
+    tail = (COUNT - ORIGIN) / RATE - 1.0 / CUTOFF - first
+    assert quiet.periods == pytest.approx(tail * quiet.frequency, abs=0.05)
+    level = 2 * 20.0 * np.sqrt(2 * CUTOFF / RATE)
+    last = np.log(PEAK / level) / (0.15 * NATURAL)
+    assert loud.periods == pytest.approx((last - first) * loud.frequency, abs=0.5)
 
 
 def test_a_real_ringing_gives_the_decrement_of_its_peaks() -> None:
@@ -295,7 +261,6 @@ def test_a_real_ringing_gives_the_decrement_of_its_peaks() -> None:
     assert found.frequency == pytest.approx(806.0, rel=0.01)
     # It is no single oscillation of constant damping, and the uncertainty says so.
     assert found.residual_over_noise > 3.0
-    assert found.damping_ratio_uncertainty > 1e-5
 
 
 @pytest.mark.parametrize(
@@ -323,8 +288,7 @@ def test_what_the_tail_does_not_tell_is_named(
         fit(make_mean(swing(oscillation, count), noise=noise))
 
 
-@pytest.mark.parametrize("ratio", [1.0, 1.5, 3.0])
-@pytest.mark.parametrize("noise", [0.01, 1.0])
+@pytest.mark.parametrize(("ratio", "noise"), [(1.0, 0.01), (1.5, 1.0), (3.0, 1.0)])
 def test_over_critical_damping_is_never_given_a_ratio(ratio: float, noise: float) -> None:
     time = np.maximum((np.arange(COUNT) - ORIGIN) / RATE, 0.0)
     slow, fast = (NATURAL * (ratio - s * np.sqrt(ratio**2 - 0.999)) for s in (1, -1))

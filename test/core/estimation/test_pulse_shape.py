@@ -111,7 +111,6 @@ def test_without_a_low_pass_the_fit_is_exact(shape: PulseShape) -> None:
 def test_fall_over_rise_is_that_of_the_two_halves(shape: PulseShape, asymmetry: float) -> None:
     found = estimate_pulse_shape(make_mean(strike(shape, asymmetry), cutoff=0.0), 0.0)
     assert found.fall_over_rise == pytest.approx((1 - asymmetry) / (1 + asymmetry), rel=1e-3)
-    assert found.width_ratio == pytest.approx(shape.width_ratio, rel=2e-3)
 
 
 def test_noise_moves_neither_contact_time_nor_sides_to_one_side() -> None:
@@ -123,9 +122,6 @@ def test_noise_moves_neither_contact_time_nor_sides_to_one_side() -> None:
         # Within four standard errors; the low-pass itself widens by some 1e-4.
         assert abs(values.mean() - true) < 4 * values.std() / np.sqrt(values.size) + 3e-4 * true
     assert times.std() < 2e-3 * TAU
-    assert np.mean([item.noise_percent for item in found]) == pytest.approx(
-        100 * 4.0 / PEAK * np.sqrt(2 * CUTOFF / RATE), rel=0.1
-    )
 
 
 def test_the_fit_is_filtered_as_the_trace_is() -> None:

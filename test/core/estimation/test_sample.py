@@ -16,7 +16,7 @@ from scipy.signal import StateSpace, impulse
 from impact_rig.core.damping.log_decrement import estimate_damping_coefficient
 from impact_rig.core.estimation.comparison import ModelComparison
 from impact_rig.core.estimation.fits import NO_DECAY
-from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_contact, estimate_hammer
+from impact_rig.core.estimation.paper_method import BodyEstimate, estimate_hammer
 from impact_rig.core.estimation.pulse_shape import NO_SHAPE
 from impact_rig.core.estimation.sample import (
     DRIVEN_PEAK,
@@ -124,7 +124,9 @@ def test_the_peak_force_is_the_hammers_mass_times_its_largest_acceleration() -> 
 def test_the_pulse_factor_scales_contact_time_and_stiffness() -> None:
     mean = make_mean(200e-6, 1.5e4, 0.3)
     sine = replace(SETUP, analysis=replace(SETUP.analysis, pulse_factor=1.5))
-    one, other = (estimate_contact(mean, setup, "heavy") for setup in (SETUP, sine))
+    one, other = (
+        estimate_numbers("heavy", mean, np.nan, 0, HAMMER, setup) for setup in (SETUP, sine)
+    )
     assert other.half_amplitude_width == one.half_amplitude_width
     assert other.contact_time.value == pytest.approx(0.75 * one.contact_time.value)
     # k goes with F^-2: a half-sine read with F = 2 gives 0.5625 k.

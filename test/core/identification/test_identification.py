@@ -12,7 +12,7 @@ from scipy.signal import lsim
 from impact_rig.core.errors import NotDeterminedError, SignalError
 from impact_rig.core.hits.averaging import MeanHit, average_hits
 from impact_rig.core.hits.hit import FilteredHit, judge_hit
-from impact_rig.core.identification.cramer_rao import compute_model_bound
+from impact_rig.core.identification.cramer_rao import CramerRaoBound, compute_model_bound
 from impact_rig.core.identification.identification import Identification, identify_model
 from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, simulate_impact
@@ -103,7 +103,7 @@ def try_to_identify(mean: MeanHit, variant: ModelVariant) -> Identification | st
         return str(error)
 
 
-def standard(found: Identification, name: str) -> float:
+def standard(found: CramerRaoBound | Identification, name: str) -> float:
     index = found.names.index(name)
     return float(np.sqrt(found.covariance[index, index]))
 
@@ -114,12 +114,9 @@ def test_every_sample_is_found_again(cell) -> None:
     found = identify_model(strike_mean(model), PAPER_SETUP, cell.name)
     # The mean over one step changes the pulse by (pi step / tau_p)^2 / 6 = 1e-5.
     check_found(found, model, 3e-5, (*MAIN, "F0", "sample gain"))
-    assert found.contact_time == found.find("tau_p")
-    assert found.stiffness == found.find("k2")
-    assert found.damping_coefficient == found.find("c2")
     assert found.force_balance == pytest.approx(1.0, rel=1e-5)
     assert max(found.residual_percent) < 1e-3
-    assert found.undetermined == found.at_bounds == found.notes == ()
+    assert found.undetermined == found.notes == ()
     assert found.describes_traces
 
 
@@ -156,7 +153,7 @@ def test_traces_of_an_integrator_give_the_integrated_parameters() -> None:
     tau=st.floats(80e-6, 300e-6),
     polarity=st.sampled_from([(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_any_sample_is_found_again_from_its_traces_alone(
     frequency: float, ratio: float, tau: float, polarity: tuple[float, float]
 ) -> None:
@@ -172,7 +169,7 @@ def test_any_sample_is_found_again_from_its_traces_alone(
 
 
 @given(stiffness=st.floats(0.05, 20.0), damping=st.floats(0.05, 20.0))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_poor_starting_values_do_no_harm(stiffness: float, damping: float) -> None:
     model = find_truth(SAMPLE)
     start = StartingValues(
@@ -229,8 +226,7 @@ def test_noise_does_what_the_covariance_says() -> None:
     assert np.mean([run.chi_square for run in runs]) == pytest.approx(1.0, abs=0.1)
 
 
-@pytest.mark.parametrize("noise", [2e-4, 1e-2])
-@pytest.mark.parametrize("sample", ["steel medium", "aluminium small", "bronze large"])
+@pytest.mark.parametrize(("sample", "noise"), [("steel medium", 2e-4), ("bronze large", 1e-2)])
 def test_the_standard_uncertainty_is_the_cramer_rao_bound(sample: str, noise: float) -> None:
     model = find_truth(sample)
     hit = strike(model, noise, 5)
@@ -239,7 +235,7 @@ def test_the_standard_uncertainty_is_the_cramer_rao_bound(sample: str, noise: fl
     for name in MAIN:
         # Both ends of the record are left out, and the residual has its say: some 2 %, at
         # most 10 % by chance.
-        ratio = standard(found, name) / bound.compute_standard_deviation(name)
+        ratio = standard(found, name) / standard(bound, name)
         assert 0.98 < ratio < 1.12, name
 
 
@@ -263,35 +259,14 @@ def test_each_hit_gets_its_own_values() -> None:
     np.testing.assert_allclose(found.hit_values.mean(axis=0)[:6], found.values[:6], rtol=1e-6)
 
 
-def test_one_hit_alone_is_its_own_mean() -> None:
-    found = identify_model(strike_mean(find_truth(SAMPLE), 1e-3, 2), PAPER_SETUP, SAMPLE)
-    np.testing.assert_allclose(found.hit_values[0, :6], found.values[:6], rtol=1e-6)
-
-
 def test_what_the_model_does_not_describe_enlarges_the_covariance() -> None:
     mean = strike_mean(find_truth(SAMPLE), 1e-3, 4)
     time = np.arange(mean.traces.shape[1]) / RATE
     ringing = 30.0 * np.sin(2 * np.pi * 25e3 * time)
     disturbed = replace(mean, traces=mean.traces + np.stack([np.zeros_like(ringing), ringing]))
     clean, found = (identify_model(item, PAPER_SETUP, SAMPLE) for item in (mean, disturbed))
-    assert found.noise_factors[0] < 1.5
-    # RMS of the sine over the filtered noise.
-    expected = 30.0 / np.sqrt(2) / mean.noise[1]
-    assert found.noise_factors[1] == pytest.approx(expected, rel=0.3)
     assert standard(found, "k2") > 5 * standard(clean, "k2")
     assert any("the sample's peak" in note and "scaled up" in note for note in found.notes)
-
-
-def test_residual_and_traces_belong_together() -> None:
-    mean = strike_mean(find_truth(SAMPLE), 1e-3, 6)
-    found = identify_model(mean, PAPER_SETUP, SAMPLE)
-    np.testing.assert_array_equal(found.measured, mean.traces)
-    np.testing.assert_allclose(found.measured - found.model, found.residual, atol=1e-12)
-    rms = np.sqrt(np.mean(found.residual[:, found.fitted] ** 2, axis=1))
-    percent = 100 * rms / np.abs(mean.traces).max(axis=1)
-    np.testing.assert_allclose(found.residual_percent, percent, rtol=0.05)
-    for array in (found.values, found.covariance, found.hit_values, found.model, found.residual):
-        assert not array.flags.writeable
 
 
 def test_without_low_pass_the_noise_is_white_and_the_bound_still_holds() -> None:
@@ -301,7 +276,7 @@ def test_without_low_pass_the_noise_is_white_and_the_bound_still_holds() -> None
     found = identify_model(average_hits([hit]), setup, SAMPLE)
     bound = compute_model_bound(model, RATE, COUNT, START, tuple(hit.raw_noise))
     for name in MAIN:
-        ratio = standard(found, name) / bound.compute_standard_deviation(name)
+        ratio = standard(found, name) / standard(bound, name)
         assert ratio == pytest.approx(1.0, abs=0.06)
         error = found.find(name) - find_true_values(model)[name]
         assert abs(error) < 4 * standard(found, name)
@@ -313,37 +288,27 @@ def test_a_low_cutoff_costs_precision_and_says_so() -> None:
     wide = identify_model(strike_mean(model, 1e-3, 8), PAPER_SETUP, SAMPLE)
     narrow = identify_model(strike_mean(model, 1e-3, 8, setup=setup), setup, SAMPLE)
     assert standard(narrow, "tau_p") > 1.2 * standard(wide, "tau_p")
-    assert abs(narrow.contact_time - model.contact_time) < 4 * standard(narrow, "tau_p")
+    assert abs(narrow.find("tau_p") - model.contact_time) < 4 * standard(narrow, "tau_p")
 
 
-def test_the_sample_must_have_been_measured() -> None:
+def test_traces_that_say_nothing_are_named() -> None:
     mean = strike_mean(find_truth(SAMPLE))
-    alone = MeanHit(mean.traces[:1], RATE, mean.origin, np.zeros(1), np.zeros(1), ())
-    with pytest.raises(NotDeterminedError, match="the sample's trace was not measured"):
-        identify_model(alone, PAPER_SETUP, SAMPLE)
-
-
-@pytest.mark.parametrize("value", [0.0, np.nan])
-def test_a_dead_trace_is_named(value: float) -> None:
-    mean = strike_mean(find_truth(SAMPLE))
-    traces = mean.traces.copy()
-    traces[1] = value
-    dead = MeanHit(traces, RATE, mean.origin, np.zeros(2), np.zeros(2), ())
-    with pytest.raises(NotDeterminedError, match="a trace is flat or has points that are no"):
-        identify_model(dead, PAPER_SETUP, SAMPLE)
-
-
-def test_a_pulse_that_is_cut_off_is_named() -> None:
-    mean = strike_mean(find_truth(SAMPLE))
-    cut = MeanHit(mean.traces[:, 800:], RATE, 0, np.zeros(2), np.zeros(2), ())
-    with pytest.raises(SignalError, match="cut off"):
-        identify_model(cut, PAPER_SETUP, SAMPLE)
+    flat, no_numbers = mean.traces.copy(), mean.traces.copy()
+    flat[1], no_numbers[1] = 0.0, np.nan
+    for traces, error, words in (
+        (mean.traces[:1], NotDeterminedError, "the sample's trace was not measured"),
+        (flat, NotDeterminedError, "a trace is flat or has points that are no"),
+        (no_numbers, NotDeterminedError, "a trace is flat or has points that are no"),
+        (mean.traces[:, 800:], SignalError, "cut off"),
+    ):
+        silent = MeanHit(traces, RATE, 0, np.zeros(len(traces)), np.zeros(len(traces)), ())
+        with pytest.raises(error, match=words):
+            identify_model(silent, PAPER_SETUP, SAMPLE)
 
 
 @pytest.mark.parametrize("variant", ModelVariant)
-@pytest.mark.parametrize("seed", range(3))
-def test_traces_of_something_else_give_a_clear_answer(seed: int, variant: ModelVariant) -> None:
-    source = np.random.default_rng(seed)
+def test_traces_of_something_else_give_a_clear_answer(variant: ModelVariant) -> None:
+    source = np.random.default_rng(1)
     mean = strike_mean(find_truth(SAMPLE))
     nonsense = low_pass(source.standard_normal(mean.traces.shape[1]), 20e3, RATE)
     traces = np.stack([mean.traces[0], 1e3 * nonsense])
@@ -382,7 +347,7 @@ def test_heavy_damping_in_noise_is_not_determined_but_without_it_is() -> None:
     model = replace(model, specimen=heavy)
     clear = identify_model(strike_mean(model, 1e-4, 1), PAPER_SETUP, SAMPLE)
     assert clear.undetermined == ()
-    assert clear.stiffness == pytest.approx(stiffness, rel=0.02)
+    assert clear.find("k2") == pytest.approx(stiffness, rel=0.02)
     noisy = identify_model(strike_mean(model, 0.3, 1), PAPER_SETUP, SAMPLE)
     assert any(item.startswith("k2") for item in noisy.undetermined)
 

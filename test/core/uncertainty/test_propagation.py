@@ -5,20 +5,27 @@ import math
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import ParameterError
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
 from impact_rig.core.uncertainty.propagation import (
     FittedBody,
+    Formula,
+    find_decaying_body,
+    find_identified_body,
     make_rig_numbers,
-    propagate_free_decay,
-    propagate_identification,
-    propagate_parameters,
+    propagate_fit,
 )
 
 RIG = make_rig_numbers(PAPER_SETUP, "steel medium")
 DECAY, FREQUENCY = 3456.0, 15900.0
+
+
+def propagate(hits: np.ndarray, formula: Formula = find_decaying_body, rig=RIG) -> FittedBody:
+    estimates = hits.mean(axis=0).tolist()
+    return propagate_fit(
+        "hits", hits, formula, rig, estimates=estimates, averaged=len(hits), owner=""
+    )
 
 
 def list_results(found: FittedBody) -> list[Quantity]:
@@ -32,7 +39,7 @@ def draw_hits(count: int) -> np.ndarray:
 
 def test_a_free_decay_gives_what_monte_carlo_gives() -> None:
     hits = draw_hits(200)
-    found = list_results(propagate_free_decay("hits", hits, RIG))
+    found = list_results(propagate(hits))
     generator = np.random.default_rng(6)
     trials = 400_000
     mean = generator.multivariate_normal(
@@ -56,7 +63,7 @@ def test_a_free_decay_gives_what_monte_carlo_gives() -> None:
 
 
 def test_every_result_has_its_budget() -> None:
-    ratio, damping, stiffness = list_results(propagate_free_decay("hits", draw_hits(10), RIG))
+    ratio, damping, stiffness = list_results(propagate(draw_hits(10)))
     # zeta is dimensionless: masses and clock cancel.
     assert [line.source for line in ratio.budget] == ["hits"]
     assert ratio.degrees_of_freedom == pytest.approx(9.0)
@@ -75,18 +82,11 @@ def test_every_result_has_its_budget() -> None:
     )
 
 
-def test_the_mean_of_one_parameter_has_the_textbook_uncertainty() -> None:
-    values = np.array([[3.0], [5.0], [4.0], [8.0]])
-    (found,) = propagate_parameters("hits", values, lambda x, _: [x[0]], RIG)
-    assert found.standard == pytest.approx(np.std(values, ddof=1) / 2)
-    assert found.expanded == pytest.approx(3.182 * found.standard, rel=1e-3)  # t(3), GUM G.2
-
-
 def test_identified_parameters_go_with_mass_and_clock() -> None:
     hits = np.array([203.2e-6, 45.29e6, 1170.0]) * (
         1.0 + np.random.default_rng(8).standard_normal((10, 3)) * [1e-3, 3e-3, 5e-3]
     )
-    found = propagate_identification("hits", hits, RIG)
+    found = propagate(hits, find_identified_body)
     tau, k, c = hits.mean(axis=0)
     mass = math.hypot(0.29e-3, 0.0029e-3) / 0.16991
     scatter = np.std(hits, axis=0, ddof=1) / math.sqrt(10)
@@ -105,47 +105,20 @@ def test_identified_parameters_go_with_mass_and_clock() -> None:
     )
 
 
-def test_what_the_scatter_does_not_show_is_added() -> None:
-    values = np.array([[3.0], [5.0], [4.0], [8.0]])
-    (found,) = propagate_parameters(
-        "hits", values, lambda x, _: [x[0]], RIG, noise_covariance=np.array([[4.0]])
-    )
-    assert found.standard == pytest.approx(np.sqrt(np.var(values, ddof=1) / 4 + 4.0))
-    assert {(line.source, line.kind) for line in found.budget} == {
-        ("hits", "A"),
-        ("noise of the fit", "B"),
-    }
-
-
 def test_hits_that_agree_to_the_last_bit_have_no_scatter() -> None:
     twins = np.full((2, 2), [[DECAY, FREQUENCY]])
-    found = list_results(propagate_free_decay("hits", twins, RIG))
+    found = list_results(propagate(twins))
     assert found[0].standard < 1e-15  # zeta: clock and masses cancel but for rounding
     assert all(line.source != "hits" for item in found for line in item.budget)
 
 
 def test_one_hit_determines_no_uncertainty_and_says_so() -> None:
-    found = list_results(propagate_free_decay("hits", draw_hits(1), RIG))
+    found = list_results(propagate(draw_hits(1)))
     assert len(found) == 3
     for item in found:
-        assert not item.has_uncertainty
+        assert math.isnan(item.standard)
         assert item.budget == ()
         assert "one accepted hit shows no scatter" in item.notes[0]
-
-
-def test_the_best_estimate_may_be_another_than_the_mean() -> None:
-    hits = draw_hits(10)
-    (at_mean,) = propagate_parameters("hits", hits, lambda x, _: [x[0] * x[0]], RIG)
-    (doubled,) = propagate_parameters(
-        "hits", hits, lambda x, _: [x[0] * x[0]], RIG, estimates=2.0 * hits.mean(axis=0)
-    )
-    assert doubled.standard == pytest.approx(2.0 * at_mean.standard)
-
-
-@pytest.mark.parametrize("bad", [np.array([[1.0, np.nan]] * 3), np.zeros((0, 2)), np.ones(3)])
-def test_what_are_no_parameters_is_refused(bad: np.ndarray) -> None:
-    with pytest.raises(ParameterError, match="parameters of the hits"):
-        propagate_free_decay("hits", bad, RIG)
 
 
 def test_masses_without_a_stated_uncertainty_are_named() -> None:
@@ -155,5 +128,5 @@ def test_masses_without_a_stated_uncertainty_are_named() -> None:
         "uncertainty of k and c: none is stated for the mass of the hammer and oak",
     )
     assert RIG.notes == ()
-    found = list_results(propagate_free_decay("hits", draw_hits(5), rig))
+    found = list_results(propagate(draw_hits(5), rig=rig))
     assert found[2].notes == rig.notes
