@@ -220,7 +220,7 @@ def _print_goals(console: Console, goals: Sequence[JudgedGoal]) -> None:
     print_table(console, "Goals", columns)
 
 
-PARTS = ("coverage", "efficiency", "bias", "selection", "speed")
+PARTS = ("coverage", "efficiency", "bias", "selection")
 """As `impact_rig.study.cases.Part` has them; here so that the help needs no numpy."""
 
 
@@ -233,13 +233,12 @@ PARTS = ("coverage", "efficiency", "bias", "selection", "speed")
       efficiency  error over the Cramér-Rao bound, in white noise
       bias        against noise, bits, sampling rate, damping and pulse shape
       selection   faults of sensors found by their size, good hits lost
-      speed       one identification, beside the same fit around an integrator
 
     \b
     Examples:
       impact-rig study                         all parts; minutes
       impact-rig study --quick                 all parts, roughly
-      impact-rig study coverage speed --json > study.json
+      impact-rig study coverage selection --json > study.json
       impact-rig study --output studies/mine   goes on where it was stopped
 
     \b

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -20,7 +20,6 @@ class Part(Enum):
     EFFICIENCY = "efficiency"
     BIAS = "bias"
     SELECTION = "selection"
-    SPEED = "speed"
 
 
 FULL_CAMPAIGNS = 2000
@@ -36,14 +35,11 @@ fifth of the spread."""
 SELECTION_PART = 4.032
 """Series of the selection part, part of the campaigns [-]: in the full study 1008 of each of seven
 faults in all its sizes, and of good hits; 1000 that are found show 99 %."""
-SPEED_PART = 0.01
-"""Repeats of the speed part, part of the campaigns [-], our choice: 20 make a steady median."""
 SHARES = {
     Part.COVERAGE: 1.0,
     Part.EFFICIENCY: EFFICIENCY_PART,
     Part.BIAS: BIAS_PART,
     Part.SELECTION: SELECTION_PART,
-    Part.SPEED: SPEED_PART,
 }
 CAMPAIGN_HITS = 10
 """Accepted hits of a campaign [-], the paper's."""
@@ -99,7 +95,7 @@ class Configuration:
         check_between("seed", self.seed, 0, 2**63 - 1)
 
     def count_campaigns(self, part: Part) -> int:
-        """Return how many campaigns each case of a part gets; of speed: repeats."""
+        """Return how many campaigns each case of a part gets."""
         return math.ceil(SHARES[part] * self.campaigns)
 
 
@@ -115,8 +111,6 @@ class Case:
         What is varied.
     value : str
         Its value here, as it is printed.
-    position : float
-        Its value on the figure's axis; for names their number.
     rig : VirtualRigSettings
         Physics and disturbances; the seed is each campaign's own.
     hits : int
@@ -138,7 +132,6 @@ class Case:
     part: Part
     axis: str
     value: str
-    position: float
     rig: VirtualRigSettings
     hits: int = CAMPAIGN_HITS
     damping_ratio: float = math.nan
@@ -154,94 +147,44 @@ class Case:
         return f"{self.part.value}/{self.axis}/{self.value}"
 
 
-@dataclass(frozen=True)
-class _Axis:
-    """Values of one axis with the change that each makes to the default rig."""
-
-    name: str
-    values: tuple[str, ...]
-    positions: tuple[float, ...]
-    rigs: tuple[VirtualRigSettings, ...]
-    damping_ratios: tuple[float, ...] = field(default=())
-    estimators: tuple[str, ...] = ESTIMATORS
-
-    def make_cases(self) -> list[Case]:
-        ratios = self.damping_ratios or (math.nan,) * len(self.values)
-        return [
-            Case(
-                Part.BIAS,
-                self.name,
-                value,
-                position,
-                rig,
-                damping_ratio=ratio,
-                is_exact=True,
-                estimators=self.estimators,
-                has_control=CONTACT_LAW not in self.estimators,
-            )
-            for value, position, rig, ratio in zip(
-                self.values, self.positions, self.rigs, ratios, strict=True
-            )
-        ]
-
-
-def _list_axes() -> tuple[_Axis, ...]:
+def _list_bias_cases() -> list[Case]:
     default = VirtualRigSettings(plant=Plant.DYNAMICS)
 
-    def change(**values: Any) -> VirtualRigSettings:
+    def digitize(**values: Any) -> VirtualRigSettings:
         return replace(default, digitizer=replace(default.digitizer, **values))
 
-    return (
-        _Axis(
-            "noise",
-            tuple(f"{100 * noise:g} %" for noise in NOISES),
-            tuple(100 * noise for noise in NOISES),
-            tuple(change(noise=noise) for noise in NOISES),
-        ),
-        _Axis(
-            "bits",
-            tuple(map(str, BITS)),
-            tuple(map(float, BITS)),
-            tuple(change(bits=bits) for bits in BITS),
-        ),
-        _Axis(
-            "sampling rate",
-            tuple(f"{rate / 1e3:g} kHz" for rate in SAMPLING_RATES),
-            tuple(rate / 1e3 for rate in SAMPLING_RATES),
-            tuple(change(sampling_rate=rate) for rate in SAMPLING_RATES),
-        ),
-        _Axis(
-            "damping ratio",
-            tuple(f"{ratio:g}" for ratio in DAMPING_RATIOS),
-            DAMPING_RATIOS,
-            (default,) * len(DAMPING_RATIOS),
-            DAMPING_RATIOS,
-        ),
-        _Axis(
-            "pulse shape",
-            tuple(shape.name for shape in PULSE_SHAPES),
-            tuple(map(float, range(len(PULSE_SHAPES)))),
-            tuple(replace(default, pulse_shape=shape) for shape in PULSE_SHAPES),
-        ),
-        _Axis(
-            "contact law",
-            tuple(f"n = {n:g}, e = {e:g}" for n, e in LAWS),
-            tuple(map(float, range(len(LAWS)))),
-            tuple(
-                VirtualRigSettings(plant=Plant.CONTACT, contact_exponent=n, restitution=e)
-                for n, e in LAWS
-            ),
-            estimators=LAW_ESTIMATORS,
-        ),
+    shapes = {shape.name: replace(default, pulse_shape=shape) for shape in PULSE_SHAPES}
+    axes = {
+        "noise": {f"{100 * noise:g} %": digitize(noise=noise) for noise in NOISES},
+        "bits": {str(bits): digitize(bits=bits) for bits in BITS},
+        "sampling rate": {
+            f"{rate / 1e3:g} kHz": digitize(sampling_rate=rate) for rate in SAMPLING_RATES
+        },
+        "damping ratio": {f"{ratio:g}": default for ratio in DAMPING_RATIOS},
+        "pulse shape": shapes,
+        "contact law": {
+            f"n = {n:g}, e = {e:g}": VirtualRigSettings(
+                plant=Plant.CONTACT, contact_exponent=n, restitution=e
+            )
+            for n, e in LAWS
+        },
         # What the law makes of a contact that is none of its own.
-        _Axis(
-            "read as a law",
-            tuple(shape.name for shape in PULSE_SHAPES),
-            tuple(map(float, range(len(PULSE_SHAPES)))),
-            tuple(replace(default, pulse_shape=shape) for shape in PULSE_SHAPES),
-            estimators=LAW_ESTIMATORS,
-        ),
-    )
+        "read as a law": shapes,
+    }
+    return [
+        Case(
+            Part.BIAS,
+            axis,
+            value,
+            rig,
+            damping_ratio=float(value) if axis == "damping ratio" else math.nan,
+            is_exact=True,
+            has_control="law" not in axis,
+            estimators=LAW_ESTIMATORS if "law" in axis else ESTIMATORS,
+        )
+        for axis, rigs in axes.items()
+        for value, rig in rigs.items()
+    ]
 
 
 def _list_coverage_cases() -> list[Case]:
@@ -256,12 +199,11 @@ def _list_coverage_cases() -> list[Case]:
             Part.COVERAGE,
             "plant",
             plant.value,
-            float(index),
             VirtualRigSettings(plant=plant),
             estimators=estimators,
             has_control=CONTACT_LAW not in estimators,
         )
-        for index, (plant, estimators) in enumerate(plants)
+        for plant, estimators in plants
     ]
 
 
@@ -280,7 +222,6 @@ def _list_efficiency_cases() -> list[Case]:
             Part.EFFICIENCY,
             axis,
             f"{100 * level:g} %",
-            100 * level,
             replace(rig, plant=plant),
             hits=1,
             noise_of_peak=level,
@@ -304,7 +245,7 @@ def list_cases(part: Part) -> tuple[Case, ...]:
     if part is Part.EFFICIENCY:
         return tuple(_list_efficiency_cases())
     if part is Part.BIAS:
-        return tuple(case for axis in _list_axes() for case in axis.make_cases())
+        return tuple(_list_bias_cases())
     return ()
 
 

@@ -10,14 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from impact_rig.study.campaigns import (
-    CONTACT_TIME,
-    DAMPING_COEFFICIENT,
-    DAMPING_RATIO,
-    EXPONENT,
-    RESTITUTION,
-    STIFFNESS,
-)
 from impact_rig.study.cases import (
     CONTACT_LAW,
     FREE_DECAY,
@@ -44,29 +36,21 @@ RESOLUTION = 150
 """Of the bitmap [dots per inch]."""
 PANEL_SIZE = (3.6, 2.7)
 """[inch]"""
-COLOURS = {
-    PAPER: "#D55E00",
-    FREE_DECAY: "#009E73",
-    IDENTIFICATION: "#0072B2",
-    CONTACT_LAW: "#CC79A7",
+STYLES = {
+    PAPER: ("#D55E00", "o", -0.12),
+    FREE_DECAY: ("#009E73", "^", 0.0),
+    IDENTIFICATION: ("#0072B2", "s", 0.12),
+    CONTACT_LAW: ("#CC79A7", "D", 0.12),
 }
-MARKERS = {PAPER: "o", FREE_DECAY: "^", IDENTIFICATION: "s", CONTACT_LAW: "D"}
-SHIFTS = {PAPER: -0.12, FREE_DECAY: 0.0, IDENTIFICATION: 0.12, CONTACT_LAW: 0.12}
-"""Beside each other rather than over each other, in places of an axis."""
+"""Colour, marker, and place beside the others on an axis."""
+LINES = dict(zip(SYMBOLS, ("-", "--", ":", "-.", "--", ":"), strict=True))
+"""Of quantities, where estimators are told apart by colour."""
 STYLE: dict[Any, Any] = {
     "svg.hashsalt": "impact-rig study",  # the same study gives the same file
     "font.size": 9,
     "axes.grid": True,
     "grid.alpha": 0.3,
 }
-QUANTITIES = (
-    CONTACT_TIME,
-    STIFFNESS,
-    DAMPING_COEFFICIENT,
-    DAMPING_RATIO,
-    EXPONENT,
-    RESTITUTION,
-)
 LINEAR_RANGE = 0.1
 """Up to where the bias axis is linear [%]; beyond it is logarithmic."""
 LARGEST_BIAS = 100.0
@@ -93,11 +77,12 @@ def draw_figure(results: StudyResults) -> dict[str, bytes]:
     ModuleNotFoundError
         If there is no matplotlib.
     """
-    axes = _list_axes(results)
+    by_part = {part: [row for row in results.rows if row.part is part] for part in Part}
+    axes = list(dict.fromkeys(row.axis for row in by_part[Part.BIAS]))
     summaries = [
-        part
-        for part in (Part.COVERAGE, Part.EFFICIENCY)
-        if any(row.part is part for row in results.rows)
+        (draw, by_part[part])
+        for part, draw in ((Part.COVERAGE, _draw_coverage), (Part.EFFICIENCY, _draw_efficiency))
+        if by_part[part]
     ]
     if not axes and not summaries:
         return {}
@@ -106,48 +91,38 @@ def draw_figure(results: StudyResults) -> dict[str, bytes]:
     from matplotlib.figure import Figure
 
     columns = max(len(axes), 2 * len(summaries), 2)
-    rows = (len(QUANTITIES) if axes else 0) + bool(summaries)
+    rows = (len(SYMBOLS) if axes else 0) + bool(summaries)
     with rc_context(STYLE):
         figure = Figure(
             figsize=(PANEL_SIZE[0] * columns, PANEL_SIZE[1] * rows + 0.6), layout="constrained"
         )
         grid = figure.add_gridspec(rows, 2 * columns)
         for place, axis in enumerate(axes):
-            for line, quantity in enumerate(QUANTITIES):
+            for line, (quantity, symbol) in enumerate(SYMBOLS.items()):
                 panel = figure.add_subplot(grid[line, 2 * place : 2 * place + 2])
-                _draw_bias(panel, results.rows, axis, quantity)
-                if place == 0:
-                    panel.set_ylabel(f"bias of {SYMBOLS[quantity]} [%]")
-                if line == 0:
-                    panel.set_title(axis)
-        for place, part in enumerate(summaries):
+                _draw_bias(panel, by_part[Part.BIAS], axis, quantity)
+                panel.set_ylabel("" if place else f"bias of {symbol} [%]")
+                panel.set_title("" if line else axis)
+        for place, (draw, chosen) in enumerate(summaries):
             width = 2 * columns // len(summaries)
-            panel = figure.add_subplot(grid[-1, place * width : (place + 1) * width])
-            draw = _draw_coverage if part is Part.COVERAGE else _draw_efficiency
-            draw(panel, [row for row in results.rows if row.part is part])
+            draw(figure.add_subplot(grid[-1, place * width : (place + 1) * width]), chosen)
         _add_legend(figure)
         return {name: _render(figure, name) for name in FORMATS}
 
 
-def _list_axes(results: StudyResults) -> list[str]:
-    return list(dict.fromkeys(row.axis for row in results.rows if row.part is Part.BIAS))
-
-
 def _draw_bias(panel: Any, rows: Sequence[Row], axis: str, quantity: str) -> None:
     """Points with bars of one standard deviation of a campaign's result."""
-    cases = [case for case in list_cases(Part.BIAS) if case.axis == axis]
-    places = {case.value: place for place, case in enumerate(cases)}
-    for estimator in COLOURS:
+    values = [case.value for case in list_cases(Part.BIAS) if case.axis == axis]
+    for estimator, (*_, shift) in STYLES.items():
+        wanted = (axis, quantity, estimator)
         chosen = [
             row
             for row in rows
-            if (row.part, row.axis, row.quantity, row.estimator)
-            == (Part.BIAS, axis, quantity, estimator)
-            and math.isfinite(row.bias.bias)
+            if (row.axis, row.quantity, row.estimator) == wanted and math.isfinite(row.bias.bias)
         ]
         if chosen:
             panel.errorbar(
-                [places[row.value] + SHIFTS[estimator] for row in chosen],
+                [values.index(row.value) + shift for row in chosen],
                 [100.0 * row.bias.bias for row in chosen],
                 yerr=[100.0 * np.nan_to_num(row.bias.spread) for row in chosen],
                 **_choose_style(estimator),
@@ -156,7 +131,7 @@ def _draw_bias(panel: Any, rows: Sequence[Row], axis: str, quantity: str) -> Non
     panel.set_yscale("symlog", linthresh=LINEAR_RANGE)
     panel.set_ylim(-LARGEST_BIAS, LARGEST_BIAS)
     panel.set_yticks(BIAS_TICKS, [f"{tick:g}" for tick in BIAS_TICKS])
-    panel.set_xticks(range(len(places)), list(places), rotation=20)
+    panel.set_xticks(range(len(values)), values, rotation=20)
 
 
 def _draw_coverage(panel: Any, rows: Sequence[Row]) -> None:
@@ -169,24 +144,20 @@ def _draw_coverage(panel: Any, rows: Sequence[Row]) -> None:
         # The plant is named once, below its first quantity.
         labels.append(SYMBOLS[row.quantity] + ("" if row.value == last else f"\n{row.value}"))
         last = row.value
-        if not math.isfinite(row.coverage.value):
-            continue
-        value = 100.0 * row.coverage.value
+        value, low, high = (
+            100.0 * part for part in (row.coverage.value, row.coverage.low, row.coverage.high)
+        )
         if value < LOWEST_COVERAGE:
             panel.annotate(
                 f"{value:.0f} %",
                 (place, LOWEST_COVERAGE),
                 ha="center",
                 va="bottom",
-                color=COLOURS[row.estimator],
+                color=STYLES[row.estimator][0],
             )
-            continue
-        panel.errorbar(
-            [place],
-            [value],
-            yerr=[[value - 100.0 * row.coverage.low], [100.0 * row.coverage.high - value]],
-            **_choose_style(row.estimator),
-        )
+        elif math.isfinite(value):
+            yerr = [[value - low], [high - value]]
+            panel.errorbar([place], [value], yerr=yerr, **_choose_style(row.estimator))
     panel.set_ylim(LOWEST_COVERAGE, 100.5)
     panel.set_xlim(-0.5, len(labels) - 0.5)
     panel.set_xticks(range(len(labels)), labels)
@@ -195,16 +166,9 @@ def _draw_coverage(panel: Any, rows: Sequence[Row]) -> None:
 
 def _draw_efficiency(panel: Any, rows: Sequence[Row]) -> None:
     """Root of the mean squared error over the bound, against noise; lines by quantity."""
-    lines = {
-        CONTACT_TIME: "-",
-        STIFFNESS: "--",
-        DAMPING_COEFFICIENT: ":",
-        DAMPING_RATIO: "-.",
-        EXPONENT: "--",
-        RESTITUTION: ":",
-    }
-    for estimator, colour in COLOURS.items():
-        for quantity, line in lines.items():
+    levels = {case.value: 100.0 * case.noise_of_peak for case in list_cases(Part.EFFICIENCY)}
+    for estimator, (colour, marker, _) in STYLES.items():
+        for quantity, line in LINES.items():
             chosen = [
                 row
                 for row in rows
@@ -213,18 +177,17 @@ def _draw_efficiency(panel: Any, rows: Sequence[Row]) -> None:
             ]
             if chosen:
                 panel.plot(
-                    [row.position for row in chosen],
+                    [levels[row.value] for row in chosen],
                     [row.efficiency.value for row in chosen],
                     color=colour,
-                    marker=MARKERS[estimator],
+                    marker=marker,
                     markersize=4,
                     linestyle=line,
                     label=f"{SYMBOLS[quantity]}, {ESTIMATOR_NAMES[estimator]}",
                 )
     panel.axhline(LARGEST_EFFICIENCY_RATIO, color="black", linewidth=0.8)
     panel.set_xscale("log")
-    ticks = list(dict.fromkeys(row.position for row in rows))
-    panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
+    panel.set_xticks(list(levels.values()), [f"{level:g}" for level in levels.values()])
     panel.set_xticks([], minor=True)
     panel.set_ylim(0.0, LEGEND_ROOM * panel.get_ylim()[1])
     panel.set_xlabel("white noise [% of each trace's peak]")
@@ -234,9 +197,10 @@ def _draw_efficiency(panel: Any, rows: Sequence[Row]) -> None:
 
 
 def _choose_style(estimator: str) -> dict[str, Any]:
+    colour, marker, _ = STYLES[estimator]
     return {
-        "color": COLOURS[estimator],
-        "marker": MARKERS[estimator],
+        "color": colour,
+        "marker": marker,
         "markersize": 4,
         "linestyle": "none",
         "capsize": 2,
@@ -248,8 +212,8 @@ def _add_legend(figure: Any) -> None:
     from matplotlib.lines import Line2D
 
     handles = [
-        Line2D([], [], color=COLOURS[name], marker=MARKERS[name], linestyle="none", label=label)
-        for name, label in ESTIMATOR_NAMES.items()
+        Line2D([], [], label=ESTIMATOR_NAMES[name], color=colour, marker=marker, linestyle="none")
+        for name, (colour, marker, _) in STYLES.items()
     ]
     figure.legend(
         handles=handles,
@@ -283,7 +247,6 @@ def results_to_json(results: StudyResults) -> Json:
         "goals": [asdict(goal) for goal in judge_goals(results)],
         "rows": [row.to_json() for row in results.rows],
         "selection": results.selection.to_json() if results.selection else None,
-        "speed": asdict(results.speed) if results.speed else None,
     }
 
 

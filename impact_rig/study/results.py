@@ -27,9 +27,8 @@ from impact_rig.study.cases import (
     Part,
     list_cases,
 )
-from impact_rig.study.run import Unit, plan_units
+from impact_rig.study.run import plan_units
 from impact_rig.study.selection import ASKED, SelectionCount
-from impact_rig.study.speed import Speed
 
 CONFIDENCE = 0.95
 """Of every interval that the study gives for its own figures [-]."""
@@ -144,8 +143,6 @@ class Row:
         It belongs to.
     axis, value : str
         What was varied, and its value here.
-    position : float
-        Of the value on the figure's axis.
     estimator, quantity : str
         Names.
     campaigns : int
@@ -163,7 +160,6 @@ class Row:
     part: Part
     axis: str
     value: str
-    position: float
     estimator: str
     quantity: str
     campaigns: int
@@ -178,7 +174,6 @@ class Row:
             "part": self.part.value,
             "axis": self.axis,
             "value": self.value,
-            "position": self.position,
             "estimator": self.estimator,
             "quantity": self.quantity,
             "campaigns": self.campaigns,
@@ -213,15 +208,12 @@ class StudyResults:
         Of the parts that simulate campaigns.
     selection : SelectionCount or None
         None: the part was not asked.
-    speed : Speed or None
-        None: the part was not asked.
     """
 
     configuration: Configuration
     lost_campaigns: int = 0
     rows: tuple[Row, ...] = ()
     selection: SelectionCount | None = None
-    speed: Speed | None = None
 
 
 def summarize(configuration: Configuration, finished: Mapping[str, Json]) -> StudyResults:
@@ -242,8 +234,7 @@ def summarize(configuration: Configuration, finished: Mapping[str, Json]) -> Stu
             found = [finished[unit.name] for unit in units if unit.key == case.key]
             lost += sum(item["lost"] for item in found)
             rows += _summarize_case(case, found, configuration.count_campaigns(part))
-    selection = _find_all(Part.SELECTION, units, finished)
-    speed = _find_all(Part.SPEED, units, finished)
+    selection = [finished[unit.name] for unit in units if unit.part is Part.SELECTION]
     return StudyResults(
         configuration=configuration,
         lost_campaigns=lost,
@@ -251,12 +242,7 @@ def summarize(configuration: Configuration, finished: Mapping[str, Json]) -> Stu
         selection=sum((SelectionCount(**item) for item in selection), SelectionCount())
         if selection
         else None,
-        speed=Speed(**speed[0]) if speed else None,
     )
-
-
-def _find_all(part: Part, units: Iterable[Unit], finished: Mapping[str, Json]) -> list[Json]:
-    return [finished[unit.name] for unit in units if unit.part is part]
 
 
 def _summarize_case(case: Case, found: list[Json], campaigns: int) -> list[Row]:
@@ -274,7 +260,6 @@ def _summarize_case(case: Case, found: list[Json], campaigns: int) -> list[Row]:
                 part=case.part,
                 axis=case.axis,
                 value=case.value,
-                position=case.position,
                 estimator=estimator,
                 quantity=quantity,
                 campaigns=campaigns,
@@ -299,10 +284,6 @@ LEAST_DETECTION = 0.99
 """Faults of the sizes that are asked for which are found and rightly named [-]."""
 LARGEST_FALSE_REJECTION = 2e-3
 """Good hits left out [-]."""
-LONGEST_IDENTIFICATION = 60e-3
-"""Median of one identification on one core [s]."""
-LEAST_SPEED_RATIO = 50.0
-"""How many times faster than the same fit around an integrator [-]."""
 
 COVERAGE_GOALS: dict[str, dict[str, tuple[str, ...]]] = {
     "published": {
@@ -352,14 +333,12 @@ class JudgedGoal:
         What it is about.
     goal : str
         What is asked, in words.
-    found : float or None
-        The figure, in the unit of the goal; None: not determined.
-    low, high : float or None
-        Its 95 % interval, where it has one.
+    found, low, high : float or None
+        The figure and its 95 % interval, in the unit of the goal; None: not determined.
     text : str
-        The figure as it is printed.
+        The same as it is printed.
     is_reached : bool
-        Whether the whole interval is as asked; where there is none, the figure itself.
+        Whether the whole interval is as asked.
     """
 
     part: str
@@ -377,8 +356,7 @@ def judge_goals(results: StudyResults) -> tuple[JudgedGoal, ...]:
     return (
         *_judge_coverage(results.rows),
         *_judge_efficiency(results.rows),
-        *_judge_selection(results),
-        *_judge_speed(results),
+        *_judge_selection(results.selection),
     )
 
 
@@ -389,7 +367,7 @@ def _judge_coverage(rows: Sequence[Row]) -> Iterator[JudgedGoal]:
             continue
         if row.quantity not in COVERAGE_GOALS[row.value].get(row.estimator, ()):
             continue
-        yield _judge_percentage(
+        yield _judge(
             Part.COVERAGE,
             f"{SYMBOLS[row.quantity]} by {ESTIMATOR_NAMES[row.estimator]}, {row.value}",
             f"{100 * low:g} to {100 * high:g} %",
@@ -411,36 +389,23 @@ def _judge_efficiency(rows: Sequence[Row]) -> Iterator[JudgedGoal]:
             (row for row in mine if row.quantity == quantity),
             key=lambda row: np.nan_to_num(row.efficiency.value, nan=math.inf),
         )
-        found = worst.efficiency
-        subject = (
-            f"{SYMBOLS[quantity]} by {ESTIMATOR_NAMES[estimator]}, worst at {worst.value} noise"
-        )
-        goal = f"at most {LARGEST_EFFICIENCY_RATIO:g} bounds"
-        part = Part.EFFICIENCY.value
-        if not math.isfinite(found.value):
-            yield JudgedGoal(part, subject, goal, None, None, None, UNDETERMINED, is_reached=False)
-            continue
-        yield JudgedGoal(
-            part=part,
-            subject=subject,
-            goal=goal,
-            found=found.value,
-            low=found.low,
-            high=found.high,
-            text=f"{found.value:.3f} ({found.low:.3f} to {found.high:.3f})",
-            is_reached=found.high <= LARGEST_EFFICIENCY_RATIO
+        yield _judge(
+            Part.EFFICIENCY,
+            f"{SYMBOLS[quantity]} by {ESTIMATOR_NAMES[estimator]}, worst at {worst.value} noise",
+            f"at most {LARGEST_EFFICIENCY_RATIO:g} bounds",
+            worst.efficiency,
+            is_reached=worst.efficiency.high <= LARGEST_EFFICIENCY_RATIO
             and all(row.determined == row.campaigns for row in mine),
         )
 
 
-def _judge_selection(results: StudyResults) -> Iterator[JudgedGoal]:
-    count = results.selection
+def _judge_selection(count: SelectionCount | None) -> Iterator[JudgedGoal]:
     if count is None:
         return
     for fault, total in count.faulty.items():
         if fault in ASKED:
             found = compute_fraction(count.detected[fault], total)
-            yield _judge_percentage(
+            yield _judge(
                 Part.SELECTION,
                 f"{fault}: {count.detected[fault]} of {total} found and rightly named",
                 f"at least {100 * LEAST_DETECTION:g} %",
@@ -448,7 +413,7 @@ def _judge_selection(results: StudyResults) -> Iterator[JudgedGoal]:
                 is_reached=found.low >= LEAST_DETECTION,
             )
     rejected = compute_fraction(count.good_rejected, count.good)
-    yield _judge_percentage(
+    yield _judge(
         Part.SELECTION,
         f"good hits: {count.good_rejected} of {count.good} rejected",
         f"below {100 * LARGEST_FALSE_REJECTION:g} %",
@@ -457,47 +422,16 @@ def _judge_selection(results: StudyResults) -> Iterator[JudgedGoal]:
     )
 
 
-def _judge_percentage(
-    part: Part, subject: str, goal: str, found: Ratio, *, is_reached: bool
-) -> JudgedGoal:
+def _judge(part: Part, subject: str, goal: str, found: Ratio, *, is_reached: bool) -> JudgedGoal:
+    """Return a goal that was asked in per cent, or in bounds of the efficiency."""
     if not math.isfinite(found.value):
         return JudgedGoal(
             part.value, subject, goal, None, None, None, UNDETERMINED, is_reached=False
         )
-    value, low, high = (100.0 * figure for figure in (found.value, found.low, found.high))
-    return JudgedGoal(
-        part=part.value,
-        subject=subject,
-        goal=goal,
-        found=value,
-        low=low,
-        high=high,
-        text=f"{value:.3g} % ({low:.3g} to {high:.3g})",
-        is_reached=is_reached,
-    )
-
-
-def _judge_speed(results: StudyResults) -> Iterator[JudgedGoal]:
-    speed = results.speed
-    if speed is None:
-        return
-    yield JudgedGoal(
-        part=Part.SPEED.value,
-        subject=f"one identification of two traces of {speed.points} points",
-        goal=f"below {LONGEST_IDENTIFICATION * 1e3:g} ms",
-        found=speed.identification_s * 1e3,
-        low=None,
-        high=None,
-        text=f"{speed.identification_s * 1e3:.1f} ms",
-        is_reached=speed.identification_s < LONGEST_IDENTIFICATION,
-    )
-    yield JudgedGoal(
-        part=Part.SPEED.value,
-        subject="times faster than the same fit around solve_ivp",
-        goal=f"above {LEAST_SPEED_RATIO:g}",
-        found=speed.ratio,
-        low=None,
-        high=None,
-        text=f"{speed.ratio:.0f}",
-        is_reached=speed.ratio > LEAST_SPEED_RATIO,
-    )
+    if part is Part.EFFICIENCY:
+        value, low, high = found.value, found.low, found.high
+        text = f"{value:.3f} ({low:.3f} to {high:.3f})"
+    else:
+        value, low, high = (100.0 * figure for figure in (found.value, found.low, found.high))
+        text = f"{value:.3g} % ({low:.3g} to {high:.3g})"
+    return JudgedGoal(part.value, subject, goal, value, low, high, text, is_reached)

@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -23,12 +23,10 @@ from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.study.campaigns import CampaignSource, Outcome, evaluate
 from impact_rig.study.cases import Configuration, Part, find_case, list_cases
 from impact_rig.study.selection import SelectionCount, simulate_series
-from impact_rig.study.speed import measure_speed
 
 UNIT_CAMPAIGNS = 20
 """Campaigns of one unit [-], our choice: a second or two of work, which Ctrl-C waits for."""
 SELECTION_KEY = "selection/hits/all"
-SPEED_KEY = "speed/identification/all"
 
 Json = dict[str, Any]
 
@@ -63,9 +61,6 @@ def plan_units(configuration: Configuration) -> tuple[Unit, ...]:
     units: list[Unit] = []
     for part in configuration.parts:
         total = configuration.count_campaigns(part)
-        if part is Part.SPEED:
-            units.append(Unit(part, SPEED_KEY, 0, total))
-            continue
         keys = [case.key for case in list_cases(part)] or [SELECTION_KEY]
         units += [
             Unit(part, key, first, min(UNIT_CAMPAIGNS, total - first))
@@ -81,13 +76,10 @@ def run_unit(unit: Unit, seed: int) -> Json:
     Returns
     -------
     dict
-        Plain values, all that is kept of the unit. The same unit and seed give the same values,
-        times apart.
+        Plain values, all that is kept of the unit. The same unit and seed give the same values.
     """
     entropy = (seed, crc32(unit.key.encode()))
     numbers = range(unit.first, unit.first + unit.count)
-    if unit.part is Part.SPEED:
-        return measure_speed(unit.count)
     if unit.part is Part.SELECTION:
         counts = (simulate_series(PAPER_SETUP, entropy, number) for number in numbers)
         return sum(counts, SelectionCount()).to_json()
@@ -201,10 +193,6 @@ class StudyFolder:
             raise FileError(f"{self.path / UNITS_NAME}: {error.strerror}") from None
         self.finished[name] = found
 
-    def write_text(self, name: str, text: str) -> None:
-        """Write a file whole or not at all."""
-        self.write_bytes(name, text.encode())
-
     def write_bytes(self, name: str, content: bytes) -> None:
         """Write a file whole or not at all."""
         part = self.path / f".{name}.part"
@@ -224,7 +212,8 @@ class StudyFolder:
                     f"the folder {self.path} holds other files and no study: choose another"
                     " --output"
                 )
-            self.write_text(CONFIGURATION_NAME, json.dumps(wanted, indent=2) + "\n")
+            text = json.dumps(wanted, indent=2) + "\n"
+            self.write_bytes(CONFIGURATION_NAME, text.encode())
             return
         try:
             found = json.loads(path.read_text("utf-8"))
@@ -314,38 +303,28 @@ def run_units(
     done = sum(unit.count for unit in units if unit.name in folder.finished)
     report(done, total)
     missing = [unit for unit in units if unit.name not in folder.finished]
-    # Times are measured when nothing else runs.
-    together = [unit for unit in missing if unit.part is not Part.SPEED]
-    alone = [unit for unit in missing if unit.part is Part.SPEED]
     if not missing:
         return
-    with _start_pool(min(jobs, max(len(together), 1))) as pool:
-        for batch in (together, *([unit] for unit in alone)):
-            futures = {pool.submit(run_unit, unit, configuration.seed): unit for unit in batch}
-            try:
-                for future in as_completed(futures):
-                    unit = futures[future]
+    with _start_pool(min(jobs, len(missing))) as pool:
+        futures = {pool.submit(run_unit, unit, configuration.seed): unit for unit in missing}
+        try:
+            for future in as_completed(futures):
+                unit = futures[future]
+                folder.keep(unit.name, future.result())
+                done += unit.count
+                report(done, total)
+        except BaseException as error:
+            pool.shutdown(wait=True, cancel_futures=True)
+            for future, unit in futures.items():
+                is_lost = future.cancelled() or future.exception() is not None
+                if not is_lost and unit.name not in folder.finished:
                     folder.keep(unit.name, future.result())
-                    done += unit.count
-                    report(done, total)
-            except BaseException as error:
-                pool.shutdown(wait=True, cancel_futures=True)
-                _keep_what_is_finished(futures, folder)
-                if isinstance(error, BrokenProcessPool):
-                    raise RigError(
-                        "a process of the study was killed, perhaps for want of memory: the same"
-                        " command with the same --output goes on"
-                    ) from None
-                raise
-
-
-def _keep_what_is_finished(
-    futures: dict[Future[dict[str, Any]], Unit], folder: StudyFolder
-) -> None:
-    for future, unit in futures.items():
-        is_lost = not future.done() or future.cancelled() or future.exception() is not None
-        if not is_lost and unit.name not in folder.finished:
-            folder.keep(unit.name, future.result())
+            if isinstance(error, BrokenProcessPool):
+                raise RigError(
+                    "a process of the study was killed, perhaps for want of memory: the same"
+                    " command with the same --output goes on"
+                ) from None
+            raise
 
 
 @contextmanager

@@ -11,6 +11,7 @@ PARTS = {
     "start": "running",
     "model": "model",
     "hit": "model",
+    "identification": "identification",
     "series": "memory",
     "write": "recording",
     "demo": "running",

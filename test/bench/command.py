@@ -27,6 +27,7 @@ EXIT_SIGNALLED = 128
     Parts, in the order in which they are run:
       start    start of the command line and of each node
       model    the model, beside an integrator and an exponential
+      identification  its fit to both traces, beside the same around an integrator
       hit      a hit from blocks to verdict, beside the low-pass alone
       series   10 000 hits on one sample: what the last ones cost
       write    writing a recording, beside mcap.writer

@@ -43,7 +43,6 @@ def test_a_small_study_from_end_to_end(run: Run, tmp_path: Path) -> None:
     shape = found["bias", "half-sine", "paper", "contact_time"]
     assert shape["bias_percent"] == pytest.approx(100 / 3, abs=0.5)
     assert content["selection"]["good_rejected"] == 0
-    assert content["speed"]["agreement_percent"] < 1e-3
     assert all(isinstance(goal["is_reached"], bool) for goal in content["goals"])
     assert sorted(path.name for path in folder.iterdir()) == [
         "configuration.json",
@@ -61,9 +60,9 @@ def test_a_small_study_from_end_to_end(run: Run, tmp_path: Path) -> None:
 
 
 def test_tables_and_goals_fit_a_terminal(run: Run, tmp_path: Path) -> None:
-    words = ("study", "coverage", "efficiency", "selection", "--campaigns", 12)
+    words = ("study", "coverage", "efficiency", "selection", "--campaigns", 3)
     outcome = run(*words, "--output", tmp_path / "study")
-    assert outcome.exit_code == 0  # though twelve campaigns reach no coverage goal
+    assert outcome.exit_code == 0  # though three campaigns reach no coverage goal
     assert max(map(len, outcome.stdout.splitlines())) <= 80
     text = " ".join(outcome.stdout.split())
     for words in (

@@ -21,8 +21,6 @@ from impact_rig.study.campaigns import (
     draw_truth,
     evaluate,
     make_exact,
-    set_damping_ratio,
-    shift_clock,
 )
 from impact_rig.study.cases import (
     ESTIMATORS,
@@ -40,7 +38,7 @@ CALM = VirtualRigSettings(plant=Plant.DYNAMICS, contact_time_scatter=0.0)
 
 
 def find(rig=CALM, setup=EXACT, hits=1):
-    case = Case(Part.BIAS, "axis", "value", 0.0, rig, hits=hits)
+    case = Case(Part.BIAS, "axis", "value", rig, hits=hits)
     return compute_bounds(case, rig, setup, SAMPLE)
 
 
@@ -197,7 +195,7 @@ QUIET = VirtualRigSettings(
 
 
 def make_case(rig=QUIET, **values):
-    return Case(Part.BIAS, "axis", "value", 0.0, rig, **{"hits": 2, **values})
+    return Case(Part.BIAS, "axis", "value", rig, **{"hits": 2, **values})
 
 
 def draw_many(setup, count=2000):
@@ -221,20 +219,6 @@ def test_masses_and_clock_scatter_by_their_stated_uncertainties():
         # The mean of 2000 within four of its standard deviations, the spread likewise.
         assert np.mean(values) == pytest.approx(mean, abs=4 * spread / math.sqrt(2000))
         assert np.std(values) == pytest.approx(spread, rel=4 / math.sqrt(4000))
-
-
-def test_the_draws_are_independent_of_each_other():
-    truths = draw_many(PAPER_SETUP)
-    table = [
-        (
-            truth.setup.hammer_mass,
-            truth.clock_error,
-            *(s.mass for s in truth.setup.samples.samples),
-        )
-        for truth in truths
-    ]
-    correlation = np.corrcoef(np.array(table).T) - np.eye(14)
-    assert np.abs(correlation).max() < 4.5 / math.sqrt(2000)
 
 
 def test_what_is_exact_stays_and_moves_no_other_draw():
@@ -266,18 +250,6 @@ def test_the_true_masses_count_in_the_true_stiffness():
     hammer = 2 * m1 * mc / (m1 + mc) / 212.0e-6**2
     expected = 1 / (1 / equivalent - 1 / hammer)
     assert ratio == pytest.approx(expected[1] / expected[0], rel=1e-12)
-
-
-def test_one_damping_ratio_for_every_sample():
-    changed = Truth(set_damping_ratio(PAPER_SETUP, 0.3))
-    for name in PAPER_SETUP.samples.names:
-        assert changed.compute_parameters(name)["damping_ratio"] == pytest.approx(0.3)
-
-
-def test_a_fast_clock_takes_as_many_points_in_less_time():
-    shifted = shift_clock(DigitizerSettings(), 5e-4)
-    assert shifted.count == 5000
-    assert shifted.sampling_rate == pytest.approx(2.50125e6)
 
 
 def test_the_laboratory_reads_times_by_the_clock_it_believes_in():
@@ -315,7 +287,7 @@ def test_samples_take_turns_and_the_control_sample_is_struck_where_it_is_wanted(
     assert len(both.hits) == 2
 
 
-@pytest.mark.parametrize("sample", ["aluminium small", "bronze large"])
+@pytest.mark.parametrize("sample", ["bronze large"])
 def test_noise_as_a_part_of_each_peak(sample):
     cases = list_cases(Part.EFFICIENCY)
     case = next(case for case in cases if case.noise_of_peak == 0.01)

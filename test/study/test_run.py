@@ -18,6 +18,7 @@ from impact_rig.study.run import (
     UNITS_NAME,
     StudyFolder,
     plan_units,
+    run_unit,
     run_units,
 )
 
@@ -115,94 +116,60 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
     assert (tmp_path / "study.json").read_bytes() == b"old"
 
 
-SMALL = Configuration(parts=(Part.COVERAGE, Part.SELECTION), campaigns=2)
+SMALL = Configuration(parts=(Part.COVERAGE,), campaigns=1)
 STOPPED = Configuration(parts=(Part.SELECTION,), campaigns=29)
-"""Six units: the first finished, one running and one on its way leave some to be done."""
+"""Six units: one finished before the kill, one before Ctrl-C, one running then and one on its way
+leave some to be done."""
 COMMAND = (
     sys.executable, "-m", "impact_rig.cli.main", "study", "selection",
     "--campaigns", "29", "--jobs", "1",
 )  # fmt: skip
-PATIENCE = 60.0
+PATIENCE = 100.0
 """For what takes a second or two on a machine at rest [s]."""
 
 
-def run_here(path, jobs, configuration=SMALL):
-    steps = []
-    with StudyFolder(path, configuration) as folder:
-        run_units(configuration, folder, jobs, lambda done, total: steps.append((done, total)))
-        return folder.finished, steps
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """Return what one process finds without being stopped, and its progress."""
-    return run_here(tmp_path_factory.mktemp("whole"), 1)
-
-
-@pytest.fixture(scope="module")
-def unstopped(tmp_path_factory):
-    """Return what the study that is stopped below finds when it is not."""
-    return run_here(tmp_path_factory.mktemp("unstopped"), 2, STOPPED)[0]
-
-
-def test_one_process_and_two_find_the_same(whole, tmp_path):
-    assert run_here(tmp_path, 2)[0] == whole[0]
-
-
-def test_progress_counts_campaigns_up_to_all(whole):
-    total = sum(unit.count for unit in plan_units(SMALL))
-    dones = [done for done, _ in whole[1]]
-    assert dones == sorted(dones)
-    assert (dones[0], dones[-1]) == (0, total)
-    assert {total for _, total in whole[1]} == {total}
-
-
-def test_what_is_finished_is_not_done_again(whole, tmp_path):
-    name = plan_units(SMALL)[0].name
-    with StudyFolder(tmp_path, SMALL) as folder:
-        folder.keep(name, {"kept": "from before"})
-    finished, steps = run_here(tmp_path, 2)
-    assert finished == {**whole[0], name: {"kept": "from before"}}
-    assert steps[0][0] == plan_units(SMALL)[0].count
-
-
-def test_the_environment_is_left_as_it_was(whole, monkeypatch, tmp_path):
+def test_one_process_and_two_find_the_same_and_nothing_is_done_again(tmp_path, monkeypatch):
     monkeypatch.setenv(THREAD_VARIABLES[0], "7")
     monkeypatch.delenv(THREAD_VARIABLES[1], raising=False)
-    with StudyFolder(tmp_path, SMALL) as folder:
-        for name, found in list(whole[0].items())[1:]:
-            folder.keep(name, found)
-        run_units(SMALL, folder, 1, lambda *_: None)
+    first, *others = (unit.name for unit in plan_units(SMALL))
+    found, steps = {}, []
+    for jobs in (1, 2):
+        with StudyFolder(tmp_path / str(jobs), SMALL) as folder:
+            folder.keep(first, {"kept": "from before"})
+            run_units(SMALL, folder, jobs, lambda *step: steps.append(step))
+            found[jobs] = dict(folder.finished)
+    assert found[1] == found[2]
+    assert found[1][first] == {"kept": "from before"}
+    assert set(found[1]) == {first, *others}
+    total = 1 + len(others)
+    assert steps == [(done, total) for done in range(1, total + 1)] * 2
+    # The environment is left as it was.
     assert os.environ[THREAD_VARIABLES[0]] == "7"
     assert THREAD_VARIABLES[1] not in os.environ
 
 
+def count_units(path):
+    units = path / UNITS_NAME
+    return units.read_bytes().count(b"\n") if units.exists() else 0
+
+
 def start_and_wait_for_a_unit(path):
+    before = count_units(path)
     process = subprocess.Popen(
         [*COMMAND, "--output", str(path)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
-    units = path / UNITS_NAME
     end = time.monotonic() + PATIENCE
-    while not (units.exists() and b"\n" in units.read_bytes()):
+    while count_units(path) == before:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < end, "no unit was finished"
         time.sleep(0.01)
     return process
 
 
-def go_on(path):
-    done = subprocess.run(
-        [*COMMAND, "--output", str(path)], capture_output=True, text=True, check=True
-    )
-    assert "study.json" in done.stderr
-    with StudyFolder(path, STOPPED) as folder:
-        return folder.finished
-
-
-def test_a_killed_study_leaves_no_process_and_goes_on_to_the_same_end(unstopped, tmp_path):
+def test_a_study_that_is_killed_then_stopped_goes_on_to_the_same_end(tmp_path):
     process = start_and_wait_for_a_unit(tmp_path)
     workers = psutil.Process(process.pid).children(recursive=True)
     assert workers
@@ -210,10 +177,7 @@ def test_a_killed_study_leaves_no_process_and_goes_on_to_the_same_end(unstopped,
     process.communicate()
     _, alive = psutil.wait_procs(workers, timeout=PATIENCE)
     assert not alive
-    assert go_on(tmp_path) == unstopped
 
-
-def test_ctrl_c_keeps_what_is_done_and_the_study_goes_on(unstopped, tmp_path):
     process = start_and_wait_for_a_unit(tmp_path)
     process.send_signal(signal.SIGINT)
     output, errors = process.communicate(timeout=PATIENCE)
@@ -221,8 +185,13 @@ def test_ctrl_c_keeps_what_is_done_and_the_study_goes_on(unstopped, tmp_path):
     assert errors == (
         f"stopped; what is done is kept: the same command with --output {tmp_path} goes on\n"
     )
+    assert 2 <= count_units(tmp_path) < len(plan_units(STOPPED))
+
+    done = subprocess.run(
+        [*COMMAND, "--output", str(tmp_path)], capture_output=True, text=True, check=True
+    )
+    assert "study.json" in done.stderr
+    assert count_units(tmp_path) == len(plan_units(STOPPED))
     with StudyFolder(tmp_path, STOPPED) as folder:
-        kept = dict(folder.finished)
-    assert kept
-    assert len(kept) < len(unstopped)
-    assert go_on(tmp_path) == unstopped
+        for unit in plan_units(STOPPED)[:2]:
+            assert folder.finished[unit.name] == run_unit(unit, STOPPED.seed)

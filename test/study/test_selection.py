@@ -60,10 +60,6 @@ def test_counts_add_up_and_survive_json() -> None:
     )
 
 
-def test_a_series_is_its_number() -> None:
-    assert simulate_series(PAPER_SETUP, (1,), 3) == simulate_series(PAPER_SETUP, (1,), 3)
-
-
 def test_every_fault_is_asked_for_from_a_size_on_and_tried_below_it() -> None:
     for fault in FAULTS:
         asked = [fault.name(size) in ASKED for size in fault.sizes]
@@ -76,15 +72,15 @@ def test_every_fault_is_asked_for_from_a_size_on_and_tried_below_it() -> None:
 @pytest.mark.parametrize("number", range(len(FAULTS) + 1))
 def test_what_is_asked_for_is_found_and_good_hits_stay(number: int) -> None:
     found = sum(
-        (simulate_series(PAPER_SETUP, (2,), number * SAMPLES + i) for i in range(4)),
+        (simulate_series(PAPER_SETUP, (2,), number * SAMPLES + i) for i in range(3)),
         SelectionCount(),
     )
     asked = ASKED & set(found.faulty)
     # A step of some sizes goes as a droop of that size would.
-    assert all(found.detected[name] >= 3 for name in asked)
+    assert all(found.detected[name] >= 2 for name in asked)
     assert found.good_rejected == 0
     is_good = number == len(FAULTS)
-    assert found.good == (4 * SERIES_HITS if is_good else 0)
+    assert found.good == (3 * SERIES_HITS if is_good else 0)
     assert list(found.faulty) == (
         [] if is_good else [FAULTS[number].name(size) for size in FAULTS[number].sizes]
     )
