@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,13 @@ from impact_rig.core.hits.overrule import (
     describe_label,
     make_overrules,
 )
-from impact_rig.core.session import Session, SessionResults
+from impact_rig.core.session import Session
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.record import Block, HitLabel
 from impact_rig.core.uncertainty.contact import estimate_hit_contact_time
 from impact_rig.recordings.reader import Recording, read_recording
-from impact_rig.results.campaign import Results, hit_results_from_judged, results_from_session
+from impact_rig.results.campaign import hit_results_from_judged, results_from_session
 from impact_rig.results.hit_traces import HitTraces, TraceAssembler
 from impact_rig.results.sample_traces import AlignedHit, align_hit, sample_traces_from_estimate
 from impact_rig.results.trace_series import FileResults, file_results_from_judged
@@ -43,87 +43,50 @@ class AnalyzedRecording:
 
     Attributes
     ----------
-    path : Path
-        Of the file.
-    campaigns : tuple of Results
-        What was found in those with hits, in their order; at least one.
+    campaigns : tuple of TracedCampaign
+        Those with hits, in their order; at least one. Their traces are there if asked for.
     warnings : tuple of str
         What the user should know of the file.
-    files : tuple of tuple of FileResults
-        Of each campaign the hits that were imported, each by itself.
     """
 
-    path: Path
-    campaigns: tuple[Results, ...]
+    campaigns: tuple[TracedCampaign, ...]
     warnings: tuple[str, ...]
-    files: tuple[tuple[FileResults, ...], ...] = ()
 
 
 @dataclass(frozen=True)
-class JudgedCampaign:
-    """One campaign of a recording, every hit judged.
-
-    Attributes
-    ----------
-    session : Session
-        With all hits.
-    traces : tuple of HitTraces
-        As recorded, by arrival; empty unless asked for.
-    aligned : tuple of AlignedHit
-        Filtered, those that have a pulse; empty unless asked for.
-    files : tuple of FileResults
-        Those that were imported, each by itself.
-    """
+class _JudgedCampaign:
+    """One campaign of a recording as it is read: its session, and what is kept of its hits."""
 
     session: Session
-    traces: tuple[HitTraces, ...]
-    aligned: tuple[AlignedHit, ...]
-    files: tuple[FileResults, ...]
+    traces: list[HitTraces] = field(default_factory=list)
+    aligned: dict[HitLabel, AlignedHit] = field(default_factory=dict)
+    files: dict[HitLabel, FileResults] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class JudgedRecording:
-    """All campaigns of a recording with hits, judged.
-
-    Attributes
-    ----------
-    path : Path
-        Of the file.
-    campaigns : tuple of JudgedCampaign
-        In their order; at least one.
-    faults : mapping of int to tuple of str
-        Injected by the virtual rig, by record.
-    warnings : tuple of str
-        What the user should know of the file.
-    """
-
-    path: Path
-    campaigns: tuple[JudgedCampaign, ...]
-    faults: Mapping[int, tuple[str, ...]]
-    warnings: tuple[str, ...]
-
-
-def judge_recording(
+def analyze_recording(
     path: Path,
-    settings: Settings,
+    settings: Settings = NO_CHANGES,
     accept: Sequence[str] = (),
     reject: Sequence[str] = (),
     *,
     keep_traces: bool = False,
+    with_models: bool = True,
     report: Report | None = None,
-) -> JudgedRecording:
-    """Judge every hit of a recording, as the estimator does live.
+) -> AnalyzedRecording:
+    """Judge every hit of a recording, as the estimator does live, and estimate.
 
     Parameters
     ----------
     path : Path
         Of the `.mcap` file.
-    settings : mapping
+    settings : mapping, optional
         Fields of `AnalysisSettings` to use in place of the recorded ones.
     accept, reject : sequence of str
         Hits that a person takes into the mean or leaves out, by name; see `find_label`.
     keep_traces : bool
-        Whether the recorded traces are wanted as well.
+        Whether the traces are wanted as well.
+    with_models : bool
+        Fit the model as well, which takes a tenth of a second for each sample.
     report : callable, optional
         Is told how far it is.
 
@@ -136,54 +99,31 @@ def judge_recording(
     """
     recording = read_recording(path)
     overrules = _find_overrules(recording, settings, accept, reject)
-    sessions: list[
-        tuple[Session, list[HitTraces], list[AlignedHit], dict[HitLabel, FileResults]]
-    ] = []
+    judged: list[_JudgedCampaign] = []
     assembler = TraceAssembler()
     for event in recording.events(_bind(report, "reading", recording.size)):
         if not isinstance(event, Block):
             # Each campaign begins with its set-up, and its estimates start afresh.
             setup = replace(event, analysis=replace(event.analysis, **settings))
-            sessions.append((Session(setup, overrules), [], [], {}))
-        elif sessions:
-            session, traces, aligned, files = sessions[-1]
-            judged = session.feed(event)
-            files |= {
-                hit.label: describe_hit(hit, session.setup) for hit in judged if hit.origin.file
-            }
-            if keep_traces:
-                aligned.extend(found for hit in judged if (found := align_hit(hit)) is not None)
-                if (joined := assembler.feed(event)) is not None:
-                    traces.append(joined)
+            judged.append(_JudgedCampaign(Session(setup, overrules)))
+        elif judged:
+            campaign = judged[-1]
+            for hit in campaign.session.feed(event):
+                if hit.origin.file:
+                    campaign.files[hit.label] = describe_hit(hit, campaign.session.setup)
+                if keep_traces and (aligned := align_hit(hit)) is not None:
+                    campaign.aligned[hit.label] = aligned
+            if keep_traces and (joined := assembler.feed(event)) is not None:
+                campaign.traces.append(joined)
+    faults = {label.record: names for label, names in recording.faults.items()}
     campaigns = tuple(
-        JudgedCampaign(session, tuple(traces), tuple(aligned), _settle(session, files))
-        for session, traces, aligned, files in sessions
-        if session.names
+        _finish(campaign, faults, report, with_models=with_models)
+        for campaign in judged
+        if campaign.session.names
     )
     if not campaigns:
         raise FileError(f"{path} holds no hit: no block of it completes a record")
-    return JudgedRecording(
-        path=path,
-        campaigns=campaigns,
-        faults={label.record: names for label, names in recording.faults.items()},
-        warnings=recording.warnings,
-    )
-
-
-def analyze_recording(
-    path: Path,
-    settings: Settings,
-    accept: Sequence[str] = (),
-    reject: Sequence[str] = (),
-    report: Report | None = None,
-) -> AnalyzedRecording:
-    """Judge every hit of a recording and estimate; parameters and errors as `judge_recording`."""
-    judged = judge_recording(path, settings, accept, reject, report=report)
-    campaigns = tuple(
-        _finish(campaign.session, judged.faults, report) for campaign in judged.campaigns
-    )
-    files = tuple(campaign.files for campaign in judged.campaigns)
-    return AnalyzedRecording(path, campaigns, judged.warnings, files)
+    return AnalyzedRecording(campaigns, recording.warnings)
 
 
 def describe_hit(hit: JudgedHit, setup: RigSetup) -> FileResults:
@@ -209,20 +149,6 @@ def describe_hit(hit: JudgedHit, setup: RigSetup) -> FileResults:
         contact_time=contact_time,
         best_shape=shape.best_shape,
         shape_residual_percent=best.residual_percent if best else math.nan,
-    )
-
-
-def _settle(session: Session, found: Mapping[HitLabel, FileResults]) -> tuple[FileResults, ...]:
-    """Return imported hits with the last word on each: a later one may have made it an outlier."""
-    selections = map(session.get_selection, session.names)
-    last = {hit.label: hit for item in selections for hit in (*item.kept, *item.left_out)}
-    return tuple(
-        replace(
-            file,
-            accepted=last[label].accepted,
-            reasons=tuple(map(str, last[label].rejections)),
-        )
-        for label, file in found.items()
     )
 
 
@@ -257,112 +183,44 @@ def _find_overrules(
 
 
 def _finish(
-    session: Session, faults: Mapping[int, tuple[str, ...]], report: Report | None
-) -> Results:
-    report_samples = _bind(report, "estimating", len(session.names))
-    if report_samples is not None:
-        report_samples(0)
-    found = session.estimate_all(report_samples)
-    return results_from_session(found, faults)
-
-
-@dataclass(frozen=True)
-class TracedRecording:
-    """What a recording has to show.
-
-    Attributes
-    ----------
-    path : Path
-        Of the file.
-    campaigns : tuple of TracedCampaign
-        Those with hits, in their order; at least one.
-    warnings : tuple of str
-        What the user should know of the file.
-    """
-
-    path: Path
-    campaigns: tuple[TracedCampaign, ...]
-    warnings: tuple[str, ...]
-
-
-def trace_recording(
-    path: Path,
-    settings: Settings = NO_CHANGES,
-    accept: Sequence[str] = (),
-    reject: Sequence[str] = (),
-    *,
-    with_models: bool,
-    report: Report | None = None,
-) -> TracedRecording:
-    """Judge every hit of a recording, estimate, and keep the traces.
-
-    Parameters
-    ----------
-    path : Path
-        Of the `.mcap` file.
-    settings : mapping, optional
-        Fields of `AnalysisSettings` to use in place of the recorded ones.
-    accept, reject : sequence of str
-        Hits that a person takes into the mean or leaves out, by name; see `find_label`.
-    with_models : bool
-        Fit the model as well, which takes a tenth of a second for each sample.
-    report : callable, optional
-        Is told how far it is.
-
-    Raises
-    ------
-    FileError
-        If the file is no recording of a rig, or holds no hit.
-    ParameterError
-        If the settings cannot be used, or a person's word on a hit makes no sense.
-    """
-    judged = judge_recording(path, settings, accept, reject, keep_traces=True, report=report)
-    campaigns = tuple(
-        _trace_campaign(campaign, judged.faults, report, with_models=with_models)
-        for campaign in judged.campaigns
-    )
-    return TracedRecording(path, campaigns, judged.warnings)
-
-
-def _trace_campaign(
-    campaign: JudgedCampaign,
+    campaign: _JudgedCampaign,
     faults: Mapping[int, tuple[str, ...]],
     report: Report | None,
     *,
     with_models: bool,
 ) -> TracedCampaign:
     session = campaign.session
-
-    def tell(done: int) -> None:
-        if report is not None:
-            report("estimating", done, len(session.names))
-
+    tell = _bind(report, "estimating", len(session.names))
+    if tell is not None:
+        tell(0)
     found = session.estimate_all(tell) if with_models else session.estimate_all_without_models()
+    judged = {hit.label: hit for hit in (*found.accepted, *found.rejected)}
     means = [(estimate, session.compute_mean(estimate.name)) for estimate in found.samples]
-    traces = [
-        sample_traces_from_estimate(estimate, mean) for estimate, mean in means if mean is not None
+    samples = [
+        sample_traces_from_estimate(estimate, mean)
+        for estimate, mean in means
+        if campaign.traces and mean is not None
     ]
     return TracedCampaign(
         results=results_from_session(found, faults),
-        samples=tuple(item for item in traces if item is not None),
-        hits=_gather_hits(campaign, found, faults),
-    )
-
-
-def _gather_hits(
-    campaign: JudgedCampaign, found: SessionResults, faults: Mapping[int, tuple[str, ...]]
-) -> tuple[TracedHit, ...]:
-    judged: dict[HitLabel, JudgedHit] = {
-        hit.label: hit for hit in (*found.accepted, *found.rejected)
-    }
-    aligned = {hit.label: hit for hit in campaign.aligned}
-    return tuple(
-        TracedHit(
-            result=hit_results_from_judged(hit, faults.get(hit.label.record, ())),
-            stamp=hit.stamp,
-            recorded=recorded,
-            aligned=aligned.get(hit.label),
-        )
-        for recorded in campaign.traces
-        if (hit := judged.get(recorded.label)) is not None
+        samples=tuple(item for item in samples if item is not None),
+        hits=tuple(
+            TracedHit(
+                result=hit_results_from_judged(hit, faults.get(hit.label.record, ())),
+                stamp=hit.stamp,
+                recorded=recorded,
+                aligned=campaign.aligned.get(hit.label),
+            )
+            for recorded in campaign.traces
+            if (hit := judged.get(recorded.label)) is not None
+        ),
+        # With the last word on each: a later hit may have made it an outlier.
+        files=tuple(
+            replace(
+                file,
+                accepted=judged[label].accepted,
+                reasons=tuple(map(str, judged[label].rejections)),
+            )
+            for label, file in campaign.files.items()
+        ),
     )

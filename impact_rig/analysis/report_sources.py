@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from impact_rig.analysis.recording_analysis import trace_recording
+from impact_rig.analysis.recording_analysis import analyze_recording
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
@@ -130,12 +130,12 @@ def _read_results_alone(source: RunSource, name: str, warnings: tuple[str, ...] 
             samples.find(sample.name)
     except ParameterError as error:
         raise FileError(f"results {source.path}: {error}") from None
-    campaign = TracedCampaign(results, (), ())
+    campaign = TracedCampaign(results)
     return Run(name, source.place, campaign, warnings=warnings)
 
 
 def _read_recorded(source: RunSource, name: str) -> tuple[Run, ...]:
-    traced = trace_recording(source.path, with_models=True)
+    traced = analyze_recording(source.path, keep_traces=True)
     groups = iter(_find_acquisitions(source.path))
     many = len(traced.campaigns) > 1
     return tuple(

@@ -119,19 +119,18 @@ def report_recording(
     Raises as `analyze_recording`.
     """
     with AnalysisProgress(make_console(stderr=True), path) as bar:
-        recording = analyze_recording(path, settings, accept, reject, bar.report)
+        recording = analyze_recording(path, settings, accept, reject, report=bar.report)
     _print_warnings(recording)
     several = len(recording.campaigns) > 1
     if form is Form.JSON:
-        contents = [results_to_json(results) for results in recording.campaigns]
+        contents = [results_to_json(campaign.results) for campaign in recording.campaigns]
         click.echo(format_json(contents if several else contents[0]), nl=False)
         return
     console = make_console()
-    found = zip(recording.campaigns, recording.files, strict=True)
-    for number, (results, files) in enumerate(found, start=1):
+    for number, campaign in enumerate(recording.campaigns, start=1):
         if several:
             console.print(f"{path}, campaign {number}\n", style="bold underline")
-        _print(console, results, form, files)
+        _print(console, campaign.results, form, campaign.files)
 
 
 def report_results(path: Path, form: Form) -> None:
@@ -193,8 +192,8 @@ def report_batch(
             continue
         _print_warnings(outcome.recording)
         campaigns += [
-            BatchCampaign(path, number, results)
-            for number, results in enumerate(outcome.recording.campaigns, start=1)
+            BatchCampaign(path, number, campaign.results)
+            for number, campaign in enumerate(outcome.recording.campaigns, start=1)
         ]
     if form is Form.JSON:
         click.echo(format_json([_make_entry(campaign) for campaign in campaigns]), nl=False)

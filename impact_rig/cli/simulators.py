@@ -121,13 +121,13 @@ def export_to_simulators(paths: Sequence[Path], task: SimulatorTask) -> None:
 
 
 def _read_campaigns(path: Path) -> Sequence[TracedCampaign]:
-    from impact_rig.analysis.recording_analysis import trace_recording
+    from impact_rig.analysis.recording_analysis import analyze_recording
     from impact_rig.analysis.report_sources import find_run
 
     source = find_run(path)
     if not source.is_recording:
-        return [TracedCampaign(read_results(source.path), (), ())]
-    traced = trace_recording(source.path, with_models=False)
+        return [TracedCampaign(read_results(source.path))]
+    traced = analyze_recording(source.path, keep_traces=True, with_models=False)
     for warning in traced.warnings:
         print_warning(warning)
     return traced.campaigns

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import click
 
-from impact_rig.analysis.recording_analysis import trace_recording
+from impact_rig.analysis.recording_analysis import analyze_recording
 from impact_rig.analysis.report_sources import RunSource, find_run
 from impact_rig.cli.analyze import AnalysisProgress
 from impact_rig.cli.each_file import process_each, raise_errors
@@ -86,10 +86,12 @@ def _read_campaigns(
 ) -> tuple[tuple[TracedCampaign, ...], tuple[str, ...]]:
     """Return the campaigns of a source, and what the user should know."""
     if not source.is_recording:
-        alone = TracedCampaign(read_results(source.path), (), ())
+        alone = TracedCampaign(read_results(source.path))
         return (alone,), ("results hold no traces: tables and figures alone are shown",)
     with AnalysisProgress(make_console(stderr=True), source.path) as bar:
-        traced = trace_recording(source.path, with_models=fit, report=bar.report)
+        traced = analyze_recording(
+            source.path, keep_traces=True, with_models=fit, report=bar.report
+        )
     remarks = [remark for campaign in traced.campaigns for remark in list_remarks(campaign)]
     return traced.campaigns, (*traced.warnings, *remarks)
 

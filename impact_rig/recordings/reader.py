@@ -332,8 +332,8 @@ def index_hits(recording: Recording) -> tuple[tuple[IndexedHit, ...], ...]:
     Returns
     -------
     tuple of tuple of IndexedHit
-        The campaigns with hits, as `judge_recording` tells them apart, each with its hits in file
-        order.
+        The campaigns with hits, as `analyze_recording` tells them apart, each with its hits in
+        file order.
 
     Raises
     ------

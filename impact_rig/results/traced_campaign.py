@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.hit_traces import HitTraces
 from impact_rig.results.sample_traces import AlignedHit, SampleTraces
+from impact_rig.results.trace_series import FileResults
 
 
 @dataclass(frozen=True)
@@ -38,11 +39,14 @@ class TracedCampaign:
     results : Results
         What was found.
     samples : tuple of SampleTraces
-        Those with a mean hit, in the order of the results.
+        Those with a mean hit, in the order of the results; empty without traces.
     hits : tuple of TracedHit
-        All, in the order of arrival.
+        All, in the order of arrival; empty without traces.
+    files : tuple of FileResults
+        Hits that were imported, each by itself.
     """
 
     results: Results
-    samples: tuple[SampleTraces, ...]
-    hits: tuple[TracedHit, ...]
+    samples: tuple[SampleTraces, ...] = ()
+    hits: tuple[TracedHit, ...] = ()
+    files: tuple[FileResults, ...] = ()

@@ -6,16 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from impact_rig.analysis.recording_analysis import (
-    analyze_recording,
-    trace_recording,
-)
+from impact_rig.analysis.recording_analysis import analyze_recording
 from impact_rig.core.origin import MEASURED, Origin
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
 from impact_rig.recordings.importing import ImportedHit, write_imported
 from impact_rig.results.remarks import tabulate_accepted
+from impact_rig.results.traced_campaign import TracedCampaign
 
 SAMPLES = ("aluminium large", "steel small")
 LABELS = [
@@ -39,23 +37,26 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return output
 
 
-def test_the_results_are_those_of_the_analysis(path: Path) -> None:
-    (campaign,) = trace_recording(path, with_models=True).campaigns
-    (analyzed,) = analyze_recording(path, {}).campaigns
-    assert repr(campaign.results) == repr(analyzed)
+@pytest.fixture(scope="module")
+def campaign(path: Path) -> TracedCampaign:
+    """Return all that there is to see of it."""
+    (found,) = analyze_recording(path, keep_traces=True, with_models=False).campaigns
+    return found
 
 
-def test_without_models_everything_else_is_the_same(path: Path) -> None:
-    (campaign,) = trace_recording(path, with_models=False).campaigns
-    (analyzed,) = analyze_recording(path, {}).campaigns
-    assert repr(campaign.results.hits) == repr(analyzed.hits)
-    for sample, other in zip(campaign.results.samples, analyzed.samples, strict=True):
+def test_neither_traces_nor_models_change_what_is_found(
+    path: Path, campaign: TracedCampaign
+) -> None:
+    (analyzed,) = analyze_recording(path).campaigns
+    assert (analyzed.samples, analyzed.hits) == ((), ())
+    assert repr(campaign.results.hits) == repr(analyzed.results.hits)
+    pairs = zip(campaign.results.samples, analyzed.results.samples, strict=True)
+    for sample, other in pairs:
         assert sample.identifications == ()
         assert repr(sample.stiffness) == repr(other.stiffness)
 
 
-def test_every_hit_is_there_as_recorded_and_in_its_sample_s_time(path: Path) -> None:
-    (campaign,) = trace_recording(path, with_models=False).campaigns
+def test_every_hit_is_there_as_recorded_and_in_its_sample_s_time(campaign: TracedCampaign) -> None:
     assert [hit.recorded.label for hit in campaign.hits] == LABELS
     assert [hit.result.record for hit in campaign.hits] == [label.record for label in LABELS]
     assert {hit.result.accepted for hit in campaign.hits} == {True, False}, "some should be bad"
@@ -68,8 +69,7 @@ def test_every_hit_is_there_as_recorded_and_in_its_sample_s_time(path: Path) -> 
             assert peaks[0] == pytest.approx(hit.result.hammer_peak, rel=1e-3)
 
 
-def test_a_mean_is_that_of_its_accepted_hits(path: Path) -> None:
-    (campaign,) = trace_recording(path, with_models=False).campaigns
+def test_a_mean_is_that_of_its_accepted_hits(campaign: TracedCampaign) -> None:
     for sample in campaign.samples:
         grid = sample.time[500:2000]
         hits = [
@@ -81,14 +81,13 @@ def test_a_mean_is_that_of_its_accepted_hits(path: Path) -> None:
         np.testing.assert_allclose(np.mean(hits, axis=0), mean, atol=1e-6 * np.abs(mean).max())
 
 
-def test_a_person_s_word_and_other_settings_hold(path: Path) -> None:
-    (before,) = trace_recording(path, with_models=False).campaigns
-    first = next(hit.result for hit in before.hits if hit.result.accepted)
+def test_a_person_s_word_and_other_settings_hold(path: Path, campaign: TracedCampaign) -> None:
+    first = next(hit.result for hit in campaign.hits if hit.result.accepted)
     changes = {"pulse_factor": 1.5}
-    (after,) = trace_recording(
-        path, changes, reject=[str(first.record)], with_models=False
+    (after,) = analyze_recording(
+        path, changes, reject=[str(first.record)], keep_traces=True, with_models=False
     ).campaigns
-    assert [hit.result.record for hit in before.hits if hit.result.accepted] == [
+    assert [hit.result.record for hit in campaign.hits if hit.result.accepted] == [
         first.record,
         *(hit.result.record for hit in after.hits if hit.result.accepted),
     ]
@@ -104,7 +103,8 @@ def test_a_simulated_hit_among_measured_ones_is_told(tmp_path: Path) -> None:
     blocks[1:] = [replace(block, origin=measured) for block in blocks[1:]]
     hits = [ImportedHit(Path(__file__), block, True, "m/s^2", (), ()) for block in blocks]
     write_imported(tmp_path / "mixed.mcap", PAPER_SETUP, hits)
-    (results,) = analyze_recording(tmp_path / "mixed.mcap", {}).campaigns
+    (found,) = analyze_recording(tmp_path / "mixed.mcap").campaigns
+    results = found.results
     assert [hit.origin.kind for hit in results.hits] == ["simulated", "measured", "measured"]
     assert results.origin.kind == "mixed"
     (table,) = tabulate_accepted(results)

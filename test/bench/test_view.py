@@ -7,7 +7,7 @@ import pytest
 
 from bench import view
 from bench.measure import Bench
-from impact_rig.analysis.recording_analysis import trace_recording
+from impact_rig.analysis.recording_analysis import analyze_recording
 from impact_rig.core.errors import RigError
 
 HITS, CHANNELS = 3, 2
@@ -37,7 +37,7 @@ def test_the_view_is_compared_with_bare_calls_and_commands_are_timed(
 
 def test_bare_calls_write_the_traces_of_every_hit(recording: Path, tmp_path: Path) -> None:
     rerun = pytest.importorskip("rerun")
-    traced = trace_recording(recording, with_models=False).campaigns
+    traced = analyze_recording(recording, keep_traces=True, with_models=False).campaigns
     traces = view.gather_traces(traced)
     view.write_bare(tmp_path / "bare.rrd", traces)
     found: dict[str, list[float]] = {}

@@ -40,10 +40,12 @@ Trace = tuple[str, FloatArray, FloatArray]
 def measure_view(bench: Bench) -> Iterator[Figure]:
     """Time the logging in this process, and whole commands as a user calls them."""
     # Half a second to load, which only who views a campaign pays.
-    from impact_rig.analysis.recording_analysis import trace_recording
+    from impact_rig.analysis.recording_analysis import analyze_recording
 
     recording = bench.campaigns.take(1)[0].recording
-    yield from _measure_logging(bench, trace_recording(recording, with_models=False).campaigns)
+    yield from _measure_logging(
+        bench, analyze_recording(recording, keep_traces=True, with_models=False).campaigns
+    )
     views = []
     for number in range(VIEWS):
         bench.report(number, VIEWS)
