@@ -25,13 +25,22 @@ Run = Callable[..., Any]
 SAMPLES = ("steel small", "aluminium large")
 
 
-def test_the_json_of_a_run_s_folder_is_that_of_the_live_run_character_by_character(
-    run: Run, campaign: Any
+def test_the_json_of_a_run_s_folder_is_that_of_the_live_run_also_without_ros(
+    campaign: Any,
 ) -> None:
-    outcome = run("analyze", campaign.path.parent, "--json")
-    assert outcome.exit_code == 0
-    assert outcome.stdout == format_json(results_to_json(campaign.results))
-    content = json.loads(outcome.stdout)
+    # -S -E would hide everything else too: forbid just rclpy, as if it were not installed.
+    code = (
+        "import sys; sys.modules['rclpy'] = None; sys.modules['impact_rig_msgs'] = None;"
+        "from impact_rig.cli.main import main; main()"
+    )
+    words = [sys.executable, "-c", code, "analyze", str(campaign.path.parent), "--json"]
+    environment = {key: value for key, value in os.environ.items() if key != "AMENT_PREFIX_PATH"}
+    done = subprocess.run(
+        words, capture_output=True, text=True, env=environment, timeout=100, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == format_json(results_to_json(campaign.results))
+    content = json.loads(done.stdout)
     assert (content["origin"], content["origin_source"]) == (
         "simulated", "virtual rig, plant published",
     )  # fmt: skip
@@ -59,63 +68,28 @@ def test_the_tables_show_paper_beside_measured(run: Run, campaign: Any) -> None:
     assert max(map(len, outcome.stdout.splitlines())) <= 80
 
 
-def test_without_ros_it_works_all_the_same(campaign: Any) -> None:
-    # -S -E would hide everything else too: forbid just rclpy, as if it were not installed.
-    code = (
-        "import sys; sys.modules['rclpy'] = None; sys.modules['impact_rig_msgs'] = None;"
-        "from impact_rig.cli.main import main; main()"
-    )
-    words = [sys.executable, "-c", code, "analyze", str(campaign.path), "--json"]
-    environment = {key: value for key, value in os.environ.items() if key != "AMENT_PREFIX_PATH"}
-    done = subprocess.run(
-        words, capture_output=True, text=True, env=environment, timeout=60, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == format_json(results_to_json(campaign.results))
-
-
 def test_two_campaigns_in_one_recording_are_kept_apart(
     run: Run, record: Callable[..., Any], tmp_path: Path
 ) -> None:
-    recorded = record(tmp_path / "two.mcap", VirtualRigSettings(seed=3), SAMPLES, 2, campaigns=2)
+    settings = VirtualRigSettings(seed=3)
+    recorded = record(tmp_path / "two.mcap", settings, SAMPLES[1:], 1, campaigns=2)
     first, second = json.loads(run("analyze", recorded.path, "--json").stdout)
     assert second == results_to_json(recorded.results)
-    assert [sample["impacts_accepted"] for sample in first["samples"]] == [2, 2]
+    assert [sample["impacts_accepted"] for sample in first["samples"]] == [1]
     assert "campaign 2" in " ".join(run("analyze", recorded.path).stdout.split())
 
 
 def test_settings_of_the_command_line_replace_the_recorded_ones(run: Run, campaign: Any) -> None:
-    content = json.loads(run("analyze", campaign.path, "--json", "--pulse-factor", 1.5).stdout)
+    words = ("--pulse-factor", 1.5, "--exponent", 1.5)
+    content = json.loads(run("analyze", campaign.path, "--json", *words).stdout)
     for sample, recorded in zip(content["samples"], campaign.results.samples, strict=True):
         assert sample["contact_time_s"] == pytest.approx(0.75 * recorded.contact_time.value)
-
-
-def test_the_exponent_of_the_contact_law_can_be_given(run: Run, campaign: Any) -> None:
-    content = json.loads(run("analyze", campaign.path, "--json", "--exponent", 1.5).stdout)
-    for sample in content["samples"]:
         law = sample["contact_law"]
         assert (law["exponent"], law["exponent_u"]) == (1.5, 0.0)
         assert "n was given, 1.5, not found" in law["notes"]
     outcome = run("analyze", campaign.path, "--exponent", 7)
     assert outcome.exit_code == 2
     assert "contact_exponent is 7" in outcome.stderr
-
-
-def test_a_bad_recording_does_not_spoil_the_good_one(
-    run: Run, campaign: Any, tmp_path: Path
-) -> None:
-    bad = tmp_path / "bad.mcap"
-    bad.write_text("this is no MCAP")
-    outcome = run("analyze", bad, campaign.path, "--json")
-    assert outcome.exit_code == 2
-    assert outcome.stderr.count("error:") == 1
-    assert str(bad) in outcome.stderr
-    (entry,) = json.loads(outcome.stdout)
-    assert entry == {
-        "recording": str(campaign.path),
-        "campaign": 1,
-        "results": results_to_json(campaign.results),
-    }
 
 
 @pytest.mark.parametrize(
@@ -183,15 +157,6 @@ def test_a_person_accepts_and_rejects_hits_by_number_or_place(run: Run, campaign
     # What nobody spoke of stays as it was.
     others = {hit.record for hit in before} - {double.record}
     assert others <= rejections.keys()
-
-
-def test_the_most_consistent_hits_are_kept_on_request(run: Run, campaign: Any) -> None:
-    content = json.loads(run("analyze", campaign.path, "--json", "--keep", 2).stdout)
-    assert {sample["impacts_accepted"] for sample in content["samples"]} == {2}
-    surplus = [
-        number for number, reasons in find_rejections(content).items() if reasons == ["surplus"]
-    ]
-    assert len(surplus) == len(content["samples"])
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def test_real_hits_are_accepted_with_the_widths_that_their_readme_states(run: Ru
     assert "do not tell it, 6 may; sample faster" in " ".join(sample["contact_law"]["notes"])
 
 
-@pytest.mark.parametrize("name", ["hit.npy", "hit.csv", "hit.txt"])
+@pytest.mark.parametrize("name", ["hit.npy", "hit.csv"])
 def test_the_contact_time_of_a_versed_sine_is_twice_its_width(
     run: Run, save: Callable[..., Path], name: str
 ) -> None:
@@ -141,28 +141,6 @@ def test_a_rig_file_gives_masses_and_settings(
     assert "unknown sample 'tin'" in unknown.stderr
 
 
-def test_units_turn_into_accelerations(run: Run, save: Callable[..., Path]) -> None:
-    path = save("hit.npy", make_pulse())
-    plain = ("analyze", "--cutoff", "off", "--json", path)
-    for words, factor in (
-        (("--hammer-unit", "g"), 9.80665),
-        (("--hammer-unit", "N", "--hammer-mass", "200 g"), 5.0),
-    ):
-        (hit,) = read_json(run(*plain, *words))["hits"]
-        assert hit["hammer_peak_m_per_s2"] == pytest.approx(500.0 * factor, rel=1e-3)
-    (hit,) = read_json(run(*plain, "--hammer-unit", "N"))["hits"]
-    assert hit["hammer_peak_m_per_s2"] is None
-    assert hit["contact_time_s"] == pytest.approx(CONTACT_TIME, rel=1e-4)
-
-
-def test_columns_are_what_they_are_said_to_be(run: Run, save: Callable[..., Path]) -> None:
-    time, hammer, sample = make_pulse()
-    path = save("hit.csv", np.stack([sample, np.full_like(time, 7.0), hammer]))
-    words = ("--columns", "specimen,skip,hammer", "--rate", "1 MHz", "--cutoff", "off", "--json")
-    (hit,) = read_json(run("analyze", *words, path))["hits"]
-    assert hit["contact_time_s"] == pytest.approx(CONTACT_TIME, rel=1e-4)
-
-
 def test_the_mean_is_of_the_accepted_hits_alone(run: Run, save: Callable[..., Path]) -> None:
     good = [save(f"hit_{i}.npy", make_pulse(CONTACT_TIME + i * 1e-6)) for i in range(3)]
     clipped = make_pulse()
@@ -187,12 +165,6 @@ def test_a_file_that_cannot_be_used_does_not_spoil_the_others(
     assert [hit["accepted"] for hit in json.loads(outcome.stdout)["hits"]] == [True]
 
 
-def _with_nan() -> np.ndarray:
-    rows = make_pulse()
-    rows[1, 700] = np.nan
-    return rows
-
-
 def _with_noise_only() -> np.ndarray:
     rows = make_pulse()[:2]
     rows[1] = np.random.default_rng(1).normal(size=rows.shape[1])
@@ -202,25 +174,17 @@ def _with_noise_only() -> np.ndarray:
 @pytest.mark.parametrize(
     ("rows", "words", "sentence"),
     [
-        pytest.param(_with_nan(), (), "point 700", id="NaN"),
         pytest.param(make_pulse(peak=0.0), (), "no pulse", id="flat"),
         pytest.param(_with_noise_only(), (), "no pulse", id="noise"),
         pytest.param(make_pulse(), ("--cutoff", "600 kHz"), "too low", id="slow sampling"),
         pytest.param(make_pulse(), ("--cutoff", "5 kg"), "is no Hz", id="wrong unit"),
         pytest.param(make_pulse(), ("--pulse-factor", "9"), "between 1 and 4", id="factor"),
-        pytest.param(make_pulse()[:1], (), "give its sampling rate", id="no time"),
         pytest.param(make_pulse(), ("--columns", "time,force"), "'force' is unknown", id="role"),
         pytest.param(
             make_pulse(),
             ("--hammer-mass", "-1", "--sample-mass", "0.1"),
             "-1.0 kg: it must be",
             id="negative mass",
-        ),
-        pytest.param(
-            make_pulse(),
-            ("--hammer-mass", "0.1", "--sample-mass", "0"),
-            "0.0 kg: it must be",
-            id="zero mass",
         ),
         pytest.param(make_pulse(), ("--control",), "needs both masses", id="control"),
         pytest.param(make_pulse(), ("--rig-file", "none.toml"), "none.toml", id="no rig file"),

@@ -17,7 +17,6 @@ from impact_rig.cli.doctor import (
     check_distribution,
     check_domain,
     check_libraries,
-    check_python,
 )
 
 
@@ -26,10 +25,6 @@ def shelf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a folder whose modules Python finds."""
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     return tmp_path
-
-
-def test_this_python_will_do() -> None:
-    assert check_python().status is Status.OK
 
 
 def test_what_loads_is_shown_with_its_version() -> None:

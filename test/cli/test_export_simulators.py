@@ -48,6 +48,7 @@ def test_what_is_exported_is_what_the_virtual_rig_struck_with(
 ) -> None:
     output = tmp_path / "steel.sdf"
     assert run("export", recorded.path, "--for", "drake", "-o", output).exit_code == 0
+    assert "Origin of the hits: simulated (virtual rig, plant contact)." in output.read_text()
     properties = {
         item.tag.partition("}")[2]: float(item.text or "nan")
         for item in ET.parse(output).getroot().iter()

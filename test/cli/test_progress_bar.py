@@ -21,10 +21,8 @@ from impact_rig.cli.progress_bar import ProgressBar, TimeLeft
 from impact_rig.present.terminal.console import make_console
 
 console = make_console(stderr=True)
-title, patience = sys.argv[1], float(sys.argv[2])
-with ProgressBar(console, title, MofNCompleteColumn(), TimeLeft(), total=1e4, patience=patience) \\
-        as bar:
-    for done in range(int(sys.argv[3])):
+with ProgressBar(console, sys.argv[1], MofNCompleteColumn(), TimeLeft(), total=1e4) as bar:
+    for done in range(int(sys.argv[2])):
         bar.update(completed=done, status="last hit, 12.3: accepted, τp 203.20 µs")
         if done == 5:
             console.print("steel small, hit 1.2 rejected: overload")
@@ -33,25 +31,19 @@ print("the end")
 """
 
 
-def make_words(title: str = "steel small", patience: float = 0.0, steps: int = 30) -> list[str]:
-    return [sys.executable, "-c", PROGRAM, title, str(patience), str(steps)]
+def make_words(title: str = "steel small", steps: int = 30) -> list[str]:
+    return [sys.executable, "-c", PROGRAM, title, str(steps)]
 
 
-@pytest.mark.parametrize("columns", [60, 132])
-def test_the_bar_fits_and_shows_its_figures_whole(columns: int) -> None:
+def test_the_bar_fits_shows_its_figures_whole_and_goes_and_what_is_told_meanwhile_stays() -> None:
     title = "鋼 steel of a long name"
-    with open_terminal(make_words(title), columns) as terminal:
+    with open_terminal(make_words(title), 60) as terminal:
         assert terminal.finish() == 0
-        assert find_widest(terminal.text) <= columns
+        assert find_widest(terminal.text) <= 60
         assert "29/10000" in terminal.text
         assert "τp 203.20 µs" in terminal.text.replace("\n", " ")
         assert title in re.sub(r"\s+", " ", terminal.text)
         assert "━" in terminal.text
-
-
-def test_what_is_told_meanwhile_stays_and_the_bar_goes() -> None:
-    with open_terminal(make_words()) as terminal:
-        assert terminal.finish() == 0
     screen = play(terminal.raw)
     assert screen == ["steel small, hit 1.2 rejected: overload", "step 8", "the end"]
     assert terminal.raw.rindex(SHOW_CURSOR) > terminal.raw.rindex(HIDE_CURSOR)
@@ -77,7 +69,7 @@ def play(raw: str) -> list[str]:
     return [line for line in lines if line.strip()]
 
 
-def test_a_terminal_made_narrower_is_filled_no_further() -> None:
+def test_a_terminal_made_narrower_is_filled_no_further_and_ctrl_c_leaves_it_as_it_was() -> None:
     with open_terminal(make_words(steps=10_000), 120) as terminal:
         terminal.read_until(lambda raw: raw.count(STATUS) > 1)
         terminal.resize(44)
@@ -85,34 +77,19 @@ def test_a_terminal_made_narrower_is_filled_no_further() -> None:
         terminal.read_until(lambda raw: raw.count(STATUS, before) > 3)
         # What was drawn while the size changed may still be as wide as before.
         frames = ESCAPE.sub("", terminal.raw[before:]).split(STATUS)[2:]
+        terminal.process.send_signal(signal.SIGINT)
+        assert terminal.finish() != 0
     assert max(map(find_widest, frames)) <= 44
+    assert HIDE_CURSOR in terminal.raw
+    assert terminal.raw.rindex(SHOW_CURSOR) > terminal.raw.rindex(HIDE_CURSOR)
 
 
 STATUS = "last hit"
 
 
-def test_ctrl_c_leaves_the_terminal_as_it_was() -> None:
-    with open_terminal(make_words(steps=10_000)) as terminal:
-        terminal.read_until(lambda raw: STATUS in raw)
-        terminal.process.send_signal(signal.SIGINT)
-        assert terminal.finish() != 0
-    assert HIDE_CURSOR in terminal.raw
-    assert terminal.raw.rindex(SHOW_CURSOR) > terminal.raw.rindex(HIDE_CURSOR)
-
-
-def test_what_is_done_soon_needs_no_bar() -> None:
-    with open_terminal(make_words(patience=60.0)) as terminal:
-        assert terminal.finish() == 0
-    assert "━" not in terminal.raw
-    assert HIDE_CURSOR not in terminal.raw
-
-
-@pytest.mark.parametrize("environment", [{}, {"FORCE_COLOR": "1", "TTY_COMPATIBLE": "1"}])
-def test_a_pipe_gets_no_bar_even_if_it_is_to_be_coloured(
-    monkeypatch: pytest.MonkeyPatch, environment: dict[str, str]
-) -> None:
-    for name, value in environment.items():
-        monkeypatch.setenv(name, value)
+def test_a_pipe_gets_no_bar_even_if_it_is_to_be_coloured(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("FORCE_COLOR", "TTY_COMPATIBLE"):
+        monkeypatch.setenv(name, "1")
     done = subprocess.run(make_words(), capture_output=True, text=True, check=True)
     assert done.stdout == "step 8\nthe end\n"
     assert "━" not in done.stderr

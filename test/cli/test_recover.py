@@ -92,18 +92,6 @@ def test_several_are_recovered_one_by_one(run: Run, damaged: Path, struck: Path)
     assert (refused.exit_code, "--output" in refused.stderr) == (2, True)
 
 
-def test_a_file_that_may_not_be_read_is_one_sentence(
-    run: Run, damaged: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: Any, **__: Any) -> None:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(Path, "open", refuse)
-    outcome = run("recover", damaged)
-    assert outcome.exit_code == 2
-    assert outcome.stderr == f"error: {damaged} cannot be read: Permission denied\n"
-
-
 def test_a_full_disk_leaves_nothing_behind(
     run: Run, damaged: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -234,7 +234,8 @@ def test_the_pdf_lies_beside_the_html(run: Run, undrawn: None, folder: Path):
     assert (outcome.exit_code, outcome.stdout) == (0, "")
     content = (folder / "for you.pdf").read_bytes()
     assert content.startswith(b"%PDF-")
-    assert len(re.findall(rb"/Type\s*/Page\b", content)) >= 2
+    pages = len(re.findall(rb"/Type\s*/Page\b", content))
+    assert 2 <= pages == len(re.findall(rb"/MediaBox \[0 0 59[45]", content))  # A4
     assert sorted(path.name for path in folder.iterdir()) == [
         "for you.html",
         "for you.pdf",

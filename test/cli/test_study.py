@@ -23,8 +23,45 @@ def test_the_parts_of_the_help_are_those_of_the_study() -> None:
     assert tuple(part.value for part in Part) == PARTS
 
 
-def test_a_small_study_from_end_to_end(run: Run, tmp_path: Path) -> None:
-    folder = tmp_path / "small"
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Run a small study by the script that is on the path; return its folder and what it told.
+
+    The processes that it starts import the file that started their parent: it must not start
+    the command once more.
+    """
+    folder = tmp_path_factory.mktemp("studies") / "small"
+    done = subprocess.run(
+        [str(shutil.which("impact-rig")), "study", "--campaigns", "2", "--output", str(folder)],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "80"},
+        check=False,
+    )
+    return folder, done
+
+
+def test_tables_and_goals_fit_a_terminal(study: Any) -> None:
+    folder, done = study
+    assert done.returncode == 0  # though two campaigns reach no coverage goal
+    text = " ".join(done.stdout.split())
+    for words in (
+        "Coverage of the 95 % intervals",
+        "RMSE /",
+        "paper's method",
+        "identification",
+        "93 to 97 %",
+        "at most 1.15 bounds",
+        "Faults by their size",
+        "found and rightly named",
+        "MISSED",
+    ):
+        assert words in text
+    assert done.stderr.startswith(f"in {folder}: study.json")
+
+
+def test_a_study_that_goes_on_has_all_in_json_and_files(run: Run, study: Any) -> None:
+    folder, _ = study
     outcome = run("study", "--campaigns", 2, "--json", "--output", folder)
     assert outcome.exit_code == 0
     content = json.loads(outcome.stdout, parse_constant=pytest.fail)
@@ -59,34 +96,12 @@ def test_a_small_study_from_end_to_end(run: Run, tmp_path: Path) -> None:
     assert float(rows[0]["bias_percent"]) == content["rows"][0]["bias_percent"]
 
 
-def test_tables_and_goals_fit_a_terminal(run: Run, tmp_path: Path) -> None:
-    words = ("study", "coverage", "efficiency", "selection", "--campaigns", 3)
-    outcome = run(*words, "--output", tmp_path / "study")
-    assert outcome.exit_code == 0  # though three campaigns reach no coverage goal
-    assert max(map(len, outcome.stdout.splitlines())) <= 80
-    text = " ".join(outcome.stdout.split())
-    for words in (
-        "Coverage of the 95 % intervals",
-        "RMSE /",
-        "paper's method",
-        "identification",
-        "93 to 97 %",
-        "at most 1.15 bounds",
-        "Faults by their size",
-        "found and rightly named",
-        "MISSED",
-    ):
-        assert words in text
-    assert outcome.stderr.startswith(f"in {tmp_path / 'study'}: study.json")
-
-
-def test_the_folder_of_another_study_is_refused(run: Run, tmp_path: Path) -> None:
-    words = ("study", "selection", "--output", tmp_path)
-    assert run(*words, "--campaigns", 2).exit_code == 0
-    outcome = run(*words, "--campaigns", 3)
+def test_the_folder_of_another_study_is_refused(run: Run, study: Any) -> None:
+    folder, _ = study
+    outcome = run("study", "--output", folder, "--campaigns", 3)
     assert outcome.exit_code == 2
     assert outcome.stderr == (
-        f"error: the folder {tmp_path} holds another study: its campaigns is 2, here it is 3;"
+        f"error: the folder {folder} holds another study: its campaigns is 2, here it is 3;"
         " choose another --output\n"
     )
 
@@ -109,31 +124,16 @@ def test_what_cannot_be_meant_is_refused(
     assert not (tmp_path / "new").exists()
 
 
-def test_the_script_that_is_on_the_path_can_start_processes(tmp_path: Path) -> None:
-    # They import the file that started their parent: it must not start the command once more.
-    words = ("study", "selection", "--campaigns", "1", "--output", str(tmp_path / "study"))
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [str(shutil.which("impact-rig")), *words],
-        capture_output=True,
-        text=True,
-        env=environment,
-        check=False,
-    )
-    assert (done.returncode, done.stderr) == (
-        0,
-        f"in {tmp_path / 'study'}: study.json, selection.csv\n",
-    )
-
-
 def test_a_study_without_matplotlib_lacks_its_figure_only(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: Run, study: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    folder = Path(shutil.copytree(study[0], tmp_path / "copy"))
+    for path in folder.glob("study.*"):
+        path.unlink()
     for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    outcome = run("study", "coverage", "--campaigns", 1, "--output", tmp_path)
+    outcome = run("study", "--campaigns", 2, "--output", folder)
     assert outcome.exit_code == 0
     assert "no figure was drawn: Python finds no module 'matplotlib" in outcome.stderr
-    assert not (tmp_path / "study.svg").exists()
-    assert (tmp_path / "study.csv").exists()
+    assert {path.name for path in folder.glob("study.*")} == {"study.csv", "study.json"}

@@ -16,7 +16,7 @@ from impact_rig.results.results_file import format_json, results_to_json
 
 from .pseudo_terminal import ESCAPE, find_widest, open_terminal
 
-WIDTHS = (60, 80, 132)
+WIDTHS = (60, 132)
 PROGRAM = """
 import contextlib, fcntl, json, struct, sys, termios
 from impact_rig.cli.main import cli
@@ -31,11 +31,17 @@ for columns in widths:
         print("\\f", end="", flush=True)
 """
 TABLE = """
+import os
 from impact_rig.results.tables import Column
 from impact_rig.present.terminal.console import ALARM, make_console, print_table
 
 column = Column("Verdict", ("rejected", "accepted"), is_text=True, styles=(ALARM, ""))
-print_table(make_console(), "Hits", [column], ["A note."])
+for environment in %r:
+    os.environ.update(environment)
+    print_table(make_console(), "Hits", [column], ["A note."])
+    for name in environment:
+        del os.environ[name]
+    print("\\f", end="", flush=True)
 """
 ALARM = "\x1b[1;38;5;166m"
 """Bold vermilion, of 256 colours: what a person must look at."""
@@ -96,11 +102,9 @@ def make_words(commands: dict[str, list[str]], *widths: int) -> list[str]:
     return [sys.executable, "-c", PROGRAM, json.dumps(widths), json.dumps([*commands.values()])]
 
 
-def run_in_pipe(words: list[str], **environment: str) -> str:
+def run_in_pipe(words: list[str]) -> str:
     variables = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
-    done = subprocess.run(
-        words, capture_output=True, text=True, check=True, env={**variables, **environment}
-    )
+    done = subprocess.run(words, capture_output=True, text=True, check=True, env=variables)
     assert "\x1b" not in done.stderr
     return done.stdout
 
@@ -134,23 +138,21 @@ def check_pipe(text: str) -> None:
     assert "\x1b" not in text
 
 
+def make_table_words(*environments: dict[str, str]) -> list[str]:
+    return [sys.executable, "-c", TABLE % (environments,)]
+
+
 def test_colour_is_for_terminals_and_says_nothing_alone() -> None:
-    words = [sys.executable, "-c", TABLE]
-    raw, texts = {}, set()
-    for name, environment in (
-        ("", {}),
-        ("NO_COLOR", {"NO_COLOR": "1"}),
-        ("dumb", {"TERM": "dumb"}),
-    ):
-        with open_terminal(words, **environment) as terminal:
-            assert terminal.finish() == 0
-            raw[name] = terminal.raw
-            texts.add(terminal.text)
-    assert ALARM in raw[""]
-    assert "38;" not in raw["NO_COLOR"]
-    assert "\x1b" not in raw["dumb"]
-    plain = run_in_pipe(words)
-    coloured = run_in_pipe(words, FORCE_COLOR="1", TERM="xterm-256color")
-    assert "\x1b" not in plain
+    xterm = {"TERM": "xterm-256color"}
+    shown = ({**xterm}, {**xterm, "NO_COLOR": "1"}, {"TERM": "dumb"})
+    with open_terminal(make_table_words(*shown)) as terminal:
+        assert terminal.finish() == 0
+        coloured, uncoloured, dumb, _ = terminal.raw.split("\f")
+        texts = terminal.text.split("\f")[:3]
     assert ALARM in coloured
-    assert texts == {plain} == {ESCAPE.sub("", coloured)}
+    assert "38;" not in uncoloured
+    assert "\x1b" not in dumb
+    plain, forced, _ = run_in_pipe(make_table_words({}, {"FORCE_COLOR": "1", **xterm})).split("\f")
+    assert "\x1b" not in plain
+    assert ALARM in forced
+    assert {*texts, ESCAPE.sub("", forced)} == {plain}

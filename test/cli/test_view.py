@@ -98,12 +98,18 @@ def temporary(tmp_path, monkeypatch):
     return folder
 
 
-def test_a_recording_becomes_a_file_that_rerun_reads(run, recorded, tmp_path, temporary):
+def test_a_recording_becomes_a_file_that_rerun_reads_without_ros(recorded, tmp_path, temporary):
     view = tmp_path / "new" / "view.rrd"
-    outcome = run("view", recorded.path.parent, "-o", view)
-
-    assert outcome.exit_code == 0, outcome.stderr
-    assert f"view: {view}" in outcome.stderr
+    done = subprocess.run(
+        [sys.executable, "-c", ROS_FREE, "view", recorded.path.parent, "-o", view],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+        env={**os.environ, "TMPDIR": str(temporary)},
+    )
+    assert done.returncode == 0, done.stderr
+    assert f"view: {view}" in done.stderr
     recordings, blueprints, entities = read_view(view)
     assert (recordings, blueprints) == (2, 2)
     assert count_hits(entities) == HITS
@@ -118,31 +124,8 @@ def test_each_campaign_and_each_path_is_a_recording_of_its_own(run, recorded, tm
     outcome = run("view", recorded.path, results, "-o", view)
 
     assert outcome.exit_code == 0, outcome.stderr
-    assert read_view(view)[:2] == (3, 3)
-
-
-def test_results_alone_are_shown_as_far_as_they_go(run, recorded, tmp_path):
-    results = tmp_path / "results.json"
-    write_results(results, recorded.results)
-    view = tmp_path / "view.rrd"
-    outcome = run("view", results, "-o", view)
-
-    assert outcome.exit_code == 0
     assert "results hold no traces: tables and figures alone are shown" in outcome.stderr
-    entities = read_view(view)[2]
-    assert "/results" in entities
-    assert count_hits(entities) == 0
-
-
-def test_no_ros_is_imported(recorded, tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-c", ROS_FREE, "view", recorded.path, "-o", tmp_path / "view.rrd"],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    assert read_view(view)[:2] == (3, 3)
 
 
 def test_nothing_is_overwritten(run, recorded, tmp_path):
@@ -307,9 +290,10 @@ def test_a_sample_without_a_good_hit_is_named(strike):
     assert "none of 1 hits was accepted" in remark
 
 
-def test_a_sample_without_model_is_named(results):
-    sample = replace(results.samples[0], notes=("k1: no control sample",))
-    campaign = TracedCampaign(replace(results, samples=(sample,)), (make_bare_traces(sample),), ())
+def test_a_sample_without_model_is_named(recorded):
+    sample = replace(recorded.results.samples[0], notes=("k1: no control sample",))
+    results = replace(recorded.results, samples=(sample,))
+    campaign = TracedCampaign(results, (make_bare_traces(sample),), ())
 
     (remark,) = list_remarks(campaign)
     assert remark == f"{sample.name!r} is shown without model: k1: no control sample"

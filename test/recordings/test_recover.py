@@ -91,12 +91,6 @@ def test_killed_between_two_chunks_nothing_is_lost(original: Path) -> None:
     assert "never closed" in recovery.contents.problems[0]
 
 
-def test_a_torn_index_costs_no_message(original: Path) -> None:
-    recovery = recover(spoil(original, original.read_bytes()[:-50]))
-    assert recovery.is_complete
-    assert read_recovered(recovery) == read_raw(original)
-
-
 def test_a_dropped_index_is_made_anew(original: Path) -> None:
     content = original.read_bytes()
     data_end = content.rindex(b"\x0f" + struct.pack("<Q", 4)) + 13
@@ -107,7 +101,7 @@ def test_a_dropped_index_is_made_anew(original: Path) -> None:
     assert read_recovered(recovery) == read_raw(original)
 
 
-@pytest.mark.parametrize("number", range(HITS + 1))
+@pytest.mark.parametrize("number", [0, HITS])
 def test_of_an_altered_chunk_nothing_is_taken_and_its_messages_are_counted(
     make_recording: Any, compression: str, number: int
 ) -> None:
@@ -124,7 +118,7 @@ def test_of_an_altered_chunk_nothing_is_taken_and_its_messages_are_counted(
     assert (damage.start, damage.start + damage.size) == (place.start, place.end)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_flipped_bit_costs_one_chunk_at_most_and_alters_no_message(
     make_recording: Any, compression: str, seed: int
 ) -> None:
@@ -205,7 +199,7 @@ def test_a_chunk_that_swells_beyond_belief_is_left_out(tmp_path: Path) -> None:
     assert "claims to hold 70000" in recovery.contents.problems[0]
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(30))
 def test_whatever_was_done_to_it_the_result_is_sound(make_recording: Any, seed: int) -> None:
     kind = ("zstd", "lz4", "none")[seed % 3]
     original = write_original(make_recording, compression=kind)
