@@ -7,9 +7,13 @@ from typing import Any, ClassVar
 
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import DeviceError
-from impact_rig.devices.protocols import FoundDevice, HolderState, ToldHolder
+from impact_rig.devices.protocols import (
+    FoundDevice,
+    HolderState,
+    ToldHolder,
+    take_energized_state,
+)
 
-RELEASES, HOLDS = "releases", "holds"
 HIGHEST_LINE = 4095
 """Of a chip [-]: more than any has, our choice."""
 CONSUMER = "impact_rig hammer"
@@ -48,11 +52,7 @@ active_low = false      # true: the line is active while its pin is low
         self._chip = options.take_text("chip", "/dev/gpiochip0")
         self._line = _take_line(options)
         self._is_active_low = options.take_boolean("active_low", default=False)
-        self._active = (
-            HolderState.RELEASED
-            if options.take_choice("energized", (RELEASES, HOLDS), RELEASES) == RELEASES
-            else HolderState.HOLDING
-        )
+        self._active = take_energized_state(options, HolderState.RELEASED)
         self._request: Any = None
 
     @classmethod

@@ -5,15 +5,21 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
+import numpy as np
+
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.checks import check_between, check_positive
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import Sensor
-from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
 
 if TYPE_CHECKING:
     from impact_rig.devices.virtual.rig import VirtualHit
+
+
+NOT_MEASURED = ChannelBlock(np.empty(0, np.int32), scale=1.0, offset=0.0, full_scale=0.0)
+"""Of a channel of which nothing is known."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +123,11 @@ class AcquisitionPlan:
                 f"block size is {self.block_size} points, depth {self.depth} blocks: each must be"
                 " 1 or more"
             )
+
+    @property
+    def channels(self) -> tuple[SourceChannel, ...]:
+        """The hammer's and, where it is measured, the sample's."""
+        return (self.hammer,) if self.specimen is None else (self.hammer, self.specimen)
 
     @property
     def points(self) -> int:
@@ -347,6 +358,13 @@ class AngledHolder(Protocol):
             Whether it is there; until it is, this is called again.
         """
         ...
+
+
+def take_energized_state(options: TomlTable, default: HolderState) -> HolderState:
+    """Return what the key `energized` says that an energized magnet or latch does."""
+    states = {"releases": HolderState.RELEASED, "holds": HolderState.HOLDING}
+    usual = next(name for name, state in states.items() if state is default)
+    return states[options.take_choice("energized", tuple(states), usual)]
 
 
 class ToldHolder:

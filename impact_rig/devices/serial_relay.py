@@ -11,7 +11,12 @@ from typing import Any, ClassVar
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError
-from impact_rig.devices.protocols import FoundDevice, HolderState, ToldHolder
+from impact_rig.devices.protocols import (
+    FoundDevice,
+    HolderState,
+    ToldHolder,
+    take_energized_state,
+)
 
 START = 0xA0
 """First byte of every frame of the four-byte protocol, which the common USB relay boards speak:
@@ -23,8 +28,6 @@ FRAME_SIZE = 4
 """Of the four-byte protocol [byte]."""
 LONGEST_CHANNEL = 16
 """Most relays on one board that speaks it [-]: those on sale have 1 to 16."""
-RELEASES, HOLDS = "releases", "holds"
-"""What an energized relay does."""
 
 
 @dataclass(frozen=True)
@@ -82,22 +85,20 @@ def read_four_byte_protocol(options: TomlTable) -> RelayProtocol:
         If a value cannot be meant.
     """
     channel = options.take_whole("channel", 1, LONGEST_CHANNEL, 1)
-    is_released_when_on = options.take_choice("energized", (RELEASES, HOLDS), RELEASES) == RELEASES
-    states = {
-        ON: HolderState.RELEASED if is_released_when_on else HolderState.HOLDING,
-        OFF: HolderState.HOLDING if is_released_when_on else HolderState.RELEASED,
-    }
-    operations = {state: operation for operation, state in states.items()}
+    holds_on = take_energized_state(options, HolderState.RELEASED) is HolderState.HOLDING
+    hold, release = (ON, OFF) if holds_on else (OFF, ON)
     if not options.take_boolean("answers", default=False):
         return RelayProtocol(
-            hold=Exchange(make_frame(channel, operations[HolderState.HOLDING])),
-            release=Exchange(make_frame(channel, operations[HolderState.RELEASED])),
+            Exchange(make_frame(channel, hold)), Exchange(make_frame(channel, release))
         )
-    answers = {make_frame(channel, operation): state for operation, state in states.items()}
+    answers = {
+        make_frame(channel, hold): HolderState.HOLDING,
+        make_frame(channel, release): HolderState.RELEASED,
+    }
     asking = {ON: ON_AND_ANSWER, OFF: OFF_AND_ANSWER}
     return RelayProtocol(
-        hold=Exchange(make_frame(channel, asking[operations[HolderState.HOLDING]]), answers),
-        release=Exchange(make_frame(channel, asking[operations[HolderState.RELEASED]]), answers),
+        hold=Exchange(make_frame(channel, asking[hold]), answers),
+        release=Exchange(make_frame(channel, asking[release]), answers),
         query=Exchange(make_frame(channel, QUERY), answers),
     )
 

@@ -365,12 +365,11 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
             If it has no such channel or rate, or nobody says what its counts stand for.
         """
         device = self._choose(list_inputs())
-        channels = [plan.hammer] if plan.specimen is None else [plan.hammer, plan.specimen]
-        columns = [_parse_column(channel, device) for channel in channels]
+        columns = [_parse_column(channel, device) for channel in plan.channels]
         known = dict(enumerate(parse_name_calibrations(device.name)))
         scales = tuple(
             compute_count_scale(channel, known.get(column))
-            for channel, column in zip(channels, columns, strict=True)
+            for channel, column in zip(plan.channels, columns, strict=True)
         )
         return Streaming(SoundCapture(device, plan.sampling_rate, columns, capacity), scales)
 

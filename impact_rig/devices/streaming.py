@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from impact_rig.core.errors import DeviceError
 from impact_rig.core.signals.record import Block, ChannelBlock
-from impact_rig.devices.protocols import Acquisition, AcquisitionPlan
+from impact_rig.devices.protocols import NOT_MEASURED, Acquisition, AcquisitionPlan
 
 CountArray = NDArray[np.int32]
 
@@ -127,10 +127,6 @@ class CountScale:
                 counts.size and (counts.max() >= self.highest or counts.min() <= self.lowest)
             ),
         )
-
-
-NOT_MEASURED = ChannelBlock(np.empty(0, np.int32), 1.0, 0.0, 0.0)
-"""Of a sample without a channel."""
 
 
 LONGEST_SILENCE = 2.0

@@ -285,7 +285,7 @@ class AccelerometerNode(DeviceNode):
             return f"record {self._arming.label.record} is just ending"
         if self._setup is None:
             return "no set-up has been received: start the campaign node first"
-        if missing := self._describe_missing_subscribers():
+        if missing := self._topic.describe_missing(self.get_value("required_subscribers")):
             return f"{missing}: start it first, or change the parameter required_subscribers"
         return ""
 
@@ -305,9 +305,6 @@ class AccelerometerNode(DeviceNode):
         except RigError as error:
             return str(error)
         return ""
-
-    def _describe_missing_subscribers(self) -> str:
-        return self._topic.describe_missing(self.get_value("required_subscribers"))
 
     def _note_armed(self, arming: Arming) -> None:
         if arming.is_over or arming.is_armed:

@@ -1,23 +1,22 @@
 """The source that the accelerometer node reads, in which thread, and what is published of it."""
 
-import contextlib
 import math
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from queue import Empty, SimpleQueue
 from typing import Any
 
-import numpy as np
 from impact_rig_msgs.msg import AccelerationBlock, StreamBlock
 
-from impact_rig.configuration.rig_file import RigFile, list_rig_warnings
+from impact_rig.configuration.rig_file import list_rig_warnings
 from impact_rig.core.errors import DeviceError, FileError, RigError
 from impact_rig.core.origin import MEASURED, SIMULATED, UNSTATED, Origin
-from impact_rig.core.signals.record import NOT_ARMED, Block, ChannelBlock, HitLabel
+from impact_rig.core.signals.record import NOT_ARMED, Block, HitLabel
 from impact_rig.devices.protocols import (
+    NOT_MEASURED,
     AccelerationSource,
     Acquisition,
     AcquisitionPlan,
@@ -29,8 +28,79 @@ from impact_rig.nodes.messages import block_to_msg, fill_block
 from impact_rig.nodes.rig_node import RateMeter
 
 NANO = 1e-9
-NOTHING = ChannelBlock(np.empty(0, np.int32), scale=1.0, offset=0.0, full_scale=0.0)
-"""Of a channel of which nothing is known yet."""
+
+
+@dataclass(frozen=True)
+class OpenSource:
+    """A configured source.
+
+    Attributes
+    ----------
+    source : AccelerationSource
+        Of whichever driver.
+    plan : AcquisitionPlan
+        What it was asked to do.
+    acquisition : Acquisition
+        What it is, and does.
+    """
+
+    source: AccelerationSource
+    plan: AcquisitionPlan
+    acquisition: Acquisition
+
+    @property
+    def hammerless(self) -> HammerlessSource | None:
+        """The source, if it must be told when a hammer would strike."""
+        return self.source if isinstance(self.source, HammerlessSource) else None
+
+    @property
+    def origin(self) -> Origin:
+        """Of blocks that state none: where no hammer strikes, nothing was measured."""
+        is_simulated = self.acquisition.is_simulated or self.hammerless is not None
+        return Origin(SIMULATED if is_simulated else MEASURED, self.acquisition.identity)
+
+    def make_output(self, publisher: Any) -> "BlockOutput":
+        """Return what publishes its blocks."""
+        return (RunningStream if self.plan.continuous else HitBlocks)(publisher, self)
+
+
+def open_source(node: DeviceNode, *, continuous: bool) -> OpenSource:
+    """Open the source of the node's rig file; without one, the virtual rig.
+
+    Parameters
+    ----------
+    node : DeviceNode
+        The accelerometers', whose parameters describe the stream.
+    continuous : bool
+        Without a trigger.
+
+    Raises
+    ------
+    RigError
+        If the rig file cannot be read or meant, or the device does not do what it says.
+    ModuleNotFoundError
+        If the vendor's library is missing.
+    """
+    file, path = node.read_rig_file(), node.get_value("rig_file")
+    for warning in list_rig_warnings(file.setup):
+        node.get_logger().warning(warning)
+    try:
+        source, plan = make_source(
+            override_source(file.source, node.get_value("source")),
+            file.setup,
+            continuous=continuous,
+            block_size=node.get_value("stream_block_size" if continuous else "block_size"),
+            depth=node.get_value("stream_depth"),
+        )
+        try:
+            return OpenSource(source, plan, source.configure(plan))
+        except BaseException:
+            source.close()
+            raise
+    except RigError as error:
+        if path and str(error).startswith("line "):
+            raise FileError(f"rig file {path}: {error}") from None
+        raise
 
 
 @dataclass
@@ -66,25 +136,19 @@ class BlockOutput(ABC):
     ----------
     publisher : Publisher
         Of the messages.
-    sampling_rate : float
-        [Hz]
-    block_size : int
-        Points per message, at most.
-    origin : Origin
-        Of what comes without one.
+    opened : OpenSource
+        Whose blocks they are.
     """
 
-    def __init__(
-        self, publisher: Any, sampling_rate: float, block_size: int, origin: Origin
-    ) -> None:
+    def __init__(self, publisher: Any, opened: OpenSource) -> None:
         self.flow = Flow()
         self._publisher = publisher
-        self._block_size = block_size
+        self._block_size = opened.plan.block_size
         self._label = NOT_ARMED
         self._next_sample = 0
         # What comes before anything has come is calibrated as nothing.
-        self._newest = Block(0, sampling_rate, NOTHING, NOTHING, origin=origin)
-        self._origin = origin
+        rate, self._origin = opened.acquisition.sampling_rate, opened.origin
+        self._newest = Block(0, rate, NOT_MEASURED, NOT_MEASURED)
         self._rate = RateMeter()
         self._told_loss = 0
 
@@ -174,31 +238,12 @@ class HitBlocks(BlockOutput):
     estimator sees as a gap; one that nobody waits for any more ends where it is. One of which
     nothing has come gets an empty block without a trigger, but only if the hammer has been let
     go: of an arming that ends before that nothing is published, and there is no verdict.
-
-    Parameters
-    ----------
-    publisher : Publisher
-        Of the messages.
-    sampling_rate : float
-        [Hz]
-    block_size : int
-        Points per message, at most.
-    origin : Origin
-        Of what comes without one.
-    record_points : int
-        Of a whole record.
     """
 
-    def __init__(
-        self,
-        publisher: Any,
-        sampling_rate: float,
-        block_size: int,
-        origin: Origin,
-        record_points: int,
-    ) -> None:
-        super().__init__(publisher, sampling_rate, block_size, origin)
-        self._record_points = record_points
+    def __init__(self, publisher: Any, opened: OpenSource) -> None:
+        super().__init__(publisher, opened)
+        rate = opened.acquisition.sampling_rate
+        self._record_points = round(rate * opened.plan.record_duration)
         self._has_begun = False
 
     def begin(self, label: HitLabel) -> None:
@@ -241,23 +286,10 @@ class RunningStream(BlockOutput):
     go, is ended by an empty block that says so, upon which the estimator rejects what has not
     come: exactly one verdict. The stream is ended by one of no arming, upon which the estimator
     rejects the hit that is cut off.
-
-    Parameters
-    ----------
-    publisher : Publisher
-        Of the messages.
-    sampling_rate : float
-        [Hz]
-    block_size : int
-        Points per message, at most.
-    origin : Origin
-        Of what comes without one.
     """
 
-    def __init__(
-        self, publisher: Any, sampling_rate: float, block_size: int, origin: Origin
-    ) -> None:
-        super().__init__(publisher, sampling_rate, block_size, origin)
+    def __init__(self, publisher: Any, opened: OpenSource) -> None:
+        super().__init__(publisher, opened)
         # The same for all blocks, since it is sent before the next one comes.
         self._message = StreamBlock()
 
@@ -286,97 +318,6 @@ class RunningStream(BlockOutput):
         """Return the message of a block."""
         fill_block(self._message, block)
         return self._message
-
-
-@dataclass(frozen=True)
-class OpenSource:
-    """A configured source.
-
-    Attributes
-    ----------
-    source : AccelerationSource
-        Of whichever driver.
-    plan : AcquisitionPlan
-        What it was asked to do.
-    acquisition : Acquisition
-        What it is, and does.
-    """
-
-    source: AccelerationSource
-    plan: AcquisitionPlan
-    acquisition: Acquisition
-
-    @property
-    def hammerless(self) -> HammerlessSource | None:
-        """The source, if it must be told when a hammer would strike."""
-        return self.source if isinstance(self.source, HammerlessSource) else None
-
-    @property
-    def origin(self) -> Origin:
-        """Of blocks that state none: where no hammer strikes, nothing was measured."""
-        is_simulated = self.acquisition.is_simulated or self.hammerless is not None
-        return Origin(SIMULATED if is_simulated else MEASURED, self.acquisition.identity)
-
-    def make_output(self, publisher: Any) -> BlockOutput:
-        """Return what publishes its blocks."""
-        rate, plan = self.acquisition.sampling_rate, self.plan
-        if plan.continuous:
-            return RunningStream(publisher, rate, plan.block_size, self.origin)
-        points = round(rate * plan.record_duration)
-        return HitBlocks(publisher, rate, plan.block_size, self.origin, points)
-
-
-def open_source(node: DeviceNode, *, continuous: bool) -> OpenSource:
-    """Open the source of the node's rig file; without one, the virtual rig.
-
-    Parameters
-    ----------
-    node : DeviceNode
-        The accelerometers', whose parameters describe the stream.
-    continuous : bool
-        Without a trigger.
-
-    Raises
-    ------
-    RigError
-        If the rig file cannot be read or meant, or the device does not do what it says.
-    ModuleNotFoundError
-        If the vendor's library is missing.
-    """
-    file = node.read_rig_file()
-    for warning in list_rig_warnings(file.setup):
-        node.get_logger().warning(warning)
-    with _name_file(node.get_value("rig_file")):
-        source, plan = _make_source(node, file, continuous=continuous)
-        try:
-            acquisition = source.configure(plan)
-        except BaseException:
-            source.close()
-            raise
-    return OpenSource(source, plan, acquisition)
-
-
-def _make_source(
-    node: DeviceNode, file: RigFile, *, continuous: bool
-) -> tuple[AccelerationSource, AcquisitionPlan]:
-    return make_source(
-        override_source(file.source, node.get_value("source")),
-        file.setup,
-        continuous=continuous,
-        block_size=node.get_value("stream_block_size" if continuous else "block_size"),
-        depth=node.get_value("stream_depth"),
-    )
-
-
-@contextlib.contextmanager
-def _name_file(path: str) -> Iterator[None]:
-    """Let errors that name a line name the rig file, too."""
-    try:
-        yield
-    except RigError as error:
-        if path and str(error).startswith("line "):
-            raise FileError(f"rig file {path}: {error}") from None
-        raise
 
 
 @dataclass(eq=False)

@@ -7,7 +7,7 @@ tell an earlier campaign's from this one's.
 from array import array
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from impact_rig_msgs import msg
@@ -22,15 +22,10 @@ from impact_rig.core.estimation.speed_exponents import SpeedExponents
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.signals.record import FloatArray
+from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.recordings.messages import origin_from_msg
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.wire import fill_message
-
-if TYPE_CHECKING:
-    # Who only passes on what others have measured needs no virtual rig.
-    pass
-
-from impact_rig.nodes.messages import stamp_to_msg
 
 MESSAGES: dict[type, type] = {
     BudgetLine: msg.UncertaintyContribution,

@@ -133,17 +133,6 @@ def test_a_recording_without_a_whole_chain_is_refused(bench: Bench) -> None:
         list(running.measure_latency(bench))
 
 
-def test_a_campaign_is_stopped_by_the_command_and_by_rclpy_alone(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("rclpy", reason="the nodes need ROS 2")
-    monkeypatch.setattr(running, "STOPS", 1)
-    ours, bare = running.measure_stop(bench)
-    assert str(ours.goal) == "at most 1"
-    # No process with rclpy can be faster; how slow it is is what the bench is for.
-    assert min(*ours.values, *bare.values) > 0.05
-
-
 TELLER = """\
 import json, sys
 for moment, released in ((1.0, True), (2.5, False), (4.0, True)):

@@ -1,6 +1,5 @@
 """A relay on a serial port, spoken to over a real pseudo-terminal with a board at its end."""
 
-import json
 import subprocess
 import sys
 import threading
@@ -100,7 +99,7 @@ def test_holds_and_lets_go(board, relay, observer, keys):
 
 
 def test_a_magnet_that_holds_while_the_relay_is_on_is_switched_on(observer):
-    board = SerialRelayPeer(observer.releases.release, energized="holds")
+    board = SerialRelayPeer(observer.releases.release, holds_on=True)
     board.start()
     try:
         assert not board.is_holding
@@ -264,28 +263,6 @@ def test_a_relay_that_does_not_move_contradicts_what_it_was_told(board, relay, k
 def test_a_key_that_cannot_be_meant_is_named_with_its_line(keys, word):
     with pytest.raises(ParameterError, match=word):
         SerialRelay(read_options(keys))
-
-
-def test_the_board_can_be_a_process_of_its_own():
-    pytest.importorskip("serial", reason="the extra `serial` is not installed")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "impact_rig.testing.peers.serial_relay"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    holder = make_relay(json.loads(process.stdout.readline())["port"])
-    holder.configure()
-    holder.release()
-    assert json.loads(process.stdout.readline()) == {"event": "released"}
-    process.stdin.write("unplug\n")
-    process.stdin.flush()
-    assert json.loads(process.stdout.readline()) == {"event": "unplug"}
-    with pytest.raises(DeviceError, match="is gone"):
-        holder.hold()
-    process.communicate("quit\n", timeout=PATIENCE)
-    assert process.returncode == 0
-    holder.close()
 
 
 class RelayBench(HolderBench):

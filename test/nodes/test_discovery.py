@@ -24,19 +24,23 @@ from impact_rig.nodes.discovery import (
 LARGEST_BUFFER = Path("/proc/sys/net/core/rmem_max")
 ROOMS = """\
 import os, socket, stat, sys
-from impact_rig.nodes.client import RigClient
-with RigClient("guest"):
-    rooms = []
-    for number in map(int, os.listdir("/proc/self/fd")):
-        try:
-            is_socket = stat.S_ISSOCK(os.fstat(number).st_mode)
-        except OSError:
-            continue
-        if is_socket:
-            with socket.socket(fileno=os.dup(number)) as found:
-                if found.type is socket.SOCK_DGRAM:
-                    rooms.append(found.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF))
+import rclpy
+from impact_rig.nodes.discovery import offer_profile
+with offer_profile():
+    rclpy.init(args=[])
+    node = rclpy.create_node("guest")
+rooms = []
+for number in map(int, os.listdir("/proc/self/fd")):
+    try:
+        is_socket = stat.S_ISSOCK(os.fstat(number).st_mode)
+    except OSError:
+        continue
+    if is_socket:
+        with socket.socket(fileno=os.dup(number)) as found:
+            if found.type is socket.SOCK_DGRAM:
+                rooms.append(found.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF))
 print(max(rooms))
+rclpy.shutdown()
 """
 
 

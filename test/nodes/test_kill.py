@@ -21,7 +21,7 @@ RIG = {
     "estimator": {},
     "campaign": {},
 }
-KILLS = 2
+KILLS = 1
 """Of the recorder alone, before all nodes are killed [-]."""
 LONGEST_HIT = 0.05
 """What a hit of this rig takes on a quiet machine [s]: a kill should meet every part of it."""

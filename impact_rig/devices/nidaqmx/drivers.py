@@ -28,12 +28,14 @@ from impact_rig.devices.nidaqmx.session import (
     take_server,
 )
 from impact_rig.devices.protocols import (
+    NOT_MEASURED,
     Acquisition,
     AcquisitionPlan,
     FoundDevice,
     HolderState,
     SourceChannel,
     ToldHolder,
+    take_energized_state,
 )
 
 if TYPE_CHECKING:
@@ -112,7 +114,10 @@ def add_input(task: "Task", channel: SourceChannel) -> Input:
 
     options = channel.options
     options.check_keys("iepe_current", "coupling", "range")
-    volts_scale = _compute_scale(channel)
+    try:
+        volts_scale = channel.compute_scale()
+    except ParameterError as error:
+        raise options.locate(error) from None
     limit = _take_range(channel)
     current = _take_current(channel)
     coupling = _take_coupling(channel, current)
@@ -171,14 +176,6 @@ def _choose_channel(
         sensitivity_units=AccelSensitivityUnits.MILLIVOLTS_PER_G,
         **excitation,
     ), unit_per_volt
-
-
-def _compute_scale(channel: SourceChannel) -> float:
-    """Return the acceleration of one volt, signed [m/s^2 per V]."""
-    try:
-        return channel.compute_scale()
-    except ParameterError as error:
-        raise channel.options.locate(error) from None
 
 
 def _take_range(channel: SourceChannel) -> float:
@@ -295,10 +292,6 @@ class Trigger:
         )
 
 
-NO_CHANNEL = ChannelBlock(np.empty(0), 1.0, 0.0, 0.0)
-"""Of a sample that is not measured."""
-
-
 class Reading(ABC):
     """Reads blocks of a task.
 
@@ -386,7 +379,7 @@ class Reading(ABC):
             channel.make_block(row, overloaded=flag)
             for channel, row, flag in zip(self._inputs, numbers, overloaded, strict=True)
         ]
-        specimen = (*channels[1:], NO_CHANNEL)[0]
+        specimen = (*channels[1:], NOT_MEASURED)[0]
         return Block(first, self._rate, channels[0], specimen, **fields)
 
 
@@ -634,12 +627,9 @@ range = "5 V"
     def _configure(self, session: Session, plan: AcquisitionPlan) -> Acquisition:
         from nidaqmx.constants import TaskMode
 
-        channels = tuple(
-            channel for channel in (plan.hammer, plan.specimen) if channel is not None
-        )
-        identity, is_simulated = self._check_devices(session, channels)
+        identity, is_simulated = self._check_devices(session, plan.channels)
         task = session.open_task(plan.hammer.name)
-        inputs = tuple(add_input(task, channel) for channel in channels)
+        inputs = tuple(add_input(task, channel) for channel in plan.channels)
         rate = self._set_clock(task, plan)
         if not plan.continuous:
             self._trigger.set_up(task, plan, inputs[0])
@@ -648,7 +638,7 @@ range = "5 V"
             task.control(TaskMode.TASK_COMMIT)
         kind = StreamReading if plan.continuous else RecordReading
         self._reading = kind(task, plan, rate, inputs)
-        self._channels = channels
+        self._channels = plan.channels
         return Acquisition(identity, rate, is_simulated)
 
     def _check_devices(
@@ -700,7 +690,6 @@ HOLDER_PATIENCE = 0.4
 half a second."""
 WRITE_TIME = 0.1
 """Longest time for the line itself [s], our choice: it is not clocked."""
-ENERGIZED = ("holds", "releases")
 
 
 class NidaqmxHolder(ToldHolder):
@@ -735,7 +724,7 @@ energized = "holds"          # with a high line the hammer is held (default), or
         options.check_keys("line", "energized", "serial_number", "server")
         self._options = options
         self._line = options.take_text("line", REQUIRED, "Dev1/port0/line0")
-        self._holds_high = options.take_choice("energized", ENERGIZED, "holds") == "holds"
+        self._when_high = take_energized_state(options, HolderState.HOLDING)
         self._session = Session(f"NI line {self._line}", take_server(options), HOLDER_PATIENCE)
         self._writer: Any = None
         self._reader: Any = None
@@ -763,12 +752,11 @@ energized = "holds"          # with a high line the hammer is held (default), or
         self._check_configured()
         with report_errors(self._session.subject):
             is_high = bool(self._reader.read_one_sample_one_line(WRITE_TIME))
-        found = HolderState.HOLDING if is_high == self._holds_high else HolderState.RELEASED
+        found = next(state for state in HolderState if (state is self._when_high) == is_high)
         if found is not self.told:
-            level = "high" if is_high else "low"
             raise DeviceError(
-                f"{self._session.subject} is {level}, which is {found.value}: it was told"
-                f" {self.told.value}"
+                f"{self._session.subject} is {'high' if is_high else 'low'}, which is"
+                f" {found.value}: it was told {self.told.value}"
             )
         return found
 
@@ -780,9 +768,8 @@ energized = "holds"          # with a high line the hammer is held (default), or
     def tell(self, state: HolderState) -> None:
         """Bring the device into a state; raises `DeviceError` if it does not obey."""
         self._check_configured()
-        is_high = (state is HolderState.HOLDING) == self._holds_high
         with report_errors(self._session.subject):
-            self._writer.write_one_sample_one_line(is_high, WRITE_TIME)
+            self._writer.write_one_sample_one_line(state is self._when_high, WRITE_TIME)
         self.told = state
 
     def _check_configured(self) -> None:

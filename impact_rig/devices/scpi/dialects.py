@@ -4,7 +4,7 @@ import math
 import re
 from bisect import bisect_left
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
@@ -137,27 +137,6 @@ class Program:
     specimen: ChannelProgram | None
 
 
-class Profile(Protocol):
-    """A kind of instrument: called with the options of the rig file.
-
-    Attributes
-    ----------
-    KEYS : tuple of str
-        Its own keys of the table [source].
-    IDENTITY : str
-        What its answer to ``*IDN?`` contains; empty: anything.
-    """
-
-    KEYS: ClassVar[tuple[str, ...]]
-    IDENTITY: ClassVar[str]
-
-    def __init__(self, options: TomlTable) -> None: ...
-
-    def make_program(self, plan: AcquisitionPlan) -> Program:
-        """Return what to say; raises `ParameterError` if it cannot do the plan."""
-        ...
-
-
 FORMATS = {
     "int8": ("i1", -(2.0**7), 2.0**7 - 1.0),
     "uint8": ("u1", 0.0, 2.0**8 - 1.0),
@@ -203,7 +182,20 @@ _BRACES = re.compile(r"\{(\w*)\}")
 
 
 class Generic:
-    """Whatever the rig file says; parameters as `Profile`."""
+    """An instrument that does whatever the rig file says.
+
+    Parameters
+    ----------
+    options : TomlTable
+        [source] of the rig file.
+
+    Attributes
+    ----------
+    KEYS : tuple of str
+        Its own keys of that table.
+    IDENTITY : str
+        What its answer to ``*IDN?`` contains; empty: anything.
+    """
 
     KEYS: ClassVar[tuple[str, ...]] = (
         "setup", "start", "arm", "state", "complete", "fetch", "disarm", "format", "byte_order",
@@ -384,7 +376,7 @@ sensitivity = "5 mV/g"
 
 
 class RedPitaya:
-    """Triggered records from the ring memory of a board; parameters as `Profile`."""
+    """Triggered records from the ring memory of a board; parameters as `Generic`."""
 
     KEYS: ClassVar[tuple[str, ...]] = ("board",)
     IDENTITY: ClassVar[str] = "REDPITAYA"
@@ -410,7 +402,7 @@ class RedPitaya:
             )
         hammer = self._make_channel(plan.hammer, plan.points, "edge")
         specimen = self._make_channel(plan.specimen, plan.points) if plan.specimen else None
-        channels = [plan.hammer, *([plan.specimen] if plan.specimen else [])]
+        channels = plan.channels
         if len({channel.name for channel in channels}) < len(channels):
             raise channels[-1].options.make_error(
                 "channel", f"hammer and sample are both on channel {plan.hammer.name}"

@@ -15,6 +15,7 @@ from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError, ParameterError
 from impact_rig.core.signals.record import Block, ChannelBlock, RawArray
 from impact_rig.devices.protocols import (
+    NOT_MEASURED,
     Acquisition,
     AcquisitionPlan,
     FoundDevice,
@@ -26,7 +27,6 @@ from impact_rig.devices.scpi.dialects import (
     RED_PITAYA_EXAMPLE,
     ChannelProgram,
     Generic,
-    Profile,
     Program,
     RedPitaya,
 )
@@ -351,7 +351,7 @@ POLL_PERIOD = 1e-3
 twentieth of a core, and the record comes half of this later."""
 NANO = 1e9
 
-PROFILES: dict[str, type[Profile]] = {"red_pitaya": RedPitaya, "generic": Generic}
+PROFILES: dict[str, type[RedPitaya | Generic]] = {"red_pitaya": RedPitaya, "generic": Generic}
 """Kinds of instruments."""
 EXAMPLE = f"""\
 {RED_PITAYA_EXAMPLE}
@@ -539,27 +539,30 @@ class ScpiSource:
     ) -> list[Block]:
         """Return the blocks of the record that is complete."""
         start = self._read_start(connection, plan, program)
-        hammer = fetch_points(connection, program.hammer, start, plan.points)
-        specimen: RawArray = np.empty(0, np.int32)
-        if program.specimen is not None:
-            specimen = fetch_points(connection, program.specimen, start, plan.points)
+        channels = [(program.hammer, plan.hammer)]
+        if program.specimen is not None and plan.specimen is not None:
+            channels.append((program.specimen, plan.specimen))
+        outputs = [fetch_points(connection, asked, start, plan.points) for asked, _ in channels]
         period = NANO / program.sampling_rate
         stamp = self._triggered - round(plan.pre_trigger_points * period)
-        return [
-            Block(
-                first_sample=first,
-                sampling_rate=program.sampling_rate,
-                hammer=make_channel_block(
-                    hammer[first : first + plan.block_size], program.hammer, plan.hammer
-                ),
-                specimen=_make_specimen(
-                    specimen[first : first + plan.block_size], program.specimen, plan.specimen
-                ),
-                last=first + plan.block_size >= plan.points,
-                stamp=stamp + round(first * period),
+        blocks = []
+        for first in range(0, plan.points, plan.block_size):
+            end = first + plan.block_size
+            hammer, *others = [
+                make_channel_block(output[first:end], *channel)
+                for output, channel in zip(outputs, channels, strict=True)
+            ]
+            blocks.append(
+                Block(
+                    first_sample=first,
+                    sampling_rate=program.sampling_rate,
+                    hammer=hammer,
+                    specimen=others[0] if others else NOT_MEASURED,
+                    last=end >= plan.points,
+                    stamp=stamp + round(first * period),
+                )
             )
-            for first in range(0, plan.points, plan.block_size)
-        ]
+        return blocks
 
     @staticmethod
     def _read_start(connection: ScpiConnection, plan: AcquisitionPlan, program: Program) -> int:
@@ -582,12 +585,3 @@ def _set_up(connection: ScpiConnection, program: Program) -> None:
                 f"does not obey {setting.command}: it answers {answer!r} to {setting.query}; is"
                 " it the right profile and board?"
             )
-
-
-def _make_specimen(
-    output: RawArray, program: ChannelProgram | None, channel: SourceChannel | None
-) -> ChannelBlock:
-    """Return the sample's channel, without points where it is not measured."""
-    if program is None or channel is None:
-        return ChannelBlock(np.empty(0, np.int32), 1.0, 0.0, 0.0)
-    return make_channel_block(output, program, channel)

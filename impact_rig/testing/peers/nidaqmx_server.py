@@ -12,11 +12,8 @@ of the converters, and noise of its own.
 """
 
 # ruff: noqa: N802, the methods have the names of NI's calls
-import argparse
-import json
 import math
 import socket
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -378,109 +375,38 @@ def _resample(values: Volts, before: float, after: float) -> Volts:
     return resampled
 
 
-if TYPE_CHECKING:
-    from impact_rig.devices.virtual.rig import VirtualHit
-
 Fields = dict[str, Any]
 """Of the answer to a call."""
 
 
-class AttributeService:
-    """The calls that read or set one property."""
-
-    def __init__(self, device: SimulatedDevice) -> None:
-        self.device = device
-
-    def find_task(self, request: Any) -> SimulatedTask:
-        """Return the task that a call is for."""
-        try:
-            return self.device.tasks[request.task.name]
-        except KeyError:
-            raise DaqmxError(-200088, "Task specified is invalid or does not exist.") from None
-
-    def GetTaskAttributeString(self, request: Any) -> Fields:
-        """Return the task's name, or those of its channels."""
-        task = self.find_task(request)
-        names = [channel.name for channel in task.inputs]
-        return _answer(request, {"NAME": task.name, "CHANNELS": ", ".join(names)})
-
-    def GetTaskAttributeUInt32(self, request: Any) -> Fields:
-        """Return the number of channels."""
-        task = self.find_task(request)
-        return _answer(request, {"NUM_CHANS": len(task.inputs) + bool(task.line)})
-
-    def GetTimingAttributeDouble(self, request: Any) -> Fields:
-        """Return the rate that is possible."""
-        return _answer(request, {"SAMP_CLK_RATE": self.find_task(request).rate})
-
-    def GetChanAttributeDouble(self, request: Any) -> Fields:
-        """Return the upper end of a channel's range."""
-        channels = {channel.name: channel for channel in self.find_task(request).inputs}
-        return _answer(request, {"AI_RNG_HIGH": channels[request.channel].limit})
-
-    def SetChanAttributeInt32(self, request: Any) -> Fields:
-        """Take the coupling, which makes no difference here."""
-        return _answer(request, {"AI_COUPLING": None}) and {}
-
-    def GetReadAttributeBool(self, request: Any) -> Fields:
-        """Return whether a channel was overloaded."""
-        known = {"OVERLOADED_CHANS_EXIST": bool(self.find_task(request).list_overloaded())}
-        return _answer(request, known if self.device.has_overload_detection else {})
-
-    def GetReadAttributeString(self, request: Any) -> Fields:
-        """Return which channels were."""
-        return _answer(
-            request, {"OVERLOADED_CHANS": ", ".join(self.find_task(request).list_overloaded())}
-        )
-
-    def GetReadAttributeUInt64(self, request: Any) -> Fields:
-        """Return the position of the next read."""
-        return _answer(request, {"CURR_READ_POS": self.find_task(request).position})
-
-    def SetReadAttributeInt32(self, request: Any) -> Fields:
-        """Take where reads begin, and whether unread samples are overwritten."""
-        names = {"RELATIVE_TO": "relative_to", "OFFSET": "offset", "OVERWRITE": "overwrite"}
-        name = _answer(request, names)["value"]
-        setattr(self.find_task(request), name, getattr(request, request.WhichOneof("value_enum")))
-        return {}
-
-    def GetSystemInfoAttributeString(self, request: Any) -> Fields:
-        """Return the names of the devices."""
-        return _answer(request, {"DEV_NAMES": NAME if self.device.is_present else ""})
-
-    def GetDeviceAttributeString(self, request: Any) -> Fields:
-        """Return the product's name, or those of inputs and lines."""
-        self._check_device(request.device_name)
-        values = {
-            "PRODUCT_TYPE": PRODUCT_TYPE,
-            "AI_PHYSICAL_CHANS": ", ".join(INPUTS),
-            "DO_LINES": ", ".join(LINES),
-        }
-        return _answer(request, values)
-
-    def GetDeviceAttributeUInt32(self, request: Any) -> Fields:
-        """Return the serial number."""
-        self._check_device(request.device_name)
-        return _answer(request, {"SERIAL_NUM": SERIAL_NUMBER})
-
-    def GetDeviceAttributeBool(self, request: Any) -> Fields:
-        """Return whether it is simulated, and samples both inputs at once."""
-        self._check_device(request.device_name)
-        return _answer(
-            request,
-            {
-                "IS_SIMULATED": True,
-                "AI_SIMULTANEOUS_SAMPLING_SUPPORTED": self.device.samples_at_once,
-            },
-        )
-
-    def _check_device(self, name: str) -> None:
-        if name != NAME or not self.device.is_present:
-            raise DaqmxError(-200220, f"Device identifier is invalid.\n\nDevice Specified: {name}")
+TASK_PROPERTIES: dict[str, dict[str, Callable[[SimulatedTask], Any]]] = {
+    "GetTaskAttributeString": {
+        "NAME": lambda task: task.name,
+        "CHANNELS": lambda task: ", ".join(channel.name for channel in task.inputs),
+    },
+    "GetTaskAttributeUInt32": {"NUM_CHANS": lambda task: len(task.inputs) + bool(task.line)},
+    "GetTimingAttributeDouble": {"SAMP_CLK_RATE": lambda task: task.rate},
+    "GetReadAttributeBool": {"OVERLOADED_CHANS_EXIST": lambda task: bool(task.list_overloaded())},
+    "GetReadAttributeString": {"OVERLOADED_CHANS": lambda task: ", ".join(task.list_overloaded())},
+    "GetReadAttributeUInt64": {"CURR_READ_POS": lambda task: task.position},
+}
+DEVICE_PROPERTIES: dict[str, dict[str, Callable[[SimulatedDevice], Any]]] = {
+    "GetDeviceAttributeString": {
+        "PRODUCT_TYPE": lambda _: PRODUCT_TYPE,
+        "AI_PHYSICAL_CHANS": lambda _: ", ".join(INPUTS),
+        "DO_LINES": lambda _: ", ".join(LINES),
+    },
+    "GetDeviceAttributeUInt32": {"SERIAL_NUM": lambda _: SERIAL_NUMBER},
+    "GetDeviceAttributeBool": {
+        "IS_SIMULATED": lambda _: True,
+        "AI_SIMULTANEOUS_SAMPLING_SUPPORTED": lambda device: device.samples_at_once,
+    },
+}
+"""What can be asked, by the calls that ask it and NI's names of the properties."""
 
 
-def _answer(request: Any, values: Fields) -> Fields:
-    """Return the value of the attribute that is asked for, by NI's name of it."""
+def _choose(request: Any, values: Mapping[str, Any]) -> Any:
+    """Return what belongs to the property that is asked for, by NI's name of it."""
     number = getattr(request, request.WhichOneof("attribute_enum"))
     known = request.DESCRIPTOR.fields_by_name["attribute"].enum_type.values_by_number
     name = known[number].name.partition("_ATTRIBUTE_")[2] if number in known else f"{number:#x}"
@@ -490,7 +416,7 @@ def _answer(request: Any, values: Fields) -> Fields:
             "Specified property is not supported by the device or is not applicable to the"
             f" task.\n\nProperty: {name}",
         )
-    return {"value": values[name]}
+    return values[name]
 
 
 STANDARD_GRAVITY = 9.80665
@@ -507,8 +433,60 @@ FORCE_SENSITIVITIES = {15891: 1e-3, 15892: 1e-3 / POUND}
 """Voltage for 1 m/s^2 or 1 N of NI's units of sensitivity [V]."""
 
 
-class DaqmxService(AttributeService):
+class DaqmxService:
     """NI-DAQmx with one device."""
+
+    def __init__(self, device: SimulatedDevice) -> None:
+        self.device = device
+
+    def find_call(self, name: str) -> Callable[[Any], Fields] | None:
+        """Return what answers a call; None: it is not simulated."""
+        if name in TASK_PROPERTIES:
+            return lambda request: self._tell_of_task(request, TASK_PROPERTIES[name])
+        if name in DEVICE_PROPERTIES:
+            return lambda request: self._tell_of_device(request, DEVICE_PROPERTIES[name])
+        call: Callable[[Any], Fields] | None = getattr(self, name, None)
+        return call
+
+    def _tell_of_task(self, request: Any, known: Mapping[str, Callable[[Any], Any]]) -> Fields:
+        task = self._find_task(request)
+        if "OVERLOADED_CHANS_EXIST" in known and not self.device.has_overload_detection:
+            known = {}
+        return {"value": _choose(request, known)(task)}
+
+    def _tell_of_device(self, request: Any, known: Mapping[str, Callable[[Any], Any]]) -> Fields:
+        name = request.device_name
+        if name != NAME or not self.device.is_present:
+            raise DaqmxError(-200220, f"Device identifier is invalid.\n\nDevice Specified: {name}")
+        return {"value": _choose(request, known)(self.device)}
+
+    def GetSystemInfoAttributeString(self, request: Any) -> Fields:
+        """Return the names of the devices."""
+        return {"value": _choose(request, {"DEV_NAMES": NAME if self.device.is_present else ""})}
+
+    def GetChanAttributeDouble(self, request: Any) -> Fields:
+        """Return the upper end of a channel's range."""
+        channels = {channel.name: channel for channel in self._find_task(request).inputs}
+        return {"value": _choose(request, {"AI_RNG_HIGH": channels[request.channel].limit})}
+
+    def SetChanAttributeInt32(self, request: Any) -> Fields:
+        """Take the coupling, which makes no difference here."""
+        _choose(request, {"AI_COUPLING": None})
+        return {}
+
+    def SetReadAttributeInt32(self, request: Any) -> Fields:
+        """Take where reads begin, and whether unread samples are overwritten."""
+        names = {"RELATIVE_TO": "relative_to", "OFFSET": "offset", "OVERWRITE": "overwrite"}
+        value = getattr(request, request.WhichOneof("value_enum"))
+        setattr(self._find_task(request), _choose(request, names), value)
+        return {}
+
+    def _find_task(self, request: Any) -> SimulatedTask:
+        """Return the task that a call is for."""
+        try:
+            return self.device.tasks[request.task.name]
+        except KeyError:
+            raise DaqmxError(-200088, "Task specified is invalid or does not exist.") from None
 
     def CreateTask(self, request: Any) -> Fields:
         """Begin a session, or attach to one that a lost connection left behind."""
@@ -520,7 +498,7 @@ class DaqmxService(AttributeService):
 
     def ClearTask(self, request: Any) -> Fields:
         """End a session."""
-        self.device.drop(self.find_task(request))
+        self.device.drop(self._find_task(request))
         return {}
 
     def CreateAIAccelChan(self, request: Any) -> Fields:
@@ -544,12 +522,12 @@ class DaqmxService(AttributeService):
         """Add an output line."""
         if request.lines not in LINES:
             raise _make_unknown(request.lines)
-        self.find_task(request).line = request.lines
+        self._find_task(request).line = request.lines
         return {}
 
     def CfgSampClkTiming(self, request: Any) -> Fields:
         """Set rate and length."""
-        task = self.find_task(request)
+        task = self._find_task(request)
         task.set_clock(request.rate, request.sample_mode_raw, request.samps_per_chan)
         return {}
 
@@ -570,7 +548,7 @@ class DaqmxService(AttributeService):
 
     def TaskControl(self, request: Any) -> Fields:
         """Reserve what the task needs, or stop it."""
-        task = self.find_task(request)
+        task = self._find_task(request)
         if request.action_raw == COMMIT:
             task.reserve()
         elif request.action_raw in {STOP, ABORT}:
@@ -589,7 +567,7 @@ class DaqmxService(AttributeService):
 
     def WaitUntilTaskDone(self, request: Any) -> Fields:
         """Wait for the end of a finite acquisition."""
-        task = self.find_task(request)
+        task = self._find_task(request)
         if not self._wait(task, request.time_to_wait, task.is_done):
             raise DaqmxError(
                 -200560,
@@ -629,7 +607,7 @@ class DaqmxService(AttributeService):
         return {"read_array": bytes([level]), "samps_per_chan_read": 1, "num_bytes_per_samp": 1}
 
     def _find_usable(self, request: Any) -> SimulatedTask:
-        task = self.find_task(request)
+        task = self._find_task(request)
         task.check_usable()
         return task
 
@@ -659,13 +637,13 @@ class DaqmxService(AttributeService):
         if not fitting:
             raise _make_refusal("AI.Max", request.max_val, f"{RANGES[-1] * units_per_volt}")
         name = request.name_to_assign_to_channel or request.physical_channel
-        self.find_task(request).inputs.append(
+        self._find_task(request).inputs.append(
             Input(name, request.physical_channel, units_per_volt, fitting[0])
         )
         return {}
 
     def _set_trigger(self, request: Any, is_beyond: Callable[[Any], Any]) -> Fields:
-        task = self.find_task(request)
+        task = self._find_task(request)
         task.trigger = Trigger(request.trigger_source, request.pretrigger_samples, is_beyond)
         return {}
 
@@ -692,8 +670,6 @@ def _make_unknown(name: str) -> DaqmxError:
     )
 
 
-SENSITIVITY = 0.010 / 9.80665
-"""10 mV/g, of both sensors when the server is a process of its own [V per m/s^2]."""
 HOST = "127.0.0.1"
 WORKERS = 4
 """Calls at one time."""
@@ -729,31 +705,26 @@ class NidaqmxServer:
         self.calls: list[str] = []
         self._service = DaqmxService(self.device)
         self._unplugged = threading.Event()
-        self._place: socket.socket | None = None
+        # A socket that never listens keeps the port ours while the server is away.
+        self._place = socket.socket()
         self._server: Any = None
 
     def __enter__(self) -> Self:
-        """Start."""
-        self.start()
+        """Take a free port of this computer, and listen."""
+        self._place.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        self._place.bind((HOST, 0))
+        self.plug()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Stop."""
-        self.stop()
+        """Close everything."""
+        self.unplug()
+        self._place.close()
 
     @property
     def address(self) -> str:
         """Where it listens, or did: "host:port"."""
-        port = self._place.getsockname()[1] if self._place is not None else 0
-        return f"{HOST}:{port}"
-
-    def start(self) -> None:
-        """Take a free port of this computer, and listen."""
-        # A socket that never listens keeps the port ours while the server is away.
-        self._place = socket.socket()
-        self._place.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
-        self._place.bind((HOST, 0))
-        self.plug()
+        return f"{HOST}:{self._place.getsockname()[1]}"
 
     def feed(self, hit: "VirtualHit") -> None:
         """Let the hammer strike now."""
@@ -778,12 +749,6 @@ class NidaqmxServer:
             self._server.stop(0).wait()
             self._server = None
 
-    def stop(self) -> None:
-        """Close everything."""
-        self.unplug()
-        if self._place is not None:
-            self._place.close()
-
     def _make_handlers(self) -> Any:
         """Return a handler for each method of the service."""
         import grpc
@@ -795,16 +760,12 @@ class NidaqmxServer:
         description = nidaqmx_pb2.DESCRIPTOR.services_by_name["NiDAQmx"]
         handlers = {
             method.name: grpc.unary_unary_rpc_method_handler(
-                self._make_behavior(
-                    method.name,
-                    getattr(self._service, method.name),
-                    GetMessageClass(method.output_type),
-                ),
+                self._make_behavior(method.name, call, GetMessageClass(method.output_type)),
                 request_deserializer=GetMessageClass(method.input_type).FromString,
                 response_serializer=GetMessageClass(method.output_type).SerializeToString,
             )
             for method in description.methods
-            if hasattr(self._service, method.name)
+            if (call := self._service.find_call(method.name))
         }
         return grpc.method_handlers_generic_handler(description.full_name, handlers)
 
@@ -838,34 +799,3 @@ class NidaqmxServer:
         context.add_callback(given_up.set)
         while not given_up.wait(0.01) and not self._unplugged.is_set():
             pass
-
-
-def main() -> None:
-    """Do what standard input says until it ends: strike, unplug, plug, quit."""
-    from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
-    from impact_rig.core.signals.record import HitLabel
-    from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-
-    parser = argparse.ArgumentParser(description="A digitizer behind NI's protocol that is none.")
-    parser.add_argument("--sample", default=CONTROL_SAMPLE, help="that is struck")
-    parser.add_argument("--seed", type=int, default=1, help="of the hits' scatter")
-    arguments = parser.parse_args()
-    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=arguments.seed))
-    impact = 0
-    with NidaqmxServer(SENSITIVITY, SENSITIVITY) as server:
-        print(json.dumps({"address": server.address}), flush=True)
-        for line in sys.stdin:
-            match line.strip():
-                case "strike":
-                    impact += 1
-                    server.feed(rig.strike(HitLabel(arguments.sample, impact=impact)))
-                case "unplug":
-                    server.unplug()
-                case "plug":
-                    server.plug()
-                case "quit":
-                    break
-
-
-if __name__ == "__main__":
-    main()

@@ -1,30 +1,21 @@
-"""A USB relay board that is not there: it answers at the other end of a pseudo-terminal.
+"""A USB relay board that is not there: it answers at the other end of a pseudo-terminal."""
 
-``python -m impact_rig.testing.peers.serial_relay`` prints the port to open, and what the relay
-does, as lines of JSON; it takes the commands `unplug`, `plug` and `quit`, a line each.
-"""
-
-import argparse
-import json
 import os
 import select
-import sys
 import tempfile
 import threading
 import tty
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 from impact_rig.devices.serial_relay import (
     FRAME_SIZE,
-    HOLDS,
     OFF,
     OFF_AND_ANSWER,
     ON,
     ON_AND_ANSWER,
     QUERY,
-    RELEASES,
     START,
     make_frame,
 )
@@ -44,8 +35,8 @@ class SerialRelayPeer:
     ----------
     on_release : callable
         Called, in a thread of the board's own, when the relay lets the hammer go.
-    energized : {"releases", "holds"}
-        What the relay does while it is on. Unplugged, it is off.
+    holds_on : bool
+        The relay holds while it is on, else while it is off. Unplugged, it is off.
 
     Attributes
     ----------
@@ -58,12 +49,12 @@ class SerialRelayPeer:
     """
 
     def __init__(
-        self, on_release: Callable[[], None] = lambda: None, *, energized: str = RELEASES
+        self, on_release: Callable[[], None] = lambda: None, *, holds_on: bool = False
     ) -> None:
         self.on_release = on_release
         self.distort: Callable[[bytes], bytes] = lambda answer: answer
         self.is_stuck = False
-        self._is_on_holding = energized == HOLDS
+        self._is_on_holding = holds_on
         self._is_on = False
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._wake = -1
@@ -172,38 +163,3 @@ class SerialRelayPeer:
             self._is_on = is_on
         if was_holding and not self.is_holding:
             self.on_release()
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the board until it is told to quit, or its standard input ends."""
-    parser = argparse.ArgumentParser(description="A USB relay board that is not there.")
-    parser.add_argument("--energized", choices=(RELEASES, HOLDS), default=RELEASES)
-    board = SerialRelayPeer(
-        lambda: _tell(event="released"), energized=parser.parse_args(argv).energized
-    )
-    board.start()
-    actions = {"unplug": board.unplug, "plug": board.plug}
-    try:
-        _tell(port=board.port)
-        for line in sys.stdin:
-            command = line.strip()
-            if command == "quit":
-                break
-            if command in actions:
-                actions[command]()
-                _tell(event=command)
-            else:
-                _tell(error=f"unknown command {command!r}: it knows unplug, plug, quit")
-    except KeyboardInterrupt:
-        pass
-    finally:
-        board.stop()
-    return 0
-
-
-def _tell(**fields: str) -> None:
-    print(json.dumps(fields), flush=True)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -1,9 +1,6 @@
 """A stand-in for a sound card: a PulseAudio server of its own, which records what it is told.
 
-Whoever starts with its environment finds the card in PortAudio, bit by bit as it was played. Run
-as a process it says how, and strikes a pulse now and then::
-
-    python -m impact_rig.testing.peers.sound_card
+Whoever starts with its environment finds the card in PortAudio, bit by bit as it was played.
 """
 
 import contextlib
@@ -202,24 +199,3 @@ def make_pulse(sampling_rate: int, width: float = 2e-3, height: float = 0.5) -> 
     count = round(width * sampling_rate)
     pulse = height * 2**31 * np.sin(np.pi * np.arange(count) / count) ** 2
     return np.stack([pulse, 0.5 * pulse], axis=1).astype(np.int32)
-
-
-def main() -> None:
-    """Run a card until interrupted."""
-    peer = SoundCardPeer()
-    peer.start()
-    try:
-        for key, value in peer.environment.items():
-            print(f"export {key}={value}", flush=True)
-        print(f'device = "{peer.name}"', flush=True)
-        while True:
-            time.sleep(1.0)
-            peer.feed(make_pulse(192_000))
-    except KeyboardInterrupt:
-        pass
-    finally:
-        peer.stop()
-
-
-if __name__ == "__main__":
-    main()

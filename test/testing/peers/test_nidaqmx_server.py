@@ -1,11 +1,4 @@
-"""NI's protocol from a process of its own, spoken to by NI's client library."""
-
-import json
-import os
-import signal
-import subprocess
-import sys
-import threading
+"""NI's protocol, spoken to by NI's client library."""
 
 import numpy as np
 import pytest
@@ -21,40 +14,12 @@ from nidaqmx.constants import (
 )
 from nidaqmx.errors import DaqError, RpcError
 
-from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
-from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.nidaqmx.session import Session
-from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.testing.peers.nidaqmx_server import SENSITIVITY, DaqmxError, Input, NidaqmxServer
+from impact_rig.testing.peers.nidaqmx_server import DaqmxError, Input, NidaqmxServer
 
 PATIENCE = 20.0
-
-
-class ServerProcess:
-    def __init__(self):
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "impact_rig.testing.peers.nidaqmx_server", "--seed", "7"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        self.address = json.loads(self.process.stdout.readline())["address"]
-
-    def tell(self, command):
-        self.process.stdin.write(command + "\n")
-        self.process.stdin.flush()
-
-    def end(self):
-        self.process.stdin.close()
-        self.process.wait(PATIENCE)
-        self.process.stdout.close()
-
-
-@pytest.fixture
-def process():
-    process = ServerProcess()
-    yield process
-    process.end()
+SENSITIVITY = 0.010 / 9.80665
+"""10 mV/g [V per m/s^2]."""
 
 
 @pytest.fixture
@@ -91,32 +56,6 @@ def read(task):
     reader.verify_array_shape = False
     reader.read_many_sample(values, 1000, 0.0)
     return values
-
-
-def test_a_process_is_struck_by_a_word_and_ends_with_its_input(session, process):
-    task = open_acceleration(session(process.address))
-    task.start()
-    process.tell("strike")
-    task.wait_until_done(PATIENCE)
-    values = read(task)
-    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=7))
-    hammer = rig.strike(HitLabel(CONTROL_SAMPLE)).hammer
-    fed = hammer.output * hammer.scale
-    assert values[100] >= 50.0 > values[99]
-    start = int(np.argmax(fed >= 50.0)) - 100
-    assert np.max(np.abs(values - fed[start : start + 1000])) < 1e-4 / SENSITIVITY
-    process.end()
-    assert process.process.returncode == 0
-
-
-def test_a_process_that_is_killed_is_missed_at_once(session, process):
-    task = open_acceleration(session(process.address))
-    task.start()
-    killer = threading.Timer(0.1, os.kill, (process.process.pid, signal.SIGKILL))
-    killer.start()
-    with pytest.raises(RpcError, match="UNAVAILABLE"):
-        task.wait_until_done(PATIENCE)
-    killer.join()
 
 
 def test_it_listens_on_this_computer_alone_and_on_the_same_port_after_it_was_away(session):

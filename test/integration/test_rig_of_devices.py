@@ -1,0 +1,120 @@
+"""A rig of devices on sockets and terminals: the virtual rig's numbers, and every hit once."""
+
+import json
+import math
+from collections import Counter
+
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from impact_rig.core.session import Session
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.signals.record import HitLabel
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+
+from .processes import COMMAND_LINE, Bench, TalkingProcess
+
+SAMPLES = ("steel small", "aluminium large")
+IMPACTS = 15
+"""Enough for the cycles: one to three hits lie between two of them."""
+SEED = 7
+CYCLES = 2
+"""How often each device is unplugged."""
+QUANTITIES = {
+    "contact_time": "s",
+    "stiffness": "n_per_m",
+    "damping_coefficient": "n_s_per_m",
+}
+REASONS = {
+    "scpi": r"paused: the accelerometer's device is lost: .*127\.0\.0\.1",
+    "relay": r"paused: the hammer's device is lost: .*relay",
+}
+
+
+def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virtual_rig(
+    make_environment, tmp_path
+):
+    environment = make_environment()
+    with (
+        Bench(tmp_path / "bench.toml", "--seed", SEED, environment=environment) as bench,
+        TalkingProcess(
+            COMMAND_LINE, "up", "--output", tmp_path, "--no-visualizer", "--stop-with-input",
+            "--set", "hammer.swing_time=0.02", "--set", "hammer.reconnect_period=0.1",
+            "--set", "accelerometer.reconnect_period=0.1",
+            "--rig-file", tmp_path / "bench.toml", environment=environment,
+        ) as rig,
+        TalkingProcess(
+            COMMAND_LINE, "campaign", "--output", tmp_path, "--samples", *SAMPLES,
+            "--impacts", IMPACTS, environment=environment,
+        ) as campaign,
+    ):  # fmt: skip
+        mount(campaign, bench, SAMPLES[0], 0)
+        unplug_each(campaign, bench)
+        mount(campaign, bench, SAMPLES[1], 0)
+        assert campaign.wait() == 0, campaign.output
+        rig.stop()
+        strikes = bench.output.count('"triggered": true')
+    results = json.loads((tmp_path / "results.json").read_text("utf-8"))
+    check_hits(results["hits"], strikes)
+    check_records(tmp_path / "session.mcap", {hit["record"] for hit in results["hits"]})
+    check_numbers(results["samples"])
+
+
+def mount(campaign, bench, sample, start):
+    campaign.wait_for(f"Mount {sample} and press Enter", start)
+    bench.do(f"mount {sample}")
+    campaign.tell("")
+
+
+def unplug_each(campaign, bench):
+    """Unplug each device in turn, once a hit has come since it was plugged in."""
+    struck = told = 0
+    for cycle in range(2 * CYCLES):
+        device = ("scpi", "relay")[cycle % 2]
+        bench.wait_for('"triggered": true', struck)
+        bench.do(f"unplug {device}")
+        told = campaign.wait_for(REASONS[device], told)
+        struck = len(bench.output)
+        bench.do(f"plug {device}")
+        told = campaign.wait_for("it goes on", told)
+
+
+def check_hits(hits, strikes):
+    """Require each impact once, each by another stroke of the hammer."""
+    accepted = [hit for hit in hits if hit["accepted"]]
+    wanted = [(sample, impact) for sample in SAMPLES for impact in range(1, IMPACTS + 1)]
+    assert [(hit["sample"], hit["impact"]) for hit in accepted] == wanted
+    assert len({hit["contact_time_s"] for hit in accepted}) == len(wanted)
+    assert len(wanted) <= strikes <= len(hits) == len({hit["record"] for hit in hits})
+
+
+def check_records(path, records):
+    """Require that each record ended once, was stored once and was judged once."""
+    counts = {"/acceleration": Counter(), "/recorder/stored": Counter(), "/impact": Counter()}
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages(list(counts)):
+            # Of an arming without a release the recorder says that none of its blocks is missing.
+            is_end = getattr(message, "last", True) and getattr(message, "complete", True)
+            if is_end and getattr(message, "blocks", 1):
+                counts[channel.topic][message.record] += 1
+    for found in counts.values():
+        assert found == dict.fromkeys(records, 1)
+
+
+def check_numbers(samples):
+    """Require what the hits of the virtual rig give by themselves, within the uncertainties."""
+    virtual, session = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=SEED)), Session(PAPER_SETUP)
+    for sample in SAMPLES:
+        for impact in range(1, IMPACTS + 1):
+            hit = virtual.strike(HitLabel(sample, impact, impact))
+            for block in hit.split(1000, stamp=0):
+                session.feed(block)
+    expected = {item.name: item for item in session.estimate_all().samples}
+    assert {sample["name"] for sample in samples} == set(SAMPLES)
+    for sample in samples:
+        for name, unit in QUANTITIES.items():
+            quantity = getattr(expected[sample["name"]], name)
+            found, spread = sample[f"{name}_{unit}"], sample[f"{name}_expanded_{unit}"]
+            limit = math.hypot(quantity.expanded, spread)
+            assert abs(found - quantity.value) <= limit, (sample["name"], name)
