@@ -13,8 +13,7 @@ from impact_rig.results.tables import (
     make_table,
     make_text_column,
 )
-from impact_rig.simulators.check import LARGEST_DIFFERENCE, EngineCheck, is_met
-from impact_rig.simulators.motion import Motion
+from impact_rig.simulators.check import LARGEST_DIFFERENCE, EngineCheck, Motion, is_met
 from impact_rig.simulators.parameters import Parameters, Value
 
 SHORTEST_IN_MS = 100.0

@@ -77,8 +77,7 @@ def list_numbers(parameters) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("exponent", [1.0, 1.5, 1.9])
-@pytest.mark.parametrize("damping", [0.0, 2.03, 12.0])
+@pytest.mark.parametrize(("exponent", "damping"), [(1.0, 12.0), (1.5, 2.03), (1.9, 0.0)])
 def test_duration_and_restitution_are_met_by_the_documented_equation(
     find, engine, exponent, damping
 ):
@@ -93,8 +92,9 @@ def test_duration_and_restitution_are_met_by_the_documented_equation(
     assert own.peak_force == pytest.approx(found.peak_force, rel=1e-3)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("ratio", [0.5, 2.0])
+@pytest.mark.parametrize(
+    ("engine", "ratio"), zip(ENGINES, (0.5, 2.0, 0.5, 2.0, 0.5, 2.0), strict=True)
+)
 def test_what_is_said_of_other_speeds_is_what_the_equation_says(find, engine, ratio):
     contact = make_contact()
     parameters = find(engine, contact)
@@ -118,8 +118,8 @@ def test_a_spring_and_a_damper_have_their_closed_form(find, contact):
     assert numbers["kd"] * 2.0 == pytest.approx(mass * 2.0 * ratio * frequency, rel=1e-7)
 
 
-@pytest.mark.parametrize("exponent", [1.0, 1.2, 1.5, 2.0])
-@pytest.mark.parametrize("ratio", [0.25, 0.5, 1.0, 1.5, 2.0])
+@pytest.mark.parametrize("exponent", [1.0, 1.2, 2.0])
+@pytest.mark.parametrize("ratio", [0.25, 1.0, 2.0])
 def test_mujoco_bends_its_spring_to_the_exponent(find, exponent, ratio):
     contact = make_contact(exponent=exponent, damping=0.0)
     parameters = find("mujoco", contact)
@@ -163,7 +163,7 @@ def test_uncertainties_are_those_of_what_is_met(find, contact):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize(("exponent", "damping"), [(0.5, 230.0), (4.0, 230.0), (3.5, -4.0)])
+@pytest.mark.parametrize(("exponent", "damping"), [(0.5, 230.0), (3.5, -4.0)])
 def test_the_strangest_law_that_is_identified_has_parameters(find, engine, exponent, damping):
     """E from 1, where noise makes it more, down to 0.05, and uncertain to as much as it is."""
     contact = make_contact(exponent=exponent, damping=damping)
