@@ -28,7 +28,7 @@ if pytest.version_tuple < (8,):  # Ubuntu 24.04's takes this folder for Python's
     sys.modules["test"] = ModuleType("test")
     sys.modules["test"].__path__ = [str(Path(__file__).parent)]
 
-hypothesis.settings.register_profile("rig", derandomize=True, deadline=None)
+hypothesis.settings.register_profile("rig", derandomize=True, deadline=None, max_examples=40)
 hypothesis.settings.load_profile("rig")
 
 # Processes inherit a signal that is ignored, as `nohup` and CI runners ignore them, but not a

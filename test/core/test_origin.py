@@ -3,7 +3,7 @@
 import pytest
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.origin import IMPORTED, MEASURED, SIMULATED, UNSTATED, Origin, join_origins
+from impact_rig.core.origin import IMPORTED, MEASURED, SIMULATED, Origin, join_origins
 
 REAL, VIRTUAL = Origin(MEASURED, "digitizer 7"), Origin(SIMULATED, "virtual rig")
 
@@ -18,11 +18,6 @@ def test_hits_of_one_kind_are_told_by_their_sources() -> None:
 def test_one_simulated_hit_among_measured_ones_is_not_lost() -> None:
     found = join_origins([REAL] * 9 + [VIRTUAL])
     assert str(found) == "mixed (measured (digitizer 7), simulated (virtual rig))"
-
-
-def test_what_nobody_states_is_unknown() -> None:
-    assert join_origins([]) == UNSTATED == Origin("")
-    assert str(UNSTATED) == "unknown"
 
 
 def test_an_unheard_of_kind_is_refused() -> None:

@@ -1,13 +1,9 @@
 """A session: blocks in, verdicts and estimates out, in whatever order samples come."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits.reasons import Reason
@@ -16,8 +12,6 @@ from impact_rig.core.session import Session
 from impact_rig.core.signals.record import HitLabel
 
 from .sessions import SETUP, Strike, strike_series
-
-Make = Callable[..., Any]
 
 
 def test_a_good_hit_is_judged_and_counted(strike: Strike) -> None:
@@ -40,21 +34,6 @@ def test_a_rejected_hit_changes_no_estimate(strike: Strike) -> None:
     after = session.estimate_sample("alike")
     assert after.impacts_rejected == 1
     assert repr(drop_internals(replace(after, impacts_rejected=0))) == repr(drop_internals(before))
-
-
-def test_what_follows_a_hit_at_once_changes_nothing_of_what_is_found_later(strike: Strike) -> None:
-    hurried, patient = Session(SETUP), Session(SETUP)
-    for name in ("alike", "heavy"):
-        for impact in range(1, 4):
-            strike(patient, name, impact)
-            strike(hurried, name, impact)
-            at_once = hurried.estimate_numbers(name)
-            assert at_once.contact_time.value == hurried.estimate_sample(name).contact_time.value
-    found, expected = (
-        repr([drop_internals(sample) for sample in session.estimate_all().samples])
-        for session in (hurried, patient)
-    )
-    assert found == expected
 
 
 def test_a_sample_measured_before_the_control_sample_gets_its_k2_afterwards(
@@ -121,11 +100,7 @@ def get_numbers(session: Session) -> dict[str, tuple[object, ...]]:
     }
 
 
-@given(order=st.permutations(["alike", "heavy", "third"]), size=st.integers(50, 2500))
-@settings(max_examples=3)
-def test_neither_the_order_of_samples_nor_the_size_of_blocks_changes_a_bit(
-    strike: Strike, order: list[str], size: int
-) -> None:
+def test_neither_the_order_of_samples_nor_the_size_of_blocks_changes_a_bit(strike: Strike) -> None:
     def run(names: list[str], block: int) -> Session:
         session = Session(SETUP)
         for name in names:
@@ -136,9 +111,8 @@ def test_neither_the_order_of_samples_nor_the_size_of_blocks_changes_a_bit(
         return session
 
     # By their text, every bit of it: what is not determined is NaN, which equals nothing.
-    assert repr(get_numbers(run(order, size))) == repr(
-        get_numbers(run(["alike", "heavy", "third"], 2500))
-    )
+    found = run(["heavy", "third", "alike"], 333)
+    assert repr(get_numbers(found)) == repr(get_numbers(run(["alike", "heavy", "third"], 2500)))
 
 
 def test_an_unknown_sample_is_refused_and_nothing_is_counted(strike: Strike) -> None:
@@ -146,16 +120,6 @@ def test_an_unknown_sample_is_refused_and_nothing_is_counted(strike: Strike) -> 
     with pytest.raises(ParameterError, match="unknown sample 'brass': the set has 'alike', 'h"):
         strike(session, "brass", 1)
     assert session.names == ()
-
-
-def test_a_sampling_rate_too_low_for_the_filter_is_named(
-    make_counts: Make, make_blocks: Make
-) -> None:
-    session = Session(SETUP)
-    hammer = make_counts([(500, 900.0)], 2500)
-    blocks = make_blocks(hammer, hammer, [2500], label=HitLabel("alike"), rate=51.2e3)
-    with pytest.raises(ParameterError, match="too low for the 50 kHz low-pass"):
-        session.feed(blocks[0])
 
 
 def test_results_asked_for_twice_are_the_same_until_another_hit_comes(strike: Strike) -> None:

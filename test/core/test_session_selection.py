@@ -57,17 +57,6 @@ def test_of_more_hits_than_wanted_the_most_consistent_are_kept(strike: Strike) -
     assert (estimate.impacts_accepted, estimate.impacts_rejected) == (4, 2)
 
 
-def test_the_same_hits_give_the_same_selection_at_every_size_of_block(strike: Strike) -> None:
-    def run(size: int) -> str:
-        session = Session(replace(SETUP, analysis=replace(SETUP.analysis, keep_hits=5)))
-        for record, height in enumerate([900.0, 450.0, 880.0, 910.0, 905.0, 893.0, 901.0], 1):
-            strike(session, "alike", record, height=height, size=size)
-        results = session.estimate_all()
-        return repr((results.samples, [(hit.label, hit.rejections) for hit in results.rejected]))
-
-    assert run(400) == run(2500) == run(77)
-
-
 def test_a_person_leaves_out_one_hit_and_takes_another_in(strike: Strike) -> None:
     accepted, rejected = (frozenset({HitLabel("alike", record)}) for record in (2, 3))
     session = Session(SETUP, Overrules(accepted, rejected))
@@ -78,19 +67,6 @@ def test_a_person_leaves_out_one_hit_and_takes_another_in(strike: Strike) -> Non
     assert estimate.warnings[-1].startswith(
         "hit 2 (alike/1.1) accepted by hand, although weak: hammer peak"
     )
-
-
-def test_a_persons_word_on_hits_that_do_not_come_changes_nothing(strike: Strike) -> None:
-    other = frozenset({HitLabel("alike", 99)})
-    sessions = (
-        Session(SETUP),
-        Session(SETUP, Overrules(other)),
-        Session(SETUP, Overrules(rejected=other)),
-    )
-    for session in sessions:
-        strike_series(strike, session, [900.0, 150.0, 890.0])
-    first, *others = (repr(session.estimate_all()) for session in sessions)
-    assert others == [first, first]
 
 
 def test_a_hit_without_a_pulse_cannot_be_taken_in(make_counts: Make, make_blocks: Make) -> None:

@@ -1,6 +1,5 @@
 """Many recordings in one table."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -59,17 +58,6 @@ def test_the_spread_of_three_recordings_is_the_standard_deviation() -> None:
     (row,) = table.rows
     mean, spread = np.mean(TIMES) * 1e6, 100 * np.std(TIMES, ddof=1) / np.mean(TIMES)
     assert row == ("aluminium small", "3", f"{mean:.2f}", f"{spread:.2f}", "15.60", "0.00")
-
-
-def test_what_was_determined_twice_only_has_no_spread() -> None:
-    stiffnesses = (15.5e6, 15.6e6, math.nan)
-    _, table = tabulate_batch(
-        [
-            make_campaign(f"{number}.mcap", TIMES[0], stiffness=stiffness)
-            for number, stiffness in enumerate(stiffnesses)
-        ]
-    )
-    assert [column.header for column in table.columns] == ["Sample", "n", "τp [µs]", "s [%]"]
 
 
 def test_campaigns_of_one_recording_are_numbered() -> None:

@@ -31,12 +31,6 @@ def test_every_hit_of_the_mean_is_a_point_around_it(results: Results) -> None:
         assert row.mse_hammer_percent < 0.25
 
 
-def test_rejected_hits_are_no_points(results: Results) -> None:
-    hits = tuple(replace(hit, accepted=hit.impact > 1) for hit in results.hits)
-    for row in make_figure_rows(replace(results, hits=hits)):
-        assert len(row.contact_times) == 1
-
-
 def test_without_masses_there_is_no_relative_mass(results: Results) -> None:
     setup = replace(results.setup, hammer_mass=math.nan)
     rows = make_figure_rows(replace(results, setup=setup))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.results.numbers import MISSING, format_uncertain
+from impact_rig.results.numbers import format_uncertain
 
 
 @pytest.mark.parametrize(
@@ -32,10 +32,6 @@ def test_a_value_is_rounded_where_its_uncertainty_is(value, expanded, text):
 @pytest.mark.parametrize("expanded", [math.nan, math.inf, 0.0])
 def test_a_value_without_uncertainty_stands_alone(expanded):
     assert format_uncertain(12.3456, expanded, 2) == "12.35"
-
-
-def test_what_is_not_determined_is_a_dash():
-    assert format_uncertain(math.nan, 1.0, 2) == MISSING
 
 
 @given(st.floats(-1e9, 1e9), st.floats(1e-9, 1e9))

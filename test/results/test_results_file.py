@@ -97,14 +97,6 @@ def test_what_is_not_determined_is_null(tmp_path: Path) -> None:
     assert math.isnan(read_results(path).samples[0].stiffness.value)
 
 
-def test_a_new_file_takes_the_place_of_the_old_one_at_once(tmp_path: Path) -> None:
-    path = tmp_path / "results.json"
-    path.write_text("old")
-    write_results(path, RESULTS)
-    assert read_results(path).samples[0].name == "tin"
-    assert list(tmp_path.iterdir()) == [path]
-
-
 def test_results_are_as_readable_as_any_new_file(tmp_path: Path) -> None:
     other = tmp_path / "other"
     other.write_text("")
@@ -127,11 +119,6 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(
         write_results(path, RESULTS)
     assert list(tmp_path.iterdir()) == [path]
     assert path.read_text() == "old"
-
-
-def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="absent"):
-        write_results(tmp_path / "absent" / "results.json", RESULTS)
 
 
 def _drop(content: dict[str, Any]) -> None:
@@ -212,11 +199,6 @@ def test_json_is_the_same_and_steers_no_terminal() -> None:
     assert json.loads(written) == {"name": text}
     assert written.replace("\n", "").isprintable()
     assert "é" in written
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="cannot be read"):
-        read_results(tmp_path / "results.json")
 
 
 def test_results_of_version_3_are_read(tmp_path: Path) -> None:

@@ -87,10 +87,6 @@ def test_json_of_a_set_up_keeps_its_names() -> None:
     assert to_json(SETUP)["sensors"][0]["sensitivity_v_per_unit"] == 2.25e-3
 
 
-def test_whole_numbers_given_for_real_ones_are_written_as_such() -> None:
-    assert repr(to_json(replace(SETUP, hammer_mass=1))["hammer_mass_kg"]) == "1.0"
-
-
 @dataclass(frozen=True)
 class Grown:
     """A record that has gained two fields in version 5."""

@@ -65,13 +65,6 @@ def test_the_ratio_of_two_like_traces_is_found_whatever_their_height_and_offset(
     assert fit_hit(hit, "hammer", 1.0).fit.ratio == pytest.approx(1.0 / ratio, rel=1e-9)
 
 
-def test_the_trace_under_test_is_held_against_what_it_should_be():
-    # Struck by 0.1 kg, a body of 0.25 kg is accelerated 2.5 times less.
-    hit = judge(1000 * make_pulse(), 400 * make_pulse())
-    assert fit_hit(hit, "hammer", 0.25 / 0.1).fit.ratio == pytest.approx(1.0)
-    assert fit_hit(hit, "specimen", 0.1 / 0.25).fit.ratio == pytest.approx(1.0)
-
-
 def test_a_delay_that_is_let_pass_changes_the_ratio_by_less_than_the_square_of_its_misfit():
     checked = 0
     for delay in np.linspace(0.2e-6, 12e-6, 20):
@@ -128,12 +121,6 @@ def test_a_weak_hit_and_a_double_hit_are_as_good_as_others():
     found = fit_hit(hit, "specimen", 1.0)
     assert found.flaw == ""
     assert found.fit.ratio == pytest.approx(3.0)
-
-
-def test_an_overloaded_hit_is_not_used():
-    pulse = 1000 * make_pulse()
-    hit = judge(np.clip(pulse, 0, 700), np.clip(pulse, 0, 700), full_scale=700.0)
-    assert "at the rail of 700 m/s^2" in fit_hit(hit, "specimen", 1.0).flaw
 
 
 FORCE = Sensor("hammer", "force", "N", 2.25e-3)
@@ -216,14 +203,6 @@ def test_too_few_hits_determine_nothing_and_the_flaws_are_named():
         estimate_sensitivity(
             make_fits(1.0, 1.1) + flawed, CalibrationMethod("hammer"), MASSES, HAMMER
         )
-
-
-def test_a_flawed_hit_is_left_out():
-    flawed = replace(make_fits(5.0)[0], flaw="misfit")
-    found = estimate_sensitivity(
-        [*make_fits(1.0, 1.1, 1.2), flawed], CalibrationMethod("hammer"), MASSES, HAMMER
-    )
-    assert (found.hits, found.ratio.value) == (3, pytest.approx(1.1))
 
 
 def test_force_is_mass_times_acceleration():

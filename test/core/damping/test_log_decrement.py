@@ -13,7 +13,7 @@ from impact_rig.core.damping.log_decrement import (
     estimate_damping_ratio_from_coefficient,
     estimate_log_decrement,
 )
-from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
+from impact_rig.core.errors import NotDeterminedError, ParameterError
 from impact_rig.core.setup.paper import PUBLISHED_SAMPLES
 
 RATE = 2.5e6
@@ -69,27 +69,11 @@ def test_a_wave_that_does_not_decay_has_no_decrement() -> None:
         estimate_log_decrement(np.tile(wave[:100], 10), noise=0.0)
 
 
-def test_a_flat_trace_has_no_decrement() -> None:
-    with pytest.raises(SignalError, match="has no pulse"):
-        estimate_log_decrement(np.zeros(100), noise=1.0)
-
-
 @given(delta=st.floats(1e-3, 50))
 def test_ratio_and_decrement_are_inverse(delta: float) -> None:
     ratio = estimate_damping_ratio(delta)
     assert 0 < ratio < 1
     assert compute_log_decrement(ratio) == pytest.approx(delta, rel=1e-9)
-
-
-def test_small_decrements_are_two_pi_zeta() -> None:
-    assert estimate_damping_ratio(2 * np.pi * 1e-4) == pytest.approx(1e-4, rel=1e-7)
-
-
-@given(ratio=st.floats(0, 3), stiffness=st.floats(1e3, 1e9), mass=st.floats(1e-3, 10))
-def test_ratio_and_coefficient_are_inverse(ratio: float, stiffness: float, mass: float) -> None:
-    coefficient = estimate_damping_coefficient(ratio, stiffness, mass)
-    back = estimate_damping_ratio_from_coefficient(coefficient, stiffness, mass)
-    assert back == pytest.approx(ratio, rel=1e-12)
 
 
 def test_a_critical_damper_gives_a_double_root() -> None:

@@ -66,24 +66,11 @@ class TestShift:
         best = int(np.argmin(errors)) - largest
         assert find_best_shift(measured, model, largest) == pytest.approx(best, abs=0.5)
 
-    def test_stays_within_its_limit(self) -> None:
-        assert abs(find_best_shift(make_bell(400.0), make_bell(200.0), 50)) <= 50
-
-    @given(shift=st.floats(-60, 60))
-    def test_moves_a_trace_later_by_parts_of_a_point(self, shift: float) -> None:
-        moved = shift_trace(make_bell(300.0), shift)
-        # A cubic spline follows a bell 30 points wide within 1e-6.
-        np.testing.assert_allclose(moved, make_bell(300.0 + shift), rtol=0, atol=2e-6)
-
     @given(shift=st.integers(-600, 600).map(lambda tenths: tenths / 10), seed=st.integers(0, 1000))
     def test_is_what_scipy_makes_of_it(self, shift: float, seed: int) -> None:
         trace = np.random.default_rng(seed).standard_normal(50)
         expected = ndimage.shift(trace, shift, order=3, mode="constant", cval=0.0)
         np.testing.assert_allclose(shift_trace(trace, shift), expected, rtol=0, atol=1e-11)
-
-    def test_brings_in_zeros(self) -> None:
-        moved = shift_trace(np.ones(10), 3.0)
-        np.testing.assert_allclose(moved, [0, 0, 0, 1, 1, 1, 1, 1, 1, 1], atol=1e-12)
 
 
 class TestCompareTrace:
@@ -113,20 +100,6 @@ class TestCompareTrace:
         assert result.contact_error_percent == pytest.approx(
             100 * np.sqrt(np.mean(error[contact] ** 2)), rel=1e-6
         )
-
-    def test_a_longer_quiet_record_forgives_more(self) -> None:
-        short, long = (
-            compare_trace(
-                make_bell(300.0, count=count),
-                make_bell(300.0, width=45.0, count=count),
-                RATE,
-                slice(250, 350),
-                100,
-            )
-            for count in (600, 2400)
-        )
-        assert long.mse_percent == pytest.approx(short.mse_percent / 4, rel=1e-3)
-        assert long.contact_error_percent == pytest.approx(short.contact_error_percent, rel=1e-3)
 
 
 class TestCompareWithModel:
@@ -166,14 +139,6 @@ class TestCompareWithModel:
         assert result.specimen.mse_percent < 1e-4
         assert abs(result.hammer.shift) < 1e-3 / RATE
 
-    @given(ratio=st.floats(0.5, 2.0))
-    @settings(max_examples=30)
-    def test_does_not_see_the_size_of_the_force(self, ratio: float) -> None:
-        mean = self.make_mean(MODEL, ModelVariant.DRIVEN)
-        other = replace(MODEL, peak_force=ratio * MODEL.peak_force)
-        result = compare_with_model(mean, other, ModelVariant.DRIVEN, 50e3)
-        assert result.specimen.mse_percent < 1e-9
-
     @given(ratio=st.floats(0.3, 3.0))
     @settings(max_examples=30)
     def test_sees_a_wrong_stiffness(self, ratio: float) -> None:
@@ -184,9 +149,3 @@ class TestCompareWithModel:
         result = compare_with_model(mean, other, ModelVariant.DRIVEN, 50e3)
         assert result.specimen.contact_error_percent > 1.0
         assert result.hammer.contact_error_percent < 1e-3
-
-    def test_needs_the_sample(self) -> None:
-        mean = self.make_mean(MODEL, ModelVariant.DRIVEN)
-        alone = MeanHit(mean.traces[:1], RATE, mean.origin, np.zeros(1), np.zeros(1), ())
-        with pytest.raises(SignalError, match="sample's trace was not measured"):
-            compare_with_model(alone, MODEL, ModelVariant.DRIVEN, 50e3)

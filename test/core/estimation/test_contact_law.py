@@ -170,7 +170,7 @@ def test_without_noise_the_law_is_found_again(exponent: float, restitution: floa
 @every_law
 def test_one_noisy_hit_is_good_enough(exponent: float, restitution: float) -> None:
     contact = strike(exponent, restitution)
-    laws = [estimate(make_mean(contact.traces, NOISE, seed=seed)) for seed in range(40)]
+    laws = [estimate(make_mean(contact.traces, NOISE, seed=seed)) for seed in range(20)]
     for law in laws:
         assert law.exponent.value == pytest.approx(exponent, abs=0.02)
         assert law.restitution.value == pytest.approx(restitution, abs=0.006)

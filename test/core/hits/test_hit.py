@@ -50,22 +50,6 @@ def test_contact_time_is_read_within_a_part_of_a_thousand(
     assert hit.width_ratio == pytest.approx(1.590, abs=0.02)
 
 
-def test_peaks_are_those_after_the_low_pass(make_record: Make) -> None:
-    hit = judge_hit(make_record(*make_traces(), rate=RATE, pulse_index=500), SETTINGS)
-    # The low-pass takes some 0.3 % off a top of 200 us.
-    assert hit.hammer_peak == pytest.approx(900, rel=0.01)
-    assert hit.specimen_peak == pytest.approx(400, rel=0.01)
-    assert hit.hammer_peak < 900
-
-
-def test_another_pulse_factor_changes_the_contact_time_alone(make_record: Make) -> None:
-    record = make_record(*make_traces(), rate=RATE, pulse_index=500)
-    hertz = judge_hit(record, AnalysisSettings(pulse_factor=1.82))
-    versed = judge_hit(record, SETTINGS)
-    assert hertz.half_amplitude_width == versed.half_amplitude_width
-    assert hertz.contact_time == pytest.approx(0.91 * versed.contact_time, rel=1e-12)
-
-
 @given(offset=st.floats(-100, 100))
 def test_an_offset_changes_nothing(make_record: Make, offset: float) -> None:
     plain, shifted = (
@@ -109,19 +93,6 @@ def test_noise_is_that_of_the_filtered_baseline(make_record: Make) -> None:
     np.testing.assert_allclose(np.sqrt(np.mean(variances, axis=0)), expected, rtol=0.06)
 
 
-def test_traces_of_an_accepted_hit_cannot_be_changed(make_record: Make) -> None:
-    hit = judge_hit(make_record(*make_traces(), rate=RATE, pulse_index=500), SETTINGS)
-    assert hit.filtered is not None
-    with pytest.raises(ValueError, match="read-only"):
-        hit.filtered.traces[0, 0] = 1.0
-
-
-def test_a_hammer_without_a_sample_is_a_hit(make_record: Make) -> None:
-    hit = judge_hit(make_record(make_traces()[0], rate=RATE, pulse_index=500), SETTINGS)
-    assert hit.accepted
-    assert np.isnan(hit.specimen_peak)
-
-
 def test_a_trace_with_nan_is_rejected_by_name(make_record: Make) -> None:
     hammer, specimen = make_traces()
     hammer[100] = np.nan
@@ -131,14 +102,6 @@ def test_a_trace_with_nan_is_rejected_by_name(make_record: Make) -> None:
     ]
     assert np.isnan(hit.contact_time)
     assert hit.filtered is None
-
-
-def test_a_trace_without_a_pulse_is_rejected_by_name(make_record: Make) -> None:
-    quiet = np.random.default_rng(1).standard_normal((2, COUNT))
-    hit = judge_hit(make_record(*quiet, rate=RATE, pulse_index=None), SETTINGS)
-    assert [str(item) for item in hit.rejections] == [
-        "no_pulse: the hammer trace never leaves its baseline"
-    ]
 
 
 def test_a_pulse_without_a_baseline_is_truncated(make_record: Make) -> None:

@@ -75,19 +75,3 @@ def test_a_hit_accepted_by_hand_remembers_what_was_against_it() -> None:
     assert describe_overruled(hit, "hit 17") == (
         "hit 17 accepted by hand, although weak: too weak"
     )
-
-
-def test_accepting_a_good_hit_is_said_too() -> None:
-    hit = overrule_hit(make_hit(OTHER), Overrules(accepted=frozenset({OTHER})))
-    assert describe_overruled(hit, "hit 3") == ("hit 3 accepted by hand, with nothing against it")
-
-
-def test_a_hit_without_a_pulse_cannot_be_accepted() -> None:
-    hit = make_hit(FIRST, Rejection(Reason.NO_TRIGGER, "nothing came"), pulse=False)
-    with pytest.raises(ParameterError, match=r"17 .* no pulse that could be measured \(no_trig"):
-        overrule_hit(hit, Overrules(accepted=frozenset({FIRST})))
-
-
-def test_other_hits_are_left_as_they_are() -> None:
-    hit = make_hit(OTHER, WEAK)
-    assert overrule_hit(hit, Overrules(frozenset({FIRST}), frozenset({SECOND}))) is hit

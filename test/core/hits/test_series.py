@@ -15,13 +15,12 @@ from impact_rig.core.errors import FileError
 from impact_rig.core.hits.averaging import average_hits
 from impact_rig.core.hits.hit import FilteredHit, JudgedHit
 from impact_rig.core.hits.pulse_width import measure_pulse
-from impact_rig.core.hits.reasons import Reason, Rejection
+from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.hits.series import HitSeries
 from impact_rig.core.signals.record import HitLabel
 
 RATE = 2.5e6
 TAU = 200e-6
-BY_HAND = (Rejection(Reason.OPERATOR, "so"),)
 
 
 def make_hit(number: int, factor: float = 1.0, noise: float = 1.0) -> JudgedHit:
@@ -64,17 +63,6 @@ def check_mean(series: HitSeries, hits: list[JudgedHit]) -> None:
     assert (mean.count, mean.origin) == (expected.count, expected.origin)
     assert repr(mean.summary) == repr(expected.summary)
     assert mean.baseline_points == expected.baseline_points
-
-
-def test_a_hit_comes_back_as_it_was_without_its_traces() -> None:
-    rejected = replace(make_hit(2), rejections=(Rejection(Reason.WEAK, "too weak"),))
-    overruled = replace(make_hit(3), overruled=BY_HAND)
-    selection = make_series([make_hit(1), rejected, overruled]).select()
-    # By their text: what is not determined is NaN, which equals nothing.
-    assert repr(selection.kept) == repr(
-        tuple(replace(hit, filtered=None) for hit in (make_hit(1), overruled))
-    )
-    assert repr(selection.left_out) == repr((replace(rejected, filtered=None),))
 
 
 @given(count=st.integers(1, 12))
@@ -131,26 +119,6 @@ def test_of_a_long_series_hits_that_lie_evenly_show_the_scatter(count: int, show
     assert (mean.count, len(mean.hits)) == (count, shown)
     check_mean(series, hits)
     assert len(series.select().kept) == count
-
-
-@given(keep=st.integers(1, 30))
-def test_never_more_than_asked_for_are_in_the_mean(keep: int) -> None:
-    hits = [make_hit(number) for number in range(30)]
-    series = make_series(hits, keep)
-    selection = series.select()
-    assert len(selection.kept) == keep
-    assert set(list_reasons(series).values()) <= {Reason.SURPLUS}
-    numbers = {hit.label.record for hit in selection.kept}
-    check_mean(series, [hit for hit in hits if hit.label.record in numbers])
-
-
-def test_a_hit_accepted_by_hand_stays_in_the_mean_whatever_is_against_it() -> None:
-    hits = [make_hit(number) for number in range(30)]
-    hits[7] = replace(make_hit(7, factor=2.0), overruled=BY_HAND)
-    series = make_series(hits)
-    check_mean(series, hits)
-    (overruled,) = series.overruled
-    assert [item.reason for item in overruled.overruled] == [Reason.INCONSISTENT, Reason.OPERATOR]
 
 
 def test_what_is_told_of_the_spread_is_that_of_the_hits_in_the_mean() -> None:

@@ -45,13 +45,6 @@ def test_a_body_has_a_positive_stiffness_and_no_negative_damping(
     assert hammer.has_hammer is expected
 
 
-def test_what_is_believed_comes_first() -> None:
-    measured, traces = make_traces(ModelVariant.DRIVEN)
-    first = next(find_starts(measured, traces, StartingValues(40e6, 1500.0)))
-    assert read(measured, first, "k2") == pytest.approx(40e6)
-    assert read(measured, first, "c2") == pytest.approx(1500.0)
-
-
 @pytest.mark.parametrize("variant", ModelVariant)
 def test_belief_in_a_body_that_cannot_be_is_ignored(variant: ModelVariant) -> None:
     measured, traces = make_traces(variant)
@@ -59,14 +52,6 @@ def test_belief_in_a_body_that_cannot_be_is_ignored(variant: ModelVariant) -> No
     found = list(islice(find_starts(measured, traces, impossible), 5))
     expected = list(islice(find_starts(measured, traces, StartingValues()), 5))
     np.testing.assert_array_equal(found, expected)
-
-
-def test_a_true_sample_starts_with_its_true_amplitudes() -> None:
-    measured, traces = make_traces(ModelVariant.DRIVEN)
-    first = next(find_starts(measured, traces, StartingValues(TRUTH["k2"], TRUTH["c2"])))
-    # Duration and start are read from the hammer's trace, within a thousandth.
-    for name in ("tau_p", "F0", "sample gain"):
-        assert read(measured, first, name) == pytest.approx(TRUTH[name], rel=1e-3)
 
 
 def test_a_true_hammer_and_sample_are_the_most_promising_of_the_printed_model() -> None:

@@ -94,12 +94,3 @@ def test_a_slow_system_beside_a_fast_one_keeps_its_digits() -> None:
     expected = slow + slow @ slow / 2.0 + slow @ slow @ slow / 6.0
     change = found[0, :, 0] - (1.0, 0.0)
     np.testing.assert_allclose(change, expected[:, 0], rtol=0, atol=3e-16)
-
-
-def test_a_system_at_rest_stays() -> None:
-    initial = np.array([[1.0, 2.0, 3.0]])
-    found, states = simulate_linear_systems(
-        np.zeros((1, 3, 3)), initial, np.eye(3)[np.newaxis], [Moments(0.5, 100.0)], 300
-    )
-    np.testing.assert_array_equal(found[0], np.repeat(initial.T, 300, axis=1))
-    np.testing.assert_array_equal(states, initial)

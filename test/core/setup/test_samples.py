@@ -4,19 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
 
 STEEL, BRASS = Sample("steel", 0.05632), Sample("brass", 0.06086)
-
-
-def test_a_set_keeps_its_order_and_finds_its_samples() -> None:
-    samples = SampleSet((STEEL, BRASS), control_sample="brass", accelerometer_mass=3e-3)
-    assert samples.names == ("steel", "brass")
-    assert samples.find("brass") is BRASS
 
 
 @pytest.mark.parametrize("text", ["steel\x1b]0;mine\x07", "two\nlines", "\ud800"])
@@ -25,12 +17,6 @@ def test_a_name_or_material_that_would_steer_a_terminal_is_refused(text: str) ->
         Sample(text, 0.05)
     with pytest.raises(ParameterError, match="the material of a sample"):
         Sample("steel", 0.05, text)
-
-
-@given(mass=st.floats(1e-6, 100), accelerometer=st.floats(0, 1))
-def test_what_moves_is_sample_and_accelerometer(mass: float, accelerometer: float) -> None:
-    samples = SampleSet((Sample("x", mass),), "", accelerometer)
-    assert samples.get_moving_mass("x") == mass + accelerometer
 
 
 def test_an_unknown_sample_is_named_with_those_there_are() -> None:
@@ -77,33 +63,12 @@ def test_an_impossible_uncertainty_is_refused_by_name(value: float) -> None:
         RigSetup(samples, 0.1, 0.3, clock_uncertainty=value)
 
 
-def test_a_sample_needs_a_name() -> None:
-    with pytest.raises(ParameterError, match="every sample needs its own name"):
-        Sample("  ", 0.05)
-
-
-def test_an_empty_set_is_refused() -> None:
-    with pytest.raises(ParameterError, match="needs at least one sample"):
-        SampleSet((), "")
-
-
-def test_a_name_is_used_once() -> None:
-    with pytest.raises(ParameterError, match="sample 'steel' appears twice in the set"):
-        SampleSet((STEEL, BRASS, Sample("steel", 0.1)), "")
-
-
 def test_a_missing_control_sample_is_named_with_those_there_are() -> None:
     with pytest.raises(ParameterError) as error:
         SampleSet((STEEL, BRASS), "aluminium large")
     assert str(error.value) == (
         "control sample 'aluminium large' is missing from the set, which has 'steel', 'brass'"
     )
-
-
-def test_the_accelerometer_may_weigh_nothing_but_not_less() -> None:
-    assert SampleSet((STEEL,), "").get_moving_mass("steel") == STEEL.mass
-    with pytest.raises(ParameterError, match=r"accelerometer mass is -0.003 kg"):
-        SampleSet((STEEL,), "", -3e-3)
 
 
 @pytest.mark.parametrize(
@@ -148,10 +113,6 @@ def test_a_series_is_as_fast_as_its_pendulum_falls(degrees: float) -> None:
     assert series.impact_speed == pytest.approx(speed, rel=1e-9)
     assert series.samples.control_sample == f"brass {degrees:g}°"
     assert series.for_series(f"steel {degrees:g}°") == series
-
-
-def test_a_set_without_angles_is_its_own_series() -> None:
-    assert SERIES.for_series("steel") is SERIES
 
 
 @pytest.mark.parametrize(

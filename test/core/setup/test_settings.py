@@ -15,10 +15,6 @@ def test_the_paper_is_the_default() -> None:
     assert settings.record_duration == 2e-3
 
 
-def test_a_cutoff_of_zero_means_no_filter() -> None:
-    assert AnalysisSettings(cutoff_frequency=0.0).cutoff_frequency == 0.0
-
-
 @pytest.mark.parametrize(
     ("field", "value", "right"),
     [

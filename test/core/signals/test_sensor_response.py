@@ -4,17 +4,12 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup.sensors import FLAT, Sensor, SensorResponse
+from impact_rig.core.setup.sensors import Sensor, SensorResponse
 from impact_rig.core.signals.sensor_response import respond, restore_level
 
 RATE = 1e6
 TIME = np.arange(4000) / RATE
 RAMP = np.clip(TIME * 1e4, 0.0, 1.0)
-
-
-def test_a_sensor_of_which_nothing_is_known_shows_what_is_there() -> None:
-    assert respond(RAMP, FLAT, RATE) is RAMP
-    assert restore_level(RAMP, 0.0, RATE) is RAMP
 
 
 def test_a_resonance_answers_to_a_ramp_as_a_mass_on_a_spring() -> None:
@@ -37,12 +32,6 @@ def test_a_low_corner_lets_a_level_decay_and_can_be_undone() -> None:
     np.testing.assert_allclose(
         restore_level(shown, corner, RATE), np.stack([RAMP, 2.0 * RAMP]), atol=1e-6
     )
-
-
-def test_rows_are_answered_one_by_one() -> None:
-    response = SensorResponse(30e3, 0.02, 5.0)
-    both = respond(np.stack([RAMP, -RAMP]), response, RATE)
-    np.testing.assert_array_equal(both[1], -respond(RAMP, response, RATE))
 
 
 @pytest.mark.parametrize(

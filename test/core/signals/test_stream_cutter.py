@@ -156,16 +156,6 @@ def remove(block: Block, low: int, high: int) -> list[Block]:
     return parts
 
 
-def test_a_pulse_on_a_border_reaches_back_into_the_block_before(
-    make_counts: Make, make_stream: Make
-) -> None:
-    counts = make_counts([(10_000, 900.0)], 20_000)
-    (block,) = cut(make_stream(counts, [10_000], [(0, 20_000, FIRST)]))
-    start = (block.stamp - 1_000) // 1_000
-    assert start < 10_000 < start + QUIET_LEAD * BEFORE
-    np.testing.assert_array_equal(block.hammer.output, counts[start : start + CUT])
-
-
 def test_a_hit_is_handed_out_as_soon_as_its_window_has_come(
     make_counts: Make, make_stream: Make
 ) -> None:
@@ -215,11 +205,6 @@ def test_an_arming_that_ends_without_an_impact_says_so_by_an_empty_block(
     assert block.hammer.output.size == block.first_sample == 0
     (record,) = judge([block])
     assert not record.triggered
-
-
-def test_an_arming_that_is_given_up_is_not_told_of(make_counts: Make, make_stream: Make) -> None:
-    stream = make_stream(make_counts([], 9000), [1000], [(2000, 6000, FIRST)])
-    assert cut(replace(item, last=False) for item in stream) == []
 
 
 @pytest.mark.parametrize("following", [NOT_ARMED, SECOND])
@@ -278,22 +263,6 @@ class TestGap:
         (record,) = judge(cuts)
         assert record.flaws == (f"4500 points missing at point {BEFORE}",)
 
-    @pytest.mark.parametrize("lost", [(3000, 7000), (12_000, 24_000)])
-    def test_outside_the_window_does_no_harm(
-        self, make_counts: Make, make_stream: Make, lost: tuple[int, int]
-    ) -> None:
-        intact, _ = self.lose(make_counts, make_stream, (0, 0))
-        cuts, cutter = self.lose(make_counts, make_stream, lost)
-        assert [describe(item) for item in cuts] == [describe(item) for item in intact]
-        assert cutter.flow.missing_points == lost[1] - lost[0]
-
-    def test_that_takes_the_pre_trigger_is_named(
-        self, make_counts: Make, make_stream: Make
-    ) -> None:
-        (record,) = judge(self.lose(make_counts, make_stream, (6000, 7950))[0])
-        assert record.flaws
-        assert "missing" in record.flaws[0]
-
 
 def test_a_gap_right_behind_an_arming_takes_nothing_from_it(
     make_counts: Make, make_stream: Make
@@ -333,15 +302,6 @@ def test_a_change_of_calibration_inside_the_window_is_never_bridged(
     ]
     (record, *_) = judge(cut(changed))
     assert "calibration changed" in record.flaws[0]
-
-
-def test_slow_drift_starts_no_hit(make_counts: Make, make_stream: Make) -> None:
-    counts = make_counts([], 2_000_000, noise=1.0)
-    drifting = (counts + np.linspace(0, 300, counts.size)).astype(np.int32)  # five times the level
-    cutter = StreamCutter(SETTINGS)
-    for block in make_stream(drifting, [10_000]):
-        assert cutter.feed(block) == ()
-    assert cutter.flow.other_impacts == 0
 
 
 def test_only_what_a_hit_may_still_need_is_kept(make_counts: Make, make_stream: Make) -> None:
@@ -438,14 +398,6 @@ def test_a_hit_that_the_stream_begins_in_is_rejected_for_what_it_lacks(
     assert Reason.GAP in find_reasons(record)
 
 
-def test_a_hit_right_behind_a_whole_pre_trigger_is_a_good_one(
-    make_counts: Make, make_short_stream: Make
-) -> None:
-    (record,) = judge(cut(make_short_stream(make_counts([(QUIET_LEAD * BEFORE, 900.0)], 9000))))
-    assert record.flaws == ()
-    assert find_reasons(record) == set()
-
-
 def test_a_stream_that_begins_in_a_hit_is_not_deaf_for_the_next_one(
     make_counts: Make, make_short_stream: Make
 ) -> None:
@@ -504,22 +456,6 @@ def test_a_hit_that_the_end_of_the_stream_cuts_off_is_judged_at_once(
     assert Reason.GAP in find_reasons(record)
 
 
-def test_a_hit_within_a_stream_shorter_than_a_record_is_judged(
-    make_counts: Make, make_short_stream: Make
-) -> None:
-    stream = make_short_stream(make_counts([(700, 900.0)], 1000), size=100)
-    (record,) = judge(cut([*stream, end_stream(stream)]))
-    assert Reason.GAP in find_reasons(record)
-
-
-def test_a_whole_hit_is_handed_out_once_though_the_stream_ends(
-    make_counts: Make, make_short_stream: Make
-) -> None:
-    stream = make_short_stream(make_counts([(3000, 900.0)], 9000))
-    (record,) = judge(cut([*stream, end_arming(stream), end_stream(stream)]))
-    assert record.flaws == ()
-
-
 def test_the_end_of_an_arming_may_be_told_behind_that_of_the_stream(
     make_counts: Make, make_short_stream: Make
 ) -> None:
@@ -529,14 +465,6 @@ def test_the_end_of_an_arming_may_be_told_behind_that_of_the_stream(
     quiet = make_short_stream(make_counts([], 6000))
     (record,) = judge(cut([*quiet, end_stream(quiet), end_arming(quiet)]))
     assert find_reasons(record) == {Reason.NO_TRIGGER}
-
-
-def test_a_stream_that_ends_leaves_nothing_of_an_arming_that_nobody_waits_for(
-    make_counts: Make, make_short_stream: Make
-) -> None:
-    stream = make_short_stream(make_counts([], 6000))
-    anew = [replace(item, label=NOT_ARMED) for item in stream]
-    assert cut([*stream, end_stream(stream), *anew]) == []
 
 
 def test_a_stream_that_begins_anew_behind_its_end_is_searched_like_the_first(
