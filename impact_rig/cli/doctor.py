@@ -28,6 +28,7 @@ from impact_rig.present.terminal.console import (
     make_console,
     print_facts,
 )
+from impact_rig.results.numbers import format_count
 from impact_rig.results.results_file import format_json
 from impact_rig.simulators.check import find_obstacle
 from impact_rig.simulators.parameters import ENGINES
@@ -63,7 +64,11 @@ class Finding:
     advice: str = ""
 
 
-OLDEST_PYTHON = (3, 11)
+def _find(name: str, text: str, advice: str = "", status: Status = Status.FAULT) -> Finding:
+    """Return a finding; without advice all is well."""
+    return Finding(name, status if advice else Status.OK, text, advice)
+
+
 SET_UP = "use `python3 launch_scripts/rig.py exec -- impact-rig ...`, which installs it"
 
 
@@ -75,8 +80,8 @@ class Library:
     ----------
     module : str
         What Python imports.
-    distributions : tuple of str
-        Names it may be installed under, the first one for people.
+    name : str
+        Under which it is installed.
     purpose : str
         What does not work without it.
     oldest : tuple of int
@@ -88,86 +93,53 @@ class Library:
     """
 
     module: str
-    distributions: tuple[str, ...]
+    name: str
     purpose: str
     oldest: tuple[int, ...] = ()
     is_needed: bool = True
     advice: str = SET_UP
 
 
+_OPTIONAL = (
+    ("nptdms", "npTDMS", "importing and exporting .tdms"),
+    ("pyuff", "pyuff", "importing and exporting .uff"),
+    ("h5py", "h5py", "importing and exporting .h5 and .mat of version 7.3"),
+    ("pyarrow", "pyarrow", "importing and exporting .parquet"),
+    ("nidaqmx", "nidaqmx[grpc]", "devices of National Instruments"),
+    ("serial", "pyserial", "relays on a serial port"),
+    ("sounddevice", "sounddevice", "sound cards"),
+    ("gpiod", "gpiod", "GPIO lines"),
+    ("distributed", "distributed", "many recordings at once"),
+    ("matplotlib", "matplotlib", "the figures of `study` and `report`"),
+    ("jinja2", "jinja2", "`report`"),
+    ("rerun", "rerun-sdk", "the visualizer"),
+)
+"""Module, what pip installs, purpose."""
 LIBRARIES = (
-    Library("numpy", ("numpy",), "every computation", (1, 26)),
-    Library("scipy", ("scipy",), "every computation", (1, 11)),
-    Library("rclpy", ("rclpy",), "every node", advice=f"{SET_UP}, or source ROS 2 Jazzy"),
+    Library("numpy", "numpy", "every computation", (1, 26)),
+    Library("scipy", "scipy", "every computation", (1, 11)),
+    Library("rclpy", "rclpy", "every node", advice=f"{SET_UP}, or source ROS 2 Jazzy"),
     Library(
         "impact_rig_msgs.msg",
-        ("impact_rig_msgs", "impact-rig-msgs"),
+        "impact_rig_msgs",
         "every node",
         advice=f"{SET_UP}, or build and source the workspace with colcon",
     ),
-    Library("domain_coordinator", ("domain-coordinator", "domain_coordinator"), "`demo`"),
-    Library("GTC", ("GTC",), "every uncertainty"),
-    Library("honcho", ("honcho",), "`up`"),
-    Library("pint", ("pint",), "rig files"),
-    Library("rosbags", ("rosbags",), "reading recordings"),
-    Library("mcap", ("mcap",), "reading and writing recordings"),
+    Library("domain_coordinator", "domain-coordinator", "`demo`"),
+    Library("GTC", "GTC", "every uncertainty"),
+    Library("honcho", "honcho", "`up`"),
+    Library("pint", "pint", "rig files"),
+    Library("rosbags", "rosbags", "reading recordings"),
+    Library("mcap", "mcap", "reading and writing recordings"),
     *(
         Library(
             module,
-            (name,),
-            f"importing and exporting {kind}",
-            is_needed=False,
-            advice=f"pip install {name}; all else works without it",
-        )
-        for module, name, kind in (
-            ("nptdms", "npTDMS", ".tdms"),
-            ("pyuff", "pyuff", ".uff"),
-            ("h5py", "h5py", ".h5 and .mat of version 7.3"),
-            ("pyarrow", "pyarrow", ".parquet"),
-        )
-    ),
-    *(
-        Library(
-            module,
-            (name,),
+            wanted.partition("[")[0],
             purpose,
             is_needed=False,
             advice=f'pip install "{wanted}"; all else works without it',
         )
-        for module, name, purpose, wanted in (
-            ("nidaqmx", "nidaqmx", "devices of National Instruments", "nidaqmx[grpc]"),
-            ("serial", "pyserial", "relays on a serial port", "pyserial"),
-            ("sounddevice", "sounddevice", "sound cards", "sounddevice"),
-            ("gpiod", "gpiod", "GPIO lines", "gpiod"),
-        )
-    ),
-    Library(
-        "distributed",
-        ("distributed",),
-        "many recordings at once",
-        is_needed=False,
-        advice="pip install distributed; recordings are then analyzed one after the other",
-    ),
-    Library(
-        "matplotlib",
-        ("matplotlib",),
-        "the figures of `study` and `report`",
-        is_needed=False,
-        advice="pip install matplotlib; all else works without it",
-    ),
-    Library(
-        "jinja2",
-        ("jinja2",),
-        "`report`",
-        is_needed=False,
-        advice="pip install jinja2; all else works without it",
-    ),
-    Library(
-        "rerun",
-        ("rerun-sdk",),
-        "the visualizer",
-        is_needed=False,
-        advice="pip install rerun-sdk; it needs numpy 2, all else works without it",
+        for module, wanted, purpose in _OPTIONAL
     ),
 )
 
@@ -176,15 +148,6 @@ def find_library(module: str) -> Library | None:
     """Return the library that a module is of; None: it is none of `LIBRARIES`."""
     top = module.partition(".")[0]
     return next((item for item in LIBRARIES if item.module.partition(".")[0] == top), None)
-
-
-def check_python() -> Finding:
-    """Look at the interpreter."""
-    text = f"{sys.version.split()[0]} ({sys.executable})"
-    if sys.version_info[:2] >= OLDEST_PYTHON:
-        return Finding("Python", Status.OK, text)
-    wanted = ".".join(map(str, OLDEST_PYTHON))
-    return Finding("Python", Status.FAULT, text, f"use Python {wanted} or newer")
 
 
 def check_libraries(libraries: Sequence[Library] = LIBRARIES) -> list[Finding]:
@@ -202,11 +165,10 @@ def check_libraries(libraries: Sequence[Library] = LIBRARIES) -> list[Finding]:
         )
         for library in libraries
     ]
-    findings = []
-    for library, process in zip(libraries, loading, strict=True):
-        errors = process.communicate()[1]
-        findings.append(_judge(library, process.returncode, errors.strip()))
-    return findings
+    return [
+        _judge(library, process.communicate()[1].strip(), process.returncode)
+        for library, process in zip(libraries, loading, strict=True)
+    ]
 
 
 def check_simulators() -> Finding:
@@ -216,11 +178,11 @@ def check_simulators() -> Finding:
     text = ", ".join(engine.title for engine in engines if engine.package not in missing) or "none"
     if missing:
         text += f"; `export --check` in others: pip install {' '.join(missing)}"
-    return Finding("simulators", Status.OK, text)
+    return _find("simulators", text)
 
 
-def _judge(library: Library, code: int, errors: str) -> Finding:
-    name = library.distributions[0]
+def _judge(library: Library, errors: str, code: int) -> Finding:
+    name = library.name
     trouble = Status.FAULT if library.is_needed else Status.WARNING
     if code != 0:
         reason = errors.splitlines()[-1] if errors else f"Python ended with code {code}"
@@ -229,26 +191,15 @@ def _judge(library: Library, code: int, errors: str) -> Finding:
             reason = f"missing; {library.purpose} needs it"
         else:
             reason = f"does not load: {reason}"
-        return Finding(name, trouble, reason, library.advice)
-    version = read_version(library)
-    if library.oldest and version and _parse_version(version) < library.oldest:
-        wanted = ".".join(map(str, library.oldest))
-        return Finding(name, trouble, version, f"install {name} {wanted} or newer")
-    return Finding(name, Status.OK, version or "installed")
-
-
-def read_version(library: Library) -> str:
-    """Return a library's version; empty: it does not say."""
-    for distribution in library.distributions:
-        try:
-            return metadata.version(distribution)
-        except metadata.PackageNotFoundError:
-            continue
-    return ""
-
-
-def _parse_version(text: str) -> tuple[int, ...]:
-    return tuple(int(number) for number in re.findall(r"\d+", text)[:2])
+        return _find(name, reason, library.advice, trouble)
+    try:
+        version = metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return _find(name, "installed")
+    numbers = tuple(int(number) for number in re.findall(r"\d+", version)[:2])
+    wanted = ".".join(map(str, library.oldest))
+    is_old = numbers < library.oldest
+    return _find(name, version, f"install {name} {wanted} or newer" if is_old else "", trouble)
 
 
 DISTRIBUTION = "jazzy"
@@ -263,35 +214,23 @@ DISCOVERY_RANGES = {
 HIGHEST_DOMAIN = 232
 HIGHEST_SAFE_DOMAIN = 101
 """Above it the ports of a domain may collide with those that Linux hands out."""
-UNSET = "unset"
 
 
 def check_distribution(environment: Mapping[str, str]) -> Finding:
     """Tell which ROS 2 this is."""
-    name = "ROS 2"
+    name, title = "ROS 2", DISTRIBUTION.title()
     chosen = environment.get("ROS_DISTRO", "")
     if chosen and chosen != DISTRIBUTION:
-        return Finding(
-            name,
-            Status.FAULT,
-            f"{chosen} is sourced (ROS_DISTRO)",
-            f"source ROS 2 {DISTRIBUTION.title()}, or none: then it comes from PyPI",
-        )
+        advice = f"source ROS 2 {title}, or none: then it comes from PyPI"
+        return _find(name, f"{chosen} is sourced (ROS_DISTRO)", advice)
     if util.find_spec("rclpy") is None:
-        return Finding(
-            name,
-            Status.FAULT,
-            "none: there is no rclpy",
-            "run `python3 launch_scripts/rig.py exec -- impact-rig doctor`, or source ROS 2"
-            f" {DISTRIBUTION.title()}",
-        )
+        advice = "run `python3 launch_scripts/rig.py exec -- impact-rig doctor`, or source ROS 2"
+        return _find(name, "none: there is no rclpy", f"{advice} {title}")
     try:
-        wheel = metadata.version("ros-rclpy")
+        origin = f"wheels from PyPI (ros-rclpy {metadata.version('ros-rclpy')})"
     except metadata.PackageNotFoundError:
         origin = "installed on this machine"
-    else:
-        origin = f"wheels from PyPI (ros-rclpy {wheel})"
-    return Finding(name, Status.OK, f"{DISTRIBUTION.title()}, {origin}")
+    return _find(name, f"{title}, {origin}")
 
 
 def check_domain(environment: Mapping[str, str]) -> Finding:
@@ -299,22 +238,14 @@ def check_domain(environment: Mapping[str, str]) -> Finding:
     name = "ROS_DOMAIN_ID"
     text = environment.get(name, "")
     if not text:
-        return Finding(name, Status.OK, f"{UNSET}: domain 0; demo takes an unused one")
+        return _find(name, "unset: domain 0; demo takes an unused one")
     if not text.isdecimal() or int(text) > HIGHEST_DOMAIN:
-        return Finding(
-            name,
-            Status.FAULT,
-            repr(text),
-            f"unset it, or set a whole number from 0 to {HIGHEST_SAFE_DOMAIN}",
-        )
+        advice = f"unset it, or set a whole number from 0 to {HIGHEST_SAFE_DOMAIN}"
+        return _find(name, repr(text), advice)
     if int(text) > HIGHEST_SAFE_DOMAIN:
-        return Finding(
-            name,
-            Status.WARNING,
-            text,
-            f"set a number up to {HIGHEST_SAFE_DOMAIN}: above it ports may be taken by others",
-        )
-    return Finding(name, Status.OK, text)
+        advice = f"set a number up to {HIGHEST_SAFE_DOMAIN}: above it ports may be taken by others"
+        return _find(name, text, advice, Status.WARNING)
+    return _find(name, text)
 
 
 def check_discovery(environment: Mapping[str, str]) -> Finding:
@@ -322,28 +253,17 @@ def check_discovery(environment: Mapping[str, str]) -> Finding:
     name = "discovery"
     variable = "ROS_AUTOMATIC_DISCOVERY_RANGE"
     if environment.get("ROS_LOCALHOST_ONLY", "0") not in ("", "0"):
-        return Finding(
-            name,
-            Status.WARNING,
-            "ROS_LOCALHOST_ONLY is set: this host, whatever else is said",
-            f"unset it and set {variable}=LOCALHOST instead: it is deprecated",
-        )
+        text = "ROS_LOCALHOST_ONLY is set: this host, whatever else is said"
+        advice = f"unset it and set {variable}=LOCALHOST instead: it is deprecated"
+        return _find(name, text, advice, Status.WARNING)
     chosen = environment.get(variable, "")
     if not chosen:
-        return Finding(name, Status.OK, f"{variable} {UNSET}: the rig stays on this host")
+        return _find(name, f"{variable} unset: the rig stays on this host")
     if chosen not in DISCOVERY_RANGES:
-        return Finding(
-            name,
-            Status.FAULT,
-            f"{variable} is {chosen!r}",
-            f"unset it, or set one of {', '.join(DISCOVERY_RANGES)}",
-        )
-    text = f"{variable}={chosen}: {DISCOVERY_RANGES[chosen]}"
-    if chosen == "OFF":
-        return Finding(
-            name, Status.FAULT, text, "set LOCALHOST: not even the nodes of one host meet"
-        )
-    return Finding(name, Status.OK, text)
+        advice = f"unset it, or set one of {', '.join(DISCOVERY_RANGES)}"
+        return _find(name, f"{variable} is {chosen!r}", advice)
+    advice = "set LOCALHOST: not even the nodes of one host meet" if chosen == "OFF" else ""
+    return _find(name, f"{variable}={chosen}: {DISCOVERY_RANGES[chosen]}", advice)
 
 
 def check_conversation(timeout: float = PROBE_TIMEOUT) -> list[Finding]:
@@ -356,7 +276,7 @@ def check_conversation(timeout: float = PROBE_TIMEOUT) -> list[Finding]:
     """
     name = "two processes"
     if util.find_spec("rclpy") is None:
-        return [Finding(name, Status.FAULT, "not tried: there is no rclpy", "install ROS 2 first")]
+        return [_find(name, "not tried: there is no rclpy", "install ROS 2 first")]
     started = time.monotonic()
     token = uuid.uuid4().hex
     with _pick_environment() as environment:
@@ -365,33 +285,24 @@ def check_conversation(timeout: float = PROBE_TIMEOUT) -> list[Finding]:
         try:
             output, errors = listener.communicate(timeout=timeout)
         except subprocess.TimeoutExpired:
-            return [
-                Finding(
-                    name,
-                    Status.FAULT,
-                    f"did not hear each other within {timeout:g} s",
-                    "look for a firewall on the loopback interface, a missing `lo`, or variables"
-                    " of another middleware (RMW_IMPLEMENTATION, *_PROFILES_FILE, CYCLONEDDS_URI)",
-                )
-            ]
+            advice = (
+                "look for a firewall on the loopback interface, a missing `lo`, or variables"
+                " of another middleware (RMW_IMPLEMENTATION, *_PROFILES_FILE, CYCLONEDDS_URI)"
+            )
+            return [_find(name, f"did not hear each other within {timeout:g} s", advice)]
         finally:
             for process in (listener, talker):
                 process.kill()
                 process.communicate()
     if listener.returncode != 0 or not output.strip():
         reason = (errors.strip() or "no output").splitlines()[-1]
-        return [
-            Finding(
-                name,
-                Status.FAULT,
-                f"the listener ended with code {listener.returncode}: {reason}",
-                "mend what is marked above first; RMW_IMPLEMENTATION must name an installed one",
-            )
-        ]
+        text = f"the listener ended with code {listener.returncode}: {reason}"
+        advice = "mend what is marked above first; RMW_IMPLEMENTATION must name an installed one"
+        return [_find(name, text, advice)]
     elapsed = time.monotonic() - started
     return [
-        Finding("middleware", Status.OK, output.strip().splitlines()[-1]),
-        Finding(name, Status.OK, f"hear each other ({elapsed:.1f} s from start to message)"),
+        _find("middleware", output.strip().splitlines()[-1]),
+        _find(name, f"hear each other ({elapsed:.1f} s from start to message)"),
     ]
 
 
@@ -434,52 +345,39 @@ def check_disk(folder: Path) -> Finding:
     """Look whether a campaign can be recorded in `folder`."""
     name = "disk"
     if not os.access(folder, os.W_OK):
-        return Finding(
-            name,
-            Status.FAULT,
-            f"{folder} cannot be written",
-            "change into a folder of yours, or give --output",
-        )
+        advice = "change into a folder of yours, or give --output"
+        return _find(name, f"{folder} cannot be written", advice)
     free = shutil.disk_usage(folder).free
     text = f"{_format_size(free)} free in {folder}"
     if free < TOO_LITTLE_DISK:
-        return Finding(name, Status.FAULT, text, "free some space: a campaign takes up to 100 MB")
+        return _find(name, text, "free some space: a campaign takes up to 100 MB")
     if free < SCARCE_DISK:
-        return Finding(name, Status.WARNING, text, "free some space before a long campaign")
-    return Finding(name, Status.OK, text)
+        return _find(name, text, "free some space before a long campaign", Status.WARNING)
+    return _find(name, text)
 
 
 def check_shared_memory(folder: Path = SHARED_MEMORY) -> Finding:
     """Look whether nodes of this host can pass messages through shared memory."""
     name = "shared memory"
     if not folder.is_dir():
-        return Finding(
-            name,
-            Status.WARNING,
-            f"there is no {folder}",
-            "mount a tmpfs there; until then messages take the slower way over UDP",
-        )
+        advice = "mount a tmpfs there; until then messages take the slower way over UDP"
+        return _find(name, f"there is no {folder}", advice, Status.WARNING)
     try:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        return Finding(
-            name,
-            Status.WARNING,
-            f"{folder} cannot be written ({error.strerror})",
-            "let everyone write there (mode 1777); until then messages take the slower way",
-        )
+        text = f"{folder} cannot be written ({error.strerror})"
+        advice = "let everyone write there (mode 1777); until then messages take the slower way"
+        return _find(name, text, advice, Status.WARNING)
     usage = shutil.disk_usage(folder)
     text = f"{_format_size(usage.free)} of {_format_size(usage.total)} free in {folder}"
-    if usage.free < SCARCE_SHARED_MEMORY:
-        return Finding(
-            name,
-            Status.WARNING,
-            text,
-            "remove what dead processes left there (fastrtps_*) once no node runs; in a container"
-            " give it more (docker run --shm-size=256m)",
-        )
-    return Finding(name, Status.OK, text)
+    if usage.free >= SCARCE_SHARED_MEMORY:
+        return _find(name, text)
+    advice = (
+        "remove what dead processes left there (fastrtps_*) once no node runs; in a container"
+        " give it more (docker run --shm-size=256m)"
+    )
+    return _find(name, text, advice, Status.WARNING)
 
 
 def _format_size(size: float) -> str:
@@ -513,7 +411,8 @@ def command(as_json: bool) -> None:
     findings = examine()
     is_healthy = all(finding.status is not Status.FAULT for finding in findings)
     if as_json:
-        click.echo(format_json(_to_json(findings, is_healthy)), nl=False)
+        items = [{**vars(finding), "status": finding.status.value} for finding in findings]
+        click.echo(format_json({"healthy": is_healthy, "findings": items}), nl=False)
     else:
         _print_findings(make_console(), findings)
     if not is_healthy:
@@ -523,7 +422,7 @@ def command(as_json: bool) -> None:
 def examine() -> list[Finding]:
     """Run every check."""
     return [
-        check_python(),
+        _find("Python", f"{sys.version.split()[0]} ({sys.executable})"),
         *check_libraries(),
         check_simulators(),
         check_distribution(os.environ),
@@ -533,21 +432,6 @@ def examine() -> list[Finding]:
         check_disk(Path.cwd()),
         check_shared_memory(),
     ]
-
-
-def _to_json(findings: Sequence[Finding], is_healthy: bool) -> dict[str, object]:
-    return {
-        "healthy": is_healthy,
-        "findings": [
-            {
-                "name": finding.name,
-                "status": finding.status.value,
-                "text": finding.text,
-                "advice": finding.advice,
-            }
-            for finding in findings
-        ],
-    }
 
 
 def _print_findings(console: Console, findings: Sequence[Finding]) -> None:
@@ -564,16 +448,9 @@ def _print_findings(console: Console, findings: Sequence[Finding]) -> None:
             for finding in findings
         ],
     )
-    counts = {
-        status: sum(finding.status is status for finding in findings)
-        for status in (Status.FAULT, Status.WARNING)
-    }
-    if not any(counts.values()):
-        console.print("All is well.")
-        return
     parts = [
-        f"{count} {status.value}{'s' if count > 1 else ''}"
-        for status, count in counts.items()
-        if count
+        format_count(count, status.value)
+        for status in (Status.FAULT, Status.WARNING)
+        if (count := sum(finding.status is status for finding in findings))
     ]
-    console.print(f"{' and '.join(parts)}: see what to do above.")
+    console.print(f"{' and '.join(parts)}: see what to do above." if parts else "All is well.")

@@ -28,14 +28,14 @@ def shelf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_what_loads_is_shown_with_its_version() -> None:
-    (finding,) = check_libraries([Library("numpy", ("numpy",), "all", (1, 26))])
+    (finding,) = check_libraries([Library("numpy", "numpy", "all", (1, 26))])
     assert finding.status is Status.OK
     assert finding.text[0].isdigit()
 
 
 @pytest.mark.parametrize(("is_needed", "status"), [(True, "fault"), (False, "warning")])
 def test_what_is_missing_matters_as_much_as_it_is_needed(is_needed: bool, status: str) -> None:
-    library = Library("absent_here", ("absent-here",), "the view", is_needed=is_needed)
+    library = Library("absent_here", "absent-here", "the view", is_needed=is_needed)
     (finding,) = check_libraries([library])
     assert finding.status.value == status
     assert finding.text == "missing; the view needs it"
@@ -43,7 +43,7 @@ def test_what_is_missing_matters_as_much_as_it_is_needed(is_needed: bool, status
 
 
 def test_what_is_too_old_is_a_fault() -> None:
-    (finding,) = check_libraries([Library("numpy", ("numpy",), "all", (99, 0))])
+    (finding,) = check_libraries([Library("numpy", "numpy", "all", (99, 0))])
     assert finding.status is Status.FAULT
     assert finding.advice == "install numpy 99.0 or newer"
 
@@ -60,7 +60,7 @@ def test_what_does_not_load_is_a_fault_with_the_reason(
     shelf: Path, code: str, reason: str
 ) -> None:
     (shelf / "broken_here.py").write_text(code)
-    (finding,) = check_libraries([Library("broken_here", ("broken-here",), "all")])
+    (finding,) = check_libraries([Library("broken_here", "broken-here", "all")])
     assert finding.status is Status.FAULT
     assert finding.text.startswith("does not load: ")
     assert reason in finding.text
