@@ -20,7 +20,7 @@ from impact_rig.analysis.recording_analysis import (
 from impact_rig.analysis.repeated_files import find_repeated_files
 from impact_rig.analysis.trace_analysis import analyze_traces
 from impact_rig.cli import options
-from impact_rig.cli.each_file import raise_errors
+from impact_rig.cli.each_file import print_json, raise_errors
 from impact_rig.cli.progress_bar import PATIENCE, ProgressBar, TimeLeft
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.present.terminal.console import make_console, print_warning
@@ -63,7 +63,7 @@ class AnalysisProgress(ProgressBar):
             figures="",
         )
 
-    def report(self, what: str, done: int, total: int) -> None:
+    def follow(self, what: str, done: int, total: int) -> None:
         """Take what is done, ``reading`` [byte] or ``estimating`` [samples], and how far it is."""
         if what != self._what or not done:
             self._what = what
@@ -91,7 +91,7 @@ class BatchProgress(ProgressBar):
         self._done = 0
         super().__init__(console, "recordings", MofNCompleteColumn(), TimeLeft(), total=total)
 
-    def report(self, path: Path) -> None:
+    def take(self, path: Path) -> None:
         """Take a finished recording."""
         self._done += 1
         self.update(completed=self._done)
@@ -119,12 +119,12 @@ def report_recording(
     Raises as `analyze_recording`.
     """
     with AnalysisProgress(make_console(stderr=True), path) as bar:
-        recording = analyze_recording(path, settings, accept, reject, report=bar.report)
+        recording = analyze_recording(path, settings, accept, reject, report=bar.follow)
     _print_warnings(recording)
     several = len(recording.campaigns) > 1
     if form is Form.JSON:
         contents = [results_to_json(campaign.results) for campaign in recording.campaigns]
-        click.echo(format_json(contents if several else contents[0]), nl=False)
+        print_json(contents, is_list=several)
         return
     console = make_console()
     for number, campaign in enumerate(recording.campaigns, start=1):
@@ -185,7 +185,7 @@ def report_batch(
     # A cluster's workers stand in folders of their own.
     tasks = [BatchTask(path.absolute() if scheduler else path, settings) for path in paths]
     with BatchProgress(make_console(stderr=True), len(tasks)) as progress:
-        outcomes = analyze_batch(tasks, workers, scheduler, progress.report, _remark)
+        outcomes = analyze_batch(tasks, workers, scheduler, progress.take, _remark)
     campaigns: list[BatchCampaign] = []
     for path, outcome in zip(paths, outcomes, strict=True):
         if outcome.recording is None:

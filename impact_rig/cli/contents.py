@@ -27,15 +27,16 @@ from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECOR
 from impact_rig.recordings.schemas import compare_definitions, find_message_definition
 from impact_rig.recordings.source import find_recording
 from impact_rig.recordings.writer import HEALTH_RECORD
+from impact_rig.results.numbers import MISSING, format_count, format_number
 from impact_rig.results.results_file import origin_to_json
-from impact_rig.results.tables import Column
+from impact_rig.results.tables import Column, make_optional
 from impact_rig.results.wire import to_json
 
 
 def read_sensors(contents: Contents) -> tuple[Sensor, ...]:
     """Return the sensors of all set-ups of a recording, each once."""
     found: list[Sensor] = []
-    for message in contents.setups:
+    for message in contents.setups.values():
         # Whatever else is wrong with a set-up: `analyze` tells.
         with contextlib.suppress(RigError, AttributeError, TypeError):
             found += setup_from_msg(message).sensors
@@ -78,15 +79,15 @@ def describe_verdict(contents: Contents) -> str:
 def describe_hits(contents: Contents) -> str:
     """Return how much a recording holds: samples, hits and verdicts, or messages alone."""
     if not contents.hits:
-        return f"{count(contents.messages, 'message')}, no hit"
+        return f"{format_count(contents.messages, 'message')}, no hit"
     saved = [hit for hit in contents.hits if hit.state is HitState.SAVED]
     samples = {hit.label.sample for hit in saved if hit.label is not None}
     verdicts = Counter(hit.is_accepted for hit in saved)
-    parts = [count(len(samples), "sample")]
+    parts = [format_count(len(samples), "sample")]
     if verdicts[True] or verdicts[False]:
-        parts += [f"{count(verdicts[True], 'hit')} accepted", f"{verdicts[False]} rejected"]
+        parts += [f"{format_count(verdicts[True], 'hit')} accepted", f"{verdicts[False]} rejected"]
     if verdicts[None]:
-        parts.append(f"{count(verdicts[None], 'hit')} without a verdict")
+        parts.append(f"{format_count(verdicts[None], 'hit')} without a verdict")
     parts += [
         f"{contents.count_hits(state)} {state.value}"
         for state in (HitState.DAMAGED, HitState.LOST)
@@ -106,26 +107,26 @@ def describe_recovery(fields: Mapping[str, str]) -> str:
 
 def describe_losses(contents: Contents) -> str:
     """Return what was lost while it was recorded, in words; what was lost later is damage."""
-    gaps = sum(hit.gaps for hit in contents.hits)
-    points = sum(hit.missing_points for hit in contents.hits)
-    parts = []
-    if gaps:
-        parts.append(f"{count(gaps, 'gap')} of {count(points, 'point')} in the blocks")
-    parts += [
-        f"{count(stream.gaps, 'gap')} of {count(stream.missing_points, 'point')} in {stream.topic}"
-        for stream in contents.streams
-        if stream.gaps
+    gaps = [
+        (
+            "the blocks",
+            sum(hit.gaps for hit in contents.hits),
+            sum(hit.missing_points for hit in contents.hits),
+        ),
+        *((topic, item.gaps, item.missing_points) for topic, item in contents.streams.items()),
     ]
-    if contents.messages_lost:
-        parts.append(f"{count(contents.messages_lost, 'message')} on the way to the recorder")
-    if contents.lost:
-        parts.append(f"{count(contents.lost, 'message')} of the file")
+    parts = [
+        f"{format_count(number, 'gap')} of {format_count(points, 'point')} in {where}"
+        for where, number, points in gaps
+        if number
+    ]
+    for number, where in (
+        (contents.messages_lost, "on the way to the recorder"),
+        (contents.lost, "of the file"),
+    ):
+        if number:
+            parts.append(f"{format_count(number, 'message')} {where}")
     return ", ".join(parts)
-
-
-def count(number: int, what: str) -> str:
-    """Return ``1 hit`` or ``2 hits``."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def count_reasons(contents: Contents) -> Counter[str]:
@@ -139,17 +140,12 @@ def read_fields(contents: Contents, name: str) -> dict[str, str]:
     return records[-1] if records else {}
 
 
-def read_parameters(contents: Contents) -> dict[str, str]:
-    """Return the parameters of all nodes as YAML, by full node name."""
-    return read_fields(contents, PARAMETERS_RECORD)
-
-
 def read_versions(contents: Contents) -> dict[str, str]:
     """Return what recorded: software, Python, ROS 2 and libraries with their versions."""
     fields = read_fields(contents, PROVENANCE_RECORD)
     names = {"software_version": "impact_rig", "python": "Python", "ros_distro": "ROS 2"}
     versions = {text: fields[key] for key, text in names.items() if fields.get(key)}
-    for setup in contents.setups:
+    for setup in contents.setups.values():
         versions.setdefault("impact_rig", str(getattr(setup, "software_version", "")))
     # Recordings of another origin may have anything there.
     with contextlib.suppress(KeyError, ValueError, AttributeError, RecursionError):
@@ -179,11 +175,6 @@ def describe_interface_differences(contents: Contents) -> tuple[str, ...] | None
     return tuple(differences)
 
 
-def read_health(contents: Contents) -> dict[str, str]:
-    """Return what the recorder said of its work at the end."""
-    return read_fields(contents, HEALTH_RECORD)
-
-
 def contents_to_json(contents: Contents) -> dict[str, Any]:
     """Return what a recording holds as plain values."""
     return {
@@ -201,7 +192,16 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
         "missing_points": sum(hit.missing_points for hit in contents.hits),
         "hits": [_hit_to_json(hit) for hit in contents.hits],
         **origin_to_json(join_origins(hit.origin for hit in contents.hits)),
-        "streams": [dataclasses.asdict(stream) for stream in contents.streams],
+        "streams": [
+            {
+                "topic": topic,
+                "blocks": stream.blocks,
+                "points": stream.points,
+                "gaps": stream.gaps,
+                "missing_points": stream.missing_points,
+            }
+            for topic, stream in contents.streams.items()
+        ],
         "rejections": dict(count_reasons(contents)),
         "topics": [
             {
@@ -235,9 +235,9 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
         "sensors": [to_json(sensor) for sensor in read_sensors(contents)],
         "versions": read_versions(contents),
         "interface_differences": describe_interface_differences(contents),
-        "health": read_health(contents),
+        "health": read_fields(contents, HEALTH_RECORD),
         "recovery": read_fields(contents, RECOVERY_RECORD),
-        "parameters": read_parameters(contents),
+        "parameters": read_fields(contents, PARAMETERS_RECORD),
         "notes": [dataclasses.asdict(note) for note in contents.notes],
         "attachments": [dataclasses.asdict(item) for item in contents.attachments],
     }
@@ -262,42 +262,21 @@ def _hit_to_json(hit: RecordedHit) -> dict[str, Any]:
     }
 
 
-class ReadingProgress(ProgressBar):
-    """Follows the reading of files; a context manager.
-
-    Parameters
-    ----------
-    console : Console
-        Where to; without a terminal nothing is shown.
-    title : str
-        Before the bar.
-    total : int
-        What will be read [byte].
-    """
-
-    def __init__(self, console: Console, title: str, total: int) -> None:
-        super().__init__(
-            console,
-            title,
-            DownloadColumn(),
-            TimeLeft(),
-            total=total,
-            patience=PATIENCE,
-        )
-
-    def report(self, done: int) -> None:
-        """Show how many bytes were read."""
-        self.update(completed=done)
+def follow_reading(title: str, path: Path, passes: int = 1) -> ProgressBar:
+    """Return a bar that follows the reading of a file or folder, so often, to be told bytes."""
+    total = passes * _measure(path)
+    columns = (DownloadColumn(), TimeLeft())
+    return ProgressBar(make_console(stderr=True), title, *columns, total=total, patience=PATIENCE)
 
 
 def inspect_with_progress(path: Path) -> Contents:
     """Read all of the recording that a path means, under a bar; errors as `inspect_recording`."""
     found = find_recording(path)
-    with ReadingProgress(make_console(stderr=True), f"reading {path}", measure(found)) as bar:
+    with follow_reading(f"reading {path}", found) as bar:
         return inspect_recording(found, report=bar.report)
 
 
-def measure(path: Path) -> int:
+def _measure(path: Path) -> int:
     """Return the size of a file, or of all files of a folder [byte]; 0: it cannot be told."""
     try:
         files = list(path.iterdir()) if path.is_dir() else [path]
@@ -308,46 +287,57 @@ def measure(path: Path) -> int:
 
 MOST_HITS = 20
 """How many imported, damaged or lost hits are named, our choice: JSON has them all."""
-MORE = "And {} more: --json names them all."
 
 
-def print_incomplete_hits(console: Console, contents: Contents) -> None:
-    """Print the hits of which something is missing."""
-    hits = [hit for hit in contents.hits if hit.state is not HitState.SAVED]
-    if not hits:
-        return
-    shown = hits[:MOST_HITS]
-    notes = [MORE.format(len(hits) - MOST_HITS)]
-    print_table(
-        console,
-        f"Hits damaged or lost: {len(hits)}",
-        [
-            Column("Hit", [_name_hit(hit) for hit in shown], is_text=True),
-            Column(
-                "State",
-                [hit.state.value for hit in shown],
-                is_text=True,
-                styles=[ALARM] * len(shown),
-            ),
-            Column("Why", [hit.reason for hit in shown], is_text=True),
-        ],
-        notes if len(hits) > MOST_HITS else (),
-    )
-
-
-def print_files(console: Console, contents: Contents) -> None:
-    """Print which files the hits were imported from."""
-    hits = [hit for hit in contents.hits if hit.origin.file]
-    shown = hits[:MOST_HITS]
-    columns = [
-        Column("Hit", [_name_hit(hit) for hit in shown], is_text=True),
-        Column("File", [hit.origin.file for hit in shown], is_text=True),
-        Column("Place", [hit.origin.place for hit in shown], is_text=True),
-    ]
-    notes = [MORE.format(len(hits) - MOST_HITS)] if len(hits) > MOST_HITS else []
-    if hits:
-        print_table(console, f"Imported hits: {len(hits)}", columns, notes)
+def print_hits(console: Console, contents: Contents) -> None:
+    """Print the hits of which something is missing, and from which files others were imported."""
+    incomplete = [hit for hit in contents.hits if hit.state is not HitState.SAVED]
+    imported = [hit for hit in contents.hits if hit.origin.file]
+    for title, hits, (first, second), read in (
+        ("Hits damaged or lost", incomplete, ("State", "Why"), _tell_state),
+        ("Imported hits", imported, ("File", "Place"), _tell_file),
+    ):
+        rows = [(_name_hit(hit), *read(hit)) for hit in hits[:MOST_HITS]]
+        left = len(hits) - len(rows)
+        if rows:
+            print_table(
+                console,
+                f"{title}: {len(hits)}",
+                [
+                    Column(name, cells, is_text=True)
+                    for name, cells in zip(
+                        ("Hit", first, second), zip(*rows, strict=True), strict=True
+                    )
+                ],
+                [f"And {left} more: --json names them all."] if left else (),
+            )
 
 
 def _name_hit(hit: RecordedHit) -> str:
     return str(hit.record) if hit.label is None else describe_label(hit.label)
+
+
+def _tell_state(hit: RecordedHit) -> tuple[str, str]:
+    return hit.state.value, hit.reason
+
+
+def _tell_file(hit: RecordedHit) -> tuple[str, str]:
+    return hit.origin.file, hit.origin.place
+
+
+def print_topics(console: Console, contents: Contents) -> None:
+    """Print the topics with what is there of each, and what is not."""
+    topics = contents.topics
+    if not topics:
+        return
+    columns = [
+        Column("Topic", [topic.name for topic in topics], is_text=True),
+        Column("Messages", [str(topic.messages) for topic in topics]),
+        make_optional("Hz", [format_number(topic.rate, 1) for topic in topics]),
+        Column("Type", [topic.type_name or MISSING for topic in topics], is_text=True),
+    ]
+    lost = [topic.lost for topic in topics]
+    if any(lost):
+        styles = [ALARM if number else "" for number in lost]
+        columns.insert(2, Column("Lost", [str(number) for number in lost], styles=styles))
+    print_table(console, f"Topics: {len(topics)}", columns)

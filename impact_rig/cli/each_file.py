@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import click
 
 from impact_rig.core.errors import RigError
 from impact_rig.present.terminal.console import make_printable
+from impact_rig.results.results_file import format_json
 
 _T = TypeVar("_T")
 
@@ -38,3 +39,9 @@ def raise_errors(errors: Sequence[str]) -> None:
         click.echo(make_printable(f"error: {error}"), err=True)
     if errors:
         raise RigError(errors[-1])
+
+
+def print_json(contents: Sequence[Any], *, is_list: bool) -> None:
+    """Print what came of one file or campaign as JSON, or a list; nothing came: nothing."""
+    if contents:
+        click.echo(format_json(list(contents) if is_list else contents[0]), nl=False)

@@ -11,7 +11,6 @@ from rich.text import Text
 from impact_rig.cli import options
 from impact_rig.cli.contents import (
     contents_to_json,
-    count,
     count_reasons,
     describe_interface_differences,
     describe_losses,
@@ -20,62 +19,20 @@ from impact_rig.cli.contents import (
     describe_verdict,
     inspect_with_progress,
     list_sensors,
-    print_files,
-    print_incomplete_hits,
+    print_hits,
+    print_topics,
     read_fields,
-    read_health,
-    read_parameters,
     read_versions,
 )
-from impact_rig.cli.each_file import process_each, raise_errors
+from impact_rig.cli.each_file import print_json, process_each, raise_errors
 from impact_rig.core.origin import join_origins
 from impact_rig.present.terminal.console import ALARM, GOOD, make_console, print_facts, print_table
 from impact_rig.recordings.contents import RECOVERY_RECORD, Contents
-from impact_rig.recordings.provenance import PROVENANCE_RECORD
+from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD
 from impact_rig.recordings.recover import extract_attachments
-from impact_rig.results.numbers import MISSING, format_number
-from impact_rig.results.results_file import format_json
-from impact_rig.results.tables import Column, make_optional
-
-
-def print_contents(console: Console, contents: Contents) -> None:
-    """Print what a recording holds: the verdict first, then facts and tables."""
-    style = GOOD if contents.is_sound else ALARM
-    console.print(Text(describe_verdict(contents), style=style))
-    console.print()
-    print_facts(console, _list_facts(contents))
-    _print_samples(console, contents)
-    print_incomplete_hits(console, contents)
-    print_files(console, contents)
-    print_topics(console, contents)
-    for remark in (*contents.remarks, *describe_old_calibrations(contents)):
-        console.print(Text.assemble(("warning: ", ALARM), remark))
-
-
-def print_parameters(console: Console, contents: Contents) -> None:
-    """Print the parameters of all nodes."""
-    for node, text in read_parameters(contents).items():
-        console.print(Text(node, style="bold"))
-        console.print(Text(text.rstrip()))
-        console.print()
-
-
-def print_topics(console: Console, contents: Contents) -> None:
-    """Print the topics with what is there of each, and what is not."""
-    topics = contents.topics
-    if not topics:
-        return
-    columns = [
-        Column("Topic", [topic.name for topic in topics], is_text=True),
-        Column("Messages", [str(topic.messages) for topic in topics]),
-        make_optional("Hz", [format_number(topic.rate, 1) for topic in topics]),
-        Column("Type", [topic.type_name or MISSING for topic in topics], is_text=True),
-    ]
-    lost = [topic.lost for topic in topics]
-    if any(lost):
-        styles = [ALARM if number else "" for number in lost]
-        columns.insert(2, Column("Lost", [str(number) for number in lost], styles=styles))
-    print_table(console, f"Topics: {len(topics)}", columns)
+from impact_rig.recordings.writer import HEALTH_RECORD
+from impact_rig.results.numbers import format_count
+from impact_rig.results.tables import Column
 
 
 def _list_facts(contents: Contents) -> list[tuple[str, str]]:
@@ -83,20 +40,20 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
     if contents.messages:
         facts.append(("when", _describe_time(contents)))
     if campaigns := {(hit.rig, hit.campaign) for hit in contents.hits}:
-        rigs = dict.fromkeys(str(getattr(setup, "name", "")) for setup in contents.setups)
+        rigs = dict.fromkeys(str(getattr(setup, "name", "")) for setup in contents.setups.values())
         named = ", ".join(name for name in rigs if name)
         facts.append(("campaigns", f"{len(campaigns)}{f' on {named}' if named else ''}"))
     if contents.hits:
         facts.append(("origin", str(join_origins(hit.origin for hit in contents.hits))))
     facts += [("sensor", text) for text in list_sensors(contents)]
     facts += [
-        ("stream", f"{stream.topic}, {stream.points} points of each channel")
-        for stream in contents.streams
+        ("stream", f"{topic}, {stream.points} points of each channel")
+        for topic, stream in contents.streams.items()
     ]
     facts.append(("losses", describe_losses(contents) or "none"))
     if recovery := read_fields(contents, RECOVERY_RECORD):
         facts.append(("recovery", describe_recovery(recovery)))
-    if reason := read_health(contents).get("reason"):
+    if reason := read_fields(contents, HEALTH_RECORD).get("reason"):
         facts.append(("ended", reason))
     return facts + _list_origins(contents) + _list_additions(contents)
 
@@ -119,7 +76,7 @@ def _list_origins(contents: Contents) -> list[tuple[str, str]]:
 def _list_additions(contents: Contents) -> list[tuple[str, str]]:
     """Return what is in it beside the messages, and what operators had to say."""
     facts = []
-    if parameters := read_parameters(contents):
+    if parameters := read_fields(contents, PARAMETERS_RECORD):
         number = sum(len(text.splitlines()) for text in parameters.values())
         facts.append(("parameters", f"{number} of {len(parameters)} nodes (--parameters)"))
     facts += [
@@ -138,8 +95,11 @@ def _describe_files(contents: Contents) -> str:
     libraries = dict.fromkeys(file.library for file in contents.files if file.library)
     parts = [str(contents.path)]
     if len(contents.files) > 1:
-        parts.append(count(len(contents.files), "file"))
-    parts += [f"{size / 1e6:.4g} MB", f"{count(chunks, 'chunk')} ({', '.join(kinds) or 'none'})"]
+        parts.append(format_count(len(contents.files), "file"))
+    parts += [
+        f"{size / 1e6:.4g} MB",
+        f"{format_count(chunks, 'chunk')} ({', '.join(kinds) or 'none'})",
+    ]
     if libraries:
         parts.append(f"by {', '.join(libraries)}")
     return ", ".join(parts)
@@ -227,25 +187,31 @@ def command(
         if not as_json:
             _print(contents, parameters=parameters)
         if extract is not None:
-            _extract(contents, extract)
+            for path in extract_attachments(contents.path, extract):
+                click.echo(f"extracted: {path}", err=True)
         return contents
 
     found, errors = process_each(files, process)
-    if as_json and found:
-        items = [contents_to_json(contents) for contents in found]
-        click.echo(format_json(items[0] if len(files) == 1 else items), nl=False)
+    if as_json:
+        print_json([contents_to_json(contents) for contents in found], is_list=len(files) > 1)
     raise_errors(errors)
     if not all(contents.is_sound for contents in found):
         raise SystemExit(EXIT_DAMAGED)
 
 
 def _print(contents: Contents, *, parameters: bool) -> None:
+    """Print the verdict first, then facts and tables."""
     console = make_console()
-    print_contents(console, contents)
-    if parameters:
-        print_parameters(console, contents)
-
-
-def _extract(contents: Contents, folder: Path) -> None:
-    for path in extract_attachments(contents.path, folder):
-        click.echo(f"extracted: {path}", err=True)
+    style = GOOD if contents.is_sound else ALARM
+    console.print(Text(describe_verdict(contents), style=style))
+    console.print()
+    print_facts(console, _list_facts(contents))
+    _print_samples(console, contents)
+    print_hits(console, contents)
+    print_topics(console, contents)
+    for remark in (*contents.remarks, *describe_old_calibrations(contents)):
+        console.print(Text.assemble(("warning: ", ALARM), remark))
+    for node, text in read_fields(contents, PARAMETERS_RECORD).items() if parameters else ():
+        console.print(Text(node, style="bold"))
+        console.print(Text(text.rstrip()))
+        console.print()

@@ -123,6 +123,10 @@ class ProgressBar:
         self._progress.update(self._task, **changes)
         self._start_if_due()
 
+    def report(self, done: float, total: float | None = None) -> None:
+        """Show how much is done, of how much if that was not known."""
+        self.update(completed=done, total=total)
+
     def restart(self, description: str, total: float) -> None:
         """Count from nought again: something else is done now, at another speed."""
         self._progress.reset(self._task, description=description, total=total)

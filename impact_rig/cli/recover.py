@@ -9,21 +9,19 @@ from rich.text import Text
 
 from impact_rig.cli import options
 from impact_rig.cli.contents import (
-    ReadingProgress,
     contents_to_json,
-    count,
     describe_hits,
-    measure,
-    print_incomplete_hits,
+    follow_reading,
+    print_hits,
+    print_topics,
 )
-from impact_rig.cli.each_file import process_each, raise_errors
+from impact_rig.cli.each_file import print_json, process_each, raise_errors
 from impact_rig.core.errors import ParameterError
-from impact_rig.present.terminal.console import ALARM, GOOD, make_console, print_table
+from impact_rig.present.terminal.console import ALARM, GOOD, make_console
 from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.recover import PASSES, Recovery, name_output, recover_recording
 from impact_rig.recordings.source import find_recording
-from impact_rig.results.results_file import format_json
-from impact_rig.results.tables import Column
+from impact_rig.results.numbers import format_count
 
 
 def print_recovery(console: Console, recovery: Recovery) -> None:
@@ -36,7 +34,7 @@ def print_recovery(console: Console, recovery: Recovery) -> None:
         return
     console.print(Text(f"{contents.path}: {'; '.join(contents.problems)}", style="bold"))
     console.print(Text(f"saved: {describe_hits(contents)}"))
-    saved = f"{count(recovery.written, 'message')} in {recovery.output}"
+    saved = f"{format_count(recovery.written, 'message')} in {recovery.output}"
     # A path in two pieces is of no use to anybody.
     console.print(Text(f"       {saved}", style=GOOD), soft_wrap=True)
     unread = sum(file.unread for file in contents.files)
@@ -45,8 +43,8 @@ def print_recovery(console: Console, recovery: Recovery) -> None:
     else:
         console.print(Text(f"lost:  {_describe_loss(contents, unread)}", style=ALARM))
     console.print()
-    print_incomplete_hits(console, contents)
-    _print_losses(console, contents)
+    print_hits(console, contents)
+    print_topics(console, contents)
 
 
 def recovery_to_json(recovery: Recovery) -> dict[str, Any]:
@@ -62,24 +60,10 @@ def recovery_to_json(recovery: Recovery) -> dict[str, Any]:
 def _describe_loss(contents: Contents, unread: int) -> str:
     parts = [f"{unread} byte could not be read"] if unread else []
     if contents.lost:
-        parts.append(f"at least {count(contents.lost, 'message')}")
+        parts.append(f"at least {format_count(contents.lost, 'message')}")
     if contents.missing_files:
         parts.append(f"what was in {', '.join(contents.missing_files)}")
     return ", ".join(parts)
-
-
-def _print_losses(console: Console, contents: Contents) -> None:
-    topics = [topic for topic in contents.topics if topic.lost]
-    if topics:
-        print_table(
-            console,
-            "Topics with losses",
-            [
-                Column("Topic", [topic.name for topic in topics], is_text=True),
-                Column("Saved", [str(topic.messages) for topic in topics]),
-                Column("Lost", [str(topic.lost) for topic in topics]),
-            ],
-        )
 
 
 EXIT_INCOMPLETE = 1
@@ -121,24 +105,17 @@ def command(files: tuple[Path, ...], output: Path | None, as_json: bool) -> None
         raise ParameterError(f"--output {output} is for one FILE, and {len(files)} are given")
     console = make_console()
 
-    def process(file: Path) -> Recovery:
-        recovery = _recover(file, output)
+    def process(path: Path) -> Recovery:
+        found = find_recording(path)
+        with follow_reading(f"recovering {path}", found, PASSES) as bar:
+            recovery = recover_recording(found, output or name_output(found), report=bar.report)
         if not as_json:
             print_recovery(console, recovery)
         return recovery
 
     found, errors = process_each(files, process)
-    if as_json and found:
-        items = [recovery_to_json(recovery) for recovery in found]
-        click.echo(format_json(items[0] if len(files) == 1 else items), nl=False)
+    if as_json:
+        print_json([recovery_to_json(recovery) for recovery in found], is_list=len(files) > 1)
     raise_errors(errors)
     if not all(recovery.is_complete for recovery in found):
         raise SystemExit(EXIT_INCOMPLETE)
-
-
-def _recover(path: Path, output: Path | None) -> Recovery:
-    found = find_recording(path)
-    target = output or name_output(found)
-    total = PASSES * measure(found)
-    with ReadingProgress(make_console(stderr=True), f"recovering {path}", total) as bar:
-        return recover_recording(found, target, report=bar.report)

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import TextColumn
 
 from impact_rig.cli import options
+from impact_rig.cli.each_file import print_json
 from impact_rig.cli.progress_bar import ProgressBar
 from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.core.errors import FileError, ParameterError
@@ -22,7 +23,7 @@ from impact_rig.nodes.replayer_recording import RecordingToReplay
 from impact_rig.present.terminal.console import make_console, print_warning
 from impact_rig.present.terminal.results import print_results
 from impact_rig.results.campaign import Results
-from impact_rig.results.results_file import format_json, results_to_json, write_results
+from impact_rig.results.results_file import results_to_json, write_results
 
 DISCOVERY_TIME = 1.0
 """How long those who listen already may take to be found [s], our choice: on one host it is
@@ -155,8 +156,7 @@ def estimate_again(parameters: Mapping[str, Any], output: Path | None, *, as_jso
     if path is not None:
         _write(path, found[-1])
     if as_json:
-        contents = [results_to_json(results) for results in found]
-        click.echo(format_json(contents[0] if len(contents) == 1 else contents), nl=False)
+        print_json(list(map(results_to_json, found)), is_list=len(found) > 1)
         return
     console = make_console()
     for number, results in enumerate(found, start=1):

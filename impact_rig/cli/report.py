@@ -13,8 +13,6 @@ from impact_rig.cli.contents import (
     describe_losses,
     inspect_with_progress,
     read_fields,
-    read_health,
-    read_parameters,
     read_versions,
 )
 from impact_rig.cli.each_file import process_each, raise_errors
@@ -27,7 +25,8 @@ from impact_rig.present.report.report import make_report
 from impact_rig.present.terminal.console import make_console
 from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.new_file import write_new_file
-from impact_rig.recordings.provenance import PROVENANCE_RECORD
+from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD
+from impact_rig.recordings.writer import HEALTH_RECORD
 from impact_rig.results.run import Note, Provenance, RecordedFile, Run
 
 
@@ -51,9 +50,9 @@ def read_provenance(path: Path) -> Provenance:
         files=tuple(_describe_file(file.path) for file in contents.files),
         problems=contents.problems,
         losses=describe_losses(contents),
-        ended=read_health(contents).get("reason", ""),
+        ended=read_fields(contents, HEALTH_RECORD).get("reason", ""),
         versions=tuple(read_versions(contents).items()),
-        parameters=tuple(sorted(read_parameters(contents).items())),
+        parameters=tuple(sorted(read_fields(contents, PARAMETERS_RECORD).items())),
         notes=_gather_notes(contents),
     )
 
@@ -175,7 +174,7 @@ def _make_document(
         return make_report(
             runs,
             errors,
-            lambda done: bar.update(completed=done),
+            bar.report,
             with_simulators=with_simulators,
         )
 

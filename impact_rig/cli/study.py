@@ -53,29 +53,6 @@ SPEED_PERIOD = 120.0
 """Over which the time left is estimated [s], our choice: units come in bursts."""
 
 
-class StudyProgress(ProgressBar):
-    """A bar with the time left, on a terminal only; a context manager.
-
-    Parameters
-    ----------
-    console : Console
-        Where to.
-    """
-
-    def __init__(self, console: Console) -> None:
-        super().__init__(
-            console,
-            "campaigns",
-            MofNCompleteColumn(),
-            TimeLeft(),
-            speed_period=SPEED_PERIOD,
-        )
-
-    def report(self, done: int, total: int) -> None:
-        """Take finished and all campaigns."""
-        self.update(completed=done, total=total)
-
-
 def print_study(console: Console, results: StudyResults) -> None:
     """Print the tables of the parts that were asked, then the goals."""
     for part, title in TITLES.items():
@@ -293,7 +270,10 @@ def command(
     path = output or Path("studies") / datetime.now().astimezone().strftime("%Y-%m-%dT%H-%M-%S")
     with StudyFolder(path, configuration) as folder:
         try:
-            with StudyProgress(make_console(stderr=True)) as progress:
+            columns = (MofNCompleteColumn(), TimeLeft())
+            with ProgressBar(
+                make_console(stderr=True), "campaigns", *columns, speed_period=SPEED_PERIOD
+            ) as progress:
                 run_units(configuration, folder, jobs or _count_cores(), progress.report)
         except KeyboardInterrupt:
             click.echo(

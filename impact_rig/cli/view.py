@@ -90,7 +90,7 @@ def _read_campaigns(
         return (alone,), ("results hold no traces: tables and figures alone are shown",)
     with AnalysisProgress(make_console(stderr=True), source.path) as bar:
         traced = analyze_recording(
-            source.path, keep_traces=True, with_models=fit, report=bar.report
+            source.path, keep_traces=True, with_models=fit, report=bar.follow
         )
     remarks = [remark for campaign in traced.campaigns for remark in list_remarks(campaign)]
     return traced.campaigns, (*traced.warnings, *remarks)

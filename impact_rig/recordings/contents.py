@@ -2,8 +2,8 @@
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from impact_rig.recordings.hits import (
     count_points,
 )
 from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE
-from impact_rig.recordings.records import Attachment, Channel, Item, MetadataRecord, RawMessage
+from impact_rig.recordings.records import Attachment, Item, MetadataRecord, RawMessage
 from impact_rig.recordings.scan import Damage, Scan
 from impact_rig.recordings.schemas import SchemaDecoder
 from impact_rig.recordings.writer import HEALTH_RECORD
@@ -27,8 +27,26 @@ RECOVERY_RECORD = "impact_rig/recovery"
 """Metadata record that tells what a recording was recovered from, and what was lost."""
 
 
-@dataclass(frozen=True)
-class TopicContents:
+@dataclass
+class Tally:
+    """How many sound messages there are, received from when to when [ns since the epoch]."""
+
+    messages: int = 0
+    start_time: int = 0
+    end_time: int = 0
+
+    def add(self, other: "Tally") -> None:
+        """Count others in."""
+        if not other.messages:
+            return
+        is_first = self.messages == 0
+        self.start_time = other.start_time if is_first else min(self.start_time, other.start_time)
+        self.end_time = max(self.end_time, other.end_time)
+        self.messages += other.messages
+
+
+@dataclass(kw_only=True)
+class TopicContents(Tally):
     """One topic of a recording.
 
     Attributes
@@ -39,22 +57,15 @@ class TopicContents:
         Of its type.
     metadata : mapping
         `offered_qos_profiles` and `topic_type_hash` for ROS 2.
-    messages : int
-        Those that are sound [-].
     lost : int
-        Further ones that are known to have been written [-].
-    start_time, end_time : int
-        Earliest and latest time of reception of the sound ones, nanoseconds since the epoch.
+        Further messages that are known to have been written [-].
     """
 
     name: str
     type_name: str
     schema: str
     metadata: Mapping[str, str]
-    messages: int = 0
     lost: int = 0
-    start_time: int = 0
-    end_time: int = 0
 
     @property
     def rate(self) -> float:
@@ -63,8 +74,8 @@ class TopicContents:
         return (self.messages - 1) / duration if self.messages > 1 and duration > 0 else math.nan
 
 
-@dataclass(frozen=True)
-class FileContents:
+@dataclass(kw_only=True)
+class FileContents(Tally):
     """One file of a recording.
 
     Attributes
@@ -79,15 +90,11 @@ class FileContents:
         Of its chunks, "none" for none.
     chunks : int
         How many [-].
-    messages : int
-        Those that are sound [-].
-    start_time, end_time : int
-        Earliest and latest time of their reception, nanoseconds since the epoch.
     is_closed, has_index : bool
         Whether it has an end, and an index that can be used.
-    damages : tuple of Damage
+    damages : list of Damage
         What cannot be read.
-    problems : tuple of str
+    problems : list of str
         Everything that is wrong with it, in words.
     """
 
@@ -96,13 +103,10 @@ class FileContents:
     library: str
     compression: tuple[str, ...]
     chunks: int
-    messages: int
-    start_time: int
-    end_time: int
     is_closed: bool
     has_index: bool
-    damages: tuple[Damage, ...]
-    problems: tuple[str, ...]
+    damages: list[Damage]
+    problems: list[str]
 
     @property
     def unread(self) -> int:
@@ -120,27 +124,6 @@ class AttachmentEntry:
 
 
 @dataclass(frozen=True)
-class RecordedStream:
-    """What there is of a running stream.
-
-    Attributes
-    ----------
-    topic : str
-        In full.
-    blocks, points : int
-        How many, the points per channel [-].
-    gaps, missing_points : int
-        Jumps between its blocks, and the points they leave out per channel [-].
-    """
-
-    topic: str
-    blocks: int
-    points: int
-    gaps: int
-    missing_points: int
-
-
-@dataclass(frozen=True)
 class Note:
     """What an operator said, and when [ns since the epoch]."""
 
@@ -148,7 +131,7 @@ class Note:
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass
 class Contents:
     """What a recording holds.
 
@@ -156,45 +139,45 @@ class Contents:
     ----------
     path : Path
         As it was named: a file or a folder.
-    files : tuple of FileContents
-        In the order of recording.
     missing_files : tuple of str
         Files of the folder that are not there.
-    topics : tuple of TopicContents
+    files : list of FileContents
+        In the order of recording.
+    topics : list of TopicContents
         By name.
     hits : tuple of RecordedHit
         In the order in which they happened.
-    streams : tuple of RecordedStream
-        By topic.
-    metadata : tuple of MetadataRecord
+    streams : dict of StreamWatch
+        What there is of running streams, by topic.
+    metadata : list of MetadataRecord
         As found.
-    attachments : tuple of AttachmentEntry
+    attachments : list of AttachmentEntry
         As found.
-    notes : tuple of Note
+    notes : list of Note
         The operator's.
-    setups : tuple
-        The set-up messages, decoded, each once.
+    setups : dict
+        The set-up messages, decoded, each once, by what stands in the file.
     messages_lost : int
         What the middleware dropped on the way to the recorder [-].
     unknown_messages : int
         Messages whose topic is not described anywhere [-].
-    remarks : tuple of str
-        What else a reader should know, in words.
+    remarks : dict of str
+        What else a reader should know, in words, as keys.
     """
 
     path: Path
-    files: tuple[FileContents, ...]
     missing_files: tuple[str, ...]
-    topics: tuple[TopicContents, ...]
-    hits: tuple[RecordedHit, ...]
-    streams: tuple[RecordedStream, ...]
-    metadata: tuple[MetadataRecord, ...]
-    attachments: tuple[AttachmentEntry, ...]
-    notes: tuple[Note, ...]
-    setups: tuple[Any, ...]
-    messages_lost: int
-    unknown_messages: int
-    remarks: tuple[str, ...]
+    files: list[FileContents] = field(default_factory=list)
+    topics: list[TopicContents] = field(default_factory=list)
+    hits: tuple[RecordedHit, ...] = ()
+    streams: dict[str, StreamWatch] = field(default_factory=dict)
+    metadata: list[MetadataRecord] = field(default_factory=list)
+    attachments: list[AttachmentEntry] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
+    setups: dict[bytes, Any] = field(default_factory=dict)
+    messages_lost: int = 0
+    unknown_messages: int = 0
+    remarks: dict[str, None] = field(default_factory=dict)
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -254,23 +237,18 @@ MOST_PLACES = 10
 
 
 @dataclass
-class _ChannelTally:
-    """Counts of the messages of one channel in one file, and their spans."""
+class _ChannelTally(Tally):
+    """Of one channel in one file, with the numbers of its first and last message."""
 
-    messages: int = 0
     first_sequence: int = 0
     last_sequence: int = 0
-    start_time: int = 0
-    end_time: int = 0
 
-    def add(self, message: RawMessage) -> None:
+    def take(self, message: RawMessage) -> None:
         """Count a message."""
         if self.messages == 0:
-            self.start_time, self.first_sequence = message.log_time, message.sequence
-        self.messages += 1
+            self.first_sequence = message.sequence
         self.last_sequence = message.sequence
-        self.start_time = min(self.start_time, message.log_time)
-        self.end_time = max(self.end_time, message.log_time)
+        self.add(Tally(1, message.log_time, message.log_time))
 
 
 def _count_lost(scan: Scan, tallies: Mapping[int, _ChannelTally]) -> dict[int, int]:
@@ -288,24 +266,18 @@ def _count_lost(scan: Scan, tallies: Mapping[int, _ChannelTally]) -> dict[int, i
     }
 
 
-def _describe_file(
-    scan: Scan, tallies: Mapping[int, _ChannelTally], lost: Mapping[int, int]
-) -> FileContents:
-    """Return what is known of the file itself, once it was read."""
-    found = [tally for tally in tallies.values() if tally.messages]
+def _describe_file(scan: Scan, problems: list[str]) -> FileContents:
+    """Return what is known of the file itself, once it was read; its messages are not counted."""
     return FileContents(
         path=scan.path,
         size=scan.size,
         library=scan.header.library if scan.header is not None else "",
         compression=tuple(scan.compressions),
         chunks=scan.chunks,
-        messages=sum(tally.messages for tally in found),
-        start_time=min((tally.start_time for tally in found), default=0),
-        end_time=max((tally.end_time for tally in found), default=0),
         is_closed=scan.is_closed,
         has_index=scan.summary is not None,
-        damages=tuple(scan.damages),
-        problems=tuple(_list_problems(scan, lost)),
+        damages=scan.damages,
+        problems=problems,
     )
 
 
@@ -353,7 +325,7 @@ def inspect_recording(path: Path, *, report: Callable[[int], None] = lambda _: N
         If there is no such file, or nothing in it is of MCAP and ROS 2.
     """
     files, missing = find_bag_files(path) if path.is_dir() else ((path,), ())
-    inspection = _Inspection()
+    inspection = _Inspection(Contents(path, tuple(missing)))
     errors = []
     done = 0
     for file in files:
@@ -361,30 +333,23 @@ def inspect_recording(path: Path, *, report: Callable[[int], None] = lambda _: N
         try:
             inspection.read(scan)
         except FileError as error:
-            inspection.add_unreadable(scan, error)
+            # Nothing is left in this file of the folder.
+            inspection.contents.files.append(_describe_file(scan, [str(error)]))
             errors.append(error)
         done += scan.size
     if len(errors) == len(files):
         raise errors[0]
-    return inspection.finish(path, missing)
+    return inspection.finish()
 
 
 class _Inspection:
     """Collects what the files of a recording hold."""
 
-    def __init__(self) -> None:
+    def __init__(self, contents: Contents) -> None:
+        self.contents = contents
         self._decoder = SchemaDecoder()
         self._watch = HitWatch()
-        self._streams: dict[str, StreamWatch] = {}
-        self._files: list[FileContents] = []
         self._topics: dict[tuple[str, str], TopicContents] = {}
-        self._metadata: list[MetadataRecord] = []
-        self._attachments: dict[AttachmentEntry, None] = {}
-        self._notes: list[Note] = []
-        self._setups: dict[bytes, Any] = {}
-        self._messages_lost = 0
-        self._unknown = 0
-        self._remarks: dict[str, None] = {}
 
     def read(self, scan: Scan) -> None:
         """Take one file.
@@ -397,56 +362,49 @@ class _Inspection:
         tallies: dict[int, _ChannelTally] = defaultdict(_ChannelTally)
         for item in scan.read():
             if isinstance(item, RawMessage):
-                tallies[item.channel.id].add(item)
+                tallies[item.channel.id].take(item)
             self._take(item)
         _check_kind(scan)
         lost = _count_lost(scan, tallies)
+        file = _describe_file(scan, list(_list_problems(scan, lost)))
         for number, channel in scan.channels.items():
-            self._add_counts(channel, tallies[number], lost.get(number, 0))
-        self._unknown += scan.unknown.total()
-        self._files.append(_describe_file(scan, tallies, lost))
+            key = (channel.topic, channel.type_name)
+            if key not in self._topics:
+                self._topics[key] = TopicContents(
+                    name=channel.topic,
+                    type_name=channel.type_name,
+                    schema=channel.schema,
+                    metadata=channel.metadata,
+                )
+            self._topics[key].lost += lost.get(number, 0)
+            for whole in (self._topics[key], file):
+                whole.add(tallies[number])
+        self.contents.unknown_messages += scan.unknown.total()
+        self.contents.files.append(file)
 
-    def add_unreadable(self, scan: Scan, error: FileError) -> None:
-        """Note a file of the folder in which nothing is left."""
-        contents = _describe_file(scan, {}, {})
-        self._files.append(replace(contents, problems=(str(error),)))
-
-    def finish(self, path: Path, missing: Iterable[str]) -> Contents:
+    def finish(self) -> Contents:
         """Return what was found."""
-        contents = Contents(
-            path=path,
-            files=tuple(self._files),
-            missing_files=tuple(missing),
-            topics=tuple(sorted(self._topics.values(), key=lambda topic: topic.name)),
-            hits=(),
-            streams=tuple(
-                RecordedStream(topic, watch.blocks, watch.points, watch.gaps, watch.missing_points)
-                for topic, watch in sorted(self._streams.items())
-            ),
-            metadata=tuple(self._metadata),
-            attachments=tuple(self._attachments),
-            notes=tuple(self._notes),
-            setups=tuple(self._setups.values()),
-            messages_lost=self._messages_lost,
-            unknown_messages=self._unknown,
-            remarks=tuple(self._remarks),
-        )
-        return replace(contents, hits=self._watch.list_hits(is_whole=contents.is_whole))
+        contents = self.contents
+        contents.topics = sorted(self._topics.values(), key=lambda topic: topic.name)
+        contents.hits = self._watch.list_hits(is_whole=contents.is_whole)
+        return contents
 
     def _take(self, item: Item) -> None:
+        contents = self.contents
         if isinstance(item, RawMessage):
             if item.channel.type_name in _DECODED:
                 self._take_message(item)
         elif isinstance(item, Attachment):
             entry = AttachmentEntry(item.name, item.media_type, len(item.data))
-            self._attachments[entry] = None
+            if entry not in contents.attachments:
+                contents.attachments.append(entry)
         else:
-            if item not in self._metadata:
-                self._metadata.append(item)
+            if item not in contents.metadata:
+                contents.metadata.append(item)
             lost = item.fields.get("messages_lost", "") if item.name == HEALTH_RECORD else ""
             if lost.isdecimal():
                 # A state is published when it changes; this was written at the very end.
-                self._messages_lost = max(self._messages_lost, int(lost))
+                contents.messages_lost = max(contents.messages_lost, int(lost))
 
     def _take_message(self, message: RawMessage) -> None:
         topic, type_name = message.channel.topic, message.channel.type_name
@@ -456,40 +414,25 @@ class _Inspection:
                 self._watch.add(topic, type_name, content, message.data)
             self._look_into(message, type_name, content)
         except FileError:
-            self._remarks[f"messages on {topic} do not fit their schema"] = None
+            self.contents.remarks[f"messages on {topic} do not fit their schema"] = None
         except AttributeError as error:
-            self._remarks[
+            self.contents.remarks[
                 f"{type_name} on {topic} has no field {error.name!r}: it was recorded with"
                 " another version of the interfaces"
             ] = None
 
     def _look_into(self, message: RawMessage, type_name: str, content: Any) -> None:
+        contents, topic = self.contents, message.channel.topic
         if type_name == SETUP_TYPE:
-            self._setups[message.data] = content
+            contents.setups[message.data] = content
         elif type_name == STREAM_TYPE:
-            watch = self._streams.setdefault(message.channel.topic, StreamWatch())
+            watch = contents.streams.setdefault(topic, StreamWatch())
             watch.add(int(content.first_sample), count_points(content.hammer))
         elif type_name == STATE_TYPE:
             lost = int(getattr(content, "messages_lost", 0))
-            self._messages_lost = max(self._messages_lost, lost)
-        elif type_name == NOTE_TYPE and message.channel.topic.endswith("/note"):
-            self._notes.append(Note(message.log_time, str(content.data)))
-
-    def _add_counts(self, channel: Channel, tally: _ChannelTally, lost: int) -> None:
-        key = (channel.topic, channel.type_name)
-        known = self._topics.get(key)
-        if known is None:
-            known = TopicContents(*key, channel.schema, channel.metadata)
-        has_times = known.messages > 0 and tally.messages > 0
-        self._topics[key] = replace(
-            known,
-            messages=known.messages + tally.messages,
-            lost=known.lost + lost,
-            start_time=min(known.start_time, tally.start_time)
-            if has_times
-            else known.start_time or tally.start_time,
-            end_time=max(known.end_time, tally.end_time),
-        )
+            contents.messages_lost = max(contents.messages_lost, lost)
+        elif type_name == NOTE_TYPE and topic.endswith("/note"):
+            contents.notes.append(Note(message.log_time, str(content.data)))
 
 
 def _check_kind(scan: Scan) -> None:

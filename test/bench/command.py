@@ -129,7 +129,7 @@ def command(
         results = run_parts(
             names,
             extent,
-            progress.report,
+            progress.follow,
             lambda part: None if as_json else print_part(make_console(), part, earlier),
         )
     if as_json:

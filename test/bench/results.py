@@ -201,7 +201,7 @@ class BenchProgress(ProgressBar):
         super().__init__(console, "bench", MofNCompleteColumn())
         self._part = ""
 
-    def report(self, part: Part, done: int, total: int) -> None:
+    def follow(self, part: Part, done: int, total: int) -> None:
         """Take the part that runs, and done and all of what it counts; 0: not known."""
         self.update(description=part.name, completed=done, total=total or None)
         if part.name != self._part and not self.is_drawn:

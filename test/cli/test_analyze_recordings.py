@@ -192,7 +192,7 @@ def follow(patience: float, monkeypatch: pytest.MonkeyPatch) -> str:
             ("estimating", 0, 12),
             ("estimating", 7, 12),
         ):
-            bar.report(*report)
+            bar.follow(*report)
             bar._progress.refresh()
     text: str = console.file.getvalue()  # type: ignore[attr-defined]
     return text

@@ -164,7 +164,7 @@ def test_gaps_of_a_stream_are_no_damage_of_the_file(make_recording):
     maker = make_recording()
     add_blocks(maker, 0, 100, 150, 500)
     contents = inspect_recording(maker.close())
-    (stream,) = contents.streams
+    (stream,) = contents.streams.values()
     assert (stream.gaps, stream.missing_points) == (2, 50 + 300)
     assert contents.is_sound
     assert contents.hits == ()
@@ -175,4 +175,4 @@ def test_a_stream_goes_on_from_file_to_file(make_recording):
     add_blocks(maker, 0, 50, 100, 250)
     contents = inspect_recording(maker.close())
     assert len(contents.files) > 2
-    assert [(stream.blocks, stream.gaps) for stream in contents.streams] == [(4, 1)]
+    assert [(stream.blocks, stream.gaps) for stream in contents.streams.values()] == [(4, 1)]
