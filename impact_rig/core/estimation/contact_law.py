@@ -36,7 +36,7 @@ from impact_rig.core.estimation.momenta import (
     name_hits,
     restore_levels,
 )
-from impact_rig.core.estimation.pulse_shape import fit_pulse, is_worse
+from impact_rig.core.estimation.pulse_shape import fit_pulse
 from impact_rig.core.estimation.pulse_window import PulseWindow, cut_window
 from impact_rig.core.hits.averaging import MeanHit
 from impact_rig.core.hits.pulse_width import TENTH_LEVEL, PulseWidth, measure_pulse
@@ -399,8 +399,8 @@ def _compare_with_versed_sine(
     least = min(ours.residual, versed.residual)
     level = white / math.sqrt(window.step) * max(1.0, least / noise) if noise > 0.0 else least
     return (
-        not is_worse(ours, versed, level, window),
-        is_worse(versed, ours, level, window) and versed.residual > LARGEST_VERSED_RESIDUAL,
+        not ours.is_worse(versed, level),
+        versed.is_worse(ours, level) and versed.residual > LARGEST_VERSED_RESIDUAL,
     )
 
 

@@ -5,7 +5,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from impact_rig.core.estimation.pulse_window import Evaluation, PulseWindow, minimise
+from impact_rig.core.estimation.pulse_window import Evaluation, PulseWindow, WindowFit, minimise
 from impact_rig.core.model.contact_law import (
     LARGEST_DAMPING,
     LARGEST_EXPONENT,
@@ -37,7 +37,7 @@ START, TIME, HEIGHT, OFFSET, DAMPING, EXPONENT = range(COUNT)
 
 
 @dataclass(frozen=True)
-class LawFit:
+class LawFit(WindowFit):
     """A pulse of the family on one window, in the window's units.
 
     Attributes
@@ -48,20 +48,11 @@ class LawFit:
         Derivatives of the fitted trace in the parameters that were varied.
     varied : list of int
         Their places.
-    residual : float
-        Standard deviation of what is left, over the peak [-].
-    fitted : ndarray, shape (n,)
-        The fitted trace, filtered.
-    is_inside : bool
-        False: the fit ended where no pulse is, and its parameters mean nothing.
     """
 
     parameters: FloatArray
     jacobian: FloatArray
     varied: list[int]
-    residual: float
-    fitted: FloatArray
-    is_inside: bool
 
     def move_to(self, window: PulseWindow) -> "LawFit":
         """Return the same pulse on another window of the same trace, not fitted again."""

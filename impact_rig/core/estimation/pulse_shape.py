@@ -7,7 +7,6 @@ least squares, low-passed as the trace was.
 
 import math
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -16,6 +15,7 @@ from impact_rig.core.checks import check_not_negative
 from impact_rig.core.estimation.pulse_window import (
     Evaluation,
     PulseWindow,
+    WindowFit,
     cut_window,
     minimise,
 )
@@ -45,33 +45,24 @@ and what it leaves no longer changes by more than a hundredth."""
 
 
 @dataclass(frozen=True)
-class PulseFit:
+class PulseFit(WindowFit):
     """One shape on one window.
 
     Attributes
     ----------
-    is_inside : bool
-        False: the fit ended where no pulse is, and its parameters mean nothing.
     start, duration : float
         [w50]; the start counts from the middle of the pulse.
     asymmetry : float
         See `compute_pulse` [-].
     amplitude, offset : float
         Over the peak [-].
-    fitted : ndarray, shape (n,)
-        The fit, filtered.
-    residual : float
-        Standard deviation of what is left, over the peak [-].
     """
 
-    is_inside: bool
     start: float
     duration: float
     asymmetry: float
     amplitude: float
     offset: float
-    fitted: FloatArray
-    residual: float
 
 
 def fit_pulse(window: PulseWindow, shape: PulseShape) -> PulseFit:
@@ -114,9 +105,6 @@ SPLINE_POINTS = 64
 SPLINE_MARGIN = 3
 """A pulse of fewer points at half amplitude than `SPLINE_POINTS` is interpolated, with so many
 points about it [-], our choice."""
-TELLING_DIFFERENCE = 2.0
-"""How many standard deviations of what noise alone makes of it two sums of squares must differ by
-[-], our choice: 95 %."""
 RESIDUAL_OVER_NOISE = 3.0
 LARGEST_RESIDUAL = 0.005
 """A versed-sine that leaves more than this part of the peak [-] and so many times the noise [-] is
@@ -248,12 +236,12 @@ def estimate_pulse_shape(
         best_shape=shape_fits[order[0]].shape,
         fall_over_rise=_compare_sides(upright, pulse),
         fits=shape_fits,
-        is_told_apart=is_worse(fits[order[1]], best, level, window),
+        is_told_apart=fits[order[1]].is_worse(best, level),
         warning=_find_warning(
             shape_fits[order[0]],
             shape_fits[PULSE_SHAPES.index(VERSED_SINE)],
             noise,
-            told_apart=is_worse(versed, best, level, window),
+            told_apart=versed.is_worse(best, level),
         ),
     )
 
@@ -299,38 +287,6 @@ def _compare_sides(upright: FloatArray, pulse: PulseWidth) -> float:
     if not rise[0] < peak < fall[0]:
         return math.nan
     return float((fall[0] - peak) / (peak - rise[0]))
-
-
-class FittedPulse(Protocol):
-    """What a fit to a window leaves, and the trace that it makes."""
-
-    @property
-    def residual(self) -> float:
-        """Standard deviation of what is left, over the peak [-]."""
-
-    @property
-    def fitted(self) -> FloatArray:
-        """The fit, filtered, shape (n,)."""
-
-
-def is_worse(other: FittedPulse, best: FittedPulse, level: float, window: PulseWindow) -> bool:
-    """Tell whether `other` leaves more than noise makes of two models that differ as these do.
-
-    The difference of two sums of squares has the standard deviation 2 sigma |m1 - m2|.
-
-    Parameters
-    ----------
-    other, best : FittedPulse
-        On the same window.
-    level : float
-        sigma of white noise, over the peak [-].
-    window : PulseWindow
-        What they were fitted to.
-    """
-    degrees = window.time.size
-    excess = (other.residual**2 - best.residual**2) * degrees
-    chance = 2.0 * level * float(np.linalg.norm(other.fitted - best.fitted))
-    return excess > TELLING_DIFFERENCE * chance
 
 
 def _find_warning(best: ShapeFit, versed: ShapeFit, noise: float, *, told_apart: bool) -> str:

@@ -178,6 +178,40 @@ def _make_smoothing(
     return make_read_only(np.ascontiguousarray(rows[::-stride][:count]))
 
 
+TELLING_DIFFERENCE = 2.0
+"""How many standard deviations of what noise alone makes of it two sums of squares must differ by
+[-], our choice: 95 %."""
+
+
+@dataclass(frozen=True)
+class WindowFit:
+    """What a model that was fitted to a window leaves of it.
+
+    Attributes
+    ----------
+    is_inside : bool
+        False: the fit ended where no pulse is, and its parameters mean nothing.
+    fitted : ndarray, shape (n,)
+        The fitted trace, filtered.
+    residual : float
+        Standard deviation of what is left, over the peak [-].
+    """
+
+    is_inside: bool
+    fitted: FloatArray
+    residual: float
+
+    def is_worse(self, best: "WindowFit", level: float) -> bool:
+        """Tell whether it leaves more than noise makes of two models that differ as these do.
+
+        The difference of two sums of squares has the standard deviation 2 sigma |m1 - m2|; sigma
+        of white noise is `level`, over the peak [-].
+        """
+        excess = (self.residual**2 - best.residual**2) * self.fitted.size
+        chance = 2.0 * level * float(np.linalg.norm(self.fitted - best.fitted))
+        return excess > TELLING_DIFFERENCE * chance
+
+
 Evaluation = tuple[FloatArray, FloatArray]
 """Residual, shape (n,), and its derivatives, shape (parameters, n)."""
 

@@ -6,7 +6,7 @@ were. It begins at several starts on few points, and ends on all points from the
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import islice
@@ -66,38 +66,6 @@ def compute_noise_correlation(
         impulse = low_pass(impulse, cutoff_frequency, sampling_rate)
     most = reach // step * step
     return make_read_only(impulse[2 * reach - most : 2 * reach + most + 1 : step])
-
-
-class RotatedProblem:
-    """What a search sees of a problem.
-
-    Parameters
-    ----------
-    evaluate : callable
-        Takes parameters, shape (p,), and returns the derivatives in them and, as the last row,
-        the residual: shape (p + 1, m).
-    """
-
-    def __init__(self, evaluate: Callable[[FloatArray], FloatArray]) -> None:
-        self._evaluate = evaluate
-        self._parameters: FloatArray = np.empty(0)
-        self._rotated: FloatArray = np.empty((0, 0))
-
-    def compute_residual(self, parameters: FloatArray) -> FloatArray:
-        """Return the residual, shape (p + 1,)."""
-        return self._rotate(parameters)[:, -1]
-
-    def compute_jacobian(self, parameters: FloatArray) -> FloatArray:
-        """Return its derivatives, shape (p + 1, p)."""
-        return self._rotate(parameters)[:, :-1]
-
-    def _rotate(self, parameters: FloatArray) -> FloatArray:
-        """Return R; the last one is kept, since residual and derivatives are asked for apart."""
-        if not np.array_equal(self._parameters, parameters):
-            rows = self._evaluate(parameters)
-            self._rotated = np.asarray(np.linalg.qr(rows.T, mode="r"))
-            self._parameters = parameters.copy()
-        return self._rotated
 
 
 EDGE = 1.5
@@ -249,19 +217,25 @@ class FitProblem:
     ) -> FitSolution | None:
         scales, low, high = self._find_scales_and_bounds(start)
 
-        def evaluate(scaled: FloatArray) -> FloatArray:
-            traces, derivatives = self.evaluate(scaled * scales)
-            residual = traces - self.traces[:, self.points]
-            rows = self.weigh(np.concatenate([derivatives, residual[:, np.newaxis]], axis=1))
-            rows[:-1] *= scales[:, np.newaxis]
-            return rows
+        last: dict[bytes, FloatArray] = {}
 
-        rotated = RotatedProblem(evaluate)
+        def rotate(scaled: FloatArray) -> FloatArray:
+            """Return R; the last is kept: residual and derivatives are asked for apart."""
+            key = scaled.tobytes()
+            if key not in last:
+                traces, derivatives = self.evaluate(scaled * scales)
+                residual = traces - self.traces[:, self.points]
+                rows = self.weigh(np.concatenate([derivatives, residual[:, np.newaxis]], axis=1))
+                rows[:-1] *= scales[:, np.newaxis]
+                last.clear()
+                last[key] = np.asarray(np.linalg.qr(rows.T, mode="r"))
+            return last[key]
+
         try:
             found = least_squares(
-                rotated.compute_residual,
+                lambda scaled: rotate(scaled)[:, -1],
                 np.clip(start, low, high) / scales,
-                jac=rotated.compute_jacobian,
+                jac=lambda scaled: rotate(scaled)[:, :-1],
                 method="trf" if bounded else "lm",
                 bounds=(low / scales, high / scales) if bounded else (-np.inf, np.inf),
                 x_scale="jac",

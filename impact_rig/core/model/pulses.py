@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.special import beta, betainc, betaincinv
 
@@ -31,24 +30,18 @@ class PulseShape:
     ----------
     name : str
         As in the literature.
-    value : callable
-        Force at phase 0 to 1, relative to the peak.
     differentiate : callable
-        The same, and its derivative in the phase.
+        Force at phase 0 to 1, relative to the peak, and its derivative in the phase.
     half_amplitude_width : float
         w50 over the duration [-].
     tenth_amplitude_width : float
         w10 over the duration [-].
-    mean : float
-        Impulse over peak and duration [-].
     """
 
     name: str
-    value: Callable[[FloatArray], FloatArray]
     differentiate: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
     half_amplitude_width: float
     tenth_amplitude_width: float
-    mean: float
 
     @property
     def pulse_factor(self) -> float:
@@ -61,7 +54,7 @@ class PulseShape:
         return self.tenth_amplitude_width / self.half_amplitude_width
 
 
-def _make_sine_power(name: str, power: float, mean: float) -> PulseShape:
+def _make_sine_power(name: str, power: float) -> PulseShape:
     def compute_width(level: float) -> float:
         return 1.0 - 2.0 / np.pi * float(np.arcsin(level ** (1.0 / power)))
 
@@ -72,18 +65,16 @@ def _make_sine_power(name: str, power: float, mean: float) -> PulseShape:
 
     return PulseShape(
         name=name,
-        value=lambda phase: np.sin(np.pi * phase) ** power,
         differentiate=differentiate,
         half_amplitude_width=compute_width(0.5),
         tenth_amplitude_width=compute_width(0.1),
-        mean=mean,
     )
 
 
-HALF_SINE = _make_sine_power("half-sine", 1.0, 2.0 / np.pi)
-SINE_POWER_1_5 = _make_sine_power("sin^1.5", 1.5, float(beta(1.25, 0.5)) / np.pi)
+HALF_SINE = _make_sine_power("half-sine", 1.0)
+SINE_POWER_1_5 = _make_sine_power("sin^1.5", 1.5)
 """A common stand-in for a Hertz contact."""
-VERSED_SINE = _make_sine_power(PULSE_NAME, 2.0, 0.5)
+VERSED_SINE = _make_sine_power(PULSE_NAME, 2.0)
 
 
 def _compute_hertz_width(level: float) -> float:
@@ -108,22 +99,13 @@ def _tabulate_compression() -> CubicHermiteSpline:
 _COMPRESSION = _tabulate_compression()
 
 
-def _compute_compression(phase: FloatArray) -> FloatArray:
-    compression: FloatArray = _COMPRESSION(0.5 - np.abs(0.5 - phase))
-    return _limit(compression)
-
-
 def _limit(values: FloatArray) -> FloatArray:
     """Return values between 0 and 1: `np.clip` takes longer than all else about a short pulse."""
     return np.asarray(np.minimum(np.maximum(values, 0.0), 1.0))
 
 
-def _compute_hertz_force(phase: FloatArray) -> FloatArray:
-    return np.asarray(_compute_compression(phase) ** 1.5)
-
-
 def _differentiate_hertz_force(phase: FloatArray) -> tuple[FloatArray, FloatArray]:
-    compression = _compute_compression(phase)
+    compression = _limit(_COMPRESSION(0.5 - np.abs(0.5 - phase)))
     force = compression**1.5
     speed = HERTZ_DURATION * np.sqrt(1.0 - force * compression)
     return force, np.sign(0.5 - phase) * 1.5 * np.sqrt(compression) * speed
@@ -131,11 +113,9 @@ def _differentiate_hertz_force(phase: FloatArray) -> tuple[FloatArray, FloatArra
 
 HERTZ = PulseShape(
     name="Hertz",
-    value=_compute_hertz_force,
     differentiate=_differentiate_hertz_force,
     half_amplitude_width=_compute_hertz_width(0.5),
     tenth_amplitude_width=_compute_hertz_width(0.1),
-    mean=2.0 / float(beta(0.4, 0.5)),
 )
 
 PULSE_SHAPES = (VERSED_SINE, HALF_SINE, SINE_POWER_1_5, HERTZ)
@@ -168,24 +148,7 @@ def compute_pulse(
     ParameterError
         If the duration is not a positive number, or the asymmetry leaves no rise or no fall.
     """
-    check_positive("pulse duration", duration, "s")
-    check_between("asymmetry", asymmetry, -LARGEST_ASYMMETRY, LARGEST_ASYMMETRY)
-    phase, inside = _compute_phase(time, duration, asymmetry)
-    return np.where(inside, shape.value(phase), 0.0)
-
-
-def _compute_phase(
-    time: FloatArray, duration: float, asymmetry: float
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return the phase, 0 to 1 with the peak at 1/2, and which points lie inside the pulse."""
-    rise = duration * (1.0 + asymmetry) / 2.0
-    phase = np.where(
-        time < rise,
-        0.5 * time / rise,
-        1.0 - 0.5 * (duration - time) / (duration - rise),
-    )
-    inside = (time >= 0.0) & (time <= duration)
-    return _limit(phase), inside
+    return differentiate_pulse(time, duration, shape, asymmetry)[0]
 
 
 def differentiate_pulse(
@@ -204,7 +167,16 @@ def differentiate_pulse(
     """
     check_positive("pulse duration", duration, "s")
     check_between("asymmetry", asymmetry, -LARGEST_ASYMMETRY, LARGEST_ASYMMETRY)
-    phase, inside = _compute_phase(time, duration, asymmetry)
+    rise = duration * (1.0 + asymmetry) / 2.0
+    # 0 to 1 with the peak at 1/2.
+    phase = _limit(
+        np.where(
+            time < rise,
+            0.5 * time / rise,
+            1.0 - 0.5 * (duration - time) / (duration - rise),
+        )
+    )
+    inside = (time >= 0.0) & (time <= duration)
     rising = 2.0 * phase < 1.0
     pulse, slope = shape.differentiate(phase)
     derivatives = np.empty((3, time.size))

@@ -1,6 +1,5 @@
 """The zero-phase low-pass, the same for measurement and model, and shifts by part of a point."""
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -70,35 +69,15 @@ MINIMUM_POINTS = 16
 """Shortest trace that can be filtered [-]: longer than the filter's padding."""
 
 
-@dataclass(frozen=True)
-class _Design:
-    """One pass of the low-pass.
-
-    Attributes
-    ----------
-    numerator, denominator : ndarray, shape (order + 1,)
-        Coefficients.
-    steady_state : ndarray, shape (order,)
-        Of the filter after a long time of ones.
-    """
-
-    numerator: FloatArray
-    denominator: FloatArray
-    steady_state: FloatArray
-
-    def run(self, traces: FloatArray) -> FloatArray:
-        """Filter along the last axis, as if the first point had stood there for ever."""
-        start = self.steady_state * traces[..., :1]
-        filtered: FloatArray = lfilter(self.numerator, self.denominator, traces, zi=start)[0]
-        return filtered
-
-
 @lru_cache(maxsize=16)
-def _design_pass(cutoff_frequency: float, sampling_rate: float) -> _Design:
+def _design_pass(
+    cutoff_frequency: float, sampling_rate: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return both coefficients of one pass, and its state after a long time of ones."""
     # Two passes of order n have -3 dB where one has -1.5 dB: at (sqrt(2) - 1)^(1 / 2n).
     one_pass = cutoff_frequency / (np.sqrt(2.0) - 1.0) ** (1.0 / (2 * FILTER_ORDER))
     numerator, denominator = butter(FILTER_ORDER, one_pass, fs=sampling_rate)
-    return _Design(numerator, denominator, lfilter_zi(numerator, denominator))
+    return numerator, denominator, lfilter_zi(numerator, denominator)
 
 
 def check_cutoff(cutoff_frequency: float, sampling_rate: float) -> None:
@@ -157,12 +136,15 @@ def low_pass(traces: FloatArray, cutoff_frequency: float, sampling_rate: float) 
         raise SignalError(
             f"a trace of {count} points is too short for the low-pass: it needs {MINIMUM_POINTS}"
         )
-    one_pass = _design_pass(float(cutoff_frequency), float(sampling_rate))
+    numerator, denominator, steady = _design_pass(float(cutoff_frequency), float(sampling_rate))
     # Mirrored, since odd padding would pin both ends to single, unfiltered points. This is
     # scipy's `sosfiltfilt`, which finds the steady state anew for every trace and takes a detour
     # for many sections: it needs more than twice the time.
     padding = min(count - 1, int(PADDING * sampling_rate / cutoff_frequency))
     before, after = traces[..., padding:0:-1], traces[..., -2 : -padding - 2 : -1]
-    extended = np.concatenate((before, traces, after), axis=-1)
-    filtered = one_pass.run(one_pass.run(extended)[..., ::-1])
-    return np.ascontiguousarray(filtered[..., ::-1][..., padding:-padding])
+    filtered = np.concatenate((before, traces, after), axis=-1)
+    for _ in ("forwards", "backwards"):
+        # As if the first point had stood there for ever.
+        start = steady * filtered[..., :1]
+        filtered = lfilter(numerator, denominator, filtered, zi=start)[0][..., ::-1]
+    return np.ascontiguousarray(filtered[..., padding:-padding])
