@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from click.core import ParameterSource
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, TextColumn
 
@@ -361,13 +360,11 @@ def _check_results_alone(context: click.Context, files: Sequence[Path]) -> None:
     results = next(path for path in files if path.suffix == RESULTS_SUFFIX)
     if len(files) > 1:
         raise ParameterError(f"{results} is a results file: it is shown alone, without others")
-    for parameter in context.command.params:
-        source = context.get_parameter_source(parameter.name or "")
-        if parameter.name not in RESULTS_OPTIONS and source is not ParameterSource.DEFAULT:
-            raise ParameterError(
-                f"{parameter.opts[0]} changes nothing in {results}, a results file: analyze its"
-                " recording"
-            )
+    options.refuse_given(
+        context,
+        {parameter.name or "" for parameter in context.command.params} - RESULTS_OPTIONS,
+        f"changes nothing in {results}, a results file: analyze its recording",
+    )
 
 
 def _check_batch_options(accept: Sequence[str], reject: Sequence[str], form: Form) -> None:

@@ -4,7 +4,7 @@ import contextlib
 import dataclasses
 import math
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.text import Text
 
 from impact_rig.cli import options
-from impact_rig.cli.options import Quantity
+from impact_rig.cli.options import make_quantity
 from impact_rig.configuration.rig_file import RigFile, parse_rig_file, read_rig_file, read_today
 from impact_rig.configuration.sheet_change import change_sheet, name_new_file
 from impact_rig.core.calibration.sensitivity import (
@@ -52,21 +52,8 @@ from impact_rig.results.results_file import format_json
 from impact_rig.results.tables import Column
 from impact_rig.results.wire import to_json
 
-
-@dataclass(frozen=True)
-class HitSeries:
-    """Hits, and with what they were measured.
-
-    Attributes
-    ----------
-    setup : RigSetup
-        Masses and sensors.
-    hits : tuple of JudgedHit
-        In their order.
-    """
-
-    setup: RigSetup
-    hits: tuple[JudgedHit, ...]
+HitSeries = tuple[RigSetup, list[JudgedHit]]
+"""Masses and sensors with which hits were measured, and the hits in their order."""
 
 
 def read_hits(path: Path, sample: str = "") -> HitSeries:
@@ -100,31 +87,16 @@ def read_hits(path: Path, sample: str = "") -> HitSeries:
         raise FileError(
             f"{path} holds campaigns with different hammers or sensors: give one that holds one"
         )
-    return HitSeries(setups[-1], tuple(hits))
+    return setups[-1], hits
 
 
-def check_one_body(series: HitSeries, path: Path) -> None:
-    """Require hits on one sample, whose mass is known.
-
-    Raises
-    ------
-    ParameterError
-        If there are several.
-    """
-    names = dict.fromkeys(hit.label.sample for hit in series.hits)
-    if len(names) > 1:
-        raise ParameterError(
-            f"{path} holds hits on {', '.join(names)}: choose the body of known mass by --sample"
-        )
-
-
-def find_tested_sensor(series: HitSeries, sheet: Sensor) -> tuple[Sensor, str]:
+def find_tested_sensor(setup: RigSetup, sheet: Sensor) -> tuple[Sensor, str]:
     """Return the sensor under test as the hits were measured with it, in the unit of its sheet.
 
     Parameters
     ----------
-    series : HitSeries
-        The hits.
+    setup : RigSetup
+        Of the hits.
     sheet : Sensor
         As the rig file has it.
 
@@ -140,7 +112,7 @@ def find_tested_sensor(series: HitSeries, sheet: Sensor) -> tuple[Sensor, str]:
     ParameterError
         If the hits were measured with a sensor of another quantity.
     """
-    known = {sensor.channel: sensor for sensor in series.setup.sensors}
+    known = {sensor.channel: sensor for sensor in setup.sensors}
     used = known.get(sheet.channel)
     if used is None or math.isnan(used.sensitivity):
         return sheet, (
@@ -309,64 +281,6 @@ REVERSED = (
 )
 
 
-def calibrate(
-    rig_file: Path,
-    method: CalibrationMethod,
-    *,
-    recording: Path | None,
-    sample: str,
-    wanted: int,
-    output: Path | None,
-    as_json: bool,
-) -> None:
-    """Take hits, estimate, write the new rig file, and tell.
-
-    Parameters
-    ----------
-    rig_file : Path
-        The old one.
-    method : CalibrationMethod
-        What is compared with what.
-    recording : Path, optional
-        Where the hits are; None: they are struck now.
-    sample : str
-        Only the recording's hits on this sample; empty: all.
-    wanted : int
-        How many hits are struck.
-    output : Path, optional
-        The new file; None: beside the old one, with the day in its name.
-    as_json : bool
-        Tell in JSON.
-
-    Raises
-    ------
-    RigError
-        If a file cannot be read or written, the source fails, or the hits do not determine it.
-    """
-    rig = read_rig_file(rig_file)
-    sheet = _find_sheet(rig, rig_file, method.channel)
-    if recording is None:
-        series, fits = _strike(rig, method, wanted)
-    else:
-        series = read_hits(recording, sample)
-        if method.has_known_mass:
-            check_one_body(series, recording)
-        fits = _fit(series.hits, method, series)
-    sensor, remark = find_tested_sensor(series, sheet)
-    found = estimate_sensitivity(fits, method, series.setup, sensor)
-    day = _compute_day(fits)
-    path = output or name_new_file(rig_file, day)
-    _write(rig_file, path, change_sheet(_read(rig_file), sheet.channel, found.sensitivity, day))
-    remarks = [text for text in (remark, REVERSED if found.is_reversed else "") if text]
-    remarks += found.remarks
-    if as_json:
-        content = calibration_to_json(found, fits, remarks, str(path))
-        click.echo(format_json(content), nl=False)
-        return
-    print_calibration(make_console(), found, fits, remarks)
-    click.echo(f"written: {path}")
-
-
 def _find_sheet(rig: RigFile, path: Path, channel: str) -> Sensor:
     for sensor in rig.setup.sensors:
         if sensor.channel == channel and not math.isnan(sensor.sensitivity):
@@ -377,19 +291,15 @@ def _find_sheet(rig: RigFile, path: Path, channel: str) -> Sensor:
     )
 
 
-def _strike(
-    rig: RigFile, method: CalibrationMethod, wanted: int
-) -> tuple[HitSeries, list[HitFit]]:
+def _strike(rig: RigFile, method: CalibrationMethod, wanted: int) -> list[HitFit]:
     """Let the operator strike until enough hits can be used; what ends it before keeps them."""
-    hits: list[JudgedHit] = []
     fits: list[HitFit] = []
     used = 0
     click.echo(f"Strike {wanted} times; Ctrl-C ends before.", err=True)
     with contextlib.closing(strike_hits(rig)) as struck, contextlib.suppress(KeyboardInterrupt):
         try:
             for hit in struck:
-                hits.append(hit)
-                fits += _fit([hit], method, HitSeries(rig.setup, ()))
+                fits += _fit((rig.setup, [hit]), method)
                 used = sum(not item.flaw for item in fits)
                 click.echo(f"{used} of {wanted}: {describe_fit(fits[-1])}", err=True)
                 if used >= wanted:
@@ -398,11 +308,12 @@ def _strike(
             if used < FEWEST_HITS:
                 raise
             print_warning(f"{error}; the {used} hits before that are kept")
-    return HitSeries(rig.setup, tuple(hits)), fits
+    return fits
 
 
-def _fit(hits: Sequence[JudgedHit], method: CalibrationMethod, series: HitSeries) -> list[HitFit]:
-    factor = method.compute_factor(series.setup)
+def _fit(series: HitSeries, method: CalibrationMethod) -> list[HitFit]:
+    setup, hits = series
+    factor = method.compute_factor(setup)
     return [fit_hit(hit, method.channel, factor) for hit in hits]
 
 
@@ -412,10 +323,6 @@ def _compute_day(fits: Sequence[HitFit]) -> str:
     if stamp < EARLIEST_STAMP:
         return read_today()
     return datetime.fromtimestamp(stamp * 1e-9).astimezone().date().isoformat()
-
-
-def _read(path: Path) -> str:
-    return path.read_bytes().decode("utf-8-sig")
 
 
 def _write(old: Path, path: Path, text: str) -> None:
@@ -450,7 +357,7 @@ def _write(old: Path, path: Path, text: str) -> None:
 @click.option("--back-to-back", is_flag=True, help="Both sensors see the same acceleration.")
 @click.option(
     "--known-mass",
-    type=Quantity("kg", "150 g"),
+    type=make_quantity("kg", "150 g"),
     metavar="MASS",
     help="Of all that moves with the struck body, its sensor included.",
 )
@@ -462,7 +369,7 @@ def _write(old: Path, path: Path, text: str) -> None:
 )
 @click.option(
     "--reference-uncertainty",
-    type=Quantity("dimensionless", "0.75 %"),
+    type=make_quantity("dimensionless", "0.75 %"),
     default=0.0,
     metavar="PART",
     help="Standard uncertainty of the reference's sensitivity: half of what its certificate"
@@ -470,7 +377,7 @@ def _write(old: Path, path: Path, text: str) -> None:
 )
 @click.option(
     "--mass-uncertainty",
-    type=Quantity("kg", "10 mg"),
+    type=make_quantity("kg", "10 mg"),
     default=0.0,
     metavar="MASS",
     help="Standard uncertainty of the known mass. [not stated]",
@@ -512,8 +419,6 @@ def command(
     Each hit gives a ratio, by least squares over the contact; hits whose traces do not fit are
     left out and named. The uncertainty is that of the GUM.
     """
-    from impact_rig.core.calibration.sensitivity import CalibrationMethod
-
     if back_to_back == (known_mass is not None):
         raise ParameterError("choose one of --back-to-back and --known-mass MASS")
     if mass_uncertainty and known_mass is None:
@@ -524,15 +429,32 @@ def command(
         if back_to_back:
             raise ParameterError("--back-to-back needs --sensor: the one under test")
         channel = CHANNELS[0]
-    method = CalibrationMethod(channel, reference_uncertainty=reference_uncertainty)
-    if known_mass is not None:
-        method = CalibrationMethod(channel, known_mass, mass_uncertainty, reference_uncertainty)
-    calibrate(
-        rig_file,
-        method,
-        recording=recording,
-        sample=sample,
-        wanted=hits,
-        output=output,
-        as_json=as_json,
-    )
+    mass = math.nan if known_mass is None else known_mass
+    method = CalibrationMethod(channel, mass, mass_uncertainty, reference_uncertainty)
+    rig = read_rig_file(rig_file)
+    setup, sheet = rig.setup, _find_sheet(rig, rig_file, channel)
+    if recording is None:
+        fits = _strike(rig, method, hits)
+    else:
+        setup, found = read_hits(recording, sample)
+        names = dict.fromkeys(hit.label.sample for hit in found)
+        if method.has_known_mass and len(names) > 1:
+            raise ParameterError(
+                f"{recording} holds hits on {', '.join(names)}: choose the body of known mass by"
+                " --sample"
+            )
+        fits = _fit((setup, found), method)
+    sensor, remark = find_tested_sensor(setup, sheet)
+    result = estimate_sensitivity(fits, method, setup, sensor)
+    day = _compute_day(fits)
+    path = output or name_new_file(rig_file, day)
+    text = rig_file.read_bytes().decode("utf-8-sig")
+    _write(rig_file, path, change_sheet(text, sheet.channel, result.sensitivity, day))
+    remarks = [text for text in (remark, REVERSED if result.is_reversed else "") if text]
+    remarks += result.remarks
+    if as_json:
+        content = calibration_to_json(result, fits, remarks, str(path))
+        click.echo(format_json(content), nl=False)
+        return
+    print_calibration(make_console(), result, fits, remarks)
+    click.echo(f"written: {path}")

@@ -1,6 +1,7 @@
 """`impact-rig devices`: drivers, the devices that they find, and those that a rig file names."""
 
 import dataclasses
+import functools
 import json
 import os
 import signal
@@ -18,7 +19,7 @@ from rich.text import Text
 
 from impact_rig.cli import options
 from impact_rig.cli.doctor import find_library
-from impact_rig.configuration.rig_file import RigFile
+from impact_rig.configuration.rig_file import RigFile, list_rig_warnings, read_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.devices.drivers import (
     HOLDERS,
@@ -41,6 +42,7 @@ from impact_rig.present.terminal.console import (
     ALARM,
     GOOD,
     WARNING,
+    make_console,
     print_facts,
     print_table,
     print_text,
@@ -85,13 +87,8 @@ class SurveyedDriver:
     advice: str = ""
 
 
-@dataclass(frozen=True)
-class _Search:
-    """A driver that searches in a process of its own: it may hang, or end that process."""
-
-    kind: str
-    driver: Driver
-    process: subprocess.Popen[str]
+_Search = tuple[Callable[..., SurveyedDriver], subprocess.Popen[str]]
+"""A driver, and the process of its own in which it searches: it may hang, or end that process."""
 
 
 def survey_drivers(name: str = "", timeout: float = SEARCH_TIMEOUT) -> list[SurveyedDriver]:
@@ -117,10 +114,12 @@ def survey_drivers(name: str = "", timeout: float = SEARCH_TIMEOUT) -> list[Surv
     ]
     with ThreadPoolExecutor(max(1, len(searches))) as pool:
         try:
-            return list(pool.map(lambda search: _await_answer(search, timeout), searches))
+            return list(
+                pool.map(lambda search: _await_answer(search[0], search[1], timeout), searches)
+            )
         finally:
-            for search in searches:
-                _end(search.process)
+            for _, process in searches:
+                _end(process)
 
 
 def _start(group: str, driver: Driver) -> _Search:
@@ -133,50 +132,31 @@ def _start(group: str, driver: Driver) -> _Search:
         text=True,
         start_new_session=True,
     )
-    return _Search(KINDS[group], driver, process)
+    return functools.partial(SurveyedDriver, KINDS[group], driver.name, driver.package), process
 
 
-def _await_answer(search: _Search, timeout: float) -> SurveyedDriver:
+def _await_answer(
+    describe: Callable[..., SurveyedDriver], process: subprocess.Popen[str], timeout: float
+) -> SurveyedDriver:
     try:
-        output, _ = search.process.communicate(timeout=timeout)
-    except subprocess.TimeoutExpired:
-        _end(search.process)
-        search.process.communicate()
-        return _describe(search, trouble=ENDLESS)
-    return _read_answer(search, output)
-
-
-def _read_answer(search: _Search, output: str) -> SurveyedDriver:
-    try:
+        output, _ = process.communicate(timeout=timeout)
         answer = json.loads(output)
+    except subprocess.TimeoutExpired:
+        _end(process)
+        process.communicate()
+        return describe(trouble=ENDLESS)
     except ValueError:
-        code = search.process.returncode
+        code = process.returncode
         ended = f"signal {signal.Signals(-code).name}" if code < 0 else f"code {code}"
-        return _describe(search, trouble=f"it crashed while it searched for devices ({ended})")
+        return describe(trouble=f"it crashed while it searched for devices ({ended})")
     library = find_library(answer["missing"])
-    return _describe(
-        search,
+    return describe(
         description=answer["description"],
         example=answer["example"],
         devices=tuple(FoundDevice(*device) for device in answer["devices"]),
         trouble=answer["trouble"],
         advice=library.advice if library else "",
     )
-
-
-def _describe(
-    search: _Search,
-    *,
-    description: str = "",
-    example: str = "",
-    devices: tuple[FoundDevice, ...] = (),
-    trouble: str = "",
-    advice: str = "",
-) -> SurveyedDriver:
-    return SurveyedDriver(
-        search.kind, search.driver.name, search.driver.package,
-        description, example, devices, trouble, advice,
-    )  # fmt: skip
 
 
 def _end(process: subprocess.Popen[str]) -> None:
@@ -356,11 +336,6 @@ def print_driver(console: Console, driver: SurveyedDriver) -> None:
     console.print()
 
 
-def drivers_to_json(drivers: Sequence[SurveyedDriver]) -> list[dict[str, Any]]:
-    """Return the drivers as plain values."""
-    return [dataclasses.asdict(driver) for driver in drivers]
-
-
 def _describe_trouble(driver: SurveyedDriver) -> str:
     return "; ".join(text for text in (driver.trouble, driver.advice) if text)
 
@@ -435,9 +410,6 @@ def command(name: str | None, rig_file: Path | None, continuous: bool, as_json: 
 
 
 def _show_drivers(name: str, *, as_json: bool) -> None:
-    from impact_rig.devices.drivers import HOLDERS, SOURCES, find_drivers
-    from impact_rig.present.terminal.console import make_console
-
     known = [*find_drivers(SOURCES), *find_drivers(HOLDERS)]
     if name and name not in known:
         raise DeviceError(
@@ -446,7 +418,7 @@ def _show_drivers(name: str, *, as_json: bool) -> None:
     drivers = survey_drivers(name)
     console = make_console()
     if as_json:
-        click.echo(format_json(drivers_to_json(drivers)), nl=False)
+        click.echo(format_json(list(map(dataclasses.asdict, drivers))), nl=False)
     elif name:
         for driver in drivers:
             print_driver(console, driver)
@@ -455,9 +427,6 @@ def _show_drivers(name: str, *, as_json: bool) -> None:
 
 
 def _check_file(rig_file: Path, *, continuous: bool, as_json: bool) -> None:
-    from impact_rig.configuration.rig_file import list_rig_warnings, read_rig_file
-    from impact_rig.present.terminal.console import make_console
-
     rig = read_rig_file(rig_file)
     checks = check_rig(rig, rig_file, continuous=continuous)
     warnings = list_rig_warnings(rig.setup)

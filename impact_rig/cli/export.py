@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import click
-from click.core import ParameterSource
 
-from impact_rig.cli.options import Quantity
+from impact_rig.cli.options import Parsed, make_quantity, refuse_given
 from impact_rig.cli.simulators import ALL, SimulatorTask, export_to_simulators
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits.overrule import find_label
@@ -74,20 +73,20 @@ class ExportTask:
         """Refuse what does not go together."""
         if self.is_split and self.suffix is None:
             raise ParameterError(
-                f"--one-file-per-hit needs --format, one of {_list_formats(WRITABLE)}"
+                f"--one-file-per-hit needs --format, one of {', '.join(WRITABLE)}"
             )
         if self.suffix is not None and not self.is_split:
             raise ParameterError(
                 f"--format is for --one-file-per-hit: the suffix of {self.output} tells its format"
             )
         has_results = "results" in self.parts
+        formats = RESULTS_SUFFIXES if has_results else tuple(WRITABLE)
         if has_results and (len(self.parts) > 1 or self.is_split):
             raise ParameterError("results and traces do not go into the same files: export apart")
-        if self.kind not in (RESULTS_SUFFIXES if has_results else WRITABLE):
+        if self.kind not in formats:
             raise ParameterError(
                 f"{'results' if has_results else 'traces'} are not written to"
-                f" {self.kind or 'files without a suffix'}: choose one of"
-                f" {_list_formats(RESULTS_SUFFIXES if has_results else WRITABLE)}"
+                f" {self.kind or 'files without a suffix'}: choose one of {', '.join(formats)}"
             )
 
     @property
@@ -210,27 +209,15 @@ def _make_names(names: Sequence[str], suffix: str) -> list[str]:
     ]
 
 
-def _list_formats(suffixes: Sequence[str] | dict[str, str]) -> str:
-    return ", ".join(suffixes)
-
-
 PARTS = ("hits", "means", "results")
 
 
-class _Parts(click.ParamType):
-    """Names of `PARTS`, separated by commas."""
-
-    name = "parts"
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> frozenset[str]:
-        """Return the names."""
-        parts = [part.strip() for part in str(value).split(",")]
-        for part in parts:
-            if part not in PARTS:
-                self.fail(f"{part!r} is not one of {', '.join(PARTS)}", param, ctx)
-        return frozenset(parts)
+def parse_parts(name: str, text: str) -> frozenset[str]:
+    """Return names of `PARTS`, separated by commas; raises `ParameterError`."""
+    parts = frozenset(part.strip() for part in text.split(","))
+    for part in parts - {*PARTS}:
+        raise ParameterError(f"{name}: {part!r} is not one of {', '.join(PARTS)}")
+    return parts
 
 
 @click.command(
@@ -277,7 +264,7 @@ class _Parts(click.ParamType):
 )
 @click.option(
     "--what",
-    type=_Parts(),
+    type=Parsed(parse_parts),
     metavar="PART,...",
     help="Of hits, means and results. [results in .json, hits in .csv, else hits,means]",
 )
@@ -322,13 +309,13 @@ class _Parts(click.ParamType):
 )
 @click.option(
     "--speed",
-    type=Quantity("m/s", "80 mm/s"),
+    type=make_quantity("m/s", "80 mm/s"),
     metavar="SPEED",
     help="Meet duration and restitution at this one of the measured speeds, or between them.",
 )
 @click.option(
     "--hammer",
-    type=Quantity("kg", "100 g"),
+    type=make_quantity("kg", "100 g"),
     metavar="MASS",
     help="Another body that strikes in the simulator, by the same law.",
 )
@@ -356,13 +343,14 @@ def command(
     a results.json as well, and several where the sample was struck at several speeds. No ROS is
     needed.
     """
-    _check_options(context, is_for_simulators=bool(engines))
     if engines:
+        refuse_given(context, TRACE_OPTIONS, "is not for simulators")
         export_to_simulators(
             recordings,
             SimulatorTask(engines, output, samples, hammer, speed, check, figure),
         )
         return
+    refuse_given(context, SIMULATOR_OPTIONS, "needs --for")
     if len(recordings) > 1:
         raise ParameterError("traces and results are exported of one recording at a time")
     task = ExportTask(
@@ -376,13 +364,3 @@ def command(
         suffix=None if suffix is None else "." + suffix.lstrip("."),
     )
     click.echo(export_recording(recordings[0], task))
-
-
-def _check_options(context: click.Context, *, is_for_simulators: bool) -> None:
-    """Refuse options that what is wanted has no use for."""
-    refused = TRACE_OPTIONS if is_for_simulators else SIMULATOR_OPTIONS
-    for parameter in context.command.params:
-        source = context.get_parameter_source(parameter.name or "")
-        if parameter.name in refused and source is not ParameterSource.DEFAULT:
-            reason = "is not for simulators" if is_for_simulators else "needs --for"
-            raise ParameterError(f"{parameter.opts[0]} {reason}")

@@ -4,23 +4,47 @@ import contextlib
 import functools
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from impact_rig.configuration.processes import RecordingPlan, make_network_variables
 from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup.calibration import TIME_UNITS, UNITS, Sensitivity
+from impact_rig.core.setup.calibration import TIME_UNITS, UNITS
 from impact_rig.core.setup.samples import check_release_angles
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.recordings.writer import COMPRESSIONS
 
 
-class Quantity(click.ParamType):
-    """A number in SI units, or a text with number and unit.
+class Parsed(click.ParamType):
+    """What a function makes of an option's name and text; it raises `ParameterError`.
+
+    Parameters
+    ----------
+    parse : callable
+        Gets both.
+    """
+
+    name = "text"
+
+    def __init__(self, parse: Callable[[str, str], Any]) -> None:
+        self._parse = parse
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Any:
+        """Return what the text means; a default, which is none, as it is."""
+        if not isinstance(value, str):
+            return value
+        return self._parse(param.opts[-1] if param else self.name, value)
+
+
+def make_quantity(unit: str, example: str) -> Parsed:
+    """Return what takes a number in SI units, or a text with number and unit.
 
     Parameters
     ----------
@@ -30,81 +54,30 @@ class Quantity(click.ParamType):
         A good value, for the message.
     """
 
-    name = "quantity"
-
-    def __init__(self, unit: str, example: str) -> None:
-        self.unit = unit
-        self.example = example
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the quantity in SI units; raises `ParameterError`."""
-        text = str(value)
+    def parse(name: str, text: str) -> float:
         try:
             return float(text)
         except ValueError:
-            name = param.opts[-1] if param else self.name
-            return parse_quantity(name, text, self.unit, self.example)
+            return parse_quantity(name, text, unit, example)
+
+    return Parsed(parse)
 
 
-class Cutoff(Quantity):
-    """A frequency, or ``off``, which is 0."""
-
-    def __init__(self) -> None:
-        super().__init__("Hz", "50 kHz")
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the frequency [Hz]; raises `ParameterError`."""
-        return 0.0 if value == "off" else super().convert(value, param, ctx)
+FREQUENCY = make_quantity("Hz", "50 kHz")
+CUTOFF = Parsed(lambda _, text: 0.0 if text == "off" else FREQUENCY.convert(text, None, None))
+"""A frequency [Hz], or ``off``, which is 0."""
 
 
-class SensitivityText(click.ParamType):
-    """What a sensor gives: ``"10 mV/g"``, where g is the standard gravity."""
-
-    name = "sensitivity"
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> Sensitivity:
-        """Return the sensitivity; raises `ParameterError`."""
-        return parse_sensitivity(param.opts[-1] if param else self.name, value)
-
-
-class Reading(click.ParamType):
-    """A number with its unit as it stands: ``"500 g"``, where g is the standard gravity."""
-
-    name = "reading"
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, str]:
-        """Return number and unit; raises `ParameterError`."""
-        return parse_reading(param.opts[-1] if param else self.name, value)
-
-
-class Angles(click.ParamType):
-    """Release angles in degrees between commas."""
-
-    name = "angles"
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, ...]:
-        """Return the angles [rad]; raises `ParameterError`."""
-        if isinstance(value, tuple):
-            # The default, which has no text.
-            return value
-        try:
-            angles = tuple(math.radians(float(text)) for text in str(value).split(","))
-        except ValueError:
-            raise ParameterError(
-                f"--angles is {value}: write numbers of degrees between commas, like 5,10,20"
-            ) from None
-        check_release_angles(angles)
-        return angles
+def parse_angles(name: str, text: str) -> tuple[float, ...]:
+    """Return release angles [rad], in degrees between commas; raises `ParameterError`."""
+    try:
+        angles = tuple(math.radians(float(number)) for number in text.split(","))
+    except ValueError:
+        raise ParameterError(
+            f"{name} is {text}: write numbers of degrees between commas, like 5,10,20"
+        ) from None
+    check_release_angles(angles)
+    return angles
 
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -197,7 +170,7 @@ keep_option = click.option(
 
 angles_option = click.option(
     "--angles",
-    type=Angles(),
+    type=Parsed(parse_angles),
     default=(),
     metavar="DEGREES,...",
     help="Strike every sample from each of these release angles. [those of the rig file, or its"
@@ -268,19 +241,23 @@ _Options = dict[str, tuple[Any, str, str]]
 _SENSOR_OPTIONS: _Options = {
     "unit": (str, "UNIT", f"{_UNITS}. [as the file states it]"),
     "sensitivity": (
-        SensitivityText(),
+        Parsed(parse_sensitivity),
         "VALUE",
         'For a channel in V: "10 mV/g", of a force hammer "2.25 mV/N".',
     ),
-    "full_scale": (Reading(), "VALUE", 'Largest the channel can show: "500 g". [not known]'),
+    "full_scale": (
+        Parsed(parse_reading),
+        "VALUE",
+        'Largest the channel can show: "500 g". [not known]',
+    ),
     "resonance": (
-        Quantity("Hz", "70 kHz"),
+        make_quantity("Hz", "70 kHz"),
         "FREQUENCY",
         "Of the mounted sensor; the models are sent through it. [not known]",
     ),
     "resonance_damping": (float, "RATIO", "Of that resonance, over critical. [0.02]"),
     "low_corner": (
-        Quantity("Hz", "0.5 Hz"),
+        make_quantity("Hz", "0.5 Hz"),
         "FREQUENCY",
         "-3 dB of sensor and amplifier at the low end. [not known]",
     ),
@@ -301,7 +278,7 @@ _TRACE_OPTIONS: _Options = {
     ),
     "columns": (str, "ROLE,...", "Or the role of every column: time, hammer, specimen or skip."),
     "rate": (
-        Quantity("Hz", "25.6 kHz"),
+        make_quantity("Hz", "25.6 kHz"),
         "RATE",
         "For files that state no sampling rate; goes before a column of times.",
     ),
@@ -317,22 +294,22 @@ _TRACE_OPTIONS: _Options = {
     },
     "sample": (str, "NAME", "Which sample was struck."),
     "rig_file": (_FILE, "FILE.toml", "Masses and settings; --sample is one of its samples."),
-    "hammer_mass": (Quantity("kg", "100 g"), "MASS", "m1."),
-    "sample_mass": (Quantity("kg", "102.38 g"), "MASS", "Without accelerometer."),
-    "accelerometer_mass": (Quantity("kg", "3 g"), "MASS", "Carried by the sample. [0]"),
+    "hammer_mass": (make_quantity("kg", "100 g"), "MASS", "m1."),
+    "sample_mass": (make_quantity("kg", "102.38 g"), "MASS", "Without accelerometer."),
+    "accelerometer_mass": (make_quantity("kg", "3 g"), "MASS", "Carried by the sample. [0]"),
     "hammer_stiffness": (
-        Quantity("N/m", "22.5 MN/m"),
+        make_quantity("N/m", "22.5 MN/m"),
         "K",
         "k1, from an earlier control experiment.",
     ),
     "control": (bool, "", "Hammer and sample are alike: k1 = k2 = 2 k_eq."),
     "pre_trigger": (
-        Quantity("s", "200 us"),
+        make_quantity("s", "200 us"),
         "TIME",
         "Kept before each impact. [the whole file is the record]",
     ),
     "record_duration": (
-        Quantity("s", "2 ms"),
+        make_quantity("s", "2 ms"),
         "TIME",
         "A record of many impacts is cut into such. [the whole file is the record]",
     ),
@@ -340,7 +317,7 @@ _TRACE_OPTIONS: _Options = {
 """What is said of measured files, see `impact_rig.analysis.measured_files`."""
 _SETTING_OPTIONS: _Options = {
     "cutoff": (
-        Cutoff(),
+        CUTOFF,
         "FREQUENCY",
         "Low-pass, or off. [as recorded or in the rig file; else 50 kHz, off at low rates]",
     ),
@@ -356,7 +333,7 @@ _SETTING_OPTIONS: _Options = {
         "Second pulse that makes a double hit, part of the first. [0.02]",
     ),
     "double_hit_window": (
-        Quantity("s", "1 ms"),
+        make_quantity("s", "1 ms"),
         "TIME",
         "Distance of two pulses up to which the second makes a double hit. [any]",
     ),
@@ -378,6 +355,14 @@ _SETTINGS = {
     "keep": "keep_hits",
 }
 """Fields of `AnalysisSettings` whose options have other names."""
+
+
+def refuse_given(context: click.Context, names: Collection[str], reason: str) -> None:
+    """Raise `ParameterError` with a reason if one of some options was given."""
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if parameter.name in names and source is not ParameterSource.DEFAULT:
+            raise ParameterError(f"{parameter.opts[0]} {reason}")
 
 
 def make_flag(name: str) -> str:

@@ -1,5 +1,6 @@
 """``impact-rig replay``: publish a recording again, or estimate from it with fresh nodes."""
 
+import contextlib
 import os
 import select
 import sys
@@ -220,34 +221,20 @@ FREE = "max"
 """The rate that means: as fast as the subscribers take it."""
 FASTEST = 1000.0
 """Times the original speed [-]: the limit of the node's parameter."""
-PLAYER_ONLY = {
-    "loop": "--loop",
-    "all_topics": "--all-topics",
-    "step": "--step",
-    "wait_for": "--wait-for",
-    "clock": "--clock",
-}
+PLAYER_ONLY = ("loop", "all_topics", "step", "wait_for", "clock")
 """Options that a fresh estimator has no use for."""
 
 
-class Rate(click.ParamType):
-    """A speed: a number, or the word for as fast as possible."""
-
-    name = "rate"
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> float:
-        """Return the speed, part of the original's; 0: as fast as the subscribers take it."""
-        if value == FREE:
-            return 0.0
-        try:
-            rate = float(value)
-        except ValueError:
-            rate = 0.0
-        if not 0.0 < rate <= FASTEST:
-            self.fail(
-                f"{value!r}: it must be a number above 0, up to {FASTEST:g}, or {FREE}", param, ctx
-            )
-        return rate
+def parse_rate(name: str, text: str) -> float:
+    """Return the speed, part of the original's; 0: as fast as the subscribers take it."""
+    if text == FREE:
+        return 0.0
+    with contextlib.suppress(ValueError):
+        if 0.0 < float(text) <= FASTEST:
+            return float(text)
+    raise ParameterError(
+        f"{name} is {text}: it must be a number above 0, up to {FASTEST:g}, or {FREE}"
+    )
 
 
 @click.command(
@@ -266,7 +253,7 @@ class Rate(click.ParamType):
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--rate",
-    type=Rate(),
+    type=options.Parsed(parse_rate),
     help="Part of the original speed, or max: as fast as the subscribers take it."
     " [1; with --estimate max]",
 )
@@ -376,6 +363,6 @@ def _check_options(
         if output is not None or as_json:
             raise ParameterError("--output and --json are for results: they need --estimate")
         return
-    for name, option in PLAYER_ONLY.items():
-        if context.get_parameter_source(name) is not click.core.ParameterSource.DEFAULT:
-            raise ParameterError(f"{option} is for those who listen: it goes without --estimate")
+    options.refuse_given(
+        context, PLAYER_ONLY, "is for those who listen: it goes without --estimate"
+    )
