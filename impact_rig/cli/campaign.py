@@ -14,7 +14,7 @@ from impact_rig.cli import options
 from impact_rig.cli.progress_bar import ProgressBar, format_time_left
 from impact_rig.configuration.processes import RESULTS_NAME, make_run_folder_name
 from impact_rig.core.errors import RigError
-from impact_rig.nodes.client import CampaignClient, CampaignOutcome, CampaignRequest
+from impact_rig.nodes.client import CampaignClient, CampaignGoal, CampaignOutcome
 from impact_rig.present.terminal.console import ALARM, GOOD, make_console
 from impact_rig.present.terminal.results import print_results
 from impact_rig.results.numbers import MICRO, format_number
@@ -161,7 +161,7 @@ def report_outcome(outcome: CampaignOutcome, folder: Path, *, as_json: bool) -> 
 
 
 def run_campaign(
-    client: CampaignClient, request: CampaignRequest, view: CampaignView
+    client: CampaignClient, goal: CampaignGoal, view: CampaignView
 ) -> CampaignOutcome:
     """Run a campaign under a view; Ctrl-C, or no more answers, cancels it on the rig first.
 
@@ -171,7 +171,7 @@ def run_campaign(
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, signal.default_int_handler)
     try:
-        return client.run(request, view)
+        return client.run(goal, view)
     except (KeyboardInterrupt, click.Abort):
         client.cancel()
         raise
@@ -250,11 +250,11 @@ def command(
         if notes:
             client.publish_note(notes, RIG_TIMEOUT)
         confirm = not client.is_hammerless if ask is None else ask
-        outcome = run_campaign(
-            client,
-            CampaignRequest(samples, impacts, attempts or 0, confirm, keep, angles),
-            view,
-        )
+        goal = CampaignGoal(
+            samples=samples, impacts=impacts, attempts_per_impact=attempts or 0,
+            confirm_samples=confirm, keep_hits=keep, release_angles=angles,
+        )  # fmt: skip
+        outcome = run_campaign(client, goal, view)
     recorded = Path(outcome.recording) if outcome.recording else None
     if output is None:
         is_here = recorded is not None and recorded.exists()

@@ -26,7 +26,7 @@ from impact_rig.configuration.processes import (
     list_rig_processes,
     make_viewer_parameters,
 )
-from impact_rig.configuration.rig_file import RigFile
+from impact_rig.configuration.rig_file import RigFile, load_rig_file
 from impact_rig.core.errors import RigError
 from impact_rig.devices.drivers import VIRTUAL, read_driver_name
 
@@ -190,7 +190,7 @@ def command(
     from impact_rig.present.terminal.console import make_console
 
     options.check_keep(keep, impacts)
-    rig = run.load_rig_file(rig_file)
+    rig = load_rig_file(rig_file)
     _check_virtual(rig)
     run.check_samples(rig, samples)
     if angles:
@@ -210,7 +210,7 @@ def command(
             arguments += [name, str(value)]
     try:
         with options.use_private_domain(), run_rig(folder, arguments) as running:
-            from impact_rig.nodes.client import CampaignClient, CampaignRequest
+            from impact_rig.nodes.client import CampaignClient, CampaignGoal
 
             with CampaignClient() as client, CampaignView(make_console(stderr=True)) as view:
                 client.wait_for_rig(START_TIMEOUT, running.check)
@@ -218,10 +218,11 @@ def command(
                 client.wait_for_listeners(SUBSCRIBERS + continuous, VIEW_TIMEOUT)
                 if PAGE in viewers:
                     click.echo(running.wait_for_line(PAGE_NOTICE, VIEW_TIMEOUT), err=True)
-                request = CampaignRequest(
-                    samples, impacts, ATTEMPTS, keep_hits=keep, release_angles=angles
-                )
-                outcome = run_campaign(client, request, view)
+                goal = CampaignGoal(
+                    samples=samples, impacts=impacts, attempts_per_impact=ATTEMPTS,
+                    keep_hits=keep, release_angles=angles,
+                )  # fmt: skip
+                outcome = run_campaign(client, goal, view)
     except KeyboardInterrupt:
         click.echo(f"stopped; the recording so far: {folder / recording.name}", err=True)
         raise

@@ -28,7 +28,12 @@ from impact_rig.configuration.processes import (
     RecordingPlan,
     list_rig_processes,
 )
-from impact_rig.configuration.rig_file import RigFile, list_rig_warnings, read_template
+from impact_rig.configuration.rig_file import (
+    RigFile,
+    list_rig_warnings,
+    load_rig_file,
+    read_template,
+)
 from impact_rig.core.errors import RigError
 from impact_rig.devices.drivers import VIRTUAL, read_driver_name
 
@@ -265,7 +270,7 @@ def command(
         return
     from impact_rig.present.terminal.console import print_warning
 
-    rig = run.load_rig_file(rig_file)
+    rig = load_rig_file(rig_file)
     for warning in list_rig_warnings(rig.setup):
         print_warning(warning)
     overrides = run.parse_settings(settings)

@@ -14,6 +14,7 @@ from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.core.quantity import list_stored
 from impact_rig.core.setup.calibration import compute_scale, normalize_unit
 from impact_rig.core.setup.calibration_age import list_calibration_warnings
+from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import (
     DEFAULT_CLOCK_UNCERTAINTY,
     RigSetup,
@@ -243,6 +244,11 @@ def read_rig_file(path: Path) -> RigFile:
         return parse_rig_file(text)
     except RigError as error:
         raise FileError(f"rig file {path}: {error}") from None
+
+
+def load_rig_file(path: Path | str | None) -> RigFile:
+    """Read a rig file; without one, return the paper's rig."""
+    return read_rig_file(Path(path)) if path else RigFile(PAPER_SETUP)
 
 
 def parse_rig_file(text: str) -> RigFile:

@@ -14,17 +14,11 @@ from impact_rig.configuration.processes import (
     list_rig_processes,
     make_run_folder_name,
 )
-from impact_rig.configuration.rig_file import RigFile, read_rig_file
+from impact_rig.configuration.rig_file import RigFile
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.setup.paper import PAPER_SETUP
 
 SOURCE = "source"
 """Stands for the rig file's table in settings, where others have a node."""
-
-
-def load_rig_file(path: Path | None) -> RigFile:
-    """Read the rig file; without one, the paper's rig."""
-    return RigFile(setup=PAPER_SETUP) if path is None else read_rig_file(path)
 
 
 def make_virtual_source(

@@ -11,7 +11,7 @@ from typing import Any
 
 from impact_rig_msgs.msg import AccelerationBlock, StreamBlock
 
-from impact_rig.configuration.rig_file import list_rig_warnings
+from impact_rig.configuration.rig_file import list_rig_warnings, load_rig_file
 from impact_rig.core.errors import DeviceError, FileError, RigError
 from impact_rig.core.origin import MEASURED, SIMULATED, UNSTATED, Origin
 from impact_rig.core.signals.record import NOT_ARMED, Block, HitLabel
@@ -81,7 +81,8 @@ def open_source(node: DeviceNode, *, continuous: bool) -> OpenSource:
     ModuleNotFoundError
         If the vendor's library is missing.
     """
-    file, path = node.read_rig_file(), node.get_value("rig_file")
+    path = node.get_value("rig_file")
+    file = load_rig_file(path)
     for warning in list_rig_warnings(file.setup):
         node.get_logger().warning(warning)
     try:

@@ -4,7 +4,6 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -14,7 +13,7 @@ from impact_rig_msgs.srv import ConfirmSample, GetResults
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 
-from impact_rig.configuration.rig_file import RigFile, read_rig_file
+from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup, format_angle
@@ -82,8 +81,7 @@ class CampaignNode(RigNode):
 
     def configure(self) -> None:
         """Read the rig file."""
-        path = self.get_value("rig_file")
-        rig = read_rig_file(Path(path)) if path else RigFile(PAPER_SETUP)
+        rig = load_rig_file(self.get_value("rig_file"))
         self._setup_of_rig, self._angles = rig.setup, rig.release_angles
 
     def activate(self) -> None:

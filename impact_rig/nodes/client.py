@@ -1,7 +1,7 @@
 """Programs that talk to a rig's nodes without being one of them: for the hammer, for campaigns."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
@@ -217,32 +217,8 @@ TRUTH_TIMEOUT = 2.0
 """How long the virtual rig may take to tell its faults of rejected hits after a campaign [s]."""
 
 
-@dataclass(frozen=True)
-class CampaignRequest:
-    """What to run.
-
-    Attributes
-    ----------
-    samples : sequence of str
-        Names, in this order; empty: the whole set.
-    impacts : int
-        Accepted hits per sample.
-    attempts_per_impact : int
-        Rejected hits in a row before giving up; 0: the campaign node's default.
-    confirm_samples : bool
-        Whether a person mounts each sample.
-    keep_hits : int
-        Of a sample's accepted hits, the most consistent are kept; 0: as the rig file says.
-    release_angles : sequence of float
-        Of the hammer, each for every sample [rad]; empty: as the rig file says.
-    """
-
-    samples: Sequence[str] = ()
-    impacts: int = 10
-    attempts_per_impact: int = 0
-    confirm_samples: bool = False
-    keep_hits: int = 0
-    release_angles: Sequence[float] = ()
+CampaignGoal = RunCampaign.Goal
+"""What to run, as the action's definition says it."""
 
 
 @dataclass(frozen=True)
@@ -408,12 +384,12 @@ class CampaignClient(RigClient):
         """Whether no hammer strikes anything: hits are computed, or come from a file."""
         return self._acquisition is not None and self._acquisition.hammerless
 
-    def run(self, request: CampaignRequest, operator: Operator) -> CampaignOutcome:
+    def run(self, goal: CampaignGoal, operator: Operator) -> CampaignOutcome:
         """Run a campaign to its end.
 
         Parameters
         ----------
-        request : CampaignRequest
+        goal : CampaignGoal
             What to run.
         operator : Operator
             Sees it, and does what is asked of a person.
@@ -425,14 +401,6 @@ class CampaignClient(RigClient):
         """
         self._operator = operator
         self._duties.clear()
-        goal = RunCampaign.Goal(
-            samples=list(request.samples),
-            impacts=request.impacts,
-            attempts_per_impact=request.attempts_per_impact,
-            confirm_samples=request.confirm_samples,
-            keep_hits=request.keep_hits,
-            release_angles=list(request.release_angles),
-        )
         answer = None
         while answer is None:
             self._is_begun_anew = False
@@ -522,7 +490,7 @@ class CampaignClient(RigClient):
             recording=result.recording,
         )
 
-    def _send_goal(self, goal: RunCampaign.Goal, take_feedback: Callable[[Any], None]) -> Any:
+    def _send_goal(self, goal: CampaignGoal, take_feedback: Callable[[Any], None]) -> Any:
         """Send the goal until it is answered.
 
         A server that has not met this client's reader yet drops both answer and goal.

@@ -2,14 +2,11 @@
 
 from abc import abstractmethod
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from rclpy.lifecycle import TransitionCallbackReturn
 
-from impact_rig.configuration.rig_file import RigFile, read_rig_file
 from impact_rig.core.errors import ParameterError, RigError
-from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.nodes.rig_node import Read, RigNode
 
 
@@ -49,17 +46,6 @@ class DeviceNode(RigNode):
     @abstractmethod
     def publish_fault(self, text: str) -> None:
         """Say on the node's state topic that the device is lost, and why."""
-
-    def read_rig_file(self) -> RigFile:
-        """Return what the rig file says; without one, the paper's rig.
-
-        Raises
-        ------
-        FileError
-            If it cannot be read.
-        """
-        path = self.get_value("rig_file")
-        return read_rig_file(Path(path)) if path else RigFile(setup=PAPER_SETUP)
 
     def lose_device(self, error: RigError) -> None:
         """Become unconfigured because the device does not do what it should."""

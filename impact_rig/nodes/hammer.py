@@ -9,6 +9,7 @@ from impact_rig_msgs.msg import AcquisitionState, HammerRelease
 from impact_rig_msgs.srv import Release, SetAngle
 from std_srvs.srv import Trigger
 
+from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.setup.samples import check_release_angles
 from impact_rig.devices.drivers import HOLDERS, VIRTUAL, make_device, read_driver_name
@@ -101,7 +102,8 @@ class HammerNode(DeviceNode):
 
     def configure(self) -> None:
         """Open the holder, which holds from now on."""
-        path, table = self.get_value("rig_file"), self.read_rig_file().holder
+        path = self.get_value("rig_file")
+        table = load_rig_file(path).holder
         try:
             holder = make_device(HOLDERS, table)
         except ParameterError as error:

@@ -159,37 +159,6 @@ def _make_topic(channel: Channel, name: str, known: interfaces.Topic | None) -> 
     )
 
 
-class ReplayedStream:
-    """Cuts impacts out of a running stream, to be published as `AccelerationBlock`.
-
-    So a replay as fast as its subscribers take it waits for each hit, and not for a stream.
-    """
-
-    def __init__(self) -> None:
-        self._cutter: StreamCutter | None = None
-
-    def begin(self, setup: Any) -> None:
-        """Take a set-up, decoded, which holds for the stream after it."""
-        self._cutter = StreamCutter(setup_from_msg(setup).analysis)
-
-    def cut(self, block: Any) -> Iterator[tuple[HitLabel, bool, bytes]]:
-        """Take a block of the stream, decoded; yield the blocks of the hit that it completes.
-
-        Yields
-        ------
-        label : HitLabel
-            Of the hit.
-        is_last : bool
-            Whether the block ends it.
-        data : bytes
-            The block, serialised.
-        """
-        if self._cutter is None:
-            return
-        for cut in self._cutter.feed(block_from_msg(block)):
-            yield cut.label, cut.last, serialize_message(block_to_msg(cut))
-
-
 HIT_TYPES = frozenset(
     {
         BLOCK_TYPE,
@@ -252,10 +221,11 @@ class HitChoice:
         return label.sample in self.samples or label in self.labels
 
 
+@dataclass(frozen=True)
 class ReplayPlan:
     """The messages of one pass.
 
-    Parameters
+    Attributes
     ----------
     source : RecordingSource
         The recording.
@@ -268,21 +238,11 @@ class ReplayPlan:
         Only these hits; None: all.
     """
 
-    def __init__(
-        self,
-        source: RecordingSource,
-        topics: Mapping[int, ReplayTopic],
-        *,
-        start: int | None = None,
-        end: int | None = None,
-        choice: HitChoice | None = None,
-    ) -> None:
-        self._source = source
-        self._topics = topics
-        self._start = start
-        self._end = end
-        self._choice = choice
-        self._decoder = SchemaDecoder()
+    source: RecordingSource
+    topics: Mapping[int, ReplayTopic]
+    start: int | None
+    end: int | None
+    choice: HitChoice | None
 
     def read_cues(self) -> Iterator[Cue]:
         """Yield the messages of one pass.
@@ -292,64 +252,54 @@ class ReplayPlan:
         FileError
             If the recording is damaged, or a message does not fit its schema.
         """
-        is_cut = False
-        stream = ReplayedStream()
+        decoder, is_cut = SchemaDecoder(), False
+        cutter: StreamCutter | None = None
         for message in self._read_messages():
-            if is_stream(message.channel):
-                yield from self._cut_hits(stream, message)
+            channel, time = message.channel, max(message.log_time, self.start or 0)
+            if is_stream(channel):
+                # So a replay as fast as its subscribers take it waits for each hit, and not for a
+                # stream.
+                block = block_from_msg(decoder.decode(channel, message.data))
+                for cut in cutter.feed(block) if cutter else ():
+                    if self._holds(cut.label):
+                        data = serialize_message(block_to_msg(cut))
+                        yield Cue(channel.id, time, data, cut.label.record, cut.last)
                 continue
-            if message.channel.type_name == SETUP_TYPE:
-                stream.begin(self._decoder.decode(message.channel, message.data))
-            label, is_last = self._look_into(message)
-            if label is not None and self._choice is not None and not self._choice.holds(label):
+            is_setup, is_block = channel.type_name == SETUP_TYPE, channel.type_name == BLOCK_TYPE
+            if is_setup:
+                setup = setup_from_msg(decoder.decode(channel, message.data))
+                cutter = StreamCutter(setup.analysis)
+            label, is_last = None, False
+            if is_block or (self.choice is not None and channel.type_name in HIT_TYPES):
+                label, is_last = _read_label(decoder, message)
+            if label is not None and not self._holds(label):
                 is_cut = True
                 continue
-            yield Cue(
-                message.channel.id,
-                max(message.log_time, self._start or 0),
-                message.data,
-                label.record if label and message.channel.type_name == BLOCK_TYPE else None,
-                is_last,
-                message.channel.type_name == SETUP_TYPE,
-                is_cut,
-            )
+            record = label.record if label is not None and is_block else None
+            yield Cue(channel.id, time, message.data, record, is_last, is_setup, is_cut)
             is_cut = False
 
-    def _cut_hits(self, stream: ReplayedStream, message: RawMessage) -> Iterator[Cue]:
-        """Yield the blocks of the hit that a block of a running stream completes."""
-        block = self._decoder.decode(message.channel, message.data)
-        time = max(message.log_time, self._start or 0)
-        for label, is_last, data in stream.cut(block):
-            if self._choice is None or self._choice.holds(label):
-                yield Cue(message.channel.id, time, data, label.record, is_last)
+    def _holds(self, label: HitLabel) -> bool:
+        return self.choice is None or self.choice.holds(label)
 
     def _read_messages(self) -> Iterator[RawMessage]:
-        if self._start is not None:
-            yield from self._read_latched(self._start)
-        yield from self._source.read_messages(
-            lambda channel: channel.id in self._topics,
-            start_time=self._start,
-            end_time=self._end,
+        if self.start is not None:
+            yield from self._read_latched(self.start)
+        yield from self.source.read_messages(
+            lambda channel: channel.id in self.topics, start_time=self.start, end_time=self.end
         )
 
     def _read_latched(self, start: int) -> list[RawMessage]:
         """Return what subscribers who come at the start still get, in its order."""
 
         def is_latched(channel: Channel) -> bool:
-            return channel.id in self._topics and self._topics[channel.id].latched > 0
+            return channel.id in self.topics and self.topics[channel.id].latched > 0
 
         kept: dict[int, deque[RawMessage]] = {}
-        for message in self._source.read_messages(is_latched, end_time=start):
+        for message in self.source.read_messages(is_latched, end_time=start):
             number = message.channel.id
-            kept.setdefault(number, deque(maxlen=self._topics[number].latched)).append(message)
+            kept.setdefault(number, deque(maxlen=self.topics[number].latched)).append(message)
         return list(heapq.merge(*kept.values(), key=lambda message: message.log_time))
-
-    def _look_into(self, message: RawMessage) -> tuple[HitLabel | None, bool]:
-        """Return the hit that a message belongs to, and whether it ends the record."""
-        kind = message.channel.type_name
-        if kind != BLOCK_TYPE and (self._choice is None or kind not in HIT_TYPES):
-            return None, False
-        return _read_label(self._decoder, message)
 
 
 def choose_hits(

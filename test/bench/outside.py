@@ -102,12 +102,12 @@ def run_campaign(sample: str, impacts: str) -> None:
 
     Without a view, which would cost as much as a node.
     """
-    from impact_rig.nodes.client import CampaignClient, CampaignRequest
+    from impact_rig.nodes.client import CampaignClient, CampaignGoal
 
     with CampaignClient() as client:
         client.wait_for_rig(START_TIMEOUT)
-        request = CampaignRequest((sample,), int(impacts))
-        outcome = client.run(request, Counter())
+        goal = CampaignGoal(samples=[sample], impacts=int(impacts))
+        outcome = client.run(goal, Counter())
     if not outcome.success:
         raise SystemExit(outcome.message)
 

@@ -235,14 +235,14 @@ class Striker:
         self._thread = threading.Thread(target=self._strike)
 
     def __enter__(self) -> Self:
-        self.digitizer.start()
+        self.digitizer.plug()
         self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._is_over.set()
         self._thread.join()
-        self.digitizer.stop()
+        self.digitizer.unplug()
 
     def _strike(self) -> None:
         number = 0

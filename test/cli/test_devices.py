@@ -253,7 +253,7 @@ def test_a_real_check_holds_the_hammer_and_never_lets_it_go(run: Run, tmp_path: 
     released = []
     digitizer = ScpiDigitizer(5e-4, 5e-4)
     relay = SerialRelayPeer(lambda: released.append(True))
-    digitizer.start()
+    digitizer.plug()
     relay.start()
     tables = RIG.partition("[source]")[0] + (
         f'[source]\ndriver = "scpi"\naddress = "{digitizer.address}"\n'
@@ -276,7 +276,7 @@ def test_a_real_check_holds_the_hammer_and_never_lets_it_go(run: Run, tmp_path: 
         assert content["holder"]["trouble"] == ""
     finally:
         relay.stop()
-        digitizer.stop()
+        digitizer.unplug()
     assert released == []
 
 

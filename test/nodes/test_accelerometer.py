@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from impact_rig_msgs.msg import AcquisitionState, HammerRelease
+from impact_rig_msgs.msg import HammerRelease
 from impact_rig_msgs.srv import Arm
 from std_srvs.srv import Trigger
 
@@ -68,25 +68,6 @@ def test_streams_the_virtual_hit_of_its_seed_without_loss(harness, rig):
     (truth,) = truths.wait_for_count(1)
     assert truth.contact_time == expected.model.contact_time
     assert list(truth.faults) == []
-
-
-def test_a_missed_trigger_is_said_by_an_empty_last_block(harness, rig):
-    blocks = rig(source='scheduled_faults = "1:missed_trigger"')
-    strike(harness, arm(harness).record)
-    (block,) = blocks.wait_for_count(1)
-    assert (block.triggered, block.last, len(block.hammer.counts)) == (False, True, 0)
-
-
-def test_says_armed_and_idle_around_each_record(harness, rig):
-    blocks = rig()
-    states = harness.listen(interfaces.ACQUISITION_STATE)
-    record = arm(harness).record
-    states.wait(lambda got: got[-1:] and got[-1].state == AcquisitionState.ARMED)
-    strike(harness, record)
-    blocks.wait(lambda got: bool(got) and got[-1].last)
-    states.wait(lambda got: got[-1].message == "record complete")
-    assert states.messages[-1].state == AcquisitionState.IDLE
-    assert {item.source for item in states.messages} == {"virtual rig"}
 
 
 def test_a_release_for_another_record_does_nothing(harness, rig):

@@ -6,7 +6,7 @@ from impact_rig_msgs.msg import HammerState
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
-from impact_rig.nodes.client import CampaignClient, CampaignRequest
+from impact_rig.nodes.client import CampaignClient, CampaignGoal
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
 
@@ -47,7 +47,7 @@ def test_it_goes_on_where_it_was_nothing_twice_and_nothing_lost(
     attendant = Attendant(start_process)
     with CampaignClient() as client:
         client.wait_for_rig(60.0)
-        outcome = client.run(CampaignRequest(SAMPLES, IMPACTS), attendant)
+        outcome = client.run(CampaignGoal(samples=SAMPLES, impacts=IMPACTS), attendant)
     assert outcome.success, outcome.message
     struck = [(hit.sample, hit.impact) for hit in outcome.results.hits]
     assert struck == [(name, impact) for name in SAMPLES for impact in range(1, IMPACTS + 1)]

@@ -9,11 +9,8 @@ from impact_rig_msgs.srv import GetResults
 from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import (
     DigitizerSettings,
-    FaultPlan,
-    ScheduledFault,
     VirtualRig,
     VirtualRigSettings,
 )
@@ -26,9 +23,8 @@ SETUP = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
 URI = "/somewhere/session.mcap"
 
 
-def make_blocks(sample, count, first_record=1, faults=()):
-    settings = VirtualRigSettings(faults=FaultPlan(scheduled=tuple(faults)))
-    rig = VirtualRig(PAPER_SETUP, settings)
+def make_blocks(sample, count, first_record=1):
+    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
     return [
         block
         for i in range(count)
@@ -100,21 +96,6 @@ def test_all_that_is_found_names_the_set_up_it_was_found_under(harness):
             assert found.setup_stamp == setup.header.stamp
 
 
-def test_a_sample_gets_its_stiffness_as_soon_as_the_control_sample_is_measured(harness):
-    harness.add(EstimatorNode)
-    estimates = harness.listen(interfaces.ESTIMATE)
-    harness.advertise(interfaces.SETUP).publish(SETUP)
-    publisher = harness.advertise(interfaces.ACCELERATION)
-
-    feed(harness, publisher, make_blocks("steel small", 1))
-    first = estimates.wait_for_count(1)[0]
-    assert math.isnan(first.stiffness.value)
-    assert "has no accepted hit yet" in first.notes[0]
-
-    feed(harness, publisher, make_blocks(CONTROL_SAMPLE, 1, first_record=2))
-    estimates.wait(lambda got: got[-1].name == "steel small" and got[-1].stiffness.value > 0)
-
-
 def test_the_numbers_come_first_and_once_more_with_what_stands_beside_them(harness):
     harness.add(EstimatorNode)
     estimates = harness.listen(interfaces.ESTIMATE)
@@ -169,43 +150,6 @@ def test_blocks_that_come_before_the_set_up_wait_for_it(harness):
     harness.advertise(interfaces.SETUP).publish(SETUP)
     (impact,) = impacts.wait_for_count(1)
     assert impact.accepted
-
-
-def test_every_rejection_is_published_with_its_reason(harness):
-    harness.add(EstimatorNode)
-    impacts = harness.listen(interfaces.IMPACT)
-    harness.advertise(interfaces.SETUP).publish(SETUP)
-    faults = [ScheduledFault(fault, impact) for impact, fault in enumerate(Fault, start=1)]
-
-    feed(
-        harness,
-        harness.advertise(interfaces.ACCELERATION),
-        make_blocks("brass large", len(faults), faults=faults),
-    )
-
-    verdicts = impacts.wait_for_count(len(faults))
-    assert [verdict.accepted for verdict in verdicts] == [False] * len(faults)
-    assert [verdict.reasons[0].partition(":")[0] for verdict in verdicts] == [
-        "double_hit", "overload", "weak", "no_trigger", "dead_channel", "gap",
-    ]  # fmt: skip
-
-
-def test_a_new_set_up_starts_the_estimates_afresh(harness):
-    harness.add(EstimatorNode)
-    impacts = harness.listen(interfaces.IMPACT)
-    setup = harness.advertise(interfaces.SETUP)
-    setup.publish(SETUP)
-    feed(harness, harness.advertise(interfaces.ACCELERATION), make_blocks("steel small", 1))
-    impacts.wait_for_count(1)
-    assert len(harness.call(GetResults, interfaces.GET_RESULTS).samples) == 1
-
-    again = setup_to_msg(PAPER_SETUP, stamp_to_msg(8))
-    setup.publish(again)
-
-    harness.wait_until(
-        lambda: harness.call(GetResults, interfaces.GET_RESULTS).setup_stamp == again.header.stamp
-    )
-    assert not harness.call(GetResults, interfaces.GET_RESULTS).samples
 
 
 def test_a_verdict_comes_even_if_its_hit_cannot_be_averaged_with_the_others(harness):
@@ -304,20 +248,6 @@ def test_a_hit_that_waits_is_not_taken_for_one_of_the_next_recording(harness, re
     feed(harness, publisher, blocks)
     tell_stored(stored, blocks)
     assert [verdict.record for verdict in impacts.wait_for_count(1)] == [2]
-
-
-def test_a_set_up_waits_its_turn(harness, recorded):
-    node, publisher, _, stored, impacts = recorded
-    blocks = make_blocks("steel small", 1)
-    feed_what_waits(harness, node, publisher, blocks)
-    again = setup_to_msg(PAPER_SETUP, stamp_to_msg(8))
-    harness.advertise(interfaces.SETUP).publish(again)
-    assert harness.call(GetResults, interfaces.GET_RESULTS).setup_stamp == SETUP.header.stamp
-    tell_stored(stored, blocks)
-    impacts.wait_for_count(1)
-    harness.wait_until(
-        lambda: harness.call(GetResults, interfaces.GET_RESULTS).setup_stamp == again.header.stamp
-    )
 
 
 def test_a_recorder_that_is_there_and_has_said_nothing_is_waited_for(harness):

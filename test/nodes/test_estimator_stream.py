@@ -199,10 +199,3 @@ def test_a_stream_that_cannot_be_searched_is_a_fault_of_the_estimator(harness, s
     publisher.publish(make_block(last + 1, full_scale=0.0))
     harness.wait_until(lambda: "does not say the hammer's full scale" in node.fault)
     assert node.fault.startswith("acceleration/stream: ")
-
-
-def test_the_thread_ends_with_its_node_and_may_be_told_so_twice(stream):
-    _, node, _ = stream
-    node._stream.stop()
-    node._stream.stop()
-    assert not node._stream._thread.is_alive()

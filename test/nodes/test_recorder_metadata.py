@@ -125,14 +125,6 @@ def test_files_are_attached_and_what_an_operator_says_is_recorded(harness, recor
     assert said == ["the tip is loose"]
 
 
-def test_the_file_says_how_it_ended(harness, recorder, metadata):
-    recorder()
-    stop(harness)
-    (health,) = metadata("impact_rig/health")
-    assert health["reason"] == "closed"
-    assert (health["gaps"], health["missing_points"], health["messages_lost"]) == ("0", "0", "0")
-
-
 def test_a_recorder_that_is_not_started_says_so_to_those_who_would_wait_for_it(harness):
     states = harness.listen(interfaces.RECORDER_STATE)
     harness.add(RecorderNode, autostart=False)

@@ -33,8 +33,6 @@ def count_messages(collectors):
 @pytest.mark.parametrize(
     ("parameters", "records"),
     [
-        ({"samples": ["steel small"]}, [4, 5]),
-        ({"hits": ["2"]}, [2]),
         ({"hits": ["steel small/2", f"{CONTROL_SAMPLE}/1.1"]}, [1, 5]),
         ({"samples": ["steel small"], "hits": ["3"]}, [3, 4, 5]),
     ],

@@ -6,8 +6,7 @@ from functools import partial
 import pytest
 from impact_rig_msgs.msg import AccelerationBlock
 from impact_rig_msgs.srv import GetResults
-from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.msg import State
 from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
@@ -141,16 +140,6 @@ def test_only_inputs_are_replayed_unless_all_is_asked_for(harness, tmp_path, top
     assert len(notes.messages) == count
 
 
-def test_it_can_be_activated_again(harness, tmp_path):
-    path = write_recording(tmp_path / "session.mcap", make_events(5))
-    blocks = harness.listen(interfaces.ACCELERATION)
-    node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path), rate=0.0)
-    wait_for_end(harness, node)
-    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVATE))
-    assert harness.call(ChangeState, "replayer/change_state", request).success
-    assert [item.first_sample for item in blocks.wait_for_count(10)] == [0, 1, 2, 3, 4] * 2
-
-
 def test_a_recording_without_its_end_is_replayed_as_far_as_it_goes(harness, tmp_path):
     path = write_recording(tmp_path / "session.mcap", make_events(5), close=False)
     blocks = harness.listen(interfaces.ACCELERATION)
@@ -160,24 +149,26 @@ def test_a_recording_without_its_end_is_replayed_as_far_as_it_goes(harness, tmp_
     blocks.wait_for_count(5)
 
 
-@pytest.mark.parametrize(
-    ("content", "parameters", "told"),
-    [
-        (None, {}, "there is no file"),
-        (b"", {}, "is empty"),
-        (b"time,hammer", {}, "is no MCAP recording"),
-        (None, {"file": ""}, "it must be the path of a recording"),
-    ],
+REFUSED = (
+    (None, {}, "there is no file"),
+    (b"", {}, "is empty"),
+    (b"time,hammer", {}, "is no MCAP recording"),
+    (None, {"file": ""}, "it must be the path of a recording"),
 )
-def test_what_cannot_be_replayed_is_refused_in_one_sentence(
-    harness, tmp_path, content, parameters, told
-):
-    path = tmp_path / "session.mcap"
-    if content is not None:
-        path.write_bytes(content)
-    node = harness.add(ReplayerNode, **{"file": str(path), **parameters})
-    assert told in node.fault
-    assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
+
+
+def test_what_cannot_be_replayed_is_refused_in_one_sentence(harness, tmp_path):
+    for number, (content, parameters, told) in enumerate(REFUSED):
+        path = tmp_path / f"session_{number}.mcap"
+        if content is not None:
+            path.write_bytes(content)
+        node = harness.add(
+            ReplayerNode, namespace=f"/rig{number}", **{"file": str(path), **parameters}
+        )
+        assert told in node.fault
+        assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
+    notes = write_recording(tmp_path / "notes.mcap", [(0.0, NOTES, String(data="a"))])
+    assert "holds nothing to replay" in harness.add(ReplayerNode, file=str(notes)).fault
 
 
 def test_a_recording_of_another_version_is_refused(harness, tmp_path):
@@ -196,22 +187,16 @@ def test_a_recording_of_another_version_is_refused(harness, tmp_path):
     ) in node.fault
 
 
-def test_a_recording_without_blocks_is_refused(harness, tmp_path):
-    path = write_recording(tmp_path / "notes.mcap", [(0.0, NOTES, String(data="a"))])
-    node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path))
-    assert "holds nothing to replay" in node.fault
-
-
-def test_the_process_ends_with_its_recording_if_told_so(harness, start_process, tmp_path):
+def test_the_process_ends_with_its_recording_if_told_so(harness, tmp_path):
     path = write_recording(tmp_path / "session.mcap", make_events(60))
     blocks = harness.listen(interfaces.ACCELERATION)
-    process = start_process(
-        "replayer", required_subscribers=PEER, file=str(path), rate=0.0, exit_when_done=True
+    node = harness.add(
+        ReplayerNode, required_subscribers=PEER, file=str(path), rate=0.0, exit_when_done=True
     )
-    assert process.wait() == 0
+    harness.wait_until(node.stop_requested.done)
+    assert node.stop_requested.exception() is None
     assert len(blocks.wait_for_count(60)) == 60
-    assert "61 messages" in process.output
-    assert "Traceback" not in process.output
+    assert node.describe_state()["message"] == "done: 61 messages"
 
 
 def test_what_cannot_replay_and_is_to_end_with_its_recording_ends_with_an_error(harness, tmp_path):

@@ -116,16 +116,6 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
     assert len({name for name in drawn if "/hammer/hits/" in name}) == 1
 
 
-def test_what_was_said_before_it_came_is_shown_too(harness, tmp_path, read):
-    harness.advertise(interfaces.SETUP).publish(SETUP)
-    node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
-    harness.wait_until(lambda: node.diagnose()["campaigns"] == 1)
-    harness.close(node)
-
-    reader, _ = read()
-    assert len(reader.blueprints()) == 1
-
-
 def test_a_setup_that_is_said_again_leaves_the_layout_alone(harness, tmp_path, read):
     node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
     publisher = harness.advertise(interfaces.SETUP)
@@ -201,37 +191,20 @@ def test_what_comes_before_its_set_up_waits_for_it(harness, tmp_path):
     assert list_records() == [12, 22, 30]
 
 
-def test_it_works_in_a_namespace(harness, tmp_path, read):
-    node = harness.add(
-        VisualizerNode, namespace="lab/rig1", output=str(tmp_path / "run" / "session.rrd")
-    )
-    publisher = harness.peer.create_publisher(
-        interfaces.SETUP.type, "lab/rig1/setup", interfaces.SETUP.qos
-    )
-    publisher.publish(SETUP)
-    harness.wait_until(lambda: node.diagnose()["campaigns"] == 1)
-    harness.close(node)
-    reader, _ = read()
-    assert len(reader.blueprints()) == 1
-
-
-@pytest.mark.parametrize(
-    ("parameters", "expected"),
-    [
-        ({}, "set output to the path of an .rrd file"),
-        ({"output": "view.txt"}, "must end in .rrd"),
-        ({"connect": "nowhere"}, "rerun+http://127.0.0.1:9876/proxy"),
-        ({"web": True, "listen": "everywhere"}, "listen is 'everywhere'"),
-    ],
+NOWHERE = (
+    ({}, "set output to the path of an .rrd file"),
+    ({"output": "view.txt"}, "must end in .rrd"),
+    ({"connect": "nowhere"}, "rerun+http://127.0.0.1:9876/proxy"),
+    ({"web": True, "listen": "everywhere"}, "listen is 'everywhere'"),
 )
-def test_a_view_that_goes_nowhere_fails_to_configure_and_says_what_to_set(
-    harness, parameters, expected
-):
-    node = harness.add(VisualizerNode, **parameters)
 
-    assert not node.is_active
-    assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
-    assert expected in node._fault
+
+def test_a_view_that_goes_nowhere_fails_to_configure_and_says_what_to_set(harness):
+    for number, (parameters, expected) in enumerate(NOWHERE):
+        node = harness.add(VisualizerNode, namespace=f"/rig{number}", **parameters)
+        assert not node.is_active
+        assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
+        assert expected in node.fault
 
 
 @pytest.fixture

@@ -320,20 +320,24 @@ class Reading(ABC):
         # The array is made for the task's channels: asking for them again costs two calls.
         self._reader.verify_array_shape = False
         self._tells_overload = True
+        self._is_running = False
         self._begin = 0
 
     def start(self) -> None:
         """Let the task run."""
         self._begin = time.time_ns()
         self._task.start()
+        self._is_running = True
 
     @abstractmethod
     def read(self, timeout: float) -> Block | None:
         """Return the next block; None if there is none in time [s]."""
 
     def stop(self) -> None:
-        """Stop the task, and forget what was not read."""
-        self._task.stop()
+        """Stop the task, if it runs, and forget what was not read."""
+        if self._is_running:
+            self._is_running = False
+            self._task.stop()
 
     def _read_numbers(self, count: int, timeout: float) -> FloatArray:
         """Return samples, one row per channel; fewer if not all come in time [s]."""
@@ -389,7 +393,6 @@ class RecordReading(Reading):
     _numbers: FloatArray | None = None
     _overloaded: tuple[bool, ...] = ()
     _next = 0
-    _is_waiting = False
 
     def start(self) -> None:
         """Wait for the trigger."""
@@ -397,11 +400,10 @@ class RecordReading(Reading):
         self._numbers = None
         self._next = 0
         super().start()
-        self._is_waiting = True
 
     def read(self, timeout: float) -> Block | None:
         """Return the next block of the record, None if there is none in time [s]."""
-        if self._is_waiting and not self._fetch(timeout):
+        if self._is_running and not self._fetch(timeout):
             return None
         if self._numbers is None:
             return None
@@ -422,9 +424,7 @@ class RecordReading(Reading):
     def stop(self) -> None:
         """Forget the trigger, or the record."""
         self._numbers = None
-        if self._is_waiting:
-            self._is_waiting = False
-            super().stop()
+        super().stop()
 
     def _fetch(self, timeout: float) -> bool:
         """Read the record if it is complete in time [s]."""
@@ -447,15 +447,12 @@ class RecordReading(Reading):
         numbers.setflags(write=False)
         self._overloaded = self._read_overloaded()
         self._numbers = numbers
-        self._task.stop()
-        self._is_waiting = False
+        super().stop()
         return True
 
 
 class StreamReading(Reading):
     """Everything that comes."""
-
-    _is_running = False
 
     def start(self) -> None:
         """Let samples come."""
@@ -464,7 +461,6 @@ class StreamReading(Reading):
         # Who reads too late loses samples, not the stream.
         self._task.in_stream.overwrite = OverwriteMode.OVERWRITE_UNREAD_SAMPLES
         super().start()
-        self._is_running = True
 
     def read(self, timeout: float) -> Block | None:
         """Return the next samples; None if there are none in time [s]."""
@@ -488,12 +484,6 @@ class StreamReading(Reading):
             self._read_overloaded(),
             stamp=self._begin + round(first / self._rate * 1e9),
         )
-
-    def stop(self) -> None:
-        """Stop, and forget what was not read."""
-        if self._is_running:
-            self._is_running = False
-            super().stop()
 
     def _read_newest(self) -> FloatArray:
         """Read the last block of what there is, and go on from there."""

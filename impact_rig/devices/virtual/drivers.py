@@ -20,7 +20,6 @@ from impact_rig.devices.protocols import (
 )
 from impact_rig.devices.virtual.choices import IDENTITY, Fault, Plant
 from impact_rig.devices.virtual.delivery import StreamingDigitizer, TriggeredDigitizer
-from impact_rig.devices.virtual.plants import pulse_shape_from_name
 from impact_rig.devices.virtual.rig import (
     DigitizerSettings,
     FaultPlan,
@@ -209,6 +208,7 @@ def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
         return table.take_number(key, low, high, getattr(rig, key))
 
     digitizer = read_digitizer(table)
+    shapes = {shape.name: shape for shape in PULSE_SHAPES}
     try:
         return VirtualRigSettings(
             plant=Plant(
@@ -217,11 +217,9 @@ def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
             seed=table.take_whole("seed", 0, LARGEST_SEED, rig.seed),
             contact_time_scatter=take("contact_time_scatter", 0.0, 0.2),
             amplitude_scatter=take("amplitude_scatter", 0.0, 0.2),
-            pulse_shape=pulse_shape_from_name(
-                table.take_choice(
-                    "pulse_shape", [shape.name for shape in PULSE_SHAPES], rig.pulse_shape.name
-                )
-            ),
+            pulse_shape=shapes[
+                table.take_choice("pulse_shape", tuple(shapes), rig.pulse_shape.name)
+            ],
             asymmetry=take("asymmetry", -0.5, 0.5),
             contact_exponent=take("contact_exponent", 0.5, 4.0),
             restitution=take("restitution", 0.0, 1.0),

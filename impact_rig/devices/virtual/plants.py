@@ -32,7 +32,6 @@ from impact_rig.core.model.oscillator import (
     simulate_free_oscillators,
 )
 from impact_rig.core.model.pulses import (
-    PULSE_SHAPES,
     VERSED_SINE,
     PulseShape,
     compute_pulse,
@@ -160,15 +159,6 @@ class HitPhysics:
     contact: Contact | None = None
 
 
-def pulse_shape_from_name(name: str) -> PulseShape:
-    """Return the pulse shape called `name`; raises `ParameterError` for an unknown one."""
-    for shape in PULSE_SHAPES:
-        if shape.name == name:
-            return shape
-    known = ", ".join(shape.name for shape in PULSE_SHAPES)
-    raise ParameterError(f"unknown pulse shape {name!r}: the virtual rig knows {known}")
-
-
 def check_pulse_shape(plant: Plant, shape: PulseShape) -> None:
     """Raise `ParameterError` if a plant cannot have that shape of the contact force."""
     if shape is VERSED_SINE:
@@ -268,18 +258,12 @@ def simulate_plant(
     -------
     hammer, specimen : ndarray, shape (count,)
         [m/s^2]
-
-    Raises
-    ------
-    ParameterError
-        If the plant cannot have that pulse shape.
     """
     if physics.contact is not None:
         return physics.contact.simulate(sampling_rate, count, start)
     if plant is Plant.PUBLISHED:
         time = start + np.arange(count) / sampling_rate
         return _play_hammer(physics, time), _play_specimen(physics, time)
-    check_pulse_shape(plant, physics.shape)
     if physics.shape is not VERSED_SINE:
         return simulate_driven(physics.model, physics.shape, sampling_rate, count, start)
     variant = ModelVariant.DRIVEN if plant is Plant.DYNAMICS else ModelVariant.PRINTED

@@ -18,62 +18,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from impact_rig.configuration.rig_file import read_rig_file, read_template
-from impact_rig.core.errors import ParameterError, RigError
-from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.configuration.rig_file import load_rig_file, read_template
+from impact_rig.core.errors import RigError
+from impact_rig.core.setup.paper import CONTROL_SAMPLE
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.testing.peers.scpi_digitizer import ScpiDigitizer
 from impact_rig.testing.peers.serial_relay import SerialRelayPeer
-
-
-class VirtualBench:
-    """What a stand-in for an instrument measures: the next hit of the sample that is mounted.
-
-    Nobody tells it of records and attempts: each strike of a sample is the next of its series, as
-    on a real bench.
-
-    Parameters
-    ----------
-    setup : RigSetup
-        Masses and samples.
-    settings : VirtualRigSettings
-        Physics, scatter, seed and faults of the hits.
-    """
-
-    def __init__(self, setup: RigSetup, settings: VirtualRigSettings) -> None:
-        self._rig = VirtualRig(setup, settings)
-        self._strikes: Counter[str] = Counter()
-        self.sample = ""
-        """The one that is mounted; empty: none."""
-
-    def mount(self, sample: str) -> None:
-        """Put a sample in the hammer's way.
-
-        Raises
-        ------
-        ParameterError
-            If it is unknown, or lacks a reference value.
-        """
-        self._rig.check_sample(sample)
-        self.sample = sample
-
-    def strike(self) -> VirtualHit:
-        """Let the hammer strike once.
-
-        Raises
-        ------
-        ParameterError
-            If no sample is mounted.
-        """
-        if not self.sample:
-            raise ParameterError("no sample is mounted: the hammer strikes nothing")
-        self._strikes[self.sample] += 1
-        impact = self._strikes[self.sample]
-        return self._rig.strike(HitLabel(self.sample, record=impact, impact=impact))
-
 
 HAMMER_SENSITIVITY = 5e-3
 SPECIMEN_SENSITIVITY = 4e-3
@@ -106,6 +59,9 @@ swing_time = "{swing_time:g} s"
 class RigPeer:
     """Relay, hammer, sample and digitizer, which know of each other only what a bench knows.
 
+    Nobody tells it of records and attempts: each strike of a sample is the next of its series, as
+    on a real bench.
+
     Parameters
     ----------
     setup : RigSetup
@@ -114,12 +70,19 @@ class RigPeer:
         Of the hits.
     swing_time : float
         From release to contact [s].
+
+    Attributes
+    ----------
+    sample : str
+        The one that is mounted; empty: none.
     """
 
     def __init__(
         self, setup: RigSetup, settings: VirtualRigSettings, swing_time: float = SWING_TIME
     ) -> None:
-        self.bench = VirtualBench(setup, settings)
+        self.sample = ""
+        self._rig = VirtualRig(setup, settings)
+        self._strikes: Counter[str] = Counter()
         self.scpi = ScpiDigitizer(
             1.0 / Sensor("hammer", "acceleration", "g", HAMMER_SENSITIVITY).compute_scale(),
             1.0 / Sensor("specimen", "acceleration", "g", SPECIMEN_SENSITIVITY).compute_scale(),
@@ -129,8 +92,8 @@ class RigPeer:
         self._swing: threading.Timer | None = None
 
     def start(self) -> None:
-        """Be there, with nothing mounted."""
-        self.scpi.start()
+        """Be there."""
+        self.scpi.plug()
         self.relay.start()
 
     def stop(self) -> None:
@@ -138,7 +101,12 @@ class RigPeer:
         self.relay.stop()
         if self._swing is not None:
             self._swing.join()
-        self.scpi.stop()
+        self.scpi.unplug()
+
+    def mount(self, sample: str) -> None:
+        """Put a sample in the hammer's way; raises `ParameterError` if it cannot be struck."""
+        self._rig.check_sample(sample)
+        self.sample = sample
 
     def make_tables(self) -> str:
         """Return the tables [source] and [holder] of a rig file that uses it."""
@@ -155,10 +123,9 @@ class RigPeer:
         self._swing.start()
 
     def _strike(self) -> None:
-        if not self.bench.sample:
-            _tell(error="the hammer struck nothing: no sample is mounted")
-            return
-        hit = self.bench.strike()
+        self._strikes[self.sample] += 1
+        impact = self._strikes[self.sample]
+        hit = self._rig.strike(HitLabel(self.sample, record=impact, impact=impact))
         complete = self.scpi.feed(hit)
         _tell(hit=hit.label.impact, sample=hit.label.sample, triggered=complete is not None)
 
@@ -176,7 +143,7 @@ def _obey(peer: RigPeer, line: str) -> None:
     devices = {"scpi": peer.scpi, "relay": peer.relay}
     try:
         if verb == "mount":
-            peer.bench.mount(name)
+            peer.mount(name)
         elif verb == "unplug" and name in devices:
             devices[name].unplug()
         elif verb == "plug" and name in devices:
@@ -203,9 +170,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     path = arguments.rig_file
     try:
-        setup = read_rig_file(path).setup if path else PAPER_SETUP
+        setup = load_rig_file(path).setup
         peer = RigPeer(setup, VirtualRigSettings(seed=arguments.seed), arguments.swing_time)
-        peer.bench.mount(arguments.sample)
+        peer.mount(arguments.sample)
     except RigError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

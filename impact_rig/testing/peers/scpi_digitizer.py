@@ -570,20 +570,12 @@ class ScpiDigitizer:
         """Where it listens: host and port."""
         return self._server.address
 
-    def start(self) -> None:
-        """Be there."""
-        self._server.open()
-
-    def stop(self) -> None:
-        """Be gone for good."""
-        self._server.close()
-
     def unplug(self) -> None:
         """Let listener and connections vanish at once."""
         self._server.close()
 
     def plug(self) -> None:
-        """Come back at the same address, switched on anew."""
+        """Be there, always at the same address, switched on anew."""
         with self._lock:
             self._board.reset()
         self._server.open()
@@ -670,7 +662,7 @@ def main() -> None:
     arguments = _parse_arguments()
     rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=arguments.seed))
     digitizer = ScpiDigitizer(arguments.hammer, arguments.specimen, arguments.port)
-    digitizer.start()
+    digitizer.plug()
     print(json.dumps({"address": digitizer.address}), flush=True)
     impacts = count(1)
     for line in sys.stdin:
@@ -685,7 +677,7 @@ def main() -> None:
                 digitizer.plug()
             case "quit":
                 break
-    digitizer.stop()
+    digitizer.unplug()
 
 
 if __name__ == "__main__":

@@ -270,19 +270,6 @@ def test_a_read_of_a_stream_that_comes_too_early_loses_nothing(open_source):
     assert [block.first_sample for block in blocks] == [0, *ends[:-1]]
 
 
-def test_it_is_not_armed_before_it_is_configured(open_source):
-    source, _ = open_source()
-    with pytest.raises(DeviceError, match="not configured"):
-        source.arm()
-    assert source.read(0.0) is None
-    source.disarm()
-
-
-def test_its_example_names_all_its_keys():
-    for key in ("trigger", "edge", "serial_number", "server", "coupling", "range"):
-        assert f"{key} = " in NidaqmxSource.example
-
-
 LINE = "Dev1/port0/line0"
 
 

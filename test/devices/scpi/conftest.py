@@ -80,9 +80,9 @@ class ScpiRig:
 @pytest.fixture
 def rig() -> Iterator[ScpiRig]:
     rig = ScpiRig()
-    rig.digitizer.start()
+    rig.digitizer.plug()
     yield rig
-    rig.digitizer.stop()
+    rig.digitizer.unplug()
 
 
 GENERIC = """

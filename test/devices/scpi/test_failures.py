@@ -16,19 +16,12 @@ from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
 from impact_rig.devices.scpi.source import ScpiConnection, ScpiSource
 from impact_rig.testing.peers.scpi_digitizer import LineServer, RedPitaya, ScpiFault
 
-TIMEOUT = 0.1
+TIMEOUT = 0.3
 LATE = 3.0
 """How much later a call may return on a busy computer [s]."""
 QUICK = f'timeout = "{TIMEOUT} s"'
 
-QUERIES = (
-    "*IDN?",
-    "ACQ:DEC:FACTOR?",
-    "ACQ:TRIG:STAT?",
-    "ACQ:TRIG:FILL?",
-    "ACQ:TPOS?",
-    "ACQ:SOUR2",
-)
+QUERIES = ("*IDN?", "ACQ:TRIG:STAT?", "ACQ:SOUR2")
 WORDS = {
     ScpiFault.SILENT: "does not answer",
     ScpiFault.HALF: "has sent half of its answer to",
@@ -71,16 +64,8 @@ def test_a_wrong_answer_to_any_question_is_named_and_the_next_try_works(
         take_record(rig, source)
     source.close()
     rig.digitizer.misbehave(ScpiFault.NONE)
-    assert len(take_record(rig, source)) == 5
-    source.close()
-
-
-def test_half_a_record_is_none(rig) -> None:
-    source = rig.make_source(QUICK)
-    rig.digitizer.misbehave(ScpiFault.HALF, "DATA:START")
-    with refusal("half of its answer to ACQ:SOUR1:DATA"):
-        take_record(rig, source)
-    source.close()
+    with closing(rig.make_source()) as again:
+        assert len(take_record(rig, again)) == 5
 
 
 def test_another_instrument_is_named_by_what_it_says_it_is(rig) -> None:
@@ -187,7 +172,7 @@ def test_settings_that_another_program_has_changed_are_noticed_at_the_next_armin
     "block", [b"#0", b"#x12", b"{1,2,3}\n", b"#3ab", b"#9999999999", b"#41000"]
 )
 def test_what_is_no_block_of_the_record_is_named(rig, block: bytes) -> None:
-    rig.digitizer.stop()
+    rig.digitizer.unplug()
     board = rig.digitizer._board
 
     def answer(line: str) -> bytes:

@@ -321,8 +321,8 @@ def test_the_example_of_any_other_instrument_is_taken_too(rig) -> None:
 class ScpiBench(SourceBench):
     """An instrument whose cable can be pulled."""
 
-    def __init__(self, rig, profile) -> None:
-        self._rig, self._profile = rig, profile
+    def __init__(self, rig) -> None:
+        self._rig = rig
 
     def get_driver(self) -> type[ScpiSource]:
         return ScpiSource
@@ -334,18 +334,18 @@ class ScpiBench(SourceBench):
         self._rig.digitizer.plug()
 
     def make_source(self) -> ScpiSource:
-        return self._profile()[0]
+        return self._rig.make_source()
 
     def make_plan(self, *, continuous: bool = False) -> AcquisitionPlan:
-        return self._profile(continuous=continuous, block_size=700)[1]
+        return self._rig.make_plan(continuous=continuous, block_size=700)
 
     def strike(self, source: ScpiSource) -> None:
         self._rig.strike()
 
 
 class TestScpiSource(AccelerationSourceContract):
-    """The contract, on a peer that speaks SCPI, with each profile."""
+    """The contract, on a peer that speaks SCPI."""
 
     @pytest.fixture
-    def bench(self, rig, profile) -> ScpiBench:
-        return ScpiBench(rig, profile)
+    def bench(self, rig) -> ScpiBench:
+        return ScpiBench(rig)

@@ -8,6 +8,7 @@ import pytest
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
 from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.model.pulses import HALF_SINE
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.signals.record import HitLabel
@@ -19,7 +20,6 @@ from impact_rig.devices.virtual.drivers import (
     make_virtual_plan,
     read_virtual_rig,
 )
-from impact_rig.devices.virtual.plants import pulse_shape_from_name
 from impact_rig.devices.virtual.rig import (
     DigitizerSettings,
     FaultPlan,
@@ -162,7 +162,7 @@ def test_all_that_a_rig_file_says_of_it_is_taken():
         seed=3,
         contact_time_scatter=0.01,
         amplitude_scatter=0.05,
-        pulse_shape=pulse_shape_from_name("half-sine"),
+        pulse_shape=HALF_SINE,
         asymmetry=0.0,
         hammer_damping=200.0,
         digitizer=DigitizerSettings(

@@ -26,8 +26,8 @@ from impact_rig.core.setup.samples import Sample, SampleSet
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.plants import (
     HitPhysics,
+    check_pulse_shape,
     make_nominal_model,
-    pulse_shape_from_name,
     simulate_driven,
     simulate_plant,
 )
@@ -184,17 +184,9 @@ def test_dynamics_takes_every_pulse_and_the_printed_model_its_own() -> None:
     ours = simulate_driven(model, HERTZ, RATE, COUNT, START)
     np.testing.assert_array_equal(hammer, ours[0])
     with pytest.raises(ParameterError, match="'Hertz' is not for the plant dynamics_printed"):
-        simulate_plant(Plant.DYNAMICS_PRINTED, physics, RATE, COUNT, START)
+        check_pulse_shape(Plant.DYNAMICS_PRINTED, HERTZ)
     with pytest.raises(ParameterError, match="'Hertz' is not for the plant contact"):
-        simulate_plant(Plant.CONTACT, physics, RATE, COUNT, START)
-
-
-def test_pulse_shapes_are_found_by_name() -> None:
-    assert [pulse_shape_from_name(shape.name) for shape in PULSE_SHAPES] == list(PULSE_SHAPES)
-    with pytest.raises(
-        ParameterError, match=r"unknown pulse shape 'square': .* versed-sine, half"
-    ):
-        pulse_shape_from_name("square")
+        check_pulse_shape(Plant.CONTACT, HERTZ)
 
 
 def test_what_the_virtual_rig_cannot_strike_is_named() -> None:

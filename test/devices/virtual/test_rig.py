@@ -30,7 +30,6 @@ from impact_rig.devices.virtual.rig import (
     compute_scale,
     couple,
     digitize,
-    fault_from_name,
     scheduled_fault_from_text,
 )
 
@@ -102,11 +101,6 @@ def test_coupling_passes_half_the_power_at_its_corner(frequency: float) -> None:
     answer = couple(wave, frequency, 2.5e6)[100_000:]
     gain = np.sqrt(2.0) * answer.std()
     assert gain == pytest.approx(1 / np.hypot(1, frequency / 500.0), rel=5e-3)
-
-
-def test_dc_coupling_passes_everything() -> None:
-    signal = make_random().standard_normal(100)
-    np.testing.assert_array_equal(couple(signal, 0.0, 2.5e6), signal)
 
 
 @pytest.mark.parametrize(
@@ -216,12 +210,6 @@ def test_impossible_orders_are_refused() -> None:
         FaultPlan(1.5)
 
 
-def test_names_are_read() -> None:
-    assert [fault_from_name(fault.value) for fault in Fault] == list(Fault)
-    with pytest.raises(ParameterError, match="double_hit, overload, weak_hit, missed_trigger"):
-        fault_from_name("double hit")
-
-
 BLOCK_SIZE = 1000
 NAMES = PAPER_SETUP.samples.names
 labels = st.builds(
@@ -265,10 +253,6 @@ class TestHit:
         other = replace(label, **{field: 2})
         assert strike(label).model != strike(other).model
         assert np.any(strike(label).hammer.output != strike(other).hammer.output)
-
-    def test_is_another_one_with_each_seed(self) -> None:
-        label = HitLabel("steel small")
-        assert strike(label, seed=1).model != strike(label, seed=2).model
 
     def test_scatters_as_it_is_told(self) -> None:
         hits = [strike(HitLabel("steel small", impact=i)).model for i in range(1, 401)]
@@ -500,22 +484,20 @@ class TestCampaign:
         assert set(get_numbers(again, names)) <= set(get_numbers(paper_campaign[0]))
         assert len(get_numbers(again, names)) == 4
 
-    def test_with_another_seed_and_every_fault_at_ten_percent_still_holds(self) -> None:
+    def test_with_every_fault_at_ten_percent_rejects_these_hits_and_no_other(self) -> None:
         plan = FaultPlan(probability=0.1)
-        results, hits = run_campaign(
-            VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=7, faults=plan))
-        )
-        check_tables(results)
+        rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=7, faults=plan))
+        results, hits = run_campaign(rig, names=[CONTROL_SAMPLE, "steel small"])
         assert all(item.impacts_accepted == 10 for item in results.samples)
         # A hit is rejected if, and only if, something was made to go wrong.
         assert all(judged.accepted == (not hit.faults) for hit, judged in hits)
         rejected = [judged.label for _, judged in hits if not judged.accepted]
         assert [judged.label for judged in results.rejected] == rejected
-        assert len(rejected) > 30  # of some 230 attempts nearly half are faulty
+        assert len(rejected) > 4  # of some 38 attempts nearly half are faulty
 
     def test_on_the_driven_model_finds_its_truth(self) -> None:
         rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1, plant=Plant.DYNAMICS))
-        results, _ = run_campaign(rig, impacts=5)
+        results, _ = run_campaign(rig, impacts=3)
         for found, cell in zip(results.samples, PUBLISHED_SAMPLES, strict=True):
             assert found.contact_time.is_known
             assert found.contact_time.value == pytest.approx(cell.contact_time, rel=5e-3)
@@ -525,12 +507,3 @@ class TestCampaign:
             )
             # The model is the truth here: what is left is the damping's bias and noise.
             assert found.mse_sample_percent < 0.1
-
-    def test_has_an_ordered_fault_at_its_hit(self) -> None:
-        plan = FaultPlan(scheduled=(ScheduledFault(Fault.OVERLOAD, 2, "steel small"),))
-        rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(faults=plan))
-        _, hits = run_campaign(rig, impacts=3, names=["steel small", "brass small"])
-        assert [(hit.label.sample, hit.label.impact) for hit, _ in hits if hit.faults] == [
-            ("steel small", 2)
-        ]
-        assert len(hits) == 7

@@ -20,7 +20,7 @@ def test_a_device_that_is_lost_is_named_and_comes_back_as_often_as_it_goes(
     harness, desk, rig, blocks, states, release
 ):
     node = rig()
-    for cycle in range(1, 6):
+    for cycle in (1, 2):
         answer = arm(harness)
         assert (answer.success, answer.record) == (True, cycle)
         desk.unplug()
@@ -38,7 +38,7 @@ def test_a_device_that_is_lost_is_named_and_comes_back_as_often_as_it_goes(
     desk.deliver(make_record())
     got = blocks.wait(lambda got: got and got[-1].last)
     # Nobody had let the hammer go before: nothing of those armings was published.
-    assert {block.record for block in got} == {6}
+    assert {block.record for block in got} == {3}
 
 
 @pytest.mark.parametrize("first", ["release", "loss", "neither"])

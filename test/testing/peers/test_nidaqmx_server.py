@@ -15,7 +15,7 @@ from nidaqmx.constants import (
 from nidaqmx.errors import DaqError, RpcError
 
 from impact_rig.devices.nidaqmx.session import Session
-from impact_rig.testing.peers.nidaqmx_server import DaqmxError, Input, NidaqmxServer
+from impact_rig.testing.peers.nidaqmx_server import Input, NidaqmxServer
 
 PATIENCE = 20.0
 SENSITIVITY = 0.010 / 9.80665
@@ -108,8 +108,3 @@ def test_a_task_of_another_ends_with_its_own_session_only(session):
         assert found.value.error_code == -50103
         first.close()
         task.start()
-
-
-def test_an_error_has_ni_s_number_and_words():
-    error = DaqmxError(-200220, "Device identifier is invalid.")
-    assert str(error) == "Device identifier is invalid.\n\nStatus Code: -200220"

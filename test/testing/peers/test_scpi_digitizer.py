@@ -11,7 +11,7 @@ from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import ChannelBlock, HitLabel
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.testing.peers.scpi_digitizer import ScpiDigitizer, ScpiFault
+from impact_rig.testing.peers.scpi_digitizer import ScpiDigitizer
 
 DEADLINE = 20.0
 
@@ -48,9 +48,9 @@ class Terminal:
 @pytest.fixture
 def digitizer():
     instrument = ScpiDigitizer(1e-3, 2e-3)
-    instrument.start()
+    instrument.plug()
     yield instrument
-    instrument.stop()
+    instrument.unplug()
 
 
 @pytest.fixture
@@ -154,19 +154,3 @@ def test_it_vanishes_and_comes_back_where_it_was(digitizer, terminal) -> None:
     again = Terminal(address)
     assert again.ask("ACQ:DEC:F?") == "1"
     again.close()
-
-
-def test_it_misbehaves_where_it_is_told(digitizer, terminal) -> None:
-    digitizer.misbehave(ScpiFault.SILENT, "FILL")
-    terminal.say("ACQ:TRIG:FILL?")
-    assert terminal.ask("*OPC?") == "1"
-    digitizer.misbehave(ScpiFault.CUT)
-    assert terminal.ask("*IDN?") == "REDPITAYA,INST"
-    assert terminal.ask_bytes("*IDN?", 1) == b""
-
-
-def test_a_hit_between_two_points_is_hardly_seen(digitizer, terminal) -> None:
-    terminal.say("ACQ:DEC:FACTOR 65536", "ACQ:TRIG:LEV 0.1", "ACQ:START", "ACQ:TRIG CH1_PE")
-    terminal.ask("*OPC?")
-    assert digitizer.feed(make_ramp()) is None
-    assert terminal.ask("ACQ:SOUR1:DATA:START:N? 0,2").startswith("{")
