@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, TypeAlias
 
 import rclpy
 from action_msgs.msg import GoalStatus
@@ -217,7 +217,7 @@ TRUTH_TIMEOUT = 2.0
 """How long the virtual rig may take to tell its faults of rejected hits after a campaign [s]."""
 
 
-CampaignGoal = RunCampaign.Goal
+CampaignGoal: TypeAlias = RunCampaign.Goal
 """What to run, as the action's definition says it."""
 
 
