@@ -11,7 +11,7 @@ from impact_rig.core.quantity import drop_internals
 from impact_rig.core.session import Session
 from impact_rig.core.signals.record import HitLabel
 
-from .sessions import SETUP, Strike, strike_series
+from .sessions import SETUP, Strike
 
 
 def test_a_good_hit_is_judged_and_counted(strike: Strike) -> None:
@@ -120,16 +120,6 @@ def test_an_unknown_sample_is_refused_and_nothing_is_counted(strike: Strike) -> 
     with pytest.raises(ParameterError, match="unknown sample 'brass': the set has 'alike', 'h"):
         strike(session, "brass", 1)
     assert session.names == ()
-
-
-def test_results_asked_for_twice_are_the_same_until_another_hit_comes(strike: Strike) -> None:
-    session = Session(SETUP)
-    strike_series(strike, session, [900.0] * 2)
-    first = session.estimate_all()
-    again = session.estimate_all()
-    assert all(new is old for new, old in zip(again.samples, first.samples, strict=True))
-    strike_series(strike, session, [900.0], first=3)
-    assert len(session.estimate_all().accepted) == 3
 
 
 def test_without_masses_contact_times_remain_and_a_note_says_why(strike: Strike) -> None:

@@ -89,16 +89,6 @@ def test_models_are_drawn_in_the_scale_of_the_measurement(published: SampleTrace
         )
 
 
-def test_the_residual_gives_the_mean_square_error(published: SampleTraces) -> None:
-    model = published.find_model(DRIVEN)
-    assert model is not None
-    residual = published.compute_residual(model) / np.abs(published.mean).max(
-        axis=1, keepdims=True
-    )
-    errors = 100.0 * np.mean(residual**2, axis=1)
-    assert errors == pytest.approx([model.mse_hammer_percent, model.mse_sample_percent])
-
-
 def test_the_fitted_model_is_there_once_it_is_fitted() -> None:
     traces = gather(Plant.DYNAMICS, with_models=True)
     fitted, driven = traces.find_model(IDENTIFIED), traces.find_model(DRIVEN)

@@ -42,18 +42,6 @@ def test_the_engine_shows_duration_and_restitution_of_the_law(find, need, engine
 
 
 @pytest.mark.parametrize("engine", CHECKED)
-def test_the_pulse_of_the_engine_is_that_of_its_law(find, need, contact, engine):
-    need(engine)
-    parameters = find(engine, contact)
-    motion = check_engine(parameters, (FINE,)).finest
-    own = parameters.compute_pulse()
-    expected = np.interp(motion.time, own.time, own.force, right=0.0)
-    # A spring with a damper begins and ends with a jump, where a step is all or nothing.
-    inside = (motion.time > 1e-6) & (np.abs(motion.time - own.duration) > 1e-6)
-    assert motion.force[inside] == pytest.approx(expected[inside], abs=5e-3 * own.peak_force)
-
-
-@pytest.mark.parametrize("engine", CHECKED)
 def test_coarse_steps_do_not_hold_a_contact_of_metal(find, need, contact, engine):
     need(engine)
     steps = (1e-3, 1e-5, 5e-6, 5e-7)

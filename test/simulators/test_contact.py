@@ -120,8 +120,3 @@ def test_a_speed_outside_what_was_measured_is_refused(speed):
     contacts = MeasuredContacts((make_contact(speed=0.05), make_contact(speed=0.1)))
     with pytest.raises(ParameterError, match=r"outside what was measured.*50.00 to 100.00 mm/s"):
         contacts.at_speed(speed)
-
-
-def test_a_speed_as_it_was_printed_is_a_measured_one():
-    contact = make_contact(speed=0.0819934)
-    assert MeasuredContacts((contact,)).at_speed(0.08199).speed == 0.08199

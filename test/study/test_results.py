@@ -42,14 +42,6 @@ def test_the_interval_is_that_of_the_textbook():
         assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
 
 
-def test_bias_and_spread_are_those_of_the_distribution():
-    errors = np.random.default_rng(1).normal(0.3, 2.0, 40_000)
-    found = estimate_bias(errors)
-    assert found.standard_error == pytest.approx(0.01, rel=0.02)
-    assert abs(found.bias - 0.3) < 3 * found.standard_error
-    assert found.spread == pytest.approx(2.0, rel=0.02)
-
-
 @pytest.mark.parametrize("errors", [[], [0.5]])
 def test_too_few_errors_have_no_spread(errors):
     found = estimate_bias(np.array(errors))
@@ -87,12 +79,6 @@ def test_the_interval_of_an_efficiency_covers_in_95_percent():
     covered = sum(item.low <= 1.0 <= item.high for item in found)
     # Binomial: 1900 +- 10 standard; four of them.
     assert abs(covered - 1900) < 40
-
-
-def test_errors_without_a_bound_do_not_count():
-    found = estimate_efficiency(np.array([1.0, 50.0]), np.array([1.0, NAN]))
-    assert found.value == 1.0
-    assert math.isnan(estimate_efficiency(np.array([1.0]), np.array([NAN])).value)
 
 
 COVERAGE = Configuration((Part.COVERAGE,), campaigns=21)
@@ -145,9 +131,6 @@ def test_the_selection_has_a_row_for_each_fault_and_one_for_the_good_hits():
     ]
     assert rows[0]["found_percent"] == 75.0
     assert rows[0]["found_low_percent"] < 75.0 < rows[0]["found_high_percent"]
-
-
-UNKNOWN = Ratio(math.nan, math.nan, math.nan)
 
 
 def make_row(part, value, estimator, quantity, *, coverage=math.nan, efficiency=math.nan, lost=0):

@@ -156,16 +156,6 @@ def test_what_is_no_pulse_of_any_kind_is_said() -> None:
     assert found.warning.startswith("no known shape describes the pulse: the best, ")
 
 
-def test_a_fit_that_ends_at_a_border_gives_no_contact_time() -> None:
-    points = np.arange(2500)
-    found = estimate(PEAK * np.where(points > 500, np.exp(-(points - 500) / 200), 0.0), 0.5)
-    assert found.warning.startswith("no known shape")
-    assert all(
-        np.isnan(fit.duration) or (abs(fit.asymmetry) < 0.9 and fit.duration > 0)
-        for fit in found.fits
-    )
-
-
 def test_in_noise_shapes_are_seldom_told_apart_wrongly() -> None:
     hammer = strike(HERTZ)
     found = [estimate(hammer, 40.0, seed) for seed in range(100)]

@@ -194,16 +194,6 @@ def test_the_printed_model_is_found_again(sample: str) -> None:
     assert not other.describes_traces
 
 
-def test_the_driven_model_wins_on_driven_traces() -> None:
-    mean = strike_mean(find_truth(SAMPLE), 1e-3, 1)
-    driven = identify_model(mean, PAPER_SETUP, SAMPLE)
-    printed = try_to_identify(mean, ModelVariant.PRINTED)
-    if isinstance(printed, str):
-        assert "the printed model did not converge" in printed
-    else:
-        assert driven.criterion < printed.criterion - 10
-
-
 def test_noise_does_what_the_covariance_says() -> None:
     model, noise = find_truth(SAMPLE), 3e-3
     runs = [
@@ -282,15 +272,6 @@ def test_without_low_pass_the_noise_is_white_and_the_bound_still_holds() -> None
         assert abs(error) < 4 * standard(found, name)
 
 
-def test_a_low_cutoff_costs_precision_and_says_so() -> None:
-    setup = replace(PAPER_SETUP, analysis=replace(PAPER_SETUP.analysis, cutoff_frequency=5e3))
-    model = find_truth(SAMPLE)
-    wide = identify_model(strike_mean(model, 1e-3, 8), PAPER_SETUP, SAMPLE)
-    narrow = identify_model(strike_mean(model, 1e-3, 8, setup=setup), setup, SAMPLE)
-    assert standard(narrow, "tau_p") > 1.2 * standard(wide, "tau_p")
-    assert abs(narrow.find("tau_p") - model.contact_time) < 4 * standard(narrow, "tau_p")
-
-
 def test_traces_that_say_nothing_are_named() -> None:
     mean = strike_mean(find_truth(SAMPLE))
     flat, no_numbers = mean.traces.copy(), mean.traces.copy()
@@ -320,13 +301,6 @@ def test_traces_of_something_else_give_a_clear_answer(variant: ModelVariant) -> 
     assert not found.describes_traces
     assert any("does not describe the sample's trace" in item for item in found.undetermined)
     assert np.all(np.isfinite(found.covariance))
-
-
-def test_a_sample_of_little_stiffness_shows_its_mass_alone() -> None:
-    model = find_truth(SAMPLE)
-    soft = replace(model, specimen=Body(model.specimen.mass, 3e4, 1.0))
-    found = identify_model(strike_mean(soft, 1e-2, 1), PAPER_SETUP, SAMPLE)
-    assert any(item.startswith(("k2", "c2")) for item in found.undetermined)
 
 
 def test_a_rigid_sample_shows_stiffness_and_gain_in_combination_only() -> None:

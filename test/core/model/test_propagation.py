@@ -63,23 +63,6 @@ def test_systems_of_every_size_and_speed_are_followed(size: int, norm: float) ->
     np.testing.assert_allclose(states[0], expm(8.4 * matrix) @ initial, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("first", [0.0, 0.999, 64.5, 1000.25])
-def test_a_grid_may_begin_long_after_the_start(first: float) -> None:
-    matrices = np.stack([0.03 * make_oscillator(1.0, 0.01), 0.05 * make_oscillator(2.0, 0.0)])
-    initial = np.array([[1.0, 2.0], [-1.0, 0.5]])
-    # The other one begins at once.
-    moments = [Moments(first, first + 12.0), Moments(0.5, 200.0)]
-    found, states = simulate_linear_systems(
-        matrices, initial, np.stack([np.eye(2)] * 2), moments, 200
-    )
-    for system, moment in enumerate(moments):
-        for n in (0, 150, 199):
-            expected = expect(matrices[system], initial[system], moment.first + n)
-            np.testing.assert_allclose(found[system, :, n], expected, rtol=0, atol=1e-11)
-        at_end = expect(matrices[system], initial[system], moment.end)
-        np.testing.assert_allclose(states[system], at_end, rtol=0, atol=1e-11)
-
-
 def test_a_slow_system_beside_a_fast_one_keeps_its_digits() -> None:
     # Scaled down and squared up with the fast one, some 40 times.
     slow, fast = 1e-6 * make_oscillator(2.0, 0.5), make_oscillator(1e6, 2e6)

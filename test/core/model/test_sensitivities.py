@@ -6,9 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import trapezoid
 
-from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, simulate_impact
 from impact_rig.core.model.sensitivities import compute_sensitivities, list_parameters
 from impact_rig.core.signals.filtering import low_pass
@@ -94,18 +92,6 @@ def test_driven_derivatives_are_those_of_the_simulation(
     np.testing.assert_allclose(ours, expected, rtol=0, atol=atol * np.abs(expected).max())
 
 
-def test_printed_traces_are_the_simulated_ones_but_beside_the_steps() -> None:
-    model = make_model()
-    found = compute_sensitivities(
-        model, RATE, COUNT, start=START, variant=ModelVariant.PRINTED
-    ).traces
-    expected = np.stack(simulate_impact(model, RATE, COUNT, start=START))
-    steps = [int(np.ceil((place - START) * RATE)) for place in (0.0, TAU)]
-    beside = np.isin(np.arange(COUNT), [p + n for p in steps for n in (-1, 0)])
-    np.testing.assert_allclose(found[:, ~beside], expected[:, ~beside], rtol=0, atol=1e-8)
-    assert np.abs(found[:, beside] - expected[:, beside]).max() > 10.0
-
-
 @pytest.mark.parametrize("part", [0.0, 0.2, 0.5, 0.8])
 def test_printed_steps_stand_where_they_are_between_the_points(part: float) -> None:
     # The oracle: sampled so finely that the place of the step does not matter, then low-passed
@@ -142,28 +128,3 @@ def test_printed_derivatives_are_those_of_the_printed_traces(
     expected = differentiate(model, name, 1e-4, simulate)
     ours = found.derivatives[:, found.names.index(name)]
     np.testing.assert_allclose(ours, expected, rtol=0, atol=FORWARD_ERROR * np.abs(expected).max())
-
-
-@pytest.mark.parametrize("name", ["tau_p", "t0"])
-def test_low_passed_printed_traces_are_differentiable_in_time(name: str) -> None:
-    # Over many points, across which the steps walk: what the derivative promises is what comes.
-    model = make_model()
-    steps = np.linspace(0.0, 3.0 / RATE, 31)
-    traces, slopes = [], []
-    for step in steps:
-        changed, start = change(model, START, name, float(step))
-        found = compute_sensitivities(
-            changed, RATE, COUNT, start=start, variant=ModelVariant.PRINTED
-        )
-        traces.append(low_pass(found.traces, 50e3, RATE))
-        slopes.append(low_pass(found.derivatives[:, found.names.index(name)], 50e3, RATE))
-    promised = trapezoid(slopes, steps, axis=0)
-    came = traces[-1] - traces[0]
-    np.testing.assert_allclose(promised, came, rtol=0, atol=1e-3 * np.abs(came).max())
-
-
-def test_impossible_grids_are_refused() -> None:
-    with pytest.raises(ParameterError, match="count is 0 points"):
-        compute_sensitivities(make_model(), RATE, 0)
-    with pytest.raises(ParameterError, match="sampling rate is -1"):
-        compute_sensitivities(make_model(), -1.0, 10)
