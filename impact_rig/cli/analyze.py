@@ -345,7 +345,7 @@ def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:
         try:
             found.append(find_recording(path) if path.is_dir() else path)
         except FileError as error:
-            kinds = sorted({file.suffix for file in path.iterdir()} & READABLE.keys())
+            kinds = sorted({file.suffix for file in path.iterdir()} & {*READABLE})
             named_so = [f"; of others name those that are meant: {path}/*{kind}" for kind in kinds]
             errors.append("".join([str(error), *named_so[:1]]))
         except OSError as error:

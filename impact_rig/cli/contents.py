@@ -171,7 +171,7 @@ def describe_interface_differences(contents: Contents) -> tuple[str, ...] | None
         except FileError as error:
             differences[str(error)] = None
             continue
-        differences |= dict.fromkeys(map(str, changes))
+        differences |= dict.fromkeys(changes)
     return tuple(differences)
 
 

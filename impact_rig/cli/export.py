@@ -80,7 +80,7 @@ class ExportTask:
                 f"--format is for --one-file-per-hit: the suffix of {self.output} tells its format"
             )
         has_results = "results" in self.parts
-        formats = RESULTS_SUFFIXES if has_results else tuple(WRITABLE)
+        formats = RESULTS_SUFFIXES if has_results else WRITABLE
         if has_results and (len(self.parts) > 1 or self.is_split):
             raise ParameterError("results and traces do not go into the same files: export apart")
         if self.kind not in formats:

@@ -30,11 +30,11 @@ from impact_rig.recordings.provenance import (
     ORIGIN_RECORD,
     PARAMETERS_RECORD,
     PROVENANCE_RECORD,
-    AttachedFile,
     describe_origins,
     describe_provenance,
 )
 from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.records import Attachment
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 
@@ -427,7 +427,7 @@ class RecordingRun:
         """Whether it is being written to."""
         return not self.writer.closed
 
-    def attach(self, files: Iterable[AttachedFile]) -> None:
+    def attach(self, files: Iterable[Attachment]) -> None:
         """Put files into the recording."""
         for file in files:
             self.writer.add_attachment(file.name, file.media_type, file.data)

@@ -10,11 +10,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.new_file import sync_folder
-from impact_rig.recordings.qos import OfferedQos, describe_offered_qos, parse_offered_qos
+from impact_rig.recordings.qos import (
+    OfferedQos,
+    describe_offered_qos,
+    dump_yaml,
+    parse_offered_qos,
+)
 
 SUFFIX = ".mcap"
 """What a recording's name ends with."""
@@ -32,8 +35,6 @@ ROS_DISTRO = "jazzy"
 NO_TIME = 2**63 - 1
 """Where a recording without messages begins, as rosbag2 writes it [ns]."""
 
-_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-"""The same text five times as fast, where PyYAML was built with libyaml."""
 _NUMBERED = re.compile(r"(?P<name>.+)_(?P<number>\d{1,9})\.mcap")
 _LIST = re.compile(r"^[ ]*relative_file_paths:[ ]*\n(?P<items>(?:[ ]*-[ ].*\n?)+)", re.MULTILINE)
 _ITEM = re.compile(r"^[ ]*-[ ]+(.*\S)", re.MULTILINE)
@@ -245,7 +246,7 @@ def summarize_topic(
 
 def format_bag_metadata(files: Sequence[FileSummary], topics: Sequence[TopicSummary]) -> str:
     """Return the description of a recording as rosbag2 keeps it in an MCAP file of its own."""
-    return _dump(_describe(files, topics))
+    return dump_yaml(_describe(files, topics))
 
 
 def write_bag_metadata(
@@ -271,7 +272,7 @@ def write_bag_metadata(
     part = path.with_name(f".{path.name}.part")
     try:
         with part.open("w", encoding="utf-8") as file:
-            file.write(_dump({ROOT_KEY: _describe(files, topics)}))
+            file.write(dump_yaml({ROOT_KEY: _describe(files, topics)}))
             file.flush()
             os.fsync(file.fileno())
         part.replace(path)
@@ -279,10 +280,6 @@ def write_bag_metadata(
         part.unlink(missing_ok=True)
         raise FileError(f"{path} cannot be written: {error.strerror}") from None
     sync_folder(folder)
-
-
-def _dump(item: dict[str, Any]) -> str:
-    return str(yaml.dump(item, Dumper=_DUMPER, sort_keys=False, allow_unicode=True))
 
 
 def _describe(files: Sequence[FileSummary], topics: Sequence[TopicSummary]) -> dict[str, Any]:

@@ -288,20 +288,13 @@ def _list_problems(scan: Scan, lost: Mapping[int, int]) -> Iterator[str]:
         yield "it has no index at its end that could be used"
     if scan.header is not None and scan.header.profile != PROFILE:
         yield f"its profile is {scan.header.profile!r}: it should be {PROFILE!r}"
-    yield from map(describe_damage, scan.damages[:MOST_PLACES])
+    yield from map(str, scan.damages[:MOST_PLACES])
     if len(scan.damages) > MOST_PLACES:
         yield f"{len(scan.damages) - MOST_PLACES} further places cannot be read"
     if not scan.damages and any(lost.values()):
         yield f"{sum(lost.values())} messages are missing: their numbers, or the index, tell"
     if count := scan.unknown.total():
         yield f"the topic of {count} messages is not described any more"
-
-
-def describe_damage(damage: Damage) -> str:
-    """Return in words what cannot be read, and where."""
-    if not damage.size:
-        return f"{damage.reason} (at byte {damage.start})"
-    return f"{damage.reason} ({damage.size} byte from byte {damage.start})"
 
 
 NOTE_TYPE = "std_msgs/msg/String"

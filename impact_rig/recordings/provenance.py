@@ -4,8 +4,8 @@ import json
 import mimetypes
 import os
 import platform
+import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import yaml
 from impact_rig import __version__
 from impact_rig.core.errors import FileError
 from impact_rig.core.origin import Origin, join_origins
+from impact_rig.recordings.records import Attachment
 
 PROVENANCE_RECORD = "impact_rig"
 """Metadata record of the software, the computer and the operator's notes."""
@@ -26,25 +27,6 @@ LIBRARIES = ("numpy", "scipy", "mcap", "zstandard", "lz4", "rclpy")
 """Those on which it depends what is recorded and estimated."""
 ATTACHMENT_LIMIT = 16 << 20
 """A larger file is not put into a recording [byte], our choice: a rig file has some kilobytes."""
-
-
-@dataclass(frozen=True)
-class AttachedFile:
-    """A file that goes into a recording.
-
-    Attributes
-    ----------
-    name : str
-        Without its folder.
-    media_type : str
-        For example `application/toml`.
-    data : bytes
-        All of it.
-    """
-
-    name: str
-    media_type: str
-    data: bytes
 
 
 def describe_provenance(middleware: str, notes: str) -> dict[str, str]:
@@ -93,7 +75,7 @@ def format_parameters(parameters: Mapping[str, Any]) -> str:
     return text
 
 
-def read_attached_file(path: Path) -> AttachedFile:
+def read_attached_file(path: Path) -> Attachment:
     """Read a file that is to go into a recording.
 
     Raises
@@ -112,4 +94,4 @@ def read_attached_file(path: Path) -> AttachedFile:
     except OSError as error:
         raise FileError(f"the attachment {path} cannot be read: {error.strerror}") from None
     kind = "application/toml" if path.suffix == ".toml" else mimetypes.guess_type(path)[0]
-    return AttachedFile(path.name, kind or "application/octet-stream", data)
+    return Attachment(path.name, kind or "application/octet-stream", time.time_ns(), data)

@@ -69,18 +69,14 @@ def describe_offered_qos(profiles: tuple[OfferedQos, ...]) -> list[dict[str, Any
 
 def format_offered_qos(profiles: tuple[OfferedQos, ...]) -> str:
     """Return `offered_qos_profiles` as rosbag2 of ROS 2 Jazzy writes it."""
-    return "\n".join(map(_format_profile, describe_offered_qos(profiles)))
+    return dump_yaml(describe_offered_qos(profiles)).rstrip() if profiles else ""
 
 
-def _format_profile(fields: dict[str, Any]) -> str:
-    lines = []
-    for name, value in fields.items():
-        if isinstance(value, dict):
-            lines.append(f"{name}:")
-            lines += [f"  {unit}: {number}" for unit, number in value.items()]
-        else:
-            lines.append(f"{name}: {str(value).lower()}")
-    return "- " + "\n  ".join(lines)
+def dump_yaml(content: Any) -> str:
+    """Return plain values as YAML, in their order."""
+    # The same text five times as fast, where PyYAML was built with libyaml.
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    return str(yaml.dump(content, Dumper=dumper, sort_keys=False, allow_unicode=True))
 
 
 @lru_cache(KNOWN_TEXTS)

@@ -1,10 +1,10 @@
 """Reads the rig's recordings back, without ROS: decoded by the schemas in the file itself."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.setup.samples import RigSetup
@@ -31,24 +31,6 @@ SHARED_TOPICS = frozenset({"/diagnostics", "/rosout", "/parameter_events", "/clo
 """Topics that are the same for all namespaces: they are never taken as relative."""
 
 _T = TypeVar("_T")
-
-
-class RecordedMessage(NamedTuple):
-    """One decoded message.
-
-    Attributes
-    ----------
-    topic : str
-        Relative to the rig's namespace; with a leading slash where it lies outside.
-    message : object
-        With the fields of the type as attributes.
-    log_time : int
-        When it was received, nanoseconds since the epoch.
-    """
-
-    topic: str
-    message: Any
-    log_time: int
 
 
 class Recording:
@@ -154,27 +136,6 @@ class Recording:
             end_time=end_time,
         )
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[RecordedMessage]:
-        """Yield decoded messages of any topic in file order.
-
-        Parameters
-        ----------
-        topics : collection of str, optional
-            Names as in `RecordedMessage.topic`; all by default.
-
-        Raises
-        ------
-        FileError
-            If the file is damaged or a schema cannot be understood.
-        """
-
-        def wanted(channel: Channel) -> bool:
-            return topics is None or make_relative(channel.topic, self.namespace) in topics
-
-        for raw in self._file.read_messages(wanted):
-            topic = make_relative(raw.channel.topic, self.namespace)
-            yield RecordedMessage(topic, self._decode(raw), raw.log_time)
-
     def _is_event(self, channel: Channel) -> bool:
         prefix = self.namespace.rstrip("/") + "/"
         return channel.type_name in _EVENT_TYPES and channel.topic.startswith(prefix)
@@ -186,12 +147,6 @@ class Recording:
             f"{self.path} holds no set-up of a rig (topic 'setup', {SETUP_TYPE}): without masses"
             " and settings its blocks cannot be evaluated"
         )
-
-    def _decode(self, raw: RawMessage) -> Any:
-        try:
-            return self._decoder.decode(raw.channel, raw.data)
-        except FileError as error:
-            raise FileError(f"{self.path}: {error}") from None
 
     def convert(self, raw: RawMessage, convert: Callable[[Any], _T]) -> _T:
         """Return a message as a core type.
@@ -208,15 +163,16 @@ class Recording:
         FileError
             If the message does not have the fields of this version, or they cannot be meant.
         """
-        message = self._decode(raw)
         try:
-            return convert(message)
+            return convert(self._decoder.decode(raw.channel, raw.data))
         except AttributeError as error:
             raise FileError(
                 f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has no field"
                 f" {error.name!r}: it was recorded with another version of the interfaces"
             ) from None
-        except (TypeError, ValueError, OverflowError) as error:
+        except (RigError, TypeError, ValueError, OverflowError) as error:
+            if isinstance(error, FileError):
+                raise FileError(f"{self.path}: {error}") from None
             if isinstance(error, RigError):
                 raise FileError(f"{self.path}: {raw.channel.topic}: {error}") from None
             raise FileError(

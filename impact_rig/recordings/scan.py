@@ -104,6 +104,12 @@ class Damage(NamedTuple):
     reason: str
     has_data: bool = True
 
+    def __str__(self) -> str:
+        """Return in words what cannot be read, and where."""
+        if not self.size:
+            return f"{self.reason} (at byte {self.start})"
+        return f"{self.reason} ({self.size} byte from byte {self.start})"
+
 
 class Scan:
     """One pass over a file.

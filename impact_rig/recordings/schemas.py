@@ -244,7 +244,7 @@ def check_interfaces(channel: Channel, installed: MessageDefinition) -> None:
     if changes:
         raise FileError(
             f"{channel.topic} was recorded with another version of {channel.type_name}:"
-            f" {'; '.join(map(str, changes))}"
+            f" {'; '.join(changes)}"
         )
 
 
@@ -297,39 +297,8 @@ def _read_type_hash(package: str, name: str) -> str:
         return ""
 
 
-@dataclass(frozen=True)
-class InterfaceChange:
-    """One field that is not the same in a recording and in what is installed.
-
-    Attributes
-    ----------
-    type_name : str
-        Whose field it is, for example `impact_rig_msgs/msg/RigSetup`.
-    field : str
-        Its name.
-    recorded, installed : str
-        Its type in the recording and here; empty: it is not there.
-    """
-
-    type_name: str
-    field: str
-    recorded: str
-    installed: str
-
-    def __str__(self) -> str:
-        """Return the difference in words."""
-        what = f"field `{self.field}` of {self.type_name}"
-        if not self.recorded:
-            return f"{what} is not in the recording"
-        if not self.installed:
-            return f"{what} is in the recording and unknown here"
-        return f"{what} is {self.recorded} in the recording and {self.installed} here"
-
-
-def compare_definitions(
-    type_name: str, recorded: str, installed: str
-) -> tuple[InterfaceChange, ...]:
-    """Return in which fields two definitions of a message type differ.
+def compare_definitions(type_name: str, recorded: str, installed: str) -> tuple[str, ...]:
+    """Return in words in which fields two definitions of a message type differ.
 
     Parameters
     ----------
@@ -349,15 +318,21 @@ def compare_definitions(
     for name in (name for name in now if name in then):
         old, new = dict(then[name][1]), dict(now[name][1])
         for field in {**new, **old}:
-            kinds = [_describe(fields[field]) if field in fields else "" for fields in (old, new)]
-            if kinds[0] != kinds[1]:
-                changes.append(InterfaceChange(name, field, *kinds))
+            what = f"field `{field}` of {name}"
+            if field not in old:
+                changes.append(f"{what} is not in the recording")
+            elif field not in new:
+                changes.append(f"{what} is in the recording and unknown here")
+            elif (was := _describe(old[field])) != (is_now := _describe(new[field])):
+                changes.append(f"{what} is {was} in the recording and {is_now} here")
         if old.keys() == new.keys():
-            places = zip(old, new, strict=True)
-            moved = next((field for field, other in places if field != other), None)
-            if moved is not None:
-                numbers = (f"number {list(fields).index(moved) + 1}" for fields in (old, new))
-                changes.append(InterfaceChange(name, moved, *numbers))
+            places = enumerate(zip(old, new, strict=True), start=1)
+            changes += [
+                f"field `{field}` of {name} is number {place} in the recording and number"
+                f" {[*new].index(field) + 1} here"
+                for place, (field, other) in places
+                if field != other
+            ][:1]
     return tuple(changes)
 
 

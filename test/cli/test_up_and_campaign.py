@@ -18,7 +18,7 @@ from impact_rig.configuration.rig_file import RigFile, read_template
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.nodes.discovery import reserve_domain
-from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.contents import inspect_recording
 
 PATIENCE = 120.0
 """How long anything may take before a test fails [s]."""
@@ -106,8 +106,8 @@ def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
     results = json.loads(done.stdout)
     assert results["samples"][0]["impacts_accepted"] == 2
     assert json.loads((start.folder / "run" / "results.json").read_text("utf-8")) == results
-    notes = read_recording(start.folder / RECORDING).messages({"note"})
-    assert [item.message.data for item in notes] == ["21 °C"]
+    notes = inspect_recording(start.folder / RECORDING).notes
+    assert [note.text for note in notes] == ["21 °C"]
 
 
 def find_node(rig, name):

@@ -33,8 +33,6 @@ def read_all(path: Path) -> None:
     recording = read_recording(path)
     for _ in recording.events():
         pass
-    for _ in recording.messages():
-        pass
 
 
 def main(folder: str, copies: str, *recordings: str) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.formats.hdf5 import read_hdf5, write_hdf5
@@ -18,48 +17,30 @@ from impact_rig.recordings.formats.uff import read_uff, write_uff
 from impact_rig.recordings.formats.wav import read_wav
 from impact_rig.recordings.new_file import write_new_file
 
-
-class Format(NamedTuple):
-    """What a file is, and who reads and writes it; None: it is not written.
-
-    Text is read here, piece by piece, and its numbers may be more than memory holds; all else by
-    libraries, in a process of its own.
-    """
-
-    kind: str
-    read: Callable[[Path], Measurement]
-    write: Callable[[Path, Measurement], None] | None = None
-
-    @property
-    def is_text(self) -> bool:
-        """Whether reading it takes no more than a piece of it."""
-        return self.read is read_text
-
-
-_UFF = "universal file, data set 58"
-FORMATS = {
-    ".lvm": Format("LabVIEW measurement", read_lvm),
-    ".tdms": Format("National Instruments TDMS", read_tdms, write_tdms),
-    ".uff": Format(_UFF, read_uff, write_uff),
-    ".unv": Format(_UFF, read_uff),
-    ".58": Format(_UFF, read_uff),
-    ".mat": Format("MATLAB", read_mat, write_mat),
-    ".h5": Format("HDF5", read_hdf5, write_hdf5),
-    ".hdf5": Format("HDF5", read_hdf5),
-    ".parquet": Format("Apache Parquet", read_parquet, write_parquet),
-    ".wav": Format("sound", read_wav),
-    ".csv": Format("text", read_text, write_text),
-    ".txt": Format("text", read_text),
-    ".dat": Format("text", read_text),
-    ".tsv": Format("text", read_text),
-    ".npy": Format("numpy array", read_npy),
-    ".npz": Format("numpy archive", read_npz),
+Read = Callable[[Path], Measurement]
+Write = Callable[[Path, Measurement], None]
+FORMATS: dict[str, tuple[Read, Write | None]] = {
+    ".lvm": (read_lvm, None),
+    ".tdms": (read_tdms, write_tdms),
+    ".uff": (read_uff, write_uff),
+    ".unv": (read_uff, None),
+    ".58": (read_uff, None),
+    ".mat": (read_mat, write_mat),
+    ".h5": (read_hdf5, write_hdf5),
+    ".hdf5": (read_hdf5, None),
+    ".parquet": (read_parquet, write_parquet),
+    ".wav": (read_wav, None),
+    ".csv": (read_text, write_text),
+    ".txt": (read_text, None),
+    ".dat": (read_text, None),
+    ".tsv": (read_text, None),
+    ".npy": (read_npy, None),
+    ".npz": (read_npz, None),
 }
-"""All formats by suffix."""
-READABLE = {suffix: item.kind for suffix, item in FORMATS.items()}
-"""What can be read: suffix and what it is."""
-WRITABLE = {suffix: item.kind for suffix, item in FORMATS.items() if item.write}
-"""What can be written."""
+"""Who reads and writes a format, by suffix; None: it is not written."""
+READABLE = tuple(FORMATS)
+WRITABLE = tuple(suffix for suffix, (_, write) in FORMATS.items() if write)
+"""Suffixes of what can be read, and written."""
 
 
 PROCESS = ReadingProcess()
@@ -90,16 +71,18 @@ def read_measurement(path: Path) -> Measurement:
     """
     path = Path(path)
     _check_readable(path)
-    found = FORMATS.get(path.suffix.lower())
-    if found is None:
+    read, _ = FORMATS.get(path.suffix.lower(), (None, None))
+    if read is None:
         raise _make_suffix_error(path, READABLE)
-    return parse_file(path) if found.is_text else PROCESS.read(path)
+    # Text passes piece by piece, and its numbers may be more than memory holds; all else is read
+    # by libraries, in a process of its own.
+    return parse_file(path) if read is read_text else PROCESS.read(path)
 
 
 def parse_file(path: Path) -> Measurement:
     """Read the same here, without limits; see `read_measurement`."""
     with blame_file(path):
-        return FORMATS[path.suffix.lower()].read(path)
+        return FORMATS[path.suffix.lower()][0](path)
 
 
 def write_measurement(path: Path, measurement: Measurement) -> None:
@@ -118,14 +101,14 @@ def write_measurement(path: Path, measurement: Measurement) -> None:
         If the format cannot hold the measurement, or the file cannot be written.
     """
     path = Path(path)
-    found = FORMATS.get(path.suffix.lower())
-    if found is None or found.write is None:
+    _, write = FORMATS.get(path.suffix.lower(), (None, None))
+    if write is None:
         raise _make_suffix_error(path, WRITABLE)
     with write_new_file(path) as part:
-        found.write(part, measurement)
+        write(part, measurement)
 
 
-def _make_suffix_error(path: Path, known: dict[str, str]) -> FileError:
+def _make_suffix_error(path: Path, known: tuple[str, ...]) -> FileError:
     return FileError(
         f"{path} is of a kind unknown here ({path.suffix or 'no suffix'}): it should be"
         f" {', '.join(known)}"
