@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import pytest
 from mcap.reader import make_reader
 
 from bench import recording as recording_part
@@ -37,8 +36,8 @@ def test_both_writers_are_compared_in_each_compression(bench: Bench, monkeypatch
     assert list(bench.folder.iterdir()) == []
 
 
-@pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_both_writers_write_the_same_messages(tmp_path: Path, compression: str) -> None:
+def test_both_writers_write_the_same_messages(tmp_path: Path) -> None:
+    compression = COMPRESSIONS[0]
     ours, bare = tmp_path / "ours.mcap", tmp_path / "bare.mcap"
     messages = [bytes([number]) * 8 for number in range(20)]
     recording_part.write_as_recorder(ours, messages, compression)

@@ -5,6 +5,7 @@ import math
 import random
 import struct
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -62,11 +63,12 @@ def test_nothing_stays_nothing():
 
 def test_damaged_recordings_are_all_read_in_all_ways(bench: Bench, tmp_path: Path) -> None:
     (tmp_path / "count").mkdir()
-    faults, number, _, *ways, memory = survival.measure_fuzz(bench)
+    few = replace(bench, extent=replace(bench.extent, mutations=2))
+    faults, number, _, *ways, memory = survival.measure_fuzz(few)
     assert faults.values == (0.0,)
-    assert number.values == (6.0,)
+    assert number.values == (2.0,)
     formats = survival.write_files(tmp_path / "count")
-    assert sum(figure.values[0] for figure in ways) == 6 * (len(damage.OPERATIONS) + formats)
+    assert sum(figure.values[0] for figure in ways) == 2 * (len(damage.OPERATIONS) + formats)
     assert memory.values[0] < 2000
 
 

@@ -215,7 +215,7 @@ def test_what_is_left_of_a_recording_is_exported_with_a_warning(
     assert len(read_measurement(tmp_path / "x.csv").channels) == 2
 
 
-@pytest.mark.parametrize("suffix", sorted(WRITABLE))
+@pytest.mark.parametrize("suffix", WRITABLE)
 def test_what_was_simulated_stays_so_through_export_and_import(
     run: Run, recorded: Any, tmp_path: Path, suffix: str
 ) -> None:

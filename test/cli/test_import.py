@@ -132,6 +132,8 @@ def test_a_force_becomes_acceleration_by_the_hammers_mass(
 def test_a_file_of_channels_holds_what_options_do_and_they_go_before_it(
     run: Run, save: Callable[..., Path], tmp_path: Path
 ) -> None:
+    template = run("import", "--template")
+    assert '[hammer]\nchannel = "Acceleration_0"' in template.stdout
     path, bench = save("hit.npy"), tmp_path / "bench.toml"
     bench.write_text(
         """
@@ -157,12 +159,6 @@ def test_a_file_of_channels_holds_what_options_do_and_they_go_before_it(
     assert block.hammer.scale == pytest.approx(980.665)
     assert block.hammer.full_scale == pytest.approx(9806.65)
     assert np.array_equal(block.hammer.output, np.load(path)[2])
-
-
-def test_the_template_is_printed_for_such_files(run: Run, tmp_path: Path) -> None:
-    outcome = run("import", "--template")
-    assert outcome.exit_code == 0
-    assert '[hammer]\nchannel = "Acceleration_0"' in outcome.stdout
 
 
 def test_the_window_can_be_given(run: Run, save: Callable[..., Path], tmp_path: Path) -> None:
@@ -239,17 +235,14 @@ def test_a_recording_is_never_overwritten(
     assert "give it the suffix .mcap" in outcome.stderr
 
 
-def test_where_the_sampling_is_too_slow_for_the_usual_low_pass_it_is_left_out_and_said(
+def test_a_low_pass_is_left_out_and_said_so_where_the_sampling_is_too_slow_unless_asked_for(
     run: Run, tmp_path: Path
 ) -> None:
-    output = tmp_path / "hits.mcap"
-    outcome = run("import", *REAL_HITS, "-o", output, "--hammer-unit", "N", "--hammer-mass", "1")
+    output = tmp_path / "usual.mcap"
+    outcome = run("import", *REAL_HITS, "-o", output, *ACCELERATION)
     assert outcome.exit_code == 0
     assert "25.6 kHz is too slow for the 50 kHz low-pass" in outcome.stderr
     assert read_recording(output).setup.analysis.cutoff_frequency == 0.0
-
-
-def test_a_low_pass_that_was_asked_for_is_not_left_out(run: Run, tmp_path: Path) -> None:
     output = tmp_path / "hits.mcap"
     outcome = run("import", *REAL_HITS, "-o", output, "--cutoff", "50 kHz", *ACCELERATION)
     assert outcome.exit_code == 2

@@ -52,14 +52,6 @@ MESSAGE = SimpleNamespace(
 )
 
 
-def test_stated_uncertainties_are_read():
-    setup = setup_from_msg(MESSAGE)
-    assert setup.hammer_mass_uncertainty == 2e-4
-    assert setup.samples.accelerometer_mass_uncertainty == 1e-4
-    assert setup.clock_uncertainty == 1e-6
-    assert setup.samples.find("oak").mass_uncertainty == 5e-6
-
-
 def test_the_selection_of_a_recording_is_read():
     new = copy.deepcopy(MESSAGE)
     new.analysis.maximum_peak, new.analysis.keep_hits = 0.9, 10

@@ -124,12 +124,6 @@ def list_parts(text: str) -> list[str]:
     return [after for line, after in pairwise(lines) if line == SEPARATOR]
 
 
-def test_a_type_without_dependencies_is_its_own_text():
-    assert find_message_definition("builtin_interfaces/msg/Time").text == (
-        "int32 sec\n\nuint32 nanosec\n"
-    )
-
-
 def test_all_dependencies_are_appended_once_each():
     definition = find_message_definition("impact_rig_msgs/msg/AccelerationBlock")
     assert definition.type_name == "impact_rig_msgs/msg/AccelerationBlock"

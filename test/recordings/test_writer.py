@@ -167,39 +167,6 @@ def test_the_free_space_shrinks_by_what_waits_to_be_written(make_recording, monk
     assert maker.writer.free_space == 0
 
 
-def test_one_file_never_takes_the_place_of_another(tmp_path):
-    path = tmp_path / "evidence.mcap"
-    path.write_bytes(b"precious")
-    with pytest.raises(FileError, match=r"evidence\.mcap exists already"):
-        McapWriter(path)
-    assert path.read_bytes() == b"precious"
-
-
-def test_a_folder_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(FileError, match="No such file or directory"):
-        McapWriter(tmp_path / "nowhere" / "session.mcap")
-
-
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [({"compression": "gzip"}, "zstd, lz4, none"), ({"chunk_size": 0}, "must be positive")],
-)
-def test_impossible_options_leave_no_file_behind(tmp_path, options, told):
-    with pytest.raises(ParameterError, match=told):
-        McapWriter(tmp_path / "session.mcap", **options)
-    assert list(tmp_path.glob("*.mcap")) == []
-
-
-def test_the_counters_tell_what_was_written(make_recording):
-    maker = make_recording()
-    maker.add_setup()
-    assert maker.writer.messages == 1
-    maker.add_block(1)
-    maker.close()
-    assert (maker.writer.messages, maker.writer.size) == (2, maker.path.stat().st_size)
-    assert maker.writer.closed
-
-
 def test_what_was_flushed_is_read_while_the_file_is_still_open(make_recording):
     maker = make_recording()
     maker.add_setup()
@@ -445,6 +412,7 @@ def test_a_stream_is_sent_to_the_disk_while_it_is_written(make, monkeypatch):
         ("session", {"split_duration": float("nan")}, "split_duration is nan s"),
         ("session", {"keep_free": -1}, "keep_free is -1 byte: it must not be negative"),
         ("session", {"compression": "gzip"}, "zstd, lz4, none"),
+        ("session", {"chunk_size": 0}, "must be positive"),
     ],
 )
 def test_impossible_options_leave_nothing_behind(tmp_path, name, options, told):

@@ -6,8 +6,6 @@ import pytest
 
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.present.report.document import Paragraph, Picture
-from impact_rig.present.report.page import render_page
-from impact_rig.present.report.report import make_report
 from impact_rig.present.report.simulators import make_simulators_section
 from impact_rig.results.run import Run
 from impact_rig.results.tables import Table
@@ -53,11 +51,3 @@ def test_without_a_law_it_says_why(run):
     section = make_simulators_section(replace(run, campaign=TracedCampaign(results, (), ())))
     (part,) = section.parts
     assert "no identified contact law: there was no pulse." in part.text
-
-
-def test_it_stands_in_the_report_only_when_asked_for(run):
-    without, with_it = (
-        render_page(make_report([run], with_simulators=wanted)) for wanted in (False, True)
-    )
-    assert "In simulators" not in without
-    assert "Contacts for Drake" in with_it

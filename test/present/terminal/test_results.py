@@ -5,7 +5,6 @@ import re
 from dataclasses import replace
 
 import pytest
-from rich.cells import cell_len
 from rich.console import Console
 
 from impact_rig.core.estimation.fits import FittedModel
@@ -50,25 +49,6 @@ def test_eighty_columns_are_enough_and_every_name_keeps_its_line(results: Result
     for cell in PUBLISHED_SAMPLES:
         # Tables 2 to 4, Fig. 6, pulse shape, contact law and free decay; no model describes it.
         assert len(re.findall(rf"^{cell.name}(?![,:])", text, re.MULTILINE)) == 7
-
-
-@pytest.mark.parametrize("width", [60, 79, 100, 200])
-def test_nothing_is_wider_than_the_terminal_and_no_number_is_cut(
-    results: Results, width: int
-) -> None:
-    hits = tuple(
-        replace(hit, accepted=False, reasons=REASONS) if place % 3 == 0 else hit
-        for place, hit in enumerate(results.hits)
-    )
-    changed = replace(results, hits=hits)
-    text = render(print_results, changed, width=width)
-    assert max(map(cell_len, text.splitlines())) <= width
-    assert "…" not in text
-    numbers = NUMBER.findall(text)
-    assert set(numbers) <= set(NUMBER.findall(render(print_results, changed, width=10_000)))
-    for sample in results.samples:
-        for value in (sample.contact_time.value * 1e6, sample.stiffness.value * 1e-6):
-            assert any(abs(float(found) - value) < 0.01 * value for found in numbers)
 
 
 @pytest.mark.parametrize(("terminal", "no_color"), [(True, ""), (True, "1"), (False, "")])

@@ -30,11 +30,6 @@ def test_the_rate_is_the_inverse_of_the_step_to_the_last_bits(step):
     assert rate == pytest.approx(1.0 / step, rel=1e-15)
 
 
-@given(st.integers(1, 10**9))
-def test_whole_rates_come_back_from_their_step(rate):
-    assert round_rate(1.0 / rate) == rate
-
-
 @pytest.mark.parametrize("step", [0.0, -1.0, math.nan, math.inf, 5e-324])
 def test_what_is_no_step_gives_no_rate(step):
     assert math.isnan(round_rate(step))
@@ -47,13 +42,6 @@ def test_nobody_can_change_the_numbers_of_a_channel():
     assert channel.values.tolist() == [1.0, 2.0]
     with pytest.raises(ValueError, match="read-only"):
         channel.values[0] = 5.0
-
-
-def test_what_a_file_does_not_state_is_not_made_up():
-    channel = MeasuredChannel("a", np.zeros(2))
-    assert math.isnan(channel.sampling_rate)
-    assert (channel.unit, channel.start) == ("", 0.0)
-    assert (channel.recorded_at, channel.stamp) == (0, 0)
 
 
 @pytest.mark.parametrize(

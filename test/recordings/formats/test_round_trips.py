@@ -156,15 +156,6 @@ def test_what_a_universal_file_cannot_hold_is_refused_and_leaves_no_file(tmp_pat
     assert not list(tmp_path.glob("*.uff*"))
 
 
-@pytest.mark.parametrize("suffix", WRITABLE)
-def test_nothing_is_overwritten(tmp_path, suffix):
-    path = tmp_path / f"a{suffix}"
-    path.write_text("mine")
-    with pytest.raises(FileError, match="exists already"):
-        write_measurement(path, Measurement(path, (MeasuredChannel("a", np.ones(3), 1.0),)))
-    assert path.read_text() == "mine"
-
-
 def test_a_format_that_cannot_be_written_is_named(tmp_path):
     measurement = Measurement(tmp_path, (MeasuredChannel("a", np.ones(3), 1.0),))
     with pytest.raises(FileError, match=r"a\.wav is of a kind unknown here \(\.wav\): .* \.uff"):
