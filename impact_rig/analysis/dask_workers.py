@@ -17,7 +17,7 @@ from distributed.comm.addressing import get_address_host_port
 from distributed.scheduler import KilledWorker
 
 from impact_rig import __version__
-from impact_rig.analysis.batch_task import BatchOutcome, BatchTask
+from impact_rig.analysis.batch import BatchOutcome, BatchTask
 from impact_rig.core.errors import RigError
 
 LOOPBACK = "127.0.0.1"

@@ -9,8 +9,7 @@ import click
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, TextColumn
 
-from impact_rig.analysis.batch import analyze_batch
-from impact_rig.analysis.batch_task import BatchTask
+from impact_rig.analysis.batch import BatchTask, analyze_batch
 from impact_rig.analysis.measured_files import make_series
 from impact_rig.analysis.recording_analysis import (
     AnalyzedRecording,

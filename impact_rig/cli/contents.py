@@ -17,7 +17,6 @@ from impact_rig.cli.progress_bar import PATIENCE, ProgressBar, TimeLeft
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.hits.overrule import describe_label
 from impact_rig.core.origin import join_origins
-from impact_rig.core.setup.calibration_age import describe_calibration_age
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.present.terminal.console import ALARM, make_console, print_table
 from impact_rig.recordings.contents import RECOVERY_RECORD, Contents, inspect_recording
@@ -55,7 +54,7 @@ def describe_old_calibrations(contents: Contents) -> list[str]:
         day = datetime.fromtimestamp(contents.start_time * 1e-9, tz=UTC).date().isoformat()
     except (OverflowError, OSError, ValueError):
         return []
-    found = [describe_calibration_age(sensor, day) for sensor in read_sensors(contents)]
+    found = [sensor.describe_age(day) for sensor in read_sensors(contents)]
     return [text for text in found if text]
 
 

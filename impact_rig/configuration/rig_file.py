@@ -13,7 +13,6 @@ from impact_rig.configuration.units import parse_quantity, parse_reading, parse_
 from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.core.quantity import list_stored
 from impact_rig.core.setup.calibration import compute_scale, normalize_unit
-from impact_rig.core.setup.calibration_age import list_calibration_warnings
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import (
     DEFAULT_CLOCK_UNCERTAINTY,
@@ -186,7 +185,7 @@ def _check_unit(table: TomlTable, key: str, unit: str, quantity: str) -> str:
 
 def list_rig_warnings(setup: RigSetup) -> tuple[str, ...]:
     """Return which calibrations are too old on this day."""
-    return list_calibration_warnings(setup, read_today())
+    return setup.list_calibration_warnings(read_today())
 
 
 def read_today() -> str:

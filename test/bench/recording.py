@@ -14,7 +14,7 @@ from mcap.writer import Writer
 
 from bench.campaigns import COMPRESSIONS, compress_anew
 from bench.measure import Bench, Figure, at_least, at_most, compare_times, divide, part
-from impact_rig.analysis.batch_task import BatchTask
+from impact_rig.analysis.batch import BatchTask
 from impact_rig.core.errors import RigError
 from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.reader import read_recording

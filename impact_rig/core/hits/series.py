@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from impact_rig.core.errors import FileError
 from impact_rig.core.hits.averaging import AveragedHit, HitSum, MeanHit, shift_hit
-from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.hits.hit import FilteredHit, JudgedHit
 from impact_rig.core.hits.outliers import (
     QUANTITIES,
     Criterion,
@@ -28,8 +28,9 @@ from impact_rig.core.hits.outliers import (
     explain_outlier,
     read_figures,
 )
-from impact_rig.core.hits.polarity import match_polarity
+from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.hits.reasons import Reason, Rejection
+from impact_rig.core.hits.verdict import CHANNELS
 from impact_rig.core.signals.record import FloatArray, HitLabel
 
 
@@ -84,6 +85,9 @@ whole published campaign."""
 
 DOUBTS = (Reason.RINGING, Reason.UNSTEADY_ZERO)
 """Findings that are not corrected: they cannot be told from what is harmless."""
+LEAST_LIKENESS = 0.5
+"""Correlation with the hits before over the contact, signs apart, from which on a channel tells
+its polarity [-], our choice: good hits have 0.95 and more."""
 Numbers = NDArray[np.int64]
 
 
@@ -180,8 +184,37 @@ class HitSeries:
         return tuple(corrected), tuple(doubtful)
 
     def match_polarity(self, hit: JudgedHit, *, turns: bool) -> JudgedHit:
-        """Hold the polarity of an accepted hit against the mean so far, see `polarity`."""
-        return match_polarity(hit, self._sum, turns=turns)
+        """Return an accepted hit with its polarity held against the hits in the mean so far.
+
+        The first one says how the sensors are: a mean of both signs would be of neither.
+
+        Parameters
+        ----------
+        hit : JudgedHit
+            Accepted as far as it is judged alone.
+        turns : bool
+            Turn a channel of the other sign; False: reject the hit.
+        """
+        filtered = hit.filtered
+        if filtered is None or not self._sum.summary.count:
+            return hit
+        turned = _find_turned(filtered, self._sum)
+        if not turned:
+            return hit
+        names = " and ".join(CHANNELS[channel] for channel in turned)
+        why = f"{names} of the other sign than in the hits before"
+        if not turns:
+            why += "; --polarity auto turns them"
+            return replace(hit, rejections=(Rejection(Reason.POLARITY, why),))
+        signs = np.ones((len(filtered.traces), 1))
+        signs[turned] = -1.0
+        traces = signs * filtered.traces
+        traces.setflags(write=False)
+        return replace(
+            hit,
+            filtered=replace(filtered, traces=traces, pulse=measure_pulse(traces[0])),
+            findings=(*hit.findings, Rejection(Reason.POLARITY, why)),
+        )
 
     def check(self, hit: JudgedHit) -> tuple[Rejection, ...]:
         """Compare an accepted hit with all accepted hits so far, and itself.
@@ -310,3 +343,23 @@ class HitSeries:
         self._sum = HitSum()
         for number in self._list_kept().tolist():
             self._sum = self._sum.add(self._traces.read(number))
+
+
+def _find_turned(hit: FilteredHit, before: HitSum) -> list[int]:
+    """Return the channels of the other sign."""
+    middle, reach = round(hit.pulse.middle), math.ceil(hit.pulse.half_amplitude_width)
+    reach = min(
+        reach,
+        middle,
+        before.origin,
+        hit.traces.shape[1] - middle,
+        before.total.shape[1] - before.origin,
+    )
+    turned = []
+    for channel, (ours, theirs) in enumerate(zip(hit.traces, before.total, strict=False)):
+        one = ours[middle - reach : middle + reach]
+        other = theirs[before.origin - reach : before.origin + reach]
+        scale = math.sqrt(float(one @ one) * float(other @ other))
+        if float(one @ other) < -LEAST_LIKENESS * scale:
+            turned.append(channel)
+    return turned

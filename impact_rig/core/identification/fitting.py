@@ -21,7 +21,6 @@ from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.identification.identifiability import GOOD_CHI_SQUARE, LARGEST_RESIDUAL
 from impact_rig.core.identification.measured_model import MeasuredModel
 from impact_rig.core.identification.starting_values import StartingValues, find_starts
-from impact_rig.core.model.impact import ModelVariant
 from impact_rig.core.model.pulses import VERSED_SINE
 from impact_rig.core.signals.filtering import low_pass
 from impact_rig.core.signals.record import FloatArray, make_read_only
@@ -338,8 +337,8 @@ class FitProblem:
         return np.asarray(values + np.array(steps).reshape(-1, values.size))
 
 
-STARTS = {ModelVariant.DRIVEN: 4, ModelVariant.PRINTED: 4}
-"""Starts that are tried at most [-], our choice."""
+MOST_STARTS = 4
+"""That are tried at most [-], our choice."""
 FIRST_EVALUATIONS = 15
 """Evaluations of the model from each start [-], our choice: a good one needs some ten."""
 MOST_EVALUATIONS = 50
@@ -380,7 +379,7 @@ def find_best_fit(problem: FitProblem, given: StartingValues) -> FitSolution:
     """
     coarse = problem.thin()
     starts = find_starts(coarse.measured, coarse.traces, given)
-    solution = _search(coarse, islice(starts, STARTS[problem.measured.variant]))
+    solution = _search(coarse, islice(starts, MOST_STARTS))
     if coarse is problem:
         return solution
     refined = problem.solve(solution.values, MOST_EVALUATIONS)

@@ -254,6 +254,10 @@ class RigSetup:
         known = (sensor for sensor in self.sensors if sensor.channel == channel)
         return next(known, Sensor(channel))
 
+    def list_calibration_warnings(self, today: str) -> tuple[str, ...]:
+        """Return in one sentence each which sensors were calibrated too long ago, on a day."""
+        return tuple(filter(None, (sensor.describe_age(today) for sensor in self.sensors)))
+
     @property
     def responses(self) -> tuple[SensorResponse, SensorResponse]:
         """Of both channels' sensors."""

@@ -28,6 +28,9 @@ QUANTITIES = {"acceleration": tuple(ACCELERATIONS), "force": tuple(FORCES)}
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 
+LONGEST_INTERVAL = 1
+"""Age of a calibration above which a warning is due [years]: the interval that makers of
+accelerometers and force sensors usually recommend."""
 DEFAULT_RESONANCE_DAMPING = 0.02
 """Of a mounted accelerometer's resonance where its sheet states none [-], our choice."""
 
@@ -185,6 +188,21 @@ class Sensor:
         Parameters and errors as `compute_scale`; a sensitivity is not needed.
         """
         return self.full_scale * compute_scale(self.unit, moving_mass) if self.full_scale else 0.0
+
+    def describe_age(self, today: str) -> str:
+        """Say what there is of its calibration on a day, year-month-day; empty: nothing."""
+        day = self.calibration_date
+        if not day:
+            return ""
+        serial = f" {self.serial_number}" if self.serial_number else ""
+        told = f"the {self.channel} sensor{serial} was calibrated on {day}"
+        year, rest = today[:4], today[4:]
+        # Days written year-month-day sort as texts.
+        if day < f"{int(year) - LONGEST_INTERVAL:04d}{rest}":
+            return f"{told}, over a year before {today}: have it calibrated anew"
+        if day > today:
+            return f"{told}, which lies ahead of {today}: check calibration_date and this clock"
+        return ""
 
     def describe(self) -> str:
         """Return what is known of the sensor, in a few words."""

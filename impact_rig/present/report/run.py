@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.setup.calibration_age import list_calibration_warnings
 from impact_rig.present.figures.law_figure import draw_law_figure
 from impact_rig.present.figures.paper_figures import draw_campaign_figures
 from impact_rig.present.figures.sample_figure import draw_sample_figure
@@ -199,7 +198,7 @@ def _gather_warnings(run: Run) -> list[Remark]:
         texts += [*provenance.problems, *losses]
         if is_dated(provenance):
             day = format_time(provenance.start_time).partition(" ")[0]
-            texts += list_calibration_warnings(results.setup, day)
+            texts += results.setup.list_calibration_warnings(day)
     # Whoever read a damaged file warns of it, too.
     recording = [
         *(Remark(text, "recording" if run.has_traces else "") for text in run.warnings),

@@ -4,10 +4,6 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.core.setup.calibration_age import (
-    describe_calibration_age,
-    list_calibration_warnings,
-)
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.sensors import Sensor
 
@@ -26,7 +22,7 @@ from impact_rig.core.setup.sensors import Sensor
     ],
 )
 def test_a_calibration_holds_for_a_year(calibrated, today, told):
-    warning = describe_calibration_age(Sensor("hammer", calibration_date=calibrated), today)
+    warning = Sensor("hammer", calibration_date=calibrated).describe_age(today)
     assert told in warning
     assert bool(told) == bool(warning)
 
@@ -36,9 +32,9 @@ def test_each_sensor_is_told_of_with_its_serial_number():
         Sensor("hammer", serial_number="LW1", calibration_date="2020-01-01"),
         Sensor("specimen", serial_number="LW2", calibration_date="2026-01-01"),
     )
-    (told,) = list_calibration_warnings(replace(PAPER_SETUP, sensors=sensors), "2026-11-21")
+    (told,) = replace(PAPER_SETUP, sensors=sensors).list_calibration_warnings("2026-11-21")
     assert told.startswith("the hammer sensor LW1 was calibrated on 2020-01-01")
-    assert list_calibration_warnings(PAPER_SETUP, "2026-11-21") == ()
+    assert PAPER_SETUP.list_calibration_warnings("2026-11-21") == ()
 
 
 def test_a_sensor_says_what_is_known_of_it():
