@@ -37,7 +37,7 @@ def test_both_writers_are_compared_in_each_compression(bench: Bench, monkeypatch
 
 
 def test_both_writers_write_the_same_messages(tmp_path: Path) -> None:
-    compression = COMPRESSIONS[0]
+    compression = "lz4"
     ours, bare = tmp_path / "ours.mcap", tmp_path / "bare.mcap"
     messages = [bytes([number]) * 8 for number in range(20)]
     recording_part.write_as_recorder(ours, messages, compression)
