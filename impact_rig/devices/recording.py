@@ -4,7 +4,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -23,29 +23,29 @@ from impact_rig.recordings.reader import (
 )
 
 
+@dataclass(frozen=True)
 class RecordedHits:
     """The hits of one recorded campaign, each handed out once.
 
-    Parameters
+    Attributes
     ----------
-    path : Path
-        Of the recording, for messages.
+    recording : Recording
+        Where they are.
     hits : sequence of IndexedHit
         In the order in which they were recorded.
+    used : set of IndexedHit
+        Those that have been delivered.
+    sampling_rate : float
+        Of all of them [Hz].
+    block_size : int
+        Points per block, at most.
     """
 
-    def __init__(self, path: Path, hits: Sequence[IndexedHit]) -> None:
-        self._path = path
-        self._hits = tuple(hits)
-        self._used: set[IndexedHit] = set()
-
-    def __len__(self) -> int:
-        """Return how many hits there are, used or not."""
-        return len(self._hits)
-
-    def rewind(self) -> None:
-        """Hand out all hits again."""
-        self._used.clear()
+    recording: Recording
+    hits: Sequence[IndexedHit]
+    sampling_rate: float
+    block_size: int
+    used: set[IndexedHit] = field(default_factory=set)
 
     def list_left(self, sample: str) -> tuple[IndexedHit, ...]:
         """Return the hits of a sample that have not been used.
@@ -55,18 +55,17 @@ class RecordedHits:
         DeviceError
             If there is none.
         """
-        hits = [hit for hit in self._hits if hit.label.sample == sample]
-        left = tuple(hit for hit in hits if hit not in self._used)
+        hits = [hit for hit in self.hits if hit.label.sample == sample]
+        left = tuple(hit for hit in hits if hit not in self.used)
         if left:
             return left
+        path = self.recording.path
         if hits:
             raise DeviceError(
-                f"recording {self._path} holds no further hit of {sample!r}: it has {len(hits)}"
+                f"recording {path} holds no further hit of {sample!r}: it has {len(hits)}"
             )
-        known = ", ".join(dict.fromkeys(hit.label.sample for hit in self._hits))
-        raise DeviceError(
-            f"recording {self._path} holds no hit of {sample!r}: it has hits of {known}"
-        )
+        known = ", ".join(dict.fromkeys(hit.label.sample for hit in self.hits))
+        raise DeviceError(f"recording {path} holds no hit of {sample!r}: it has hits of {known}")
 
     def choose(self, label: HitLabel) -> IndexedHit:
         """Return the hit of this sample, impact and attempt, else the sample's next one.
@@ -82,19 +81,31 @@ class RecordedHits:
                 return hit
         return left[0]
 
-    def use(self, hit: IndexedHit) -> None:
-        """Take a hit out, because it has been delivered."""
-        self._used.add(hit)
+    def read(self, hit: IndexedHit) -> list[Block]:
+        """Return the blocks of a hit.
 
+        Raises
+        ------
+        DeviceError
+            If the file cannot be read, or the hit has another rate than the first one.
+        """
+        try:
+            recorded = read_hit(self.recording, hit)
+        except FileError as error:
+            raise DeviceError(str(error)) from None
+        for block in recorded:
+            if block.sampling_rate != self.sampling_rate:
+                raise DeviceError(
+                    f"record {block.label.record} of {self.recording.path} was sampled at"
+                    f" {block.sampling_rate:g} Hz, the first hit at {self.sampling_rate:g} Hz: a"
+                    " source has one rate"
+                )
+        return list(recorded)
 
-@dataclass(frozen=True)
-class _OpenedRecording:
-    """What is there between `configure` and `close`."""
-
-    recording: Recording
-    hits: RecordedHits
-    sampling_rate: float
-    block_size: int
+    def check_file(self) -> None:
+        """Raise `DeviceError` if the recording's files are gone."""
+        if not self.recording.path.exists():
+            raise DeviceError(f"recording {self.recording.path} is gone")
 
 
 class RecordingSource:
@@ -122,7 +133,7 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
         self._path = Path(options.take_text("file", REQUIRED, "session.mcap")).expanduser()
         self._namespace = options.take_text("namespace") or None
         self._campaign = options.take_whole("campaign", 1, 1_000_000, 1)
-        self._opened: _OpenedRecording | None = None
+        self._opened: RecordedHits | None = None
         self._is_armed = False
         self._hit: IndexedHit | None = None
         self._blocks: deque[Block] = deque()
@@ -163,20 +174,19 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
             raise DeviceError(str(self._options.make_error("file", str(error)))) from None
         with self._changed:
             self._stop()
-            hits_left = RecordedHits(recording.path, hits)
-            self._opened = _OpenedRecording(recording, hits_left, rate, plan.block_size)
+            self._opened = RecordedHits(recording, hits, rate, plan.block_size)
         return Acquisition(f"recording {recording.path} with {len(hits)} hits", rate)
 
     def take_setup(self, _: RigSetup) -> None:
         """Begin a campaign: all hits are there again."""
         with self._changed:
             if self._opened is not None:
-                self._opened.hits.rewind()
+                self._opened.used.clear()
 
     def check_sample(self, name: str) -> None:
         """Raise `DeviceError` if the recording has no hit of this sample left."""
         with self._changed:
-            self._get_opened().hits.list_left(name)
+            self._get_opened().list_left(name)
 
     def arm(self) -> None:
         """Wait for a strike."""
@@ -199,17 +209,13 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
             opened = self._get_opened()
             if not self._is_armed:
                 raise DeviceError(f"{label.sample!r} is struck, but the recording is not armed")
-            hit = opened.hits.choose(label)
-            try:
-                recorded = read_hit(opened.recording, hit)
-            except FileError as error:
-                raise DeviceError(str(error)) from None
-            _check_rate(opened, recorded)
+            hit = opened.choose(label)
+            recorded = opened.read(hit)
             self._blocks.clear()
             self._blocks.extend(_make_blocks(recorded, stamp, opened.block_size))
             self._hit, self._due = hit, due
             if not self._blocks:
-                opened.hits.use(hit)
+                opened.used.add(hit)
             self._changed.notify_all()
 
     def read(self, timeout: float) -> Block | None:
@@ -223,7 +229,7 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
         deadline = time.monotonic() + timeout
         with self._changed:
             opened = self._get_opened()
-            _check_file(opened)
+            opened.check_file()
             while not self._blocks or self._due > time.monotonic():
                 until = min(deadline, self._due) if self._blocks else deadline
                 if deadline <= time.monotonic():
@@ -231,7 +237,7 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
                 self._changed.wait(max(until - time.monotonic(), 0.0))
             block = self._blocks.popleft()
             if block.last and self._hit is not None:
-                opened.hits.use(self._hit)
+                opened.used.add(self._hit)
                 self._is_armed = False
             return block
 
@@ -243,7 +249,7 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
     def check(self) -> None:
         """See that the recording's files are there; raises `DeviceError`."""
         with self._changed:
-            _check_file(self._get_opened())
+            self._get_opened().check_file()
 
     def close(self) -> None:
         """Let the recording go."""
@@ -255,25 +261,10 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
         self._is_armed, self._hit = False, None
         self._blocks.clear()
 
-    def _get_opened(self) -> _OpenedRecording:
+    def _get_opened(self) -> RecordedHits:
         if self._opened is None:
             raise DeviceError(f"recording {self._path} is not open: configure the source first")
         return self._opened
-
-
-def _check_file(opened: _OpenedRecording) -> None:
-    if not opened.recording.path.exists():
-        raise DeviceError(f"recording {opened.recording.path} is gone")
-
-
-def _check_rate(opened: _OpenedRecording, recorded: Sequence[Block]) -> None:
-    for block in recorded:
-        if block.sampling_rate != opened.sampling_rate:
-            raise DeviceError(
-                f"record {block.label.record} of {opened.recording.path} was sampled at"
-                f" {block.sampling_rate:g} Hz, the first hit at {opened.sampling_rate:g} Hz: a"
-                " source has one rate"
-            )
 
 
 def _make_blocks(recorded: Sequence[Block], stamp: int, size: int) -> Iterator[Block]:

@@ -38,6 +38,8 @@ from impact_rig.results.wire import from_message
 
 LOOK_PERIOD = 0.1
 """How often something that sends no event is looked at [s]."""
+TRUTH_TIMEOUT = 2.0
+"""How long the virtual rig may take to tell its faults of rejected hits after the last one [s]."""
 
 
 class RigClient:
@@ -67,6 +69,8 @@ class RigClient:
             )
         self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
+        self._setup: CoreRigSetup | None = None
+        self._faults: dict[int, tuple[str, ...]] = {}
 
     def __enter__(self) -> Self:
         """Return the client."""
@@ -95,6 +99,44 @@ class RigClient:
                 liveliness=note_liveliness, use_default_callbacks=False
             ),
         )
+
+    def collect(
+        self, result: RunCampaign.Result | GetResults.Response, *, has_truths: bool
+    ) -> Results | None:
+        """Return what came back over ROS as the results that leave the rig; None: of no set-up.
+
+        Parameters
+        ----------
+        result : RunCampaign.Result or GetResults.Response
+            What was found.
+        has_truths : bool
+            Whether the virtual rig tells its faults of each hit, for which to wait a little.
+        """
+        hits = sorted([*result.accepted, *result.rejected], key=lambda hit: hit.record)
+        if has_truths:
+            self.spin_until(lambda: all(hit.record in self._faults for hit in hits), TRUTH_TIMEOUT)
+        if self._setup is None:
+            return None
+        return Results(
+            setup=self._setup,
+            hammer=from_message(HammerEstimate, result.hammer),
+            samples=tuple(from_message(SampleEstimate, each) for each in result.samples),
+            hits=tuple(
+                result_messages.hit_results_from_msg(hit, self._faults.get(hit.record, ()))
+                for hit in hits
+            ),
+            speed_exponents=tuple(
+                from_message(SpeedExponents, each) for each in result.speed_exponents
+            ),
+        )
+
+    def keep_setup(self, message: RigSetup) -> None:
+        """Take the set-up that results are found with."""
+        self._setup = setup_from_msg(message)
+
+    def keep_truth(self, message: VirtualImpact) -> None:
+        """Take what the virtual rig did on purpose."""
+        self._faults[message.record] = tuple(message.faults)
 
     def spin_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Take messages until a condition is true; return whether it came true in time [s]."""
@@ -213,8 +255,6 @@ NEW_ONES = interfaces.RELEASE.lease_qos(
     )
 )
 """Releases of the past are nobody's business here."""
-TRUTH_TIMEOUT = 2.0
-"""How long the virtual rig may take to tell its faults of rejected hits after a campaign [s]."""
 
 
 CampaignGoal: TypeAlias = RunCampaign.Goal
@@ -269,37 +309,6 @@ class Operator(Protocol):
         ...
 
 
-def results_from_msgs(
-    result: RunCampaign.Result | GetResults.Response,
-    setup: CoreRigSetup,
-    faults_by_record: dict[int, tuple[str, ...]],
-) -> Results:
-    """Return what came back over ROS as the results that leave the rig.
-
-    Parameters
-    ----------
-    result : RunCampaign.Result or GetResults.Response
-        What was found.
-    setup : RigSetup
-        That it was found with.
-    faults_by_record : dict of int to tuple of str
-        Injected faults, as far as they are known.
-    """
-    hits = sorted([*result.accepted, *result.rejected], key=lambda hit: hit.record)
-    return Results(
-        setup=setup,
-        hammer=from_message(HammerEstimate, result.hammer),
-        samples=tuple(from_message(SampleEstimate, each) for each in result.samples),
-        hits=tuple(
-            result_messages.hit_results_from_msg(hit, faults_by_record.get(hit.record, ()))
-            for hit in hits
-        ),
-        speed_exponents=tuple(
-            from_message(SpeedExponents, each) for each in result.speed_exponents
-        ),
-    )
-
-
 class CampaignClient(RigClient):
     """Runs campaigns on a rig that is up; use it in a ``with`` statement.
 
@@ -311,16 +320,14 @@ class CampaignClient(RigClient):
 
     def __init__(self, namespace: str = "") -> None:
         super().__init__("campaign_client", namespace)
-        self._faults: dict[int, tuple[str, ...]] = {}
-        self._setup: CoreRigSetup | None = None
         self._acquisition: AcquisitionState | None = None
         self._goal: Any = None
         self._is_begun_anew = False
         self._operator: Operator | None = None
         self._feedback = RunCampaign.Feedback()
         self._duties: list[Callable[[], None]] = []
-        self.listen(interfaces.VIRTUAL_IMPACT, self._keep_truth)
-        self.listen(interfaces.SETUP, self._keep_setup, note_liveliness=self._note_campaign)
+        self.listen(interfaces.VIRTUAL_IMPACT, self.keep_truth)
+        self.listen(interfaces.SETUP, self._take_setup, note_liveliness=self._note_campaign)
         self.listen(interfaces.ACQUISITION_STATE, self._keep_acquisition)
         self.listen(interfaces.RELEASE, self._take_release, NEW_ONES)
         note = interfaces.NOTE
@@ -478,15 +485,10 @@ class CampaignClient(RigClient):
         self._goal = None
 
     def _conclude(self, result: RunCampaign.Result, status: int) -> CampaignOutcome:
-        struck = {hit.record for hit in (*result.accepted, *result.rejected)}
-        if self.is_hammerless:
-            self.spin_until(lambda: struck <= self._faults.keys(), TRUTH_TIMEOUT)
         return CampaignOutcome(
             success=result.success and status == GoalStatus.STATUS_SUCCEEDED,
             message=result.message,
-            results=None
-            if self._setup is None
-            else results_from_msgs(result, self._setup, self._faults),
+            results=self.collect(result, has_truths=self.is_hammerless),
             recording=result.recording,
         )
 
@@ -507,14 +509,11 @@ class CampaignClient(RigClient):
         if not self._action.server_is_ready() and not rest:
             raise DeviceError("the campaign node has gone: see the rig's log")
 
-    def _keep_truth(self, message: VirtualImpact) -> None:
-        self._faults[message.record] = tuple(message.faults)
-
     def _keep_acquisition(self, message: AcquisitionState) -> None:
         self._acquisition = message
 
-    def _keep_setup(self, message: RigSetup) -> None:
+    def _take_setup(self, message: RigSetup) -> None:
         if not stamp_from_msg(message.header.stamp) and self._setup is not None:
             self._is_begun_anew = True
-            return
-        self._setup = setup_from_msg(message)
+        else:
+            self.keep_setup(message)

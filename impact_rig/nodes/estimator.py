@@ -234,16 +234,10 @@ class EstimatorNode(RigNode):
     def _check(self) -> None:
         """Publish the estimates of the samples struck last anew, with what stands beside them."""
         self._checking.cancel()
-        session, names = self._session, tuple(self._unchecked)
+        names = tuple(self._unchecked)
         self._unchecked.clear()
-        if session is None:
-            return
-        try:
-            for name in names:
-                stamp = self.get_clock().now().to_msg()
-                self._publish_estimate(session.estimate_sample(name), stamp)
-        except RigError as error:
-            self.report_fault(str(error))
+        for name in names:
+            self._publish_anew(name)
 
     def _catch_up(self) -> None:
         """Publish one estimate that a hit on the control sample has changed; then the others.
@@ -251,21 +245,27 @@ class EstimatorNode(RigNode):
         What has come meanwhile goes first.
         """
         self._pause.cancel()
-        if self._session is None or not self._outdated:
+        if not self._outdated:
             return
         name = next(iter(self._outdated))
         del self._outdated[name]
-        try:
-            stamp = self.get_clock().now().to_msg()
-            self._publish_estimate(self._session.estimate_sample(name), stamp)
-        except RigError as error:
-            self.report_fault(str(error))
+        self._publish_anew(name)
         self.run_soon(self._go_on)
 
     def _go_on(self) -> None:
         # A hit on the control sample has begun the pause anew, and changes them once more.
         if self._pause.is_canceled():
             self._catch_up()
+
+    def _publish_anew(self, name: str) -> None:
+        """Publish the estimate of a sample with what stands beside the numbers."""
+        if self._session is None:
+            return
+        try:
+            stamp = self.get_clock().now().to_msg()
+            self._publish_estimate(self._session.estimate_sample(name), stamp)
+        except RigError as error:
+            self.report_fault(str(error))
 
     def _publish_estimate(self, estimate: SampleEstimate, stamp: Time) -> None:
         if not estimate.contact_time.is_known:

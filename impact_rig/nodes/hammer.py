@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 from impact_rig_msgs.msg import AcquisitionState, HammerRelease
@@ -189,10 +189,15 @@ class HammerNode(DeviceNode):
         self._note_loss()
         if self._hammer.condition.is_armed and (missing := self._describe_missing_enable()):
             self._hammer.disarm(missing)
+        self._guard(self._hammer.check)
+
+    def _guard(self, act: Callable[[], str | None]) -> str:
+        """Do something with the holder, which is lost if that fails; return why it failed."""
         try:
-            self._hammer.check()
+            return act() or ""
         except DeviceError as error:
             self.lose_device(error)
+            return str(error)
 
     def _note_loss(self) -> None:
         """Take the enable back if accelerometers, recorder or campaign are lost."""
@@ -314,23 +319,16 @@ class HammerNode(DeviceNode):
         return _answer(response, "", "disarmed")
 
     def _confirm_held(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            return _answer(response, self._hammer.confirm_held(), "held")
-        except DeviceError as error:
-            self.lose_device(error)
-            return _answer(response, str(error))
+        return _answer(response, self._guard(self._hammer.confirm_held), "held")
 
     def _set_angle(
         self, request: SetAngle.Request, response: SetAngle.Response
     ) -> SetAngle.Response:
         try:
             check_release_angles([request.angle])
-            reason = self._hammer.set_angle(request.angle)
-        except DeviceError as error:
-            self.lose_device(error)
-            reason = str(error)
         except ParameterError as error:
-            reason = str(error)
+            return _answer(response, str(error))
+        reason = self._guard(lambda: self._hammer.set_angle(request.angle))
         is_moving = reason == ON_ITS_WAY
         return _answer(response, interfaces.NOT_YET * is_moving + reason, "there")
 
@@ -338,12 +336,11 @@ class HammerNode(DeviceNode):
         self.get_logger().warning("emergency stop")
         if trouble := self._memory.keep():
             self.get_logger().error(trouble)
-        try:
-            self._hammer.stop()
-        except DeviceError as error:
-            self.lose_device(error)
-            return _answer(response, "", f"stopped, but the holder is lost: {error}")
-        return _answer(response, "", "stopped: hammer/reset ends it")
+        lost = self._guard(self._hammer.stop)
+        told = (
+            f"stopped, but the holder is lost: {lost}" if lost else "stopped: hammer/reset ends it"
+        )
+        return _answer(response, "", told)
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         was_stopped = self._hammer.is_stopped
@@ -394,11 +391,7 @@ class HammerNode(DeviceNode):
             latest_contact=self._compute_latest_contact(),
         )
         release.header.stamp = self.get_clock().now().to_msg()
-        try:
-            reason = self._hammer.release(self._describe_rig_obstacle(request))
-        except DeviceError as error:
-            self.lose_device(error)
-            return str(error)
+        reason = self._guard(lambda: self._hammer.release(self._describe_rig_obstacle(request)))
         if not reason:
             self._newest, self._recorded_to = request.record, self._rig.recording
             self._losses = self._rig.losses
@@ -422,12 +415,9 @@ class HammerNode(DeviceNode):
 
     def _end_swing(self, swing: int, message: str) -> None:
         """Hold the hammer again, if no later swing has begun."""
-        if swing != self._swings:
-            return
-        try:
-            self._hammer.end_swing(message, confirm_return=self.get_value("confirm_return"))
-        except DeviceError as error:
-            self.lose_device(error)
+        is_away = bool(self.get_value("confirm_return"))
+        if swing == self._swings:
+            self._guard(lambda: self._hammer.end_swing(message, confirm_return=is_away))
 
 
 def _read_clock() -> float:

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from impact_rig_msgs.msg import ReplayerState, RigSetup, VirtualImpact
+from impact_rig_msgs.msg import ReplayerState
 from impact_rig_msgs.srv import GetResults
 from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import TransitionCallbackReturn
@@ -14,20 +14,16 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from impact_rig.core.errors import RigError
-from impact_rig.core.setup.samples import RigSetup as CoreRigSetup
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.client import RigClient, results_from_msgs
+from impact_rig.nodes.client import RigClient
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.nodes.replayer_recording import RecordingToReplay
-from impact_rig.recordings.messages import setup_from_msg
 from impact_rig.results.campaign import Results
 
 LOOK_PERIOD = 0.02
 """How often is looked what sends no event [s]."""
-TRUTH_TIMEOUT = 2.0
-"""How long the virtual rig's word on rejected hits may take after the replay [s]."""
 RESULTS_TIMEOUT = 600.0
 """How long the estimates may take [s], our choice: fitting the model to a hundred samples."""
 
@@ -50,8 +46,6 @@ class ReplayHost(RigClient):
     ) -> None:
         super().__init__("replay_client", namespace)
         options = {"context": self._context, "namespace": namespace or None}
-        self._faults: dict[int, tuple[str, ...]] = {}
-        self._setup: CoreRigSetup | None = None
         self._estimator = _EstimatorThread(options) if with_estimator else None
         self._replayer = ReplayerNode(
             self._estimator.count_taken if self._estimator else None,
@@ -63,8 +57,8 @@ class ReplayHost(RigClient):
         self._executor.add_node(self._replayer)
         if self._estimator is not None:
             for topic, keep in (
-                (interfaces.VIRTUAL_IMPACT, self._keep_truth),
-                (interfaces.SETUP, self._keep_setup),
+                (interfaces.VIRTUAL_IMPACT, self.keep_truth),
+                (interfaces.SETUP, self.keep_setup),
             ):
                 self.listen(topic, keep, topic.qos)
 
@@ -136,13 +130,12 @@ class ReplayHost(RigClient):
             raise RigError(self._estimator.fault)
         request = GetResults.Request()
         answer = self.call(GetResults, interfaces.GET_RESULTS, request, RESULTS_TIMEOUT)
-        struck = {hit.record for hit in (*answer.accepted, *answer.rejected)}
         recording = self._replayer.recording
-        if recording is not None and recording.has_truths:
-            self.spin_until(lambda: struck <= self._faults.keys(), TRUTH_TIMEOUT)
-        if self._setup is None:
+        has_truths = recording is not None and recording.has_truths
+        results = self.collect(answer, has_truths=has_truths)
+        if results is None:
             raise RigError("the recording has no set-up of the rig: nothing can be estimated")
-        return results_from_msgs(answer, self._setup, self._faults)
+        return results
 
     def spin(self, duration: float) -> None:
         """Let the nodes work for a while [s]."""
@@ -151,12 +144,6 @@ class ReplayHost(RigClient):
     def _check(self, result: TransitionCallbackReturn) -> None:
         if result != TransitionCallbackReturn.SUCCESS:
             raise RigError(self._replayer.fault)
-
-    def _keep_truth(self, message: VirtualImpact) -> None:
-        self._faults[message.record] = tuple(message.faults)
-
-    def _keep_setup(self, message: RigSetup) -> None:
-        self._setup = setup_from_msg(message)
 
 
 class _EstimatorThread:

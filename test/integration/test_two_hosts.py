@@ -41,10 +41,10 @@ def test_a_campaign_outlasts_a_cable_that_is_pulled_and_loses_no_hit(
     with (
         start_nodes(devices, environment, AT_THE_DEVICES),
         start_nodes(desk, environment, AT_THE_DESK, "--output", run),
-        start(desk, environment, "campaign", "--samples", "steel small", "aluminium large",
-              "--impacts", str(IMPACTS)) as campaign,
+        start(desk, environment, "campaign", "--samples", "steel small", "--impacts", str(IMPACTS)
+              ) as campaign,
     ):  # fmt: skip
-        campaign.wait_for("sample 1 of 2")
+        campaign.wait_for("sample 1 of 1")
         pull_cable(devices)
         campaign.wait_for("paused: .* has gone: start it again, or see to the network")
         plug_in_cable(devices)
@@ -53,7 +53,6 @@ def test_a_campaign_outlasts_a_cable_that_is_pulled_and_loses_no_hit(
     results = json.loads((run / "results.json").read_text("utf-8"))
     assert {item["name"]: item["impacts_accepted"] for item in results["samples"]} == {
         "steel small": IMPACTS,
-        "aluminium large": IMPACTS,
     }
     with AnyReader([run / "session.mcap"]) as reader:
         blocks = [item for item in reader.connections if item.topic == "/acceleration"]

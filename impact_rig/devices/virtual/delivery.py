@@ -41,10 +41,6 @@ class BlockClock:
     ----------
     next_block : int
         First block that has not been fetched yet.
-    dropped : int
-        Blocks that the buffer has lost.
-    delay : float
-        How long the oldest block waited that was fetched last [s].
 
     Raises
     ------
@@ -59,18 +55,12 @@ class BlockClock:
         self._depth = depth
         self._start = now
         self.next_block = 0
-        self.dropped = 0
-        self.delay = 0.0
 
     def fetch(self, now: float) -> range:
         """Return the numbers of the blocks that are complete by `now` and not lost."""
         stop = max(int((now - self._start) / self._period), self.next_block)
-        lost = max(stop - self._depth - self.next_block, 0)
-        self.dropped += lost
-        first = self.next_block + lost
+        first = max(stop - self._depth, self.next_block)
         self.next_block = stop
-        if first < stop:
-            self.delay = now - self.get_time(first + 1)
         return range(first, stop)
 
     def get_time(self, number: int) -> float:

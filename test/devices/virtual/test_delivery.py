@@ -21,7 +21,7 @@ from impact_rig.devices.virtual.rig import (
 
 
 @given(steps=st.lists(st.floats(0.0, 0.5), min_size=1, max_size=50), depth=st.integers(1, 100))
-def test_every_block_is_fetched_once_or_counted_as_lost(steps: list[float], depth: int) -> None:
+def test_every_block_is_fetched_once_or_lost(steps: list[float], depth: int) -> None:
     clock = BlockClock(0.01, depth, now=5.0)
     now, fetched = 5.0, []
     for step in steps:
@@ -30,7 +30,6 @@ def test_every_block_is_fetched_once_or_counted_as_lost(steps: list[float], dept
         assert len(numbers) <= depth
         fetched += numbers
     assert fetched == sorted(set(fetched))
-    assert len(fetched) + clock.dropped == clock.next_block
     # What is complete, and nothing that is not; a rounding of the time apart.
     assert abs((now - 5.0) / 0.01 - clock.next_block) < 1.001
 
@@ -38,9 +37,6 @@ def test_every_block_is_fetched_once_or_counted_as_lost(steps: list[float], dept
 def test_a_full_buffer_loses_the_oldest() -> None:
     clock = BlockClock(0.1, depth=3, now=0.0)
     assert list(clock.fetch(1.05)) == [7, 8, 9]
-    assert clock.dropped == 7
-    # Block 7 was complete at 0.8 s.
-    assert clock.delay == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize(("period", "depth"), [(0.0, 1), (float("nan"), 1), (0.01, 0)])
