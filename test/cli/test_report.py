@@ -41,13 +41,12 @@ def folder(recorded: Path, tmp_path: Path) -> Path:
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the figures out: drawing them takes its time, and they have tests of their own."""
 
-    def miss(*values: object, prefix: str = "") -> tuple[ReportFigure, ...]:
-        names = (f"{prefix}{number}" for number in range(4))
-        return tuple(make_missing_figure(name, "A figure", "Not here.") for name in names)
+    def miss(*values: object) -> tuple[ReportFigure, ...]:
+        return tuple(make_missing_figure(str(n), "A figure", "Not here.") for n in range(4))
 
     report = "impact_rig.present.report"
     monkeypatch.setattr(f"{report}.run.draw_campaign_figures", miss)
-    monkeypatch.setattr(f"{report}.run.draw_sample_figure", lambda *a, **b: miss()[0])
+    monkeypatch.setattr(f"{report}.run.draw_sample_figure", lambda *a: miss()[0])
     monkeypatch.setattr(f"{report}.comparison.draw_comparison_figure", miss)
 
 

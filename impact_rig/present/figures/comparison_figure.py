@@ -48,17 +48,13 @@ class _Bar:
     expanded: float
 
 
-def draw_comparison_figure(
-    runs: Sequence[tuple[str, Results]], *, prefix: str = ""
-) -> tuple[ReportFigure, ...]:
+def draw_comparison_figure(runs: Sequence[tuple[str, Results]]) -> tuple[ReportFigure, ...]:
     """Draw tau_p, k2 and c2 of each sample by run, with 95 % bars.
 
     Parameters
     ----------
     runs : sequence of (str, Results)
         Name and results of each; the first is the one that the others are held against.
-    prefix : str
-        Put before every figure's name.
 
     Returns
     -------
@@ -68,8 +64,7 @@ def draw_comparison_figure(
     """
     names = [name for name, _ in runs]
     return tuple(
-        _draw_measurand(item, names, _collect_bars(item, runs), prefix)
-        for item in SAMPLE_MEASURANDS
+        _draw_measurand(item, names, _collect_bars(item, runs)) for item in SAMPLE_MEASURANDS
     )
 
 
@@ -88,9 +83,9 @@ def _collect_bars(measurand: Measurand, runs: Sequence[tuple[str, Results]]) -> 
 
 
 def _draw_measurand(
-    measurand: Measurand, runs: Sequence[str], bars: Sequence[_Bar], prefix: str
+    measurand: Measurand, runs: Sequence[str], bars: Sequence[_Bar]
 ) -> ReportFigure:
-    symbol, name = measurand.sample_symbol, make_name(prefix, f"comparison {measurand.name}")
+    symbol, name = measurand.sample_symbol, make_name(f"comparison {measurand.name}")
     title = f"{measurand.name.capitalize()} by run"
     if not bars:
         return make_missing_figure(name, title, f"No run has {symbol} of any sample.")
@@ -144,8 +139,7 @@ def _draw_panel(
             gid=f"bar-{place}-{bar.run}",
         )
         axes.plot([bar.value], [place + shift], **style, gid=f"{kind}-{place}-{bar.run}")
-    axes.set_title(title)
-    axes.set_xlabel(label)
+    axes.set(title=title, xlabel=label)
     return panel
 
 

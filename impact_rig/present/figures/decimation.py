@@ -1,12 +1,20 @@
 """Traces thinned to what can be drawn: every peak stays where and as high as it is."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from impact_rig.core.signals.record import FloatArray
+from impact_rig.results.sample_traces import SampleTraces
+
+COLUMNS = 280
+"""Of a trace [-]: one for each point of the width of most axes."""
+PULSE_WIDTHS_BEFORE, PULSE_WIDTHS_AFTER = 1.2, 2.0
+"""What is shown at least, before and after the middle of the pulse [tau_p], our choice."""
 
 
 def decimate_trace(
-    time: FloatArray, values: FloatArray, columns: int
+    time: FloatArray, values: FloatArray, columns: int = COLUMNS
 ) -> tuple[FloatArray, FloatArray]:
     """Keep the lowest and the highest point of each column of the picture, and both ends.
 
@@ -77,3 +85,16 @@ def compute_fading_time(time: FloatArray, traces: FloatArray, level: float) -> f
     peaks = sizes.max(axis=1, keepdims=True)
     loud = np.flatnonzero(((sizes >= level * peaks) & (peaks > 0.0)).any(axis=0))
     return float(time[loud[-1]]) if loud.size else float(time[0])
+
+
+def choose_span(
+    samples: Sequence[SampleTraces], channels: slice, level: float
+) -> tuple[float, float]:
+    """Return from when to when there is something to see in channels of any sample [s]."""
+    longest = max(sample.contact_time for sample in samples)
+    faded = max(
+        compute_fading_time(sample.time, sample.mean[channels], level) for sample in samples
+    )
+    start = max(-PULSE_WIDTHS_BEFORE * longest, *(sample.time[0] for sample in samples))
+    last = min(sample.time[-1] for sample in samples)
+    return start, min(max(PULSE_WIDTHS_AFTER * longest, faded), last)

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
 HEIGHTS = (140.0, 68.0)
 """Of the axes of forces and of residuals [pt]."""
-COLUMNS = 280
-"""Of a trace [-]: one for each point of the axes' width."""
 MEASURED_LOOK: dict[str, Any] = {"color": INK, "linewidth": 2.6, "alpha": 0.35}
 LAW_LOOK: dict[str, Any] = {"color": format_hex(BLUE), "linewidth": 1.2}
 VERSED_LOOK: dict[str, Any] = {
@@ -26,9 +24,7 @@ VERSED_LOOK: dict[str, Any] = {
 }
 
 
-def draw_law_figure(
-    sample: SampleEstimate, curves: LawCurves, *, prefix: str = ""
-) -> ReportFigure:
+def draw_law_figure(sample: SampleEstimate, curves: LawCurves) -> ReportFigure:
     """Draw pulse, residuals and force-indentation loop of one contact.
 
     Parameters
@@ -37,13 +33,11 @@ def draw_law_figure(
         With its contact law.
     curves : LawCurves
         Of that law.
-    prefix : str
-        Put before the figure's name: a page with several campaigns needs one for each.
     """
     law = sample.contact_law
     exponent, restitution = format_quantity(law.exponent, 3), format_quantity(law.restitution, 3)
     return make_figure(
-        make_name(prefix, "law", sample.name),
+        make_name("law", sample.name),
         f"{sample.name}: contact law, n = {exponent}, e = {restitution}",
         lambda: [_draw_pulse(curves), _draw_loop(curves)],
         f"Force over time and over indentation. The contact lasts"
@@ -67,17 +61,18 @@ def _draw_pulse(curves: LawCurves) -> "Figure":
     panel = make_panel(HEIGHTS, [handles])
     forces, residuals = panel.axes
     time = curves.time * MICRO
-    forces.plot(*decimate_trace(time, curves.measured, COLUMNS), **MEASURED_LOOK, gid="mean-1")
+    forces.plot(*decimate_trace(time, curves.measured), **MEASURED_LOOK, gid="mean-1")
     residuals.axhline(0.0, color=INK, linewidth=0.8, alpha=0.5)
     for name, force, look in models:
-        forces.plot(*decimate_trace(time, force, COLUMNS), **look, gid=f"model-{name}")
-        left = decimate_trace(time, curves.measured - force, COLUMNS)
+        forces.plot(*decimate_trace(time, force), **look, gid=f"model-{name}")
+        left = decimate_trace(time, curves.measured - force)
         residuals.plot(*left, **look, gid=f"residual-{name}")
-    forces.set_title("a) pulse")
-    forces.set_ylabel("force [N]")
-    residuals.set_ylabel("residual [N]")
-    residuals.set_xlim(time[0], time[-1])
-    residuals.set_xlabel("time from the middle of the hammer pulse [µs]")
+    forces.set(title="a) pulse", ylabel="force [N]")
+    residuals.set(
+        xlim=(time[0], time[-1]),
+        xlabel="time from the middle of the hammer pulse [µs]",
+        ylabel="residual [N]",
+    )
     return panel
 
 
@@ -91,7 +86,5 @@ def _draw_loop(curves: LawCurves) -> "Figure":
     (axes,) = panel.axes
     axes.plot(curves.indentation * MICRO, curves.loop_force, **MEASURED_LOOK, gid="loop-mean")
     axes.plot(curves.law_indentation * MICRO, curves.law_force, **LAW_LOOK, gid="loop-law")
-    axes.set_title("b) force over indentation")
-    axes.set_xlabel("indentation [µm]")
-    axes.set_ylabel("force [N]")
+    axes.set(title="b) force over indentation", xlabel="indentation [µm]", ylabel="force [N]")
     return panel

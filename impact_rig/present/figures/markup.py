@@ -42,7 +42,7 @@ class ReportFigure:
     Attributes
     ----------
     name : str
-        Of ASCII letters, digits, ``-`` and ``_``: for ids and file names, unique in the report.
+        Of ASCII letters, digits, ``-`` and ``_``: for ids; those of several runs may be alike.
     title : str
         Plain text, to be escaped by the page.
     svg : str
@@ -68,6 +68,10 @@ class ReportFigure:
     def is_drawn(self) -> bool:
         """Whether there is anything to see."""
         return bool(self.svg)
+
+    def rename(self, name: str) -> str:
+        """Return the markup with another name in every id: a page may have two of one name."""
+        return re.sub(rf"(?<=[\"#]){re.escape(self.name)}-", f"{name}-", self.svg)
 
 
 def make_missing_figure(name: str, title: str, reason: str) -> ReportFigure:

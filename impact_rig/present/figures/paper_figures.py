@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.present.figures import panels
-from impact_rig.present.figures.decimation import compute_fading_time, cut_trace, decimate_trace
+from impact_rig.present.figures.decimation import choose_span, cut_trace, decimate_trace
 from impact_rig.present.figures.markup import (
     ReportFigure,
     make_figure,
@@ -55,7 +55,7 @@ ROW_HEIGHT = 17.0
 
 
 def draw_campaign_figures(
-    results: Results, samples: Sequence[SampleTraces], *, prefix: str = ""
+    results: Results, samples: Sequence[SampleTraces]
 ) -> tuple[ReportFigure, ...]:
     """Draw Figs. 3 to 6 of the paper for one campaign.
 
@@ -65,8 +65,6 @@ def draw_campaign_figures(
         What was found.
     samples : sequence of SampleTraces
         Mean hits and models; empty where only results are known.
-    prefix : str
-        Put before every figure's name: a page with several campaigns needs one for each.
 
     Returns
     -------
@@ -81,10 +79,10 @@ def draw_campaign_figures(
     """
     rows = make_figure_rows(results)
     return (
-        draw_figure_3(rows, prefix=prefix),
-        draw_figure_4(rows, prefix=prefix),
-        draw_figure_5(samples, prefix=prefix),
-        draw_figure_6(rows, prefix=prefix),
+        draw_figure_3(rows),
+        draw_figure_4(rows),
+        draw_figure_5(samples),
+        draw_figure_6(rows),
     )
 
 
@@ -102,12 +100,12 @@ SMALLEST_LIMIT = 0.1
 """End of the axis of differences if all hits are alike [us]."""
 
 
-def draw_figure_3(rows: Sequence[FigureRow], *, prefix: str = "") -> ReportFigure:
+def draw_figure_3(rows: Sequence[FigureRow]) -> ReportFigure:
     """Draw tau_p over m_eq, and the hits of each sample as differences from their mean.
 
     Not drawn if no sample has both a contact time and a relative mass.
     """
-    name, title = make_name(prefix, "figure 3"), TITLES[0]
+    name, title = make_name("figure 3"), TITLES[0]
     placed = [
         _scale(row)
         for row in rows
@@ -302,12 +300,12 @@ CAPTION_4 = (
 )
 
 
-def draw_figure_4(rows: Sequence[FigureRow], *, prefix: str = "") -> ReportFigure:
+def draw_figure_4(rows: Sequence[FigureRow]) -> ReportFigure:
     """Draw the largest accelerations of the mean hits over tau_p, hammer and samples apart.
 
     Not drawn if no sample has both a pulse width and an amplitude.
     """
-    name, title = make_name(prefix, "figure 4"), TITLES[1]
+    name, title = make_name("figure 4"), TITLES[1]
     rows = [replace(row, contact_time=row.contact_time * MICRO) for row in rows]
     looks = panels.choose_looks([row.material for row in rows])
     shown = {
@@ -363,13 +361,8 @@ CASES = 3
 """Samples that the paper shows in Fig. 5 [-]."""
 CASE_HEIGHT = 90.0
 """Of one sample's axes [pt]."""
-COLUMNS = 280
-"""Of a trace [-]: one for each point of the axes' width."""
 FADED = 0.02
 """Part of the peak below which a response has faded [-], our choice."""
-PULSE_WIDTHS_BEFORE = 1.2
-PULSE_WIDTHS_AFTER = 2.0
-"""What is shown at least, before and after the middle of the pulse [tau_p], our choice."""
 MODEL = "model"
 MEASURED = "measured"
 LOOKS_5: dict[str, dict[str, Any]] = {
@@ -386,12 +379,12 @@ Case = tuple[SampleTraces, ModelTraces]
 """A sample with its force-driven model."""
 
 
-def draw_figure_5(samples: Sequence[SampleTraces], *, prefix: str = "") -> ReportFigure:
+def draw_figure_5(samples: Sequence[SampleTraces]) -> ReportFigure:
     """Draw model and mean hit of the paper's three cases, or of the first three samples.
 
     Not drawn if no sample has both traces and the force-driven model.
     """
-    name, title = make_name(prefix, "figure 5"), TITLES[2]
+    name, title = make_name("figure 5"), TITLES[2]
     cases = [
         (sample, model)
         for sample in samples
@@ -430,7 +423,8 @@ def _draw_responses(cases: Sequence[Case], channel: int) -> "Figure":
     legend = [[Line2D([], [], **look, label=kind)] for kind, look in LOOKS_5.items()]
     panel = panels.make_panel([CASE_HEIGHT] * len(cases), legend)
     rows = panel.axes
-    span = _compute_span([sample for sample, _ in cases], channel)
+    shown = choose_span([sample for sample, _ in cases], slice(channel, channel + 1), FADED)
+    span = shown[0] * MICRO, shown[1] * MICRO
     for place, (axes, case) in enumerate(zip(rows, cases, strict=True)):
         _draw_case(axes, case, channel, span, place)
     rows[0].set_xlim(*span)
@@ -448,7 +442,7 @@ def _draw_case(
     curves: dict[str, FloatArray | None] = {MODEL: modelled, MEASURED: measured}
     for kind, trace in curves.items():
         if trace is not None:
-            points = decimate_trace(*cut_trace(sample.time * MICRO, trace, *span), COLUMNS)
+            points = decimate_trace(*cut_trace(sample.time * MICRO, trace, *span))
             axes.plot(*points, **LOOKS_5[kind], gid=f"{kind}-{place}")
     axes.text(
         0.99,
@@ -460,20 +454,6 @@ def _draw_case(
     )
     axes.set_yticks([-1, 0, 1])
     axes.margins(y=0.08)
-
-
-def _compute_span(samples: Sequence[SampleTraces], channel: int) -> tuple[float, float]:
-    """Return from when to when there is something to see in any of the samples [us]."""
-    longest = max(sample.contact_time for sample in samples)
-    faded = max(
-        compute_fading_time(sample.time, sample.mean[channel : channel + 1], FADED)
-        for sample in samples
-    )
-    last = min(sample.time[-1] for sample in samples)
-    first = max(sample.time[0] for sample in samples)
-    start = max(-PULSE_WIDTHS_BEFORE * longest, first)
-    stop = min(max(PULSE_WIDTHS_AFTER * longest, faded), last)
-    return start * MICRO, stop * MICRO
 
 
 BAR_HEIGHT = 0.62
@@ -494,12 +474,12 @@ CAPTION_6 = (
 )
 
 
-def draw_figure_6(rows: Sequence[FigureRow], *, prefix: str = "") -> ReportFigure:
+def draw_figure_6(rows: Sequence[FigureRow]) -> ReportFigure:
     """Draw the mean square error of the force-driven model, hammer and samples apart.
 
     Not drawn if no sample was compared with the model.
     """
-    name, title = make_name(prefix, "figure 6"), TITLES[3]
+    name, title = make_name("figure 6"), TITLES[3]
     looks = panels.choose_looks([row.material for row in rows])
     parts = {
         body: {

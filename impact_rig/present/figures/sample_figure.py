@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.signals.record import FloatArray
-from impact_rig.present.figures.decimation import compute_fading_time, cut_trace, decimate_trace
+from impact_rig.present.figures.decimation import COLUMNS, choose_span, cut_trace, decimate_trace
 from impact_rig.present.figures.markup import ReportFigure, make_figure, make_name
 from impact_rig.present.figures.panels import INK, make_panel
 from impact_rig.results.comparison import SAMPLE_MEASURANDS
@@ -29,15 +29,10 @@ if TYPE_CHECKING:
 
 HEIGHTS = (140.0, 68.0)
 """Of the axes of traces and of residuals [pt]."""
-COLUMNS = 280
-"""Of a trace [-]: one for each point of the axes' width."""
 HIT_COLUMNS = 130
 """Of a hit's trace [-], our choice: ten hits weigh as much as the other traces together."""
 FADED = 0.01
 """Part of the peak below which a trace has faded [-], our choice."""
-PULSE_WIDTHS_BEFORE = 1.2
-PULSE_WIDTHS_AFTER = 2.0
-"""What is shown at least, before and after the middle of the pulse [tau_p], our choice."""
 HAMMER = 0
 TITLES = ("a) hammer", "b) sample")
 """Of the channels."""
@@ -61,11 +56,7 @@ MODEL_NAMES = {
 
 
 def draw_sample_figure(
-    sample: SampleEstimate,
-    traces: SampleTraces,
-    hits: Sequence[AlignedHit],
-    *,
-    prefix: str = "",
+    sample: SampleEstimate, traces: SampleTraces, hits: Sequence[AlignedHit]
 ) -> ReportFigure:
     """Draw the traces of one sample, hammer and sample apart, residuals below.
 
@@ -77,8 +68,6 @@ def draw_sample_figure(
         Mean hit and models.
     hits : sequence of AlignedHit
         Those of the mean; hits of other samples are left out.
-    prefix : str
-        Put before the figure's name: a page with several campaigns needs one for each.
 
     Returns
     -------
@@ -88,7 +77,7 @@ def draw_sample_figure(
     own = tuple(hit for hit in hits if hit.label.sample == traces.name)
     numbers = ", ".join(_list_numbers(sample))
     return make_figure(
-        make_name(prefix, "sample", traces.name),
+        make_name("sample", traces.name),
         f"{sample.name}: {numbers}",
         lambda: [_draw_channel(_make_scene(traces, own, row)) for row in range(len(traces.mean))],
         _describe(sample, traces, len(own)),
@@ -161,9 +150,7 @@ class _Scene:
 
 def _make_scene(traces: SampleTraces, hits: Sequence[AlignedHit], channel: int) -> _Scene:
     """Choose the times between which there is something to see, in either channel."""
-    faded = compute_fading_time(traces.time, traces.mean, FADED)
-    start = max(-PULSE_WIDTHS_BEFORE * traces.contact_time, traces.time[0])
-    stop = min(max(PULSE_WIDTHS_AFTER * traces.contact_time, faded), traces.time[-1])
+    start, stop = choose_span([traces], slice(None), FADED)
     return _Scene(channel, start * MICRO, stop * MICRO, traces, tuple(hits))
 
 
@@ -178,9 +165,8 @@ def _draw_channel(scene: _Scene) -> "Figure":
         axes.axvspan(-half, half, color=CONTACT_COLOUR, alpha=0.13, linewidth=0.0)
     _draw_traces(rows[0], scene)
     _draw_marks(rows[0], scene)
-    rows[0].set_title(TITLES[scene.channel])
     rows[0].margins(y=ROOM)
-    rows[0].set_ylabel("acceleration [m/s²]")
+    rows[0].set(title=TITLES[scene.channel], ylabel="acceleration [m/s²]")
     if has_models:
         _draw_residuals(rows[1], scene)
         rows[1].set_ylabel("residual [m/s²]")

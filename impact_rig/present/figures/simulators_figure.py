@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 HEIGHT = 170.0
 """Of the axes [pt]."""
-COLUMNS = 280
-"""Of a trace [-]: one for each point of the axes' width."""
 POINTS = 401
 """Of the law's pulse [-]."""
 SHOWN = 0.8
@@ -37,7 +35,7 @@ Pulse = tuple[str, FloatArray, FloatArray, dict[str, Any]]
 
 
 def draw_simulators_figure(
-    checks: Sequence[EngineCheck], traces: SampleTraces | None, *, prefix: str = ""
+    checks: Sequence[EngineCheck], traces: SampleTraces | None
 ) -> ReportFigure:
     """Draw the pulse of one contact in every engine.
 
@@ -47,15 +45,13 @@ def draw_simulators_figure(
         At least one, all of one contact.
     traces : SampleTraces, optional
         The measured mean of that contact.
-    prefix : str
-        Put before the figure's name: a page with several campaigns needs one for each.
     """
     contact = checks[0].parameters.contact
     forces = ", ".join(
         f"{check.finest.peak_force:.1f} N in {check.parameters.engine.title}" for check in checks
     )
     return make_figure(
-        make_name(prefix, "simulators", contact.sample),
+        make_name("simulators", contact.sample),
         f"{contact.sample} in simulators",
         lambda: [_draw_panel(checks, traces)],
         f"Contact force over time. It reaches {contact.peak_force:.1f} N in the contact law"
@@ -88,11 +84,13 @@ def _draw_panel(checks: Sequence[EngineCheck], traces: SampleTraces | None) -> "
     (axes,) = panel.axes
     half = SHOWN * contact.duration * MICRO
     for _, time, force, look in pulses:
-        axes.plot(*decimate_trace(*cut_trace(time, force, -half, half), COLUMNS), **look)
-    axes.set_xlim(-half, half)
-    axes.set_title(f"{contact.sample}, {1e3 * contact.speed:.1f} mm/s")
-    axes.set_xlabel("time from the middle of the pulse [µs]")
-    axes.set_ylabel("force [N]")
+        axes.plot(*decimate_trace(*cut_trace(time, force, -half, half)), **look)
+    axes.set(
+        title=f"{contact.sample}, {1e3 * contact.speed:.1f} mm/s",
+        xlim=(-half, half),
+        xlabel="time from the middle of the pulse [µs]",
+        ylabel="force [N]",
+    )
     return panel
 
 

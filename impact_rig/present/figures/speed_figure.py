@@ -39,15 +39,13 @@ SHOWN = (
 )
 
 
-def draw_speed_figure(results: Results, *, prefix: str = "") -> ReportFigure:
+def draw_speed_figure(results: Results) -> ReportFigure:
     """Draw what goes with the impact speed, a panel each, over logarithmic axes.
 
     Parameters
     ----------
     results : Results
         With speed exponents.
-    prefix : str
-        Put before the figure's name: a page with several campaigns needs one for each.
     """
     found = [item for item in results.speed_exponents if item.sample != ALL_SAMPLES]
     laws = {
@@ -65,7 +63,7 @@ def draw_speed_figure(results: Results, *, prefix: str = "") -> ReportFigure:
         for item in found
     )
     return make_figure(
-        make_name(prefix, "speed", "exponents"),
+        make_name("speed", "exponents"),
         "Contact over impact speed",
         lambda: [_draw_panel(found, laws, *shown) for shown in SHOWN],
         f"Duration, largest force and restitution over the impact speed. {told}.",
@@ -100,8 +98,7 @@ def _draw_panel(
         handles.append(Line2D([], [], color=look.colour, **marker, label=text))
     panel = make_panel([HEIGHT], split_into_columns(handles))
     (axes,) = panel.axes
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(TICKS))
         axis.set_major_formatter(ScalarFormatter())
@@ -133,7 +130,5 @@ def _draw_panel(
                 linewidth=1.0,
                 **line,
             )
-    axes.set_title(title)
-    axes.set_xlabel("impact speed [cm/s]")
-    axes.set_ylabel(label)
+    axes.set(title=title, xlabel="impact speed [cm/s]", ylabel=label)
     return panel

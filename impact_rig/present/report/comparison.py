@@ -46,7 +46,7 @@ def make_comparison_section(runs: Sequence[Run]) -> Section:
     if compared:
         named = [(run.name, run.campaign.results) for run in runs]
         parts += [_summarize(runs, compared), Paragraph(EXPLANATION)]
-        parts += [Picture(figure) for figure in draw_comparison_figure(named, prefix="comparison")]
+        parts += [Picture(figure) for figure in draw_comparison_figure(named)]
     else:
         parts.append(Paragraph("No quantity was determined in two of the runs."))
     parts += _tell_setup_differences(runs, find_setup_differences(results))

@@ -82,7 +82,7 @@ def make_report(
     else:
         sections.append(make_comparison_section(runs))
         for number, run in enumerate(runs, start=1):
-            inner = make_run_sections(run, prefix=f"run-{number}", with_simulators=with_simulators)
+            inner = make_run_sections(run, with_simulators=with_simulators)
             title = f"Run {number}: {run.name}"
             sections.append(Section(title, (), (make_warnings_section([run]), *inner)))
             report(number)

@@ -36,17 +36,13 @@ NO_WARNINGS = "None: nothing was found that makes the numbers doubtful."
 NOT_DETERMINED = "Of no sample; why stands under “Not determined”."
 
 
-def make_run_sections(
-    run: Run, *, prefix: str = "", with_simulators: bool = False
-) -> tuple[Section, ...]:
+def make_run_sections(run: Run, *, with_simulators: bool = False) -> tuple[Section, ...]:
     """Return what there is to say of one run but its warnings.
 
     Parameters
     ----------
     run : Run
         What to tell of.
-    prefix : str
-        Put before the names of its figures, so that those of several runs differ.
     with_simulators : bool
         With the chapter on simulators.
     """
@@ -54,9 +50,9 @@ def make_run_sections(
     return drop_empty(
         _make_summary_section(results),
         make_setup_section(run),
-        *_make_result_sections(run, prefix),
-        *([make_simulators_section(run, prefix=prefix)] if with_simulators else []),
-        _make_samples_section(run, prefix),
+        *_make_result_sections(run),
+        *([make_simulators_section(run)] if with_simulators else []),
+        _make_samples_section(run),
         _make_hits_section(results),
         _make_missing_section(results),
     )
@@ -78,13 +74,13 @@ def _make_summary_section(results: Results) -> Section:
     return Section("Summary", tuple(parts))
 
 
-def _make_result_sections(run: Run, prefix: str) -> tuple[Section, ...]:
+def _make_result_sections(run: Run) -> tuple[Section, ...]:
     """Return tables and figures, each by what it tells of; none without an accepted hit."""
     results = run.campaign.results
     samples = results.samples
     if not any(sample.impacts_accepted for sample in samples):
         return ()
-    figures = draw_campaign_figures(results, run.campaign.samples, prefix=prefix)
+    figures = draw_campaign_figures(results, run.campaign.samples)
     figure_3, figure_4, figure_5, figure_6 = map(Picture, figures)
     decays, errors = tables.tabulate_free_decays(samples), tables.tabulate_errors(samples)
     return drop_empty(
@@ -97,15 +93,15 @@ def _make_result_sections(run: Run, prefix: str) -> tuple[Section, ...]:
             "Contact law",
             (*tables.tabulate_contact_laws(samples), *tables.tabulate_size_exponents(results)),
         ),
-        _make_speed_section(results, prefix),
+        _make_speed_section(results),
         Section("Identification", tuple(tables.tabulate_identifications(samples))),
     )
 
 
-def _make_speed_section(results: Results, prefix: str) -> Section | None:
+def _make_speed_section(results: Results) -> Section | None:
     """Tell how the contact goes with the impact speed; None: it is one."""
     found = tables.tabulate_speed_exponents(results.speed_exponents)
-    figure = Picture(draw_speed_figure(results, prefix=prefix)) if found else None
+    figure = Picture(draw_speed_figure(results)) if found else None
     return Section("Contact over impact speed", (*found, figure)) if figure else None
 
 
@@ -114,14 +110,14 @@ def _make_table_section(title: str, parts: Sequence[Part]) -> Section:
     return Section(title, tuple(parts) or (Paragraph(NOT_DETERMINED),))
 
 
-def _make_samples_section(run: Run, prefix: str) -> Section:
+def _make_samples_section(run: Run) -> Section:
     results = run.campaign.results
-    sections = [_make_sample_section(run, sample, prefix) for sample in results.samples]
+    sections = [_make_sample_section(run, sample) for sample in results.samples]
     parts = _fold_budgets("hammer", results.hammer)
     return Section("Samples one by one", tuple(parts), drop_empty(*sections))
 
 
-def _make_sample_section(run: Run, sample: SampleEstimate, prefix: str) -> Section:
+def _make_sample_section(run: Run, sample: SampleEstimate) -> Section:
     traces = next((item for item in run.campaign.samples if item.name == sample.name), None)
     parts: list[Part] = []
     if sample.warnings:
@@ -132,10 +128,10 @@ def _make_sample_section(run: Run, sample: SampleEstimate, prefix: str) -> Secti
             for hit in run.campaign.hits
             if hit.aligned is not None and hit.result.accepted and hit.result.sample == sample.name
         ]
-        parts.append(Picture(draw_sample_figure(sample, traces, hits, prefix=prefix)))
+        parts.append(Picture(draw_sample_figure(sample, traces, hits)))
         curves = compute_law_curves(sample.contact_law, traces, run.campaign.results.setup)
         if curves is not None:
-            parts.append(Picture(draw_law_figure(sample, curves, prefix=prefix)))
+            parts.append(Picture(draw_law_figure(sample, curves)))
     if sample.notes:
         parts.append(Remarks(tuple(map(Remark, sample.notes))))
     if variants := tables.tabulate_variants(sample):

@@ -12,15 +12,13 @@ from impact_rig.simulators.tables import tabulate_checks, tabulate_parameters
 TITLE = "In simulators"
 
 
-def make_simulators_section(run: Run, *, prefix: str = "") -> Section:
+def make_simulators_section(run: Run) -> Section:
     """Return every sample's parameters for every engine; engines strike the control sample.
 
     Parameters
     ----------
     run : Run
         What to tell of. Where there is no law of the control sample, the first is struck.
-    prefix : str
-        Put before the names of its figures, so that those of several runs differ.
     """
     contacts, reasons = _make_contacts(run)
     if not contacts:
@@ -33,7 +31,7 @@ def make_simulators_section(run: Run, *, prefix: str = "") -> Section:
     ]
     control = run.campaign.results.setup.samples.control_sample
     name = control if control in contacts else next(iter(contacts))
-    return Section(TITLE, (*tables, *_strike(run, name, contacts[name], prefix)))
+    return Section(TITLE, (*tables, *_strike(run, name, contacts[name])))
 
 
 def _make_contacts(run: Run) -> tuple[dict[str, MeasuredContacts], list[str]]:
@@ -47,7 +45,7 @@ def _make_contacts(run: Run) -> tuple[dict[str, MeasuredContacts], list[str]]:
     return contacts, reasons
 
 
-def _strike(run: Run, name: str, measured: MeasuredContacts, prefix: str) -> list[Part]:
+def _strike(run: Run, name: str, measured: MeasuredContacts) -> list[Part]:
     """Return what the engines that are installed make of one contact."""
     engines = [engine for engine in ENGINES.values() if engine.package]
     parts: list[Part] = [
@@ -65,6 +63,6 @@ def _strike(run: Run, name: str, measured: MeasuredContacts, prefix: str) -> lis
     ]
     if checks:
         traces = next((item for item in run.campaign.samples if item.name == name), None)
-        figure = Picture(draw_simulators_figure(checks, traces, prefix=prefix))
+        figure = Picture(draw_simulators_figure(checks, traces))
         parts = [tabulate_checks(checks), figure, *parts]
     return parts

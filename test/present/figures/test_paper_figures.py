@@ -44,10 +44,9 @@ def test_a_campaign_has_the_paper_s_figures_3_to_6_and_no_id_twice(figures):
 
 
 def test_results_alone_have_all_but_figure_5_which_says_why(struck):
-    figures = draw_campaign_figures(struck.results, (), prefix="run 2")
+    figures = draw_campaign_figures(struck.results, ())
     assert [figure.is_drawn for figure in figures] == [True, True, False, True]
     assert "There are no traces" in figures[2].caption
-    assert all(figure.name.startswith("run-2--figure") for figure in figures)
 
 
 def test_a_sample_that_is_not_in_the_setup_is_an_error(struck):

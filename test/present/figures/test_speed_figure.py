@@ -58,8 +58,7 @@ def test_each_series_is_a_point_on_a_straight_line(results, read):
 
 
 def test_the_words_have_the_exponents(results):
-    figure = draw_speed_figure(results, prefix="run-1")
-    assert figure.name != draw_speed_figure(results).name
+    figure = draw_speed_figure(results)
     assert "steel small: τ as v^-0.200" in figure.alternative
     assert "Fmax as v^1.200" in figure.alternative
 

@@ -132,13 +132,12 @@ def comparison_page(told: Run, later: Run) -> str:
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the figures out, where words are what is asked for."""
 
-    def miss(*values: object, prefix: str = "") -> tuple[ReportFigure, ...]:
-        names = (f"{prefix}{number}" for number in range(4))
-        return tuple(make_missing_figure(name, "A figure", "Not here.") for name in names)
+    def miss(*values: object) -> tuple[ReportFigure, ...]:
+        return tuple(make_missing_figure(str(n), "A figure", "Not here.") for n in range(4))
 
     report = "impact_rig.present.report"
     monkeypatch.setattr(f"{report}.run.draw_campaign_figures", miss)
-    monkeypatch.setattr(f"{report}.run.draw_sample_figure", lambda *a, **b: miss()[0])
+    monkeypatch.setattr(f"{report}.run.draw_sample_figure", lambda *a: miss()[0])
     monkeypatch.setattr(f"{report}.comparison.draw_comparison_figure", miss)
 
 
