@@ -32,9 +32,9 @@ from impact_rig.configuration.processes import (
     list_rig_processes,
     make_network_variables,
 )
+from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.configuration.run import (
     choose_run_folder,
-    load_rig_file,
     make_run_folder,
     make_virtual_source,
 )
