@@ -208,10 +208,8 @@ def compare_with_model(
     Raises
     ------
     SignalError
-        If the sample was not measured, or a trace is flat.
+        If a trace is flat.
     """
-    if mean.traces.shape[0] <= 1:
-        raise SignalError("the sample's trace was not measured: there is nothing to compare")
     rate = mean.sampling_rate
     count = mean.traces.shape[1]
     start_time = model.contact_time / 2.0 - mean.origin / rate

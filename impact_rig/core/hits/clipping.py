@@ -43,13 +43,11 @@ def find_longest_rail_run(trace: Trace, quiet: int) -> int:
     Parameters
     ----------
     trace : Trace
-        Finite.
+        Finite, of a point or more.
     quiet : int
         Points before the pulse, which show noise and baseline, 1 or more.
     """
     values = trace.acceleration
-    if values.size == 0:
-        return 0
     bottom, top = trace.extremes
     run = 0
     if trace.full_scale > 0.0:

@@ -167,7 +167,7 @@ def identify_model(
 
 def _report(problem: FitProblem, solution: FitSolution, mean: MeanHit) -> Identification:
     values, names = solution.values, problem.measured.names
-    traces = problem.measured.simulate(values)
+    traces, _ = problem.measured.evaluate(values)
     check_independence(names, problem.weigh(problem.evaluate(values)[1]).T)
     rms = problem.compute_residual_rms(values)
     total = 2.0 * problem.independent_points

@@ -6,7 +6,6 @@ import numpy as np
 
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant
 from impact_rig.core.model.sensitivities import (
-    Sensitivities,
     compute_sensitivities,
     list_parameters,
 )
@@ -80,21 +79,6 @@ class MeasuredModel:
             peak_force=found["F0"],
         )
 
-    def simulate(self, values: FloatArray) -> FloatArray:
-        """Compute the low-passed traces alone, shape (2, n) [m/s^2]; parameters as `evaluate`."""
-        bodies = self._compute_sensitivities(values)
-        scales = np.array([[self.hammer_polarity], [values[-3]]])
-        return np.asarray(scales * self.send_through(bodies.traces) + values[-2:, np.newaxis])
-
-    def _compute_sensitivities(self, values: FloatArray) -> Sensitivities:
-        return compute_sensitivities(
-            self.make_model(values),
-            self.sampling_rate,
-            self.count,
-            start=-float(values[1]),
-            variant=self.variant,
-        )
-
     def evaluate(
         self, values: FloatArray, points: slice = ALL_POINTS
     ) -> tuple[FloatArray, FloatArray]:
@@ -115,7 +99,13 @@ class MeasuredModel:
             [m/s^2 per unit of the parameter]
         """
         gain = float(values[-3])
-        bodies = self._compute_sensitivities(values)
+        bodies = compute_sensitivities(
+            self.make_model(values),
+            self.sampling_rate,
+            self.count,
+            start=-float(values[1]),
+            variant=self.variant,
+        )
         together = np.concatenate([bodies.derivatives, bodies.traces[:, np.newaxis]], axis=1)
         filtered = self.send_through(together, points)
         rows, traces = filtered[:, :-1], filtered[:, -1]

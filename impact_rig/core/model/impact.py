@@ -344,11 +344,9 @@ def simulate_impacts(
     Raises
     ------
     ParameterError
-        If the sampling rate is no positive number, a start none at all, or the count below zero.
+        If the sampling rate is no positive number, or a start none at all.
     """
     check_positive("sampling rate", sampling_rate, "Hz")
-    if count < 0:
-        raise ParameterError(f"count is {count} points: it must be 0 or more")
     starts = start.tolist() if isinstance(start, np.ndarray) else [start] * len(models)
     if not all(map(math.isfinite, starts)):
         raise ParameterError("the start of a time grid must be a finite number")

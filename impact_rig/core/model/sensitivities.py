@@ -4,8 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from impact_rig.core.checks import check_positive
-from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.impact import (
     FULL_TURN,
     Body,
@@ -59,15 +57,7 @@ def compute_sensitivities(
 
     The arguments are those of `simulate_impact`, and the traces are equal to its with
     `places_steps`.
-
-    Raises
-    ------
-    ParameterError
-        If the sampling rate is no positive number, or there is no point.
     """
-    check_positive("sampling rate", sampling_rate, "Hz")
-    if count < 1:
-        raise ParameterError(f"count is {count} points: it must be 1 or more")
     names = list_parameters(variant)
     models, starts, steps = [model], [start], []
     for name in names:
