@@ -183,7 +183,7 @@ def report_batch(
     # A cluster's workers stand in folders of their own.
     tasks = [BatchTask(path.absolute() if scheduler else path, settings) for path in paths]
     with BatchProgress(make_console(stderr=True), len(tasks)) as progress:
-        outcomes = analyze_batch(tasks, workers, scheduler, progress.take, _remark)
+        outcomes = analyze_batch(tasks, workers, scheduler, progress.take, progress.console.print)
     campaigns: list[BatchCampaign] = []
     for path, outcome in zip(paths, outcomes, strict=True):
         if outcome.recording is None:
@@ -194,25 +194,21 @@ def report_batch(
             for number, campaign in enumerate(outcome.recording.campaigns, start=1)
         ]
     if form is Form.JSON:
-        click.echo(format_json([_make_entry(campaign) for campaign in campaigns]), nl=False)
+        entries = [
+            {
+                "recording": str(campaign.recording),
+                "campaign": campaign.number,
+                "results": results_to_json(campaign.results),
+            }
+            for campaign in campaigns
+        ]
+        click.echo(format_json(entries), nl=False)
     elif campaigns:
         print_batch(make_console(), campaigns)
     errors = [outcome.error for outcome in outcomes if outcome.recording is None]
     if errors and scheduler:
         click.echo("remark: all workers must find the recordings under the same paths", err=True)
     return errors
-
-
-def _remark(text: str) -> None:
-    click.echo(text, err=True)
-
-
-def _make_entry(campaign: BatchCampaign) -> dict[str, object]:
-    return {
-        "recording": str(campaign.recording),
-        "campaign": campaign.number,
-        "results": results_to_json(campaign.results),
-    }
 
 
 def _print_warnings(recording: AnalyzedRecording) -> None:

@@ -43,11 +43,6 @@ def read_sensors(contents: Contents) -> tuple[Sensor, ...]:
     return tuple({(item.channel, item.describe()): item for item in found}.values())
 
 
-def list_sensors(contents: Contents) -> list[str]:
-    """Return each sensor in words."""
-    return [f"{sensor.channel}: {sensor.describe()}" for sensor in read_sensors(contents)]
-
-
 def describe_old_calibrations(contents: Contents) -> list[str]:
     """Return which sensors' calibrations were too old on the day of the recording."""
     try:

@@ -1,7 +1,6 @@
 """Several files on one command line: a bad one does not keep the others from being done."""
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
 import click
@@ -10,12 +9,11 @@ from impact_rig.core.errors import RigError
 from impact_rig.present.terminal.console import make_printable
 from impact_rig.results.results_file import format_json
 
+_S = TypeVar("_S")
 _T = TypeVar("_T")
 
 
-def process_each(
-    files: Sequence[Path], process: Callable[[Path], _T]
-) -> tuple[list[_T], list[str]]:
+def process_each(files: Iterable[_S], process: Callable[[_S], _T]) -> tuple[list[_T], list[str]]:
     """Return what came of the files that are good, and what is wrong with the others."""
     results: list[_T] = []
     errors: list[str] = []

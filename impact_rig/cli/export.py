@@ -16,7 +16,7 @@ from impact_rig.recordings.exporting import ExportedCampaign, ExportedHit, read_
 from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
 from impact_rig.recordings.formats.registry import WRITABLE, write_measurement
 from impact_rig.recordings.new_file import write_new_file
-from impact_rig.recordings.reader import Recording, read_recording
+from impact_rig.recordings.reader import read_recording
 from impact_rig.results.campaign import Results, results_from_session
 from impact_rig.results.results_file import format_json, results_to_json
 from impact_rig.results.results_table import format_results_table
@@ -120,7 +120,10 @@ def export_recording(path: Path, task: ExportTask) -> str:
     if not campaigns:
         raise FileError(f"{path} holds no hit: no block of it completes a record")
     if "results" in task.parts:
-        results = [_estimate_results(campaign, recording) for campaign in campaigns]
+        faults = {label.record: names for label, names in recording.faults.items()}
+        results = [
+            results_from_session(campaign.session.estimate_all(), faults) for campaign in campaigns
+        ]
         return _write_results(task.output, [_select(item, task.samples) for item in results])
     groups = _make_groups(campaigns, task)
     if not groups:
@@ -136,11 +139,6 @@ def export_recording(path: Path, task: ExportTask) -> str:
     for file, (_, group) in zip(files, groups, strict=True):
         write_measurement(file, Measurement(path, group))
     return f"{task.output}: {len(groups)} traces in as many files"
-
-
-def _estimate_results(campaign: ExportedCampaign, recording: Recording) -> Results:
-    faults = {label.record: names for label, names in recording.faults.items()}
-    return results_from_session(campaign.session.estimate_all(), faults)
 
 
 def _select(results: Results, samples: Sequence[str]) -> Results:

@@ -18,10 +18,10 @@ from impact_rig.cli.contents import (
     describe_recovery,
     describe_verdict,
     inspect_with_progress,
-    list_sensors,
     print_hits,
     print_topics,
     read_fields,
+    read_sensors,
     read_versions,
 )
 from impact_rig.cli.each_file import print_json, process_each, raise_errors
@@ -38,14 +38,17 @@ from impact_rig.results.tables import Column
 def _list_facts(contents: Contents) -> list[tuple[str, str]]:
     facts = [("recording", _describe_files(contents))]
     if contents.messages:
-        facts.append(("when", _describe_time(contents)))
+        duration = (contents.end_time - contents.start_time) * 1e-9
+        facts.append(("when", f"{_format_time(contents.start_time)}, {duration:.1f} s"))
     if campaigns := {(hit.rig, hit.campaign) for hit in contents.hits}:
         rigs = dict.fromkeys(str(getattr(setup, "name", "")) for setup in contents.setups.values())
         named = ", ".join(name for name in rigs if name)
         facts.append(("campaigns", f"{len(campaigns)}{f' on {named}' if named else ''}"))
     if contents.hits:
         facts.append(("origin", str(join_origins(hit.origin for hit in contents.hits))))
-    facts += [("sensor", text) for text in list_sensors(contents)]
+    facts += [
+        ("sensor", f"{sensor.channel}: {sensor.describe()}") for sensor in read_sensors(contents)
+    ]
     facts += [
         ("stream", f"{topic}, {stream.points} points of each channel")
         for topic, stream in contents.streams.items()
@@ -105,11 +108,6 @@ def _describe_files(contents: Contents) -> str:
     return ", ".join(parts)
 
 
-def _describe_time(contents: Contents) -> str:
-    duration = (contents.end_time - contents.start_time) * 1e-9
-    return f"{_format_time(contents.start_time)}, {duration:.1f} s"
-
-
 def _format_time(nanoseconds: int) -> str:
     try:
         moment = datetime.fromtimestamp(nanoseconds * 1e-9).astimezone()
@@ -124,6 +122,8 @@ def _print_samples(console: Console, contents: Contents) -> None:
     if not names:
         return
     verdicts = Counter((name, hit.is_accepted) for name, hit in hits)
+    reasons = count_reasons(contents).most_common()
+    told = ", ".join(f"{reason} ({number})" for reason, number in reasons)
     print_table(
         console,
         f"Samples: {len(names)}",
@@ -137,13 +137,7 @@ def _print_samples(console: Console, contents: Contents) -> None:
                 styles=[ALARM if verdicts[name, False] else "" for name in names],
             ),
         ],
-        [f"Rejected for {_describe_reasons(contents)}."] if count_reasons(contents) else (),
-    )
-
-
-def _describe_reasons(contents: Contents) -> str:
-    return ", ".join(
-        f"{reason} ({number})" for reason, number in count_reasons(contents).most_common()
+        [f"Rejected for {told}."] if told else (),
     )
 
 

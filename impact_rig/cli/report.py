@@ -1,6 +1,5 @@
 """`impact-rig report`: one run, or several compared, in a file to hand over."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +24,7 @@ from impact_rig.present.report.report import make_report
 from impact_rig.present.terminal.console import make_console
 from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.new_file import write_new_file
-from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD
+from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD, compute_sha256
 from impact_rig.recordings.writer import HEALTH_RECORD
 from impact_rig.results.run import Note, Provenance, RecordedFile, Run
 
@@ -47,7 +46,10 @@ def read_provenance(path: Path) -> Provenance:
     return Provenance(
         start_time=contents.start_time,
         end_time=contents.end_time,
-        files=tuple(_describe_file(file.path) for file in contents.files),
+        files=tuple(
+            RecordedFile(file.path.name, file.size, compute_sha256(file.path))
+            for file in contents.files
+        ),
         problems=contents.problems,
         losses=describe_losses(contents),
         ended=read_fields(contents, HEALTH_RECORD).get("reason", ""),
@@ -55,15 +57,6 @@ def read_provenance(path: Path) -> Provenance:
         parameters=tuple(sorted(read_fields(contents, PARAMETERS_RECORD).items())),
         notes=_gather_notes(contents),
     )
-
-
-def _describe_file(path: Path) -> RecordedFile:
-    try:
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        return RecordedFile(path.name, path.stat().st_size, digest)
-    except OSError as error:
-        raise FileError(f"{path} cannot be read: {error.strerror or error}") from None
 
 
 def _gather_notes(contents: Contents) -> tuple[Note, ...]:
@@ -88,7 +81,9 @@ PDF_SUFFIX = ".pdf"
     not suffer from. Nothing is overwritten.
     """,
 )
-@click.argument("runs", nargs=-1, required=True, metavar="RUN...", type=click.Path(path_type=Path))
+@click.argument(
+    "paths", nargs=-1, required=True, metavar="RUN...", type=click.Path(path_type=Path)
+)
 @click.option(
     "-o",
     "--output",
@@ -103,7 +98,7 @@ PDF_SUFFIX = ".pdf"
     help="With a chapter on simulators: parameters of every contact, and what those that are"
     " installed make of the control sample.",
 )
-def command(runs: tuple[Path, ...], output: Path | None, pdf: bool, simulators: bool) -> None:
+def command(paths: tuple[Path, ...], output: Path | None, pdf: bool, simulators: bool) -> None:
     """Write a report: one HTML file that needs nothing else, and a PDF.
 
     What was measured and with what, tables with uncertainties and budgets, the paper's figures,
@@ -111,16 +106,22 @@ def command(runs: tuple[Path, ...], output: Path | None, pdf: bool, simulators: 
     changed beyond its uncertainty. RUN is a recording, the folder of a run, or a results.json,
     which has no traces. No ROS is needed.
     """
-    sources, errors = _find_sources(runs)
+    sources, errors = _find_sources(paths)
     if not sources:
         raise_errors(errors)
-    path = output or _choose_output(sources)
+    folder = sources[0].folder if len(sources) == 1 else Path()
+    path = output or folder / DEFAULT_NAME
     _check_targets(path, with_pdf=pdf)
-    read, more = _read_sources(sources)
+    named = list(zip(sources, name_sources(sources), strict=True))
+    read, more = process_each(named, lambda item: _read(*item))
     errors += more
     if read:
-        document = _make_document(read, errors, with_simulators=simulators)
-        _write_page(document, path)
+        runs = [run for found in read for run in found]
+        with ProgressBar(make_console(stderr=True), "drawing", total=len(runs)) as bar:
+            document = make_report(runs, errors, bar.report, with_simulators=simulators)
+        with write_new_file(path) as part:
+            part.write_text(render_page(document), encoding="utf-8")
+        click.echo(f"report: {path}", err=True)
         errors += _write_pdf(document, path.with_suffix(PDF_SUFFIX)) if pdf else []
     raise_errors(errors)
 
@@ -131,10 +132,6 @@ def _find_sources(named: Sequence[Path]) -> tuple[list[RunSource], list[str]]:
     repeated = find_repeated_files([source.path for source in found])
     sources = [source for place, source in enumerate(found) if place not in repeated]
     return sources, errors + list(repeated.values())
-
-
-def _choose_output(sources: Sequence[RunSource]) -> Path:
-    return sources[0].folder / DEFAULT_NAME if len(sources) == 1 else Path(DEFAULT_NAME)
 
 
 def _check_targets(path: Path, *, with_pdf: bool) -> None:
@@ -149,15 +146,6 @@ def _check_targets(path: Path, *, with_pdf: bool) -> None:
             raise FileError(f"{target} exists already: name another file with -o")
 
 
-def _read_sources(sources: Sequence[RunSource]) -> tuple[list[Run], list[str]]:
-    names = {
-        source.named: name for source, name in zip(sources, name_sources(sources), strict=True)
-    }
-    by_path = {source.named: source for source in sources}
-    read, errors = process_each(list(names), lambda path: _read(by_path[path], names[path]))
-    return [run for runs in read for run in runs], errors
-
-
 def _read(source: RunSource, name: str) -> tuple[Run, ...]:
     with ProgressBar(make_console(stderr=True), f"reading {source.named}"):
         runs = read_runs(source, name)
@@ -165,24 +153,6 @@ def _read(source: RunSource, name: str) -> tuple[Run, ...]:
         return runs
     provenance = read_provenance(source.path)
     return tuple(replace(run, provenance=provenance) for run in runs)
-
-
-def _make_document(
-    runs: Sequence[Run], errors: Sequence[str], *, with_simulators: bool
-) -> Document:
-    with ProgressBar(make_console(stderr=True), "drawing", total=len(runs)) as bar:
-        return make_report(
-            runs,
-            errors,
-            bar.report,
-            with_simulators=with_simulators,
-        )
-
-
-def _write_page(document: Document, path: Path) -> None:
-    with write_new_file(path) as part:
-        part.write_text(render_page(document), encoding="utf-8")
-    click.echo(f"report: {path}", err=True)
 
 
 def _write_pdf(document: Document, path: Path) -> list[str]:

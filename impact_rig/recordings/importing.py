@@ -6,7 +6,6 @@ states, or a second after the epoch. So times grow in the order of the files, wi
 decades, and the same files make the same recording, byte by byte.
 """
 
-import hashlib
 import json
 import math
 import re
@@ -18,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from impact_rig import __version__
-from impact_rig.core.errors import FileError, ParameterError, SignalError
+from impact_rig.core.errors import ParameterError, SignalError
 from impact_rig.core.origin import IMPORTED, MIXED, SIMULATED, Origin
 from impact_rig.core.setup.calibration import (
     FORCES,
@@ -49,6 +48,7 @@ from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import (
     ORIGIN_RECORD,
     PROVENANCE_RECORD,
+    compute_sha256,
     describe_origins,
 )
 from impact_rig.recordings.qos import OfferedQos
@@ -736,14 +736,9 @@ def _assign_stamps(hits: Sequence[ImportedHit]) -> list[int]:
 
 def _describe(hit: ImportedHit) -> str:
     """Return where a hit comes from, as JSON: enough to find the file and prove that it is it."""
-    try:
-        with hit.path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise FileError(f"{hit.path} cannot be read: {error.strerror}") from None
     content: dict[str, object] = {
         "file": hit.path.name,
-        "sha256": digest,
+        "sha256": compute_sha256(hit.path),
         "channels": hit.channels,
     }
     if hit.block.stamp:

@@ -1,5 +1,6 @@
 """With what a recording was made: software, computer, operator's notes, files beside it."""
 
+import hashlib
 import json
 import mimetypes
 import os
@@ -27,6 +28,15 @@ LIBRARIES = ("numpy", "scipy", "mcap", "zstandard", "lz4", "rclpy")
 """Those on which it depends what is recorded and estimated."""
 ATTACHMENT_LIMIT = 16 << 20
 """A larger file is not put into a recording [byte], our choice: a rig file has some kilobytes."""
+
+
+def compute_sha256(path: Path) -> str:
+    """Return the digest of a file; raises `FileError` if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise FileError(f"{path} cannot be read: {error.strerror}") from None
 
 
 def describe_provenance(middleware: str, notes: str) -> dict[str, str]:

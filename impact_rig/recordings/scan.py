@@ -447,7 +447,9 @@ class Scan:
                 continue
             number, sequence, log_time, publish_time = unpack(content, begin)
             if number not in chosen:
-                self._miss(number)
+                if self._is_strict:
+                    raise DamageError("a message belongs to a channel that is not announced")
+                self.unknown[number] += 1
                 continue
             channel = chosen[number]
             if (
@@ -457,11 +459,6 @@ class Scan:
             ):
                 data = content[begin + head_size : place]
                 yield RawMessage(channel, sequence, log_time, publish_time, data)
-
-    def _miss(self, number: int) -> None:
-        if self._is_strict:
-            raise DamageError("a message belongs to a channel that is not announced")
-        self.unknown[number] += 1
 
     def _parse_small(self, kind: int, content: bytes, place: int) -> Any:
         if kind not in _SMALL:

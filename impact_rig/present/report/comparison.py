@@ -42,7 +42,9 @@ def make_comparison_section(runs: Sequence[Run]) -> Section:
     """Compare every run with the first."""
     results = [run.campaign.results for run in runs]
     compared = compare_runs(results)
-    parts: list[Part] = [Paragraph(_introduce(runs))]
+    others = ", ".join(run.name for run in runs[1:])
+    first = f"The first run, {runs[0].name}, is what the others are held against: {others}."
+    parts: list[Part] = [Paragraph(first)]
     if compared:
         named = [(run.name, run.campaign.results) for run in runs]
         parts += [_summarize(runs, compared), Paragraph(EXPLANATION)]
@@ -52,11 +54,6 @@ def make_comparison_section(runs: Sequence[Run]) -> Section:
     parts += _tell_setup_differences(runs, find_setup_differences(results))
     sections = [_compare_with_first(runs, place, compared) for place in range(1, len(runs))]
     return Section("Comparison of the runs", tuple(parts), drop_empty(*sections))
-
-
-def _introduce(runs: Sequence[Run]) -> str:
-    others = ", ".join(run.name for run in runs[1:])
-    return f"The first run, {runs[0].name}, is what the others are held against: {others}."
 
 
 def _summarize(runs: Sequence[Run], compared: Sequence[ComparedQuantity]) -> Remarks:
