@@ -106,7 +106,7 @@ def parse_import_file(text: str) -> ImportFile:
         sample_mass=specimen.take_quantity("mass", "kg", "102.38 g", NAN),
         accelerometer_mass=specimen.take_quantity("accelerometer_mass", "kg", "3 g", NAN),
         hammer_stiffness=hammer.take_quantity("stiffness", "N/m", "22.5 MN/m", NAN),
-        control=specimen.take_boolean("control", default=False),
+        control=specimen.take_boolean("control"),
         settings=parse_settings(document),
     )
 

@@ -60,7 +60,7 @@ def parse_settings(document: TomlTable) -> dict[str, Any]:
         if key in ANALYSIS_QUANTITIES:
             values[key] = table.take_quantity(key, *ANALYSIS_QUANTITIES[key])
         elif key == "turns_polarity":
-            values[key] = table.take_boolean(key, default=False)
+            values[key] = table.take_boolean(key)
         elif isinstance(value, bool) or not isinstance(value, int | float):
             raise table.refuse(key, "a plain number")
         elif key not in WHOLE_SETTINGS:
@@ -333,7 +333,7 @@ def _parse_swing(holder: TomlTable) -> dict[str, Any]:
         if key in holder
     }
     if "confirm_return" in holder:
-        parameters["confirm_return"] = holder.take_boolean("confirm_return", default=False)
+        parameters["confirm_return"] = holder.take_boolean("confirm_return")
     if "enable_file" in holder:
         parameters["enable_file"] = holder.take_text("enable_file")
     return parameters

@@ -211,18 +211,16 @@ class TomlTable(Mapping[str, Any]):
             raise self.refuse(key, "one of " + ", ".join(choices))
         return value
 
-    def take_boolean(self, key: str, *, default: bool) -> bool:
-        """Return true or false; raises `ParameterError` if it is neither."""
-        value = self._take(key, default, "true")
+    def take_boolean(self, key: str) -> bool:
+        """Return true or, where it is missing, false; raises `ParameterError` if it is neither."""
+        value = self._values.get(key, False)
         if not isinstance(value, bool):
             raise self.refuse(key, "true or false")
         return value
 
-    def take_number(
-        self, key: str, low: float, high: float, default: float = REQUIRED, example: str = ""
-    ) -> float:
+    def take_number(self, key: str, low: float, high: float, default: float = REQUIRED) -> float:
         """Return a plain number between two others; raises `ParameterError`."""
-        value = self._take(key, default, example or f"{low:g}")
+        value = self._take(key, default, f"{low:g}")
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not is_number or not low <= value <= high:
             raise self.refuse(key, f"a plain number between {low:g} and {high:g}")

@@ -51,7 +51,7 @@ active_low = false      # true: the line is active while its pin is low
         options.check_keys("chip", "line", "energized", "active_low")
         self._chip = options.take_text("chip", "/dev/gpiochip0")
         self._line = _take_line(options)
-        self._is_active_low = options.take_boolean("active_low", default=False)
+        self._is_active_low = options.take_boolean("active_low")
         self._active = take_energized_state(options, HolderState.RELEASED)
         self._request: Any = None
 

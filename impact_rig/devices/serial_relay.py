@@ -87,7 +87,7 @@ def read_four_byte_protocol(options: TomlTable) -> RelayProtocol:
     channel = options.take_whole("channel", 1, LONGEST_CHANNEL, 1)
     holds_on = take_energized_state(options, HolderState.RELEASED) is HolderState.HOLDING
     hold, release = (ON, OFF) if holds_on else (OFF, ON)
-    if not options.take_boolean("answers", default=False):
+    if not options.take_boolean("answers"):
         return RelayProtocol(
             Exchange(make_frame(channel, hold)), Exchange(make_frame(channel, release))
         )

@@ -12,7 +12,7 @@ import numpy as np
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError, ParameterError
 from impact_rig.devices.protocols import AcquisitionPlan, FoundDevice, SourceChannel
-from impact_rig.devices.streaming import CountScale, StreamCapture, StreamedSource, Streaming
+from impact_rig.devices.streaming import CountScale, StreamCapture, StreamedSource
 
 _NAME = re.compile(
     r"(?:333D|485B|633A|SDC0)..."
@@ -239,6 +239,8 @@ class SoundCapture(StreamCapture):
         [Hz]
     columns : sequence of int
         The device's channels to keep, counted from 0, in this order.
+    scales : tuple of CountScale
+        Of these channels.
     capacity : int
         Points to keep at least.
 
@@ -251,9 +253,14 @@ class SoundCapture(StreamCapture):
     """
 
     def __init__(
-        self, device: SoundInput, sampling_rate: float, columns: Sequence[int], capacity: int
+        self,
+        device: SoundInput,
+        sampling_rate: float,
+        columns: Sequence[int],
+        scales: tuple[CountScale, ...],
+        capacity: int,
     ) -> None:
-        super().__init__(f"sound device {device.full_name}", sampling_rate, capacity)
+        super().__init__(f"sound device {device.full_name}", sampling_rate, scales, capacity)
         self._device = device
         self._columns = list(columns)
         self._last_block: tuple[float, int] | None = None
@@ -354,7 +361,7 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
             for device in list_inputs()
         )
 
-    def open_device(self, plan: AcquisitionPlan, capacity: int) -> Streaming:
+    def open_device(self, plan: AcquisitionPlan, capacity: int) -> StreamCapture:
         """Open the sound card, and begin to record.
 
         Raises
@@ -371,7 +378,7 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
             compute_count_scale(channel, known.get(column))
             for channel, column in zip(plan.channels, columns, strict=True)
         )
-        return Streaming(SoundCapture(device, plan.sampling_rate, columns, capacity), scales)
+        return SoundCapture(device, plan.sampling_rate, columns, scales, capacity)
 
     def _choose(self, inputs: Sequence[SoundInput]) -> SoundInput:
         wanted = self._device

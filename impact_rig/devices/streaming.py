@@ -145,6 +145,8 @@ class StreamCapture:
         What messages call the device: "sound device USB Audio".
     sampling_rate : float
         [Hz]
+    scales : tuple of CountScale
+        Of the hammer's and, where it is measured, the sample's channel.
     capacity : int
         Points to keep at least.
 
@@ -156,9 +158,12 @@ class StreamCapture:
         The points.
     """
 
-    def __init__(self, name: str, sampling_rate: float, capacity: int) -> None:
+    def __init__(
+        self, name: str, sampling_rate: float, scales: tuple[CountScale, ...], capacity: int
+    ) -> None:
         self.name = name
         self.sampling_rate = sampling_rate
+        self.scales = scales
         self.changed = threading.Condition()
         self.store = SampleStore(capacity)
         self._end = ""
@@ -227,22 +232,6 @@ class StreamCapture:
         return stamp + round((place - known) / self.sampling_rate * 1e9)
 
 
-@dataclass(frozen=True)
-class Streaming:
-    """A device that streams.
-
-    Attributes
-    ----------
-    capture : StreamCapture
-        Of the hammer's and, where it is measured, the sample's channel.
-    scales : tuple of CountScale
-        Of these channels.
-    """
-
-    capture: StreamCapture
-    scales: tuple[CountScale, ...]
-
-
 class StreamedSource(ABC):
     """An acceleration source whose trigger is in software.
 
@@ -253,14 +242,14 @@ class StreamedSource(ABC):
 
     def __init__(self) -> None:
         self._plan: AcquisitionPlan | None = None
-        self._streaming: Streaming | None = None
+        self._capture: StreamCapture | None = None
         self._is_armed = False
         self._armed_at = self._earliest = self._cursor = 0
         self._trigger: int | None = None
         self._blocks: deque[Block] = deque()
 
     @abstractmethod
-    def open_device(self, plan: AcquisitionPlan, capacity: int) -> Streaming:
+    def open_device(self, plan: AcquisitionPlan, capacity: int) -> StreamCapture:
         """Open the device, and let it stream; errors as `AccelerationSource.configure`.
 
         Parameters
@@ -274,21 +263,20 @@ class StreamedSource(ABC):
     def configure(self, plan: AcquisitionPlan) -> Acquisition:
         """Open the device, and see that it delivers; errors as `AccelerationSource.configure`."""
         self.close()
-        streaming = self.open_device(
+        capture = self.open_device(
             plan, max(plan.depth * plan.block_size, 2 * plan.points + plan.pre_trigger_points)
         )
-        self._plan, self._streaming = plan, streaming
+        self._plan, self._capture = plan, capture
         try:
-            streaming.capture.wait_for_points(max(plan.pre_trigger_points, 1))
+            capture.wait_for_points(max(plan.pre_trigger_points, 1))
         except DeviceError:
             self.close()
             raise
-        return Acquisition(streaming.capture.name, streaming.capture.sampling_rate)
+        return Acquisition(capture.name, capture.sampling_rate)
 
     def arm(self) -> None:
         """Wait for the level to be crossed; in continuous mode begin to deliver."""
-        plan, streaming = self._get_running()
-        capture = streaming.capture
+        plan, capture = self._get_running()
         with capture.changed:
             self._stop()
             self._is_armed = True
@@ -304,65 +292,65 @@ class StreamedSource(ABC):
         DeviceError
             If the device has gone, or has stopped to deliver.
         """
-        plan, streaming = self._get_running()
+        plan, capture = self._get_running()
         deadline = time.monotonic() + timeout
-        with streaming.capture.changed:
+        with capture.changed:
             while True:
                 if self._is_armed and plan.continuous:
-                    self._cut_stream(plan, streaming)
+                    self._cut_stream(plan, capture)
                 elif self._is_armed:
-                    self._cut_record(plan, streaming)
+                    self._cut_record(plan, capture)
                 if self._blocks:
                     return self._blocks.popleft()
-                streaming.capture.wait(deadline)
+                capture.wait(deadline)
                 if time.monotonic() >= deadline:
                     return None
 
     def disarm(self) -> None:
         """Deliver no more."""
-        if self._streaming is not None:
-            with self._streaming.capture.changed:
+        if self._capture is not None:
+            with self._capture.changed:
                 self._stop()
 
     def check(self) -> None:
         """See that the device still delivers; raises `DeviceError`."""
-        capture = self._get_running()[1].capture
+        _, capture = self._get_running()
         with capture.changed:
             capture.check()
 
     def close(self) -> None:
         """Let the device go."""
-        streaming, self._streaming = self._streaming, None
+        capture, self._capture = self._capture, None
         self._stop()
-        if streaming is not None:
+        if capture is not None:
             # Its thread may want the lock before it ends.
-            streaming.capture.close()
+            capture.close()
 
     def _stop(self) -> None:
         self._is_armed, self._trigger = False, None
         self._blocks.clear()
 
-    def _get_running(self) -> tuple[AcquisitionPlan, Streaming]:
-        if self._plan is None or self._streaming is None:
+    def _get_running(self) -> tuple[AcquisitionPlan, StreamCapture]:
+        if self._plan is None or self._capture is None:
             raise DeviceError("the device is not open: configure the source first")
-        return self._plan, self._streaming
+        return self._plan, self._capture
 
-    def _cut_stream(self, plan: AcquisitionPlan, streaming: Streaming) -> None:
+    def _cut_stream(self, plan: AcquisitionPlan, capture: StreamCapture) -> None:
         """Take the next block of the stream, if it has come or a gap ends it."""
-        store = streaming.capture.store
+        store = capture.store
         runs = store.read_runs(self._cursor, store.end)
         if not runs or (len(runs) == 1 and len(runs[0].counts) < plan.block_size):
             return
         run = Run(runs[0].place, runs[0].counts[: plan.block_size])
         self._cursor = run.end
         store.forget(self._cursor)
-        self._blocks.append(_make_block(streaming, run, self._armed_at))
+        self._blocks.append(_make_block(capture, run, self._armed_at))
 
-    def _cut_record(self, plan: AcquisitionPlan, streaming: Streaming) -> None:
+    def _cut_record(self, plan: AcquisitionPlan, capture: StreamCapture) -> None:
         """Look for the trigger, then wait for the end of its record and cut it."""
-        store = streaming.capture.store
+        store = capture.store
         if self._trigger is None:
-            self._trigger = self._find_trigger(plan, streaming)
+            self._trigger = self._find_trigger(plan, capture)
         if self._trigger is None:
             return
         first = self._trigger - plan.pre_trigger_points
@@ -371,13 +359,13 @@ class StreamedSource(ABC):
         runs = store.read_runs(first, first + plan.points)
         pieces = [piece for run in runs for piece in _split(run, plan.block_size)]
         self._blocks.extend(
-            _make_block(streaming, piece, first, last=piece is pieces[-1]) for piece in pieces
+            _make_block(capture, piece, first, last=piece is pieces[-1]) for piece in pieces
         )
         self._is_armed = False
 
-    def _find_trigger(self, plan: AcquisitionPlan, streaming: Streaming) -> int | None:
+    def _find_trigger(self, plan: AcquisitionPlan, capture: StreamCapture) -> int | None:
         """Return the place where the hammer's size reaches the level; None: not yet."""
-        store, scale = streaming.capture.store, streaming.scales[0]
+        store, scale = capture.store, capture.scales[0]
         level = plan.trigger_level / abs(scale.scale)
         # The point before those that are searched tells whether the first one crosses the level.
         for run in store.read_runs(max(self._cursor, self._earliest) - 1, store.end):
@@ -410,16 +398,16 @@ def _split(run: Run, size: int) -> Iterator[Run]:
         yield Run(run.place + start, run.counts[start : start + size])
 
 
-def _make_block(streaming: Streaming, run: Run, origin: int, *, last: bool = False) -> Block:
+def _make_block(capture: StreamCapture, run: Run, origin: int, *, last: bool = False) -> Block:
     """Return points as a block that counts from the place `origin`."""
     blocks = [
-        scale.make_block(run.counts[:, column]) for column, scale in enumerate(streaming.scales)
+        scale.make_block(run.counts[:, column]) for column, scale in enumerate(capture.scales)
     ]
     return Block(
         first_sample=run.place - origin,
-        sampling_rate=streaming.capture.sampling_rate,
+        sampling_rate=capture.sampling_rate,
         hammer=blocks[0],
         specimen=blocks[1] if len(blocks) > 1 else NOT_MEASURED,
         last=last,
-        stamp=streaming.capture.compute_stamp(run.place),
+        stamp=capture.compute_stamp(run.place),
     )

@@ -1,8 +1,13 @@
 """The hammer: holds it, and lets it go when the rest of the rig can record the hit."""
 
+import contextlib
+import hashlib
 import math
+import os
+import stat
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, TypeVar
 
 from impact_rig_msgs.msg import AcquisitionState, HammerRelease
@@ -21,7 +26,6 @@ from impact_rig.nodes.guarded_hammer import (
     HammerCondition,
     HammerPlace,
 )
-from impact_rig.nodes.hammer_files import StopMemory, describe_missing_enable
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import LONGEST_PAUSE, Read
 from impact_rig.nodes.rig_state import ACCELEROMETER, CAMPAIGN, RECORDER, RigState
@@ -38,6 +42,69 @@ OWN_NODES = frozenset((
 CATCH_UP_TIME = interfaces.LEASE + 0.5
 """How long a process that was stopped refuses to release when it goes on [s]: by then it has heard
 what was said meanwhile, and missed who has died."""
+
+
+# What is read from files, which nobody can send by network: enable, and last stop.
+
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+
+def describe_missing_enable(path: str) -> str:
+    """Return why a file does not enable the hammer; empty: it does, or none is asked for.
+
+    Parameters
+    ----------
+    path : str
+        Of a file that must be there, be this user's, and lie where nobody else may write.
+    """
+    if not path:
+        return ""
+    file = Path(path).expanduser()
+    try:
+        status, folder = file.lstat(), file.parent.stat()
+    except OSError as error:
+        return f"the operator's enable {file} is not there ({error.strerror}): touch it"
+    if not stat.S_ISREG(status.st_mode) or status.st_uid != os.getuid():
+        return f"the operator's enable {file} is no file of this user: nobody else may give it"
+    if (status.st_mode | folder.st_mode) & OTHERS_WRITE:
+        return f"others may write {file} or its folder: chmod go-w both"
+    return ""
+
+
+class StopMemory:
+    """Remembers an emergency stop beyond the end of the process, as far as files can be written.
+
+    Parameters
+    ----------
+    domain : int
+        ROS domain.
+    full_name : str
+        Of the hammer node, with its namespace.
+    """
+
+    def __init__(self, domain: int, full_name: str) -> None:
+        folder = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+        name = hashlib.sha256(f"{domain}:{full_name}".encode()).hexdigest()[:16]
+        self._path = Path(folder, "impact_rig", f"emergency-stop-{name}")
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether an emergency stop was not reset."""
+        return self._path.exists()
+
+    def keep(self) -> str:
+        """Remember a stop; return why it cannot be, empty: it is."""
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._path.touch()
+        except OSError as error:
+            return f"the stop will not outlast this process: {error}"
+        return ""
+
+    def forget(self) -> None:
+        """Hear that it was reset."""
+        with contextlib.suppress(OSError):
+            self._path.unlink(missing_ok=True)
 
 
 class HammerNode(DeviceNode):

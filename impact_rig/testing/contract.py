@@ -277,7 +277,7 @@ class AccelerationSourceContract(DriverContract):
         with configure(bench) as (source, plan):
             bench.unplug()
             with pytest.raises(DeviceError) as found:
-                wait_for_absence(source)
+                wait_for_loss(source.check, lambda: time.sleep(QUIET))
             check_sentence(found.value)
             source.close()
             bench.plug()
@@ -297,7 +297,7 @@ class AccelerationSourceContract(DriverContract):
                 source.arm()
                 bench.unplug()
                 with pytest.raises(DeviceError) as found:
-                    wait_for_loss(source)
+                    wait_for_loss(lambda: read_nothing(source))
                 check_sentence(found.value)
                 source.close()
                 with pytest.raises(DeviceError):
@@ -337,19 +337,17 @@ def read_record(source: AccelerationSource) -> list[Block]:
     return blocks
 
 
-def wait_for_loss(source: AccelerationSource) -> None:
-    """Read until the loss of the device is noticed, which raises."""
+def wait_for_loss(*actions: Callable[[], object]) -> None:
+    """Do something again and again until the loss of the device is noticed, which raises."""
     deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline:
-        assert source.read(QUIET) is None, "a device that is gone delivers"
+        for action in actions:
+            action()
 
 
-def wait_for_absence(source: AccelerationSource) -> None:
-    """Ask until the loss of the device is noticed, which raises."""
-    deadline = time.monotonic() + PATIENCE
-    while time.monotonic() < deadline:
-        source.check()
-        time.sleep(QUIET)
+def read_nothing(source: AccelerationSource) -> None:
+    """Require that no block comes."""
+    assert source.read(QUIET) is None, "a device that is gone delivers"
 
 
 def check_record(blocks: list[Block], plan: AcquisitionPlan) -> None:
@@ -478,7 +476,7 @@ class HammerHolderContract(DriverContract):
             for _ in range(CYCLES):
                 bench.unplug()
                 with pytest.raises(DeviceError) as found:
-                    wait_for_holder_loss(holder)
+                    wait_for_loss(holder.read_state, holder.hold)
                 check_sentence(found.value)
                 holder.close()
                 with pytest.raises(DeviceError):
@@ -488,14 +486,6 @@ class HammerHolderContract(DriverContract):
                 holder.configure()
             wait_until(bench.is_holding)
             assert bench.count_releases() == 0
-
-
-def wait_for_holder_loss(holder: HammerHolder) -> None:
-    """Ask until the loss of the device is noticed, which raises."""
-    deadline = time.monotonic() + PATIENCE
-    while time.monotonic() < deadline:
-        holder.read_state()
-        holder.hold()
 
 
 def wait_for_releases(bench: HolderBench, count: int) -> None:

@@ -141,7 +141,7 @@ def test_values_are_read_as_what_they_must_be(table):
     assert table.take_choice("name", ("rig", "bench")) == "rig"
     assert table.take_whole("port", 1, 65535) == 5000
     assert table.take_number("ratio", 0.0, 1.0) == 0.5
-    assert table.take_boolean("inverted", default=False) is True
+    assert table.take_boolean("inverted") is True
     assert table.take_quantity("rate", "Hz", "1 MHz") == pytest.approx(2.5e6)
     assert table.take_date("day") == table.take_date("same_day") == "2026-03-01"
     assert dict(table.take_table("source")) == {"driver": "scpi"}
@@ -152,7 +152,7 @@ def test_what_is_missing_has_its_default(table):
     assert table.take_text("no", "none") == "none"
     assert table.take_whole("no", 1, 9, 7) == 7
     assert table.take_number("no", 1.0, 2.0, 1.5) == 1.5
-    assert table.take_boolean("no", default=True) is True
+    assert table.take_boolean("no") is False
     assert table.take_quantity("no", "Hz", "1 Hz", 3.0) == 3.0
     assert table.take_date("no") == ""
     assert dict(table.take_table("no")) == {}
@@ -170,7 +170,7 @@ def test_what_is_missing_has_its_default(table):
         (lambda table: table.take_whole("port", 1, 9), "line 2: .* between 1 and 9"),
         (lambda table: table.take_number("name", 0, 1), "line 1: .* plain number between 0 and 1"),
         (lambda table: table.take_number("port", 0, 1), "line 2: .* 5000: .* between 0 and 1"),
-        (lambda table: table.take_boolean("port", default=True), "line 2: .* true or false"),
+        (lambda table: table.take_boolean("port"), "line 2: .* true or false"),
         (lambda table: table.take_quantity("rate", "s", "1 s"), "line 5: rate .* is no s"),
         (lambda table: table.take_quantity("port", "s", "1 s"), "line 2: .* has no unit"),
         (lambda table: table.take_quantity("rate", "Hz", "1 Hz", low=3e6), "3e.06 Hz or more"),

@@ -27,7 +27,12 @@ from impact_rig.devices.sound import (
     parse_name_calibrations,
 )
 from impact_rig.devices.virtual.rig import DigitizerSettings, VirtualRig, VirtualRigSettings
-from impact_rig.testing.contract import AccelerationSourceContract, SourceBench, wait_for_loss
+from impact_rig.testing.contract import (
+    AccelerationSourceContract,
+    SourceBench,
+    read_nothing,
+    wait_for_loss,
+)
 from impact_rig.testing.peers.sound_card import SoundCardPeer, make_pulse
 
 PACKAGES = ("libportaudio2", "pulseaudio", "pulseaudio-utils", "libasound2-plugins")
@@ -246,7 +251,7 @@ def test_one_channel_may_be_all(card, make_source):
 
 def test_what_port_audio_lost_is_a_gap(make_source):
     source = make_source(replace(PLAN, continuous=True, block_size=100))
-    capture = source._streaming.capture
+    capture = source._capture
     source.arm()
     lost = 480
     with capture.changed:
@@ -275,9 +280,9 @@ def test_the_oldest_points_are_lost_when_nobody_reads(card, make_source):
     source = make_source(replace(PLAN, continuous=True, block_size=10, depth=10))
     capacity = 2 * PLAN.points + PLAN.pre_trigger_points
     source.arm()
-    with source._streaming.capture.changed:
-        store = source._streaming.capture.store
-        assert source._streaming.capture.changed.wait_for(
+    with source._capture.changed:
+        store = source._capture.store
+        assert source._capture.changed.wait_for(
             lambda: store.end > source._armed_at + 3 * capacity, PATIENCE
         )
     assert read_next(source).first_sample > 0
@@ -288,7 +293,7 @@ def test_a_card_that_falls_silent_is_lost(card, make_source):
     source.arm()
     card.is_silent = True
     with pytest.raises(DeviceError, match=r"rig_card, ALSA is silent: .* nothing for \d+\.\d s"):
-        wait_for_loss(source)
+        wait_for_loss(lambda: read_nothing(source))
 
 
 def test_a_sound_server_that_ends_takes_the_card_with_it(card, make_source):
@@ -296,7 +301,7 @@ def test_a_sound_server_that_ends_takes_the_card_with_it(card, make_source):
     source.arm()
     card.stop()
     with pytest.raises(DeviceError, match="rig_card, ALSA is gone"):
-        wait_for_loss(source)
+        wait_for_loss(lambda: read_nothing(source))
     source.close()
     with pytest.raises(DeviceError, match="rig_card"):
         source.configure(PLAN)
@@ -389,7 +394,7 @@ class SoundBench(SourceBench):
         )
 
     def strike(self, source: SoundSource) -> None:
-        store = source._streaming.capture.store
+        store = source._capture.store
         begin = store.end
         self._card.feed(make_pulse(RATE))
 
@@ -397,8 +402,8 @@ class SoundBench(SourceBench):
             return any(run.counts.any() for run in store.read_runs(begin, store.end))
 
         # A sound card is late: the pulse is on its way for some hundredths of a second.
-        with source._streaming.capture.changed:
-            assert source._streaming.capture.changed.wait_for(has_come, 20.0)
+        with source._capture.changed:
+            assert source._capture.changed.wait_for(has_come, 20.0)
 
 
 class TestSoundSource(AccelerationSourceContract):

@@ -164,7 +164,7 @@ def test_waits_for_the_sample_that_a_person_mounts(harness, start):
 
 def test_an_estimator_that_begins_anew_does_not_pass_for_one_that_knows_all_hits(harness, start):
     client = start()
-    handle, feedback = begin(harness, client, samples=["steel small"], impacts=50)
+    handle, feedback = begin(harness, client, samples=["steel small"], impacts=20)
     feedback.wait(lambda got: got[-1:] and got[-1].impact >= 2)
     # As one does that was killed and started again.
     campaign = next(node for node in harness.nodes if node.get_name() == "campaign")
@@ -172,7 +172,7 @@ def test_an_estimator_that_begins_anew_does_not_pass_for_one_that_knows_all_hits
     answer = harness.wait(handle.get_result_async())
     known = len(answer.result.accepted) + len(answer.result.rejected)
     assert not answer.result.success
-    assert f"the estimator began anew and knows {known} hits of 50" in answer.result.message
+    assert f"the estimator began anew and knows {known} hits of 20" in answer.result.message
 
 
 def test_cancelling_ends_it_with_the_hammer_disarmed(harness, start):

@@ -169,7 +169,7 @@ class Interlock(RuleBasedStateMachine):
 
 TestInterlock = Interlock.TestCase
 TestInterlock.settings = settings(
-    max_examples=100, stateful_step_count=40, suppress_health_check=[HealthCheck.too_slow]
+    max_examples=60, stateful_step_count=40, suppress_health_check=[HealthCheck.too_slow]
 )
 
 

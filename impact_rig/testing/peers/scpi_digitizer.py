@@ -2,10 +2,9 @@
 
 As a process it strikes a sample of the virtual rig when it is told to::
 
-    python -m impact_rig.testing.peers.scpi_digitizer --sample "steel small"
+    python -m impact_rig.testing.peers.scpi_digitizer --hammer "4 mV/g"
 
-It prints its address, and each strike, as a line of JSON, and takes `strike`, `unplug`, `plug` and
-`quit` as lines.
+It prints its address, and each strike, as a line of JSON; each line that it takes is a strike.
 """
 
 import argparse
@@ -19,7 +18,6 @@ import threading
 import time
 from collections.abc import Callable
 from enum import Enum
-from itertools import count
 from typing import TypeVar
 
 import numpy as np
@@ -51,12 +49,9 @@ class RingMemory:
     ----------
     channels : int
         How many.
-    clock : callable
-        Returns seconds.
     """
 
-    def __init__(self, channels: int, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
+    def __init__(self, channels: int) -> None:
         self._stored: CountArray = np.zeros((channels, SIZE), np.int16)
         self._signal: CountArray = np.zeros((channels, QUIET), np.int16)
         self._signal_start = 0
@@ -76,7 +71,7 @@ class RingMemory:
         self.stop()
         self._rate, self._post = rate, post
         self._signal_start = -self._signal.shape[1]
-        self._began = self._clock()
+        self._began = time.monotonic()
 
     def stop(self) -> None:
         """Keep what is there."""
@@ -120,7 +115,7 @@ class RingMemory:
             return None
         self._trigger = self._signal_start + begin + int(np.argmax(above))
         full = self._began + (self._trigger + self._post) / self._rate
-        return full - self._clock()
+        return full - time.monotonic()
 
     def is_triggered(self) -> bool:
         """Return whether the trigger has come."""
@@ -146,7 +141,7 @@ class RingMemory:
         """Return how many points have been written since the start."""
         if self._began is None:
             return 0
-        count = int((self._clock() - self._began) * self._rate)
+        count = int((time.monotonic() - self._began) * self._rate)
         return count if self._trigger is None else min(count, self._trigger + self._post)
 
     def _look(self, positions: NDArray[np.int64]) -> CountArray:
@@ -438,8 +433,6 @@ class LineServer:
     ----------
     take : callable
         Answers a line; called by several threads.
-    port : int
-        To listen on; 0: any that is free, and the same one ever after.
 
     Attributes
     ----------
@@ -447,10 +440,11 @@ class LineServer:
         Every connection is closed as soon as it is made.
     """
 
-    def __init__(self, take: Taker, port: int = 0) -> None:
+    def __init__(self, take: Taker) -> None:
         self.is_busy = False
         self._take = take
-        self._port = port
+        # Any that is free, and the same one ever after.
+        self._port = 0
         self._lock = threading.Lock()
         self._listener: socket.socket | None = None
         self._connections: set[socket.socket] = set()
@@ -552,15 +546,11 @@ class ScpiDigitizer:
     ----------
     hammer_sensitivity, specimen_sensitivity : float
         Of the sensors, signed [V per m/s^2].
-    port : int
-        Of the loopback interface; 0: any that is free.
     """
 
-    def __init__(
-        self, hammer_sensitivity: float, specimen_sensitivity: float, port: int = 0
-    ) -> None:
+    def __init__(self, hammer_sensitivity: float, specimen_sensitivity: float) -> None:
         self._sensitivities = (hammer_sensitivity, specimen_sensitivity)
-        self._server = LineServer(self._take, port)
+        self._server = LineServer(self._take)
         self._lock = threading.Lock()
         self._board = RedPitaya()
         self._fault, self._fault_on = ScpiFault.NONE, ""
@@ -645,38 +635,21 @@ def _parse_sensitivity(text: str) -> float:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def _parse_arguments() -> argparse.Namespace:
+def main() -> None:
+    """Strike whenever standard input says so, until it ends."""
     parser = argparse.ArgumentParser(description="A digitizer that speaks SCPI, and its hammer.")
-    parser.add_argument("--port", type=int, default=0, help="to listen on; 0: any")
     parser.add_argument("--hammer", type=_parse_sensitivity, default=SENSITIVITY,
                         help="sensitivity of the hammer's sensor (%(default)s)")  # fmt: skip
     parser.add_argument("--specimen", type=_parse_sensitivity, default=SENSITIVITY,
                         help="sensitivity of the sample's sensor (%(default)s)")  # fmt: skip
-    parser.add_argument("--sample", default=CONTROL_SAMPLE, help="that is struck")
-    parser.add_argument("--seed", type=int, default=1, help="of the hits' scatter")
-    return parser.parse_args()
-
-
-def main() -> None:
-    """Do what standard input says until it ends."""
-    arguments = _parse_arguments()
-    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=arguments.seed))
-    digitizer = ScpiDigitizer(arguments.hammer, arguments.specimen, arguments.port)
+    arguments = parser.parse_args()
+    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
+    digitizer = ScpiDigitizer(arguments.hammer, arguments.specimen)
     digitizer.plug()
     print(json.dumps({"address": digitizer.address}), flush=True)
-    impacts = count(1)
-    for line in sys.stdin:
-        match line.strip():
-            case "strike":
-                impact = next(impacts)
-                complete = digitizer.feed(rig.strike(HitLabel(arguments.sample, impact=impact)))
-                print(json.dumps({"impact": impact, "complete": complete}), flush=True)
-            case "unplug":
-                digitizer.unplug()
-            case "plug":
-                digitizer.plug()
-            case "quit":
-                break
+    for impact, _ in enumerate(sys.stdin, start=1):
+        complete = digitizer.feed(rig.strike(HitLabel(CONTROL_SAMPLE, impact=impact)))
+        print(json.dumps({"impact": impact, "complete": complete}), flush=True)
     digitizer.unplug()
 
 

@@ -20,6 +20,8 @@ from impact_rig.devices.streaming import CountArray
 PROGRAMS = {"pulseaudio": "pulseaudio", "pactl": "pulseaudio-utils"}
 """What must be installed, and the packages of Debian that bring it."""
 CHANNELS = 2
+SAMPLING_RATE = 192_000
+"""[Hz]"""
 STEP = 0.01
 """How much is played at a time [s]."""
 START_TIMEOUT = 20.0
@@ -37,26 +39,21 @@ pcm.{name} {{
 class SoundCardPeer:
     """A card with two channels of 32 bits.
 
-    Parameters
+    Attributes
     ----------
     name : str
         Of the card.
-    sampling_rate : int
-        [Hz]
-
-    Attributes
-    ----------
     environment : dict
         What a process needs to find the card.
     is_silent : bool
         It delivers nothing, as if its driver hung.
     """
 
-    def __init__(self, name: str = "rig_card", sampling_rate: int = 192_000) -> None:
-        self.name = name
+    name = "rig_card"
+
+    def __init__(self) -> None:
         self.environment: dict[str, str] = {}
         self.is_silent = False
-        self._rate = sampling_rate
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._server: subprocess.Popen[bytes] | None = None
         self._player: threading.Thread | None = None
@@ -100,7 +97,7 @@ class SoundCardPeer:
         """Let the card be there, and deliver."""
         pipe = self._place / "card"
         self._control("load-module", "module-pipe-source", f"source_name={self.name}",
-                      f"file={pipe}", "format=s32le", f"rate={self._rate}",
+                      f"file={pipe}", "format=s32le", f"rate={SAMPLING_RATE}",
                       f"channels={CHANNELS}")  # fmt: skip
         # Not to wait for a reader: there is one.
         writer = os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
@@ -163,7 +160,7 @@ class SoundCardPeer:
 
     def _play(self, writer: int) -> None:
         """Write silence and what is fed, at the card's rate."""
-        silence = np.zeros((round(STEP * self._rate), CHANNELS), dtype="<i4")
+        silence = np.zeros((round(STEP * SAMPLING_RATE), CHANNELS), dtype="<i4")
         begin, played = time.monotonic(), 0
         # The reader is gone when the card is unplugged.
         with contextlib.suppress(BrokenPipeError), open(writer, "wb") as file:
@@ -174,7 +171,7 @@ class SoundCardPeer:
                     file.write(piece.tobytes())
                     file.flush()
                 played += len(piece)
-                time.sleep(max(begin + played / self._rate - time.monotonic(), 0.0))
+                time.sleep(max(begin + played / SAMPLING_RATE - time.monotonic(), 0.0))
 
 
 def _find_program(name: str) -> str:

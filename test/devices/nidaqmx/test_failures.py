@@ -131,18 +131,6 @@ def test_a_task_that_a_lost_connection_left_behind_is_ended(server, open_source,
     assert source.read(TIMEOUT) is not None
 
 
-def test_a_server_that_comes_back_is_seen_at_once_whoever_has_missed_it(server):
-    waiting, other = (Session("test", server.address, 5.0) for _ in range(2))
-    server.unplug()
-    for _ in range(3):
-        with pytest.raises(RpcError, match="UNAVAILABLE"):
-            list(waiting.find_system().devices)
-    server.plug()
-    assert [device.name for device in other.find_system().devices] == ["Dev1"]
-    waiting.close()
-    other.close()
-
-
 def test_a_device_that_is_unplugged_from_the_server_is_missed_and_comes_back(
     server, open_source, hit
 ):
@@ -214,31 +202,6 @@ def test_an_answer_that_does_not_fit_is_refused(server, open_source, hit, spoil)
     with pytest.raises(DeviceError, match="5000 samples") as found:
         read_one(server, source, plan, hit)
     check_sentence(found.value)
-
-
-def test_a_server_of_another_kind_is_no_device(impatient, write_rig, open_source, server):
-    with socket.create_server(("127.0.0.1", 0)) as other_server:
-        address = f"127.0.0.1:{other_server.getsockname()[1]}"
-
-        def answer():
-            while True:
-                try:
-                    connection, _ = other_server.accept()
-                except OSError:
-                    return
-                with connection:
-                    connection.sendall(b"HTTP/1.0 400 Bad Request\r\n\r\n")
-
-        thread = threading.Thread(target=answer)
-        thread.start()
-        source, plan = open_source(write_rig(replace={server.address: address}))
-        try:
-            with pytest.raises(DeviceError, match=r"cannot be reached|does not answer") as found:
-                source.configure(plan)
-            check_sentence(found.value)
-        finally:
-            other_server.shutdown(socket.SHUT_RDWR)
-            thread.join(TIMEOUT)
 
 
 def test_a_port_that_takes_connections_and_says_nothing_is_given_up(
