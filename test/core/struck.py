@@ -44,12 +44,14 @@ def collide(exponent: float, loss: float) -> Any:
 
 @lru_cache(maxsize=16)
 def find_loss(exponent: float, restitution: float) -> float:
-    """Return A of bodies that part with `restitution`."""
+    """Return A of bodies that part with `restitution`, to three digits."""
     if restitution == 1.0:
         return 0.0
-    return float(
-        brentq(lambda loss: -collide(exponent, loss).y[1, -1] - restitution, 0.01, 5.0, xtol=1e-4)
-    )
+
+    def exceed(loss: float) -> float:
+        return -collide(exponent, loss).y[1, -1] - restitution
+
+    return round(brentq(exceed, 0.01, 5.0, xtol=1e-4), 3)
 
 
 @dataclass(frozen=True)

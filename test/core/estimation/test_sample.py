@@ -9,7 +9,7 @@ from functools import reduce
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import StateSpace, impulse
 
@@ -88,7 +88,6 @@ def find_comparison(found: SampleEstimate, variant: ModelVariant) -> ModelCompar
 
 
 @given(stiffness=st.floats(10e6, 60e6), ratio=st.floats(0.15, 0.5), mass=st.floats(0.02, 0.4))
-@settings(max_examples=40)
 def test_a_known_sample_is_found_again(stiffness: float, ratio: float, mass: float) -> None:
     setup = replace(SETUP, samples=SampleSet((Sample("x", mass),), "", 3e-3))
     moving = mass + 3e-3

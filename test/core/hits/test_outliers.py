@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import median_abs_deviation
 
@@ -117,7 +117,6 @@ class TestSortedFigures:
     """What hits have in common."""
 
     @given(seed=st.integers(0, 1000), count=st.integers(5, 1500), digits=st.integers(2, 9))
-    @settings(max_examples=40)
     def test_criteria_are_median_and_median_deviation_of_all(
         self, seed: int, count: int, digits: int
     ) -> None:

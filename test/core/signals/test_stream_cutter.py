@@ -295,7 +295,6 @@ def test_a_stream_without_a_full_scale_is_refused(make_counts: Make, make_stream
     order=st.lists(st.integers(0, 19), min_size=1, max_size=40),
     armed=st.lists(st.booleans(), min_size=20, max_size=20),
 )
-@settings(max_examples=40)
 def test_whatever_order_blocks_come_in_each_cut_is_a_record_of_one_arming(
     make_counts: Make, make_stream: Make, order: list[int], armed: list[bool]
 ) -> None:
