@@ -221,8 +221,8 @@ class CampaignNode(RigNode):
             await self.wait_until(lambda: not describe_loss(self._rig), 2.0 * interfaces.LEASE)
             await self.pause(LEASE_DIFFERENCE)
         refusal = await self._readiness.enable()
-        if refusal and self._readiness.is_disarmed_by_loss:
-            # So with this node, if it was killed and started again.
+        if refusal:
+            # So with this node, if it was killed and started again, or whatever is heard late.
             await self.pause(interfaces.LEASE + LEASE_DIFFERENCE)
             refusal = await self._readiness.enable()
         if refusal:

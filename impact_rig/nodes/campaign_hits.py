@@ -237,12 +237,6 @@ class Readiness:
         await self._node.wait_until(self._is_armed, STATE_TIMEOUT)
         return ""
 
-    @property
-    def is_disarmed_by_loss(self) -> bool:
-        """Whether the hammer has lost something that may come back."""
-        state = self._rig[HAMMER].state
-        return state is not None and state.disarmed_by == HammerState.LOSS
-
     async def disable(self) -> None:
         """Take the enable back, if the hammer is there."""
         if not self._disable.service_is_ready():

@@ -46,13 +46,15 @@ def use_own_domain() -> Iterator[dict[str, str]]:
 
 
 def listen(process: subprocess.Popen[str]) -> "queue.Queue[str]":
-    """Return the lines that a process prints as they come, and an empty text at its end."""
+    """Return the JSON that a process prints line by line, and an empty text at its end."""
     lines: queue.Queue[str] = queue.Queue()
 
     def pass_on() -> None:
         if process.stdout is not None:
             for line in process.stdout:
-                lines.put(line)
+                # Fast DDS has something to say there now and then.
+                if line.startswith("{"):
+                    lines.put(line)
         lines.put("")
 
     threading.Thread(target=pass_on, daemon=True).start()
