@@ -38,8 +38,6 @@ class RecordingSource:
         In their order.
     size : int
         Of all files together [byte].
-    is_complete : bool
-        Whether every file is there and was closed.
     warnings : tuple of str
         What the reader should know, in words; empty: nothing.
 
@@ -75,7 +73,6 @@ class RecordingSource:
         self._scans = scans
         self._sizes = [scan.size for scan in scans]
         self.size = sum(self._sizes)
-        self.is_complete = not (warnings or unclosed)
         self.warnings = (*warnings, *unclosed)
         self._channels: dict[tuple[str, str, str], Channel] = {}
 

@@ -157,10 +157,10 @@ def print_warning(text: str) -> None:
     console.print(Text.assemble(("warning: ", ALARM), text), soft_wrap=True)
 
 
-def print_item(console: Console, text: str, style: str = "") -> None:
+def print_item(console: Console, text: str) -> None:
     """Print an item of a list, its lines below each other."""
     table = Table.grid(padding=(0, 1, 0, 0))
-    table.add_row(Text("-", style), Text(make_printable(text), style, overflow="fold"))
+    table.add_row("-", Text(make_printable(text), overflow="fold"))
     console.print(table, width=min(console.width, EASY_LINE))
 
 
