@@ -3,6 +3,7 @@
 import contextlib
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import rclpy
@@ -162,12 +163,8 @@ class RecordStorage:
     def publish_stored(self, *, with_unfinished: bool = False) -> None:
         """Say which records have been stored since the last time."""
         for count in self.watch.collect(with_unfinished=with_unfinished):
-            label = count.label
             message = RecordStored(
-                record=label.record,
-                sample=label.sample,
-                impact=label.impact,
-                attempt=label.attempt,
+                **asdict(count.label),
                 complete=count.is_complete,
                 blocks=count.blocks,
                 gaps=count.gaps,
