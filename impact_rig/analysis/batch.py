@@ -79,8 +79,6 @@ def analyze_batch(
 
     Parameters
     ----------
-    tasks : sequence of BatchTask
-        One for each recording.
     workers : int or None
         Processes; None: as many as cores, or none but this one for a small batch.
     scheduler : str or None

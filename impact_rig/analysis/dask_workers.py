@@ -145,10 +145,6 @@ def run_on_workers(
 
     Parameters
     ----------
-    client : Client
-        Of the workers.
-    tasks : sequence of BatchTask
-        One for each recording.
     report : callable
         Called with each recording as it is finished.
 

@@ -59,8 +59,6 @@ def analyze_traces(
 
     Parameters
     ----------
-    paths : sequence of Path
-        Of the files.
     series : TraceSeries
         What the files are taken for.
     accept, reject : sequence of str

@@ -12,8 +12,6 @@ def check_positive(name: str, value: float, unit: str) -> None:
     ----------
     name : str
         What the number is, for the message.
-    value : float
-        The number.
     unit : str
         Its unit, for the message.
 

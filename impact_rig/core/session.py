@@ -75,8 +75,6 @@ class Session:
 
     Parameters
     ----------
-    setup : RigSetup
-        Masses, sample set and settings.
     overrules : Overrules
         A person's word on hits, before the verdicts of the analysis; hits that do not come are
         nobody's concern.

@@ -105,8 +105,6 @@ def results_from_session(
 
     Parameters
     ----------
-    session : SessionResults
-        Of the core.
     faults_by_record : mapping of int to tuple of str
         Injected faults by number of the arming; what is absent had none.
     """

@@ -51,10 +51,6 @@ def compute_law_curves(law: ContactLaw, traces: SampleTraces, setup: RigSetup) -
 
     Parameters
     ----------
-    law : ContactLaw
-        Of the sample.
-    traces : SampleTraces
-        Its mean hit.
     setup : RigSetup
         With the hammer's mass and sensor, and the low-pass that the traces went through.
     """

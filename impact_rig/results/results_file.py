@@ -56,8 +56,6 @@ def write_results(path: Path, results: Results) -> None:
     ----------
     path : Path
         Of the file; its folder must exist.
-    results : Results
-        What to write.
 
     Raises
     ------

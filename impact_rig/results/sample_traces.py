@@ -179,8 +179,6 @@ def sample_traces_from_estimate(estimate: SampleEstimate, mean: MeanHit) -> Samp
     ----------
     estimate : SampleEstimate
         With or without fitted models.
-    mean : MeanHit
-        That it was made from.
 
     Returns
     -------

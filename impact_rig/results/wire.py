@@ -106,8 +106,6 @@ def from_json(kind: type[Record], content: Any, version: int, place: str = "") -
 
     Parameters
     ----------
-    kind : type
-        Of the record.
     content : object
         As parsed.
     version : int
@@ -208,8 +206,6 @@ def fill_message(message: Any, record: Any, classes: Mapping[type, type]) -> Non
     ----------
     message : object
         With the record's fields as attributes.
-    record : dataclass
-        What to send.
     classes : mapping of type to type
         The classes of messages, by those of the records within the record.
     """

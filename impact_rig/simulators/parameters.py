@@ -81,8 +81,6 @@ def compute_law_pulse(law: Law, coefficient: float, speed: float = 1.0) -> LawPu
 
     Parameters
     ----------
-    law : Law
-        Of the engine.
     coefficient : float
         c [-].
     speed : float

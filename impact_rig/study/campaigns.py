@@ -75,14 +75,10 @@ def compute_bounds(
 
     Parameters
     ----------
-    case : Case
-        Conditions.
     rig : VirtualRigSettings
         As it strikes this sample.
     setup : RigSetup
         As stated.
-    sample : str
-        Name.
 
     Returns
     -------
@@ -368,8 +364,6 @@ class CampaignSource:
 
     Parameters
     ----------
-    case : Case
-        Conditions.
     stated : RigSetup
         What the laboratory knows; its samples are struck in turn.
     entropy : tuple of int

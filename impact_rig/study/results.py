@@ -221,8 +221,6 @@ def summarize(configuration: Configuration, finished: Mapping[str, Json]) -> Stu
 
     Parameters
     ----------
-    configuration : Configuration
-        What was asked.
     finished : mapping of str to dict
         What `run_unit` returned, by the unit's name; all units of the study.
     """

@@ -138,8 +138,6 @@ class StudyFolder:
     ----------
     path : Path
         New, empty, or of the same study stopped earlier.
-    configuration : Configuration
-        What is asked.
 
     Attributes
     ----------
@@ -282,8 +280,6 @@ def run_units(
 
     Parameters
     ----------
-    configuration : Configuration
-        What is asked.
     folder : StudyFolder
         Takes each unit as it is finished.
     jobs : int

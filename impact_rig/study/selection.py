@@ -139,8 +139,6 @@ def simulate_series(setup: RigSetup, entropy: tuple[int, ...], number: int) -> S
         Its samples take turns, and after each round the faults.
     entropy : tuple of int
         Of the random numbers; the series' number is added.
-    number : int
-        Of the series.
     """
     names = setup.samples.names
     sample, kind = names[number % len(names)], number // len(names) % (len(FAULTS) + 1)

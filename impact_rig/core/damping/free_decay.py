@@ -310,8 +310,6 @@ def estimate_free_decay(
 
     Parameters
     ----------
-    mean : MeanHit
-        Mean hit.
     channel : int
         0: hammer, 1: sample.
     contact_time : float

@@ -196,10 +196,6 @@ def compare_with_model(
     ----------
     mean : MeanHit
         Both channels.
-    model : ImpactModel
-        Parameters.
-    variant : ModelVariant
-        Which model.
     cutoff_frequency : float
         The low-pass that the measurement went through [Hz]; 0: none.
     responses : tuple of SensorResponse

@@ -311,8 +311,6 @@ def compute_shape_error(law: ContactLaw, contact_time: float) -> tuple[float, fl
 
     Parameters
     ----------
-    law : ContactLaw
-        Of the contact.
     contact_time : float
         tau_p [s].
 
@@ -390,8 +388,6 @@ def _compare_with_versed_sine(
     ----------
     law : LawFit
         As it was fitted to pulse and tail.
-    window : PulseWindow
-        Of the pulse.
     white, noise : float
         Of the trace before and behind the low-pass, over the peak [-].
     """
@@ -467,8 +463,6 @@ def _compute_quantities(
         Of the parameters in the window's units, diagonal.
     sources : sequence of tuple
         What may be wrong with those: its name, covariance of shape (6, 6), degrees of freedom.
-    masses : RigNumbers
-        Masses, clock and gains.
     """
     bodies = (masses.hammer_mass, masses.moving_mass)
     point = np.append(parameters, [body.x for body in bodies])

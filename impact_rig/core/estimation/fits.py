@@ -138,12 +138,6 @@ def estimate_decay(
 
     Parameters
     ----------
-    mean : MeanHit
-        Of the hits on `sample`.
-    setup : RigSetup
-        Masses, clock and low-pass.
-    sample : str
-        Name of the sample.
     contact_time : float
         tau_p [s].
 
@@ -181,17 +175,6 @@ def fit_models(
     """Fit the variants of the model to both mean traces of a sample.
 
     One that leaves nothing but noise cannot be outdone: then the next is not tried.
-
-    Parameters
-    ----------
-    mean : MeanHit
-        Of the hits on `sample`.
-    setup : RigSetup
-        Masses, clock, v1 and low-pass.
-    sample : str
-        Name of the sample.
-    start : StartingValues
-        What is believed.
 
     Returns
     -------

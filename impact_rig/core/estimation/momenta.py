@@ -93,8 +93,6 @@ def find_odd_hits(mean: MeanHit, values: FloatArray, least: float) -> list[str]:
 
     Parameters
     ----------
-    mean : MeanHit
-        Of the hits.
     values : ndarray, shape (hits,)
         One for each of those that show the scatter.
     least : float

@@ -285,10 +285,6 @@ def _estimate_body(
 
     Parameters
     ----------
-    series : MeanReading
-        Of the hits.
-    channel : int
-        Of the body.
     mass : float
         Of the body [kg].
     stiffness : Quantity
@@ -359,10 +355,6 @@ def estimate_bodies(
     ----------
     mean : MeanHit
         Of the hits on the sample.
-    setup : RigSetup
-        Masses and settings.
-    sample : str
-        Its name.
     hammer : BodyEstimate
         Of the control experiment; k1 NaN: not known yet, and then k2 and c2 are neither. Its
         notes come first among the sample's.

@@ -196,8 +196,6 @@ def estimate_pulse_shape(
 
     Parameters
     ----------
-    mean : MeanHit
-        Mean hit.
     cutoff_frequency : float
         Of the low-pass that the traces went through [Hz], which the shapes go through as well;
         0: none.

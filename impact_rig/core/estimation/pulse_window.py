@@ -87,12 +87,8 @@ def cut_window(
     ----------
     trace : ndarray, shape (n,)
         Either polarity.
-    pulse : PulseWidth
-        As measured on it.
     sampling_rate, cutoff_frequency : float
         Of the trace, and of the low-pass that it went through [Hz]; 0: none.
-    response : SensorResponse
-        Of the sensor.
     margins : tuple of float
         How much lies before and behind where the pulse is at a tenth of its peak [w50].
 

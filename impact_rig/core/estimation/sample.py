@@ -238,18 +238,10 @@ def estimate_numbers(
 
     Parameters
     ----------
-    name : str
-        Of the sample.
-    mean : MeanHit
-        Its mean hit.
     contact_time_spread : float
         Standard deviation of tau_p over the accepted hits [s]; NaN: of one hit.
-    impacts_rejected : int
-        Hits left out.
     hammer : BodyEstimate
         Of the control experiment; k1 NaN: not known yet, and then k2 and c2 are neither.
-    setup : RigSetup
-        Masses and settings.
     law : ContactLaw or None
         Of this mean hit, where it is known already.
     """
@@ -295,14 +287,6 @@ def add_checks(
 
     Parameters
     ----------
-    estimate : SampleEstimate
-        As `estimate_numbers` made it.
-    mean : MeanHit
-        What it was made from.
-    hammer : BodyEstimate
-        Likewise.
-    setup : RigSetup
-        Masses and settings.
     traces : TraceEstimates or None
         Of this mean hit, where they are known already.
     """

@@ -157,8 +157,6 @@ def judge_hit(
     ----------
     record : Record
         As cut out of the stream.
-    settings : AnalysisSettings
-        How to judge.
     low_corners : sequence of float
         Stated lower corners of the channels [Hz]; 0: not stated. The droop of one that is stated
         stays: models are sent through it.

@@ -113,10 +113,6 @@ def estimate_pulse_errors(
     ----------
     trace : ndarray, shape (n,)
         Baseline zero, either polarity.
-    pulse : PulseWidth
-        As measured on it.
-    quality : TraceQuality
-        Of the trace.
     """
     upright = trace if pulse.peak > 0 else -trace
     height, width = abs(pulse.peak), pulse.half_amplitude_width

@@ -104,8 +104,6 @@ def find_second_pulse(
     ----------
     trace : ndarray, shape (n,)
         Filtered hammer trace, baseline zero.
-    pulse : PulseWidth
-        Its largest pulse.
     level : float
         Least height that counts, part of the largest pulse [-].
     noise : float

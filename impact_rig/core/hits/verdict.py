@@ -97,8 +97,6 @@ def check_strength(
 
     Parameters
     ----------
-    record : Record
-        The hit.
     peaks : sequence of float
         Largest |acceleration| after the low-pass of hammer, then sample where measured [m/s^2].
     settings : AnalysisSettings
@@ -136,8 +134,6 @@ def check_pulse(
     ----------
     hammer : ndarray, shape (n,)
         Filtered hammer trace, baseline zero [m/s^2].
-    pulse : PulseWidth
-        Its pulse.
     noise : float
         Standard deviation of the trace [m/s^2].
     sampling_rate : float

@@ -44,8 +44,6 @@ def compute_model_bound(
         The truth.
     sampling_rate : float
         [Hz]
-    count : int
-        Points of each trace.
     start_time : float
         Start of the contact, counted from the first point [s].
     noise : tuple of float

@@ -123,8 +123,6 @@ class FitProblem:
         Mean traces [m/s^2].
     noise : ndarray, shape (2,)
         White noise of the mean traces before the low-pass [m/s^2].
-    measured : MeasuredModel
-        What is fitted.
 
     Attributes
     ----------
@@ -362,13 +360,6 @@ class MisfitError(NotDeterminedError):
 
 def find_best_fit(problem: FitProblem, given: StartingValues) -> FitSolution:
     """Search on every few points from several starts, then on all from the best.
-
-    Parameters
-    ----------
-    problem : FitProblem
-        What is fitted.
-    given : StartingValues
-        What is believed.
 
     Raises
     ------

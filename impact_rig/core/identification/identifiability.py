@@ -31,8 +31,6 @@ def check_independence(names: Sequence[str], derivatives: FloatArray) -> None:
 
     Parameters
     ----------
-    names : sequence of str
-        Of the parameters.
     derivatives : ndarray, shape (n, p)
         Of all points in all parameters, weighted.
 
@@ -65,8 +63,6 @@ def find_undetermined(
 
     Parameters
     ----------
-    names : sequence of str
-        Of the parameters.
     covariance : ndarray, shape (p, p)
         Of the parameters.
     scales : ndarray, shape (p,)

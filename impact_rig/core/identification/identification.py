@@ -119,10 +119,6 @@ def identify_model(
         Both channels, either polarity.
     setup : RigSetup
         Masses, v1, sensors and the low-pass; all are taken as exact.
-    sample : str
-        Which sample was struck.
-    variant : ModelVariant
-        How the bodies are driven.
     start : StartingValues or None
         What is already believed; poor values do no harm.
 

@@ -82,12 +82,8 @@ def find_starts(
 
     Parameters
     ----------
-    measured : MeasuredModel
-        What is fitted.
     traces : ndarray, shape (2, n)
         Mean traces [m/s^2].
-    given : StartingValues
-        What is believed.
 
     Yields
     ------

@@ -65,8 +65,6 @@ def find_contact(
         tau_p [s].
     sampling_rate : float
         [Hz]
-    count : int
-        Number of points.
     """
     first = _find_point(start, 0.0, sampling_rate, count)
     beyond = math.nextafter(contact_time, math.inf)
@@ -169,8 +167,6 @@ def simulate_contacts(
 
     Parameters
     ----------
-    system : ContactSystem
-        How the bodies are driven.
     numbers : sequence of tuple of float
         Of each model: `K1` to `FORCE`.
     moments : sequence of Moments
@@ -295,17 +291,11 @@ def simulate_impact(
 
     Parameters
     ----------
-    model : ImpactModel
-        Parameters.
     sampling_rate : float
         [Hz]
-    count : int
-        Number of points.
     start : float
         Time of the first point, counted from the start of the contact [s]; before the contact
         both accelerations are zero.
-    variant : ModelVariant
-        How the bodies are driven.
 
     Returns
     -------

@@ -24,8 +24,6 @@ def respond(traces: FloatArray, response: SensorResponse, sampling_rate: float) 
     ----------
     traces : ndarray, shape (..., n)
         Along the last axis.
-    response : SensorResponse
-        Of the sensor.
     sampling_rate : float
         [Hz]
 

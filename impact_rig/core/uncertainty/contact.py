@@ -76,18 +76,12 @@ def estimate_contact_numbers(
 
     Parameters
     ----------
-    mean : MeanHit
-        Of the hits on `sample`.
-    pulse : PulseWidth
-        Of its hammer trace.
     decrements : mapping of int to LogDecrement
         Peaks of the mean traces by channel.
     settings : AnalysisSettings
         `pulse_factor` and `cutoff_frequency` are used.
     clock_uncertainty : float
         Relative standard uncertainty of the sampling rate [-].
-    sample : str
-        Name of the sample.
     shape_error : tuple of float
         Standard uncertainty of tau_p by the shapes that the pulse may have, signed, and that of
         this sample's own contact [s].
@@ -165,8 +159,6 @@ def estimate_hit_contact_time(
 
     Parameters
     ----------
-    hit : FilteredHit
-        The hit.
     settings : AnalysisSettings
         `pulse_factor` and `cutoff_frequency` are used.
     clock_uncertainty : float

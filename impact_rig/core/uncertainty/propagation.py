@@ -157,8 +157,6 @@ def propagate_fit(
         The parameters of every hit, in any units.
     formula : callable
         `find_decaying_body` or `find_identified_body`.
-    rig : RigNumbers
-        Masses and clock.
     estimates : sequence of float, length p
         The best estimates, say of the mean trace.
     averaged : int

@@ -81,8 +81,6 @@ def make_ensemble(
     ----------
     source : str
         In words, for the budget: the inputs make one line of it.
-    estimates : sequence of float, length p
-        Best estimates.
     covariance : ndarray, shape (p, p)
         Of the estimates; may be singular.
     degrees_of_freedom : float

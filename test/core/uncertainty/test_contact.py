@@ -191,7 +191,7 @@ def test_one_hit_determines_no_uncertainty_and_says_so() -> None:
 def test_one_hit_on_the_control_sample_leaves_every_k2_without_uncertainty() -> None:
     hammer = estimate_hammer(make_mean(CONTROL, 1), SETUP)
     assert "one accepted hit" in hammer.stiffness.notes[0]
-    found = estimate_numbers("steel medium", make_mean("steel medium"), (), 0, hammer, SETUP)
+    found = estimate_numbers("steel medium", make_mean("steel medium"), math.nan, 0, hammer, SETUP)
     assert found.contact_time.is_known
     assert math.isfinite(found.equivalent_stiffness.standard)
     assert math.isfinite(found.stiffness.value)
@@ -202,7 +202,7 @@ def test_one_hit_on_the_control_sample_leaves_every_k2_without_uncertainty() -> 
 
 def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact() -> None:
     given = BodyEstimate(Quantity(22e6))
-    found = estimate_numbers("steel medium", make_mean("steel medium"), (), 0, given, SETUP)
+    found = estimate_numbers("steel medium", make_mean("steel medium"), math.nan, 0, given, SETUP)
     assert found.contact_time.is_known
     part = found.equivalent_stiffness.standard
     gain = (found.stiffness.value / found.equivalent_stiffness.value) ** 2
