@@ -536,29 +536,32 @@ class Striker:
     ) -> None:
         timeout = float(self._node.get_value("verdict_timeout"))
         longest_swing = latest_contact if math.isfinite(latest_contact) else 0.0
-        await self._node.wait_until(
-            lambda: (
-                record in self._verdicts
-                or progress.is_cancelled
-                or bool(describe_broken_way(self._rig))
-                or self._rig.is_lost(record, self.recording)
-            ),
-            timeout + longest_swing,
-        )
+
+        def is_decided() -> bool:
+            is_lost = self._rig.is_lost(record, self.recording)
+            return record in self._verdicts or progress.is_cancelled or is_lost
+
+        def is_over() -> bool:
+            return is_decided() or bool(describe_broken_way(self._rig))
+
+        await self._node.wait_until(is_over, timeout + longest_swing)
+        if self.recording and not (is_over() or self._rig.is_stored(record)):
+            # A disk may stand still for minutes: the record is not lost, only late.
+            message = f"the recorder has not stored record {record} yet: see to its disk"
+            self._node.get_logger().warning(f"the campaign pauses: {message}")
+            progress.publish(phase=RunCampaign.Feedback.PAUSED, message=message)
+            await self._node.wait_until(
+                lambda: is_over() or self._rig.is_stored(record),
+                float(self._node.get_value("pause_timeout")) or math.inf,
+            )
+            if self._rig.is_stored(record):
+                await self._node.wait_until(is_over, timeout)
         if loss := describe_broken_way(self._rig):
             # Told at once; but the verdict may still be on its way, or come when they are back.
             # A node that was deactivated has forgotten what it was at.
             progress.publish(phase=RunCampaign.Feedback.PAUSED, message=loss)
             is_inactive = loss == self._rig.describe_inactivity(ACCELEROMETER, ESTIMATOR)
-            longest_wait = STATE_TIMEOUT if is_inactive else timeout
-            await self._node.wait_until(
-                lambda: (
-                    record in self._verdicts
-                    or progress.is_cancelled
-                    or self._rig.is_lost(record, self.recording)
-                ),
-                longest_wait,
-            )
+            await self._node.wait_until(is_decided, STATE_TIMEOUT if is_inactive else timeout)
         if record not in self._verdicts and not self._rig.is_lost(record, self.recording):
             await self._ask_for_verdicts()
         if record in self._verdicts:

@@ -116,11 +116,10 @@ class FaultyRig:
     def _compare(self, output: Path) -> str:
         """Return what is missing or double in the results, or not in the recording."""
         hits = json.loads((output / "results.json").read_text())["hits"]
-        # A verdict that comes late takes the place of the next hit's.
+        # A hit that was given up and gets its verdict after all is one more than was asked for.
         accepted = Counter(hit["sample"] for hit in hits if hit["accepted"])
-        wanted = Counter(dict.fromkeys(SAMPLES, IMPACTS))
-        if accepted != wanted:
-            return f"missing {dict(wanted - accepted)}, double {dict(accepted - wanted)}"
+        if missing := Counter(dict.fromkeys(SAMPLES, IMPACTS)) - accepted:
+            return f"missing {dict(missing)}"
         records = Counter(hit["record"] for hit in hits)
         if max(records.values()) > 1:
             return f"a record counts twice: {records}"

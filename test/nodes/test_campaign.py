@@ -208,10 +208,15 @@ def begin_recording(harness, states):
     assert states.wait_for_all_acked()
 
 
-def test_a_silent_recorder_is_named_when_the_verdict_does_not_come(harness, start, recorder):
-    client = start(campaign={"verdict_timeout": 0.5})
+def test_a_record_that_the_recorder_does_not_store_is_waited_for_as_long_as_a_pause_may_take(
+    harness, start, recorder
+):
+    client = start(campaign={"verdict_timeout": 0.5, "pause_timeout": 0.5})
     begin_recording(harness, recorder)
-    answer = run(harness, client, samples=["steel small"], impacts=1)
+    handle, feedback = begin(harness, client, samples=["steel small"], impacts=1)
+    feedback.wait(lambda got: "has not stored record 1 yet: see to its disk" in got[-1].message)
+    assert feedback.messages[-1].phase == RunCampaign.Feedback.PAUSED
+    answer = harness.wait(handle.get_result_async())
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert "the recorder has not said that record 1 is stored" in answer.result.message
     assert not answer.result.samples

@@ -1,0 +1,111 @@
+"""The recorder's disk stands still or is gone in a campaign: a real file system."""
+
+import contextlib
+import fcntl
+import os
+import struct
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from action_msgs.msg import GoalStatus
+from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.srv import GetResults
+from rclpy.parameter import Parameter
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.campaign import CampaignNode
+
+from .campaigns import begin, make_client
+from .test_kill import find_whole_records
+
+FIFREEZE, FITHAW, EXT4_IOC_SHUTDOWN = 0xC0045877, 0xC0045878, 0x8004587D
+"""Requests of `ioctl`, from Linux's headers."""
+WITHOUT_FLUSH = struct.pack("I", 2)
+PAUSED = RunCampaign.Feedback.PAUSED
+
+
+class Disk:
+    """An ext4 file system in a file, mounted by a loop device, with faults of Linux's own."""
+
+    def __init__(self, image: Path, folder: Path) -> None:
+        self.folder = folder
+        self._image = image
+        with image.open("wb") as file:
+            file.truncate(128 << 20)
+        _run("mkfs.ext4", "-q", "-F", str(image))
+        folder.mkdir()
+        self.mount()
+
+    def mount(self) -> None:
+        _run("mount", "-o", "loop", str(self._image), str(self.folder))
+        self._root = os.open(self.folder, os.O_RDONLY)
+
+    def unmount(self) -> None:
+        with contextlib.suppress(OSError):
+            self.thaw()
+        os.close(self._root)
+        _run("umount", "--lazy", str(self.folder))
+
+    def freeze(self) -> None:
+        """Let every write wait until it thaws."""
+        fcntl.ioctl(self._root, FIFREEZE, 0)
+
+    def thaw(self) -> None:
+        fcntl.ioctl(self._root, FITHAW, 0)
+
+    def take_away(self) -> None:
+        """Let every access fail from now on, as that to a drive that was pulled."""
+        fcntl.ioctl(self._root, EXT4_IOC_SHUTDOWN, WITHOUT_FLUSH)
+
+
+def _run(*words: str) -> str:
+    return subprocess.run(words, check=True, capture_output=True, text=True).stdout.strip()
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Disk]:
+    try:
+        disk = Disk(tmp_path / "image", tmp_path / "disk")
+    except (OSError, subprocess.CalledProcessError) as error:
+        pytest.skip(f"this process may not mount a disk: {error}")
+    yield disk
+    disk.unmount()
+
+
+def test_a_disk_that_stands_still_is_waited_for_and_one_that_is_gone_ends_the_campaign(
+    harness, start_process, disk
+):
+    start_process("recorder", output=str(disk.folder / "session.mcap"))
+    start_process("hammer", swing_time=0.001)
+    start_process("accelerometer", required_subscribers="estimator")
+    start_process("estimator")
+    node = harness.add(CampaignNode)
+    harness.call(GetResults, interfaces.GET_RESULTS)
+    goal = {"samples": ["steel small"], "impacts": 100_000}
+    handle, feedback = begin(harness, make_client(harness), **goal)
+    feedback.wait(lambda got: got[-1:] and got[-1].impact >= 1)
+
+    node.set_parameters([Parameter("verdict_timeout", value=1.0)])
+    disk.freeze()
+    feedback.wait(lambda got: got[-1].phase == PAUSED)
+    assert "yet: see to its disk" in feedback.messages[-1].message
+    node.set_parameters([Parameter("verdict_timeout", value=10.0)])
+    disk.thaw()
+    before = feedback.messages[-1].impact
+    feedback.wait(lambda got: got[-1].impact > before)
+
+    disk.take_away()
+    answer = harness.wait(handle.get_result_async())
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    path = Path(answer.result.recording)
+    assert answer.result.message == (
+        f"the recorder has stopped: {path} cannot be written: Input/output error; it keeps what"
+        " was written before"
+    )
+    disk.unmount()
+    disk.mount()
+    accepted = answer.result.accepted
+    assert [hit.impact for hit in accepted] == list(range(1, len(accepted) + 1))
+    assert {hit.record for hit in accepted} <= find_whole_records(path)
