@@ -1,5 +1,6 @@
 """The command `impact-rig`: finds its subcommands when they are called, and ends errors well."""
 
+import errno
 import importlib
 import os
 import sys
@@ -112,7 +113,9 @@ class RigGroup(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run a subcommand; errors become one line, Ctrl-C a quiet end."""
         try:
-            return super().invoke(ctx)
+            result = super().invoke(ctx)
+            sys.stdout.flush()
+            return result
         except RigError as error:
             raise _Failure(str(error)) from None
         except ModuleNotFoundError as error:
@@ -130,6 +133,12 @@ class RigGroup(click.Group):
             ctx.exit(EXIT_INTERRUPTED)
         except KeyboardInterrupt:
             ctx.exit(EXIT_INTERRUPTED)
+        except OSError as error:
+            if error.errno != errno.ENOSPC:
+                raise
+            # What could not be written would be tried once more at the end.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise _Failure(f"standard output cannot be written: {error.strerror}") from None
 
 
 @click.command(
@@ -150,10 +159,18 @@ def cli() -> None:
     """Strike samples with a pendulum hammer and estimate contact time, stiffness and damping."""
 
 
+def _keep_standard_output() -> None:
+    """Keep standard output for what Python prints: Fast DDS writes its errors there, into JSON."""
+    sys.stdout.flush()
+    sys.stdout = os.fdopen(os.dup(1), "w", encoding=sys.stdout.encoding)
+    os.dup2(2, 1)
+
+
 def main() -> None:
     """Run the command line; never returns."""
     use_one_thread()
     os.environ.setdefault("HOME", str(Path.home()))  # rclpy's log folder, which asks nobody else
+    _keep_standard_output()
     for stream in (sys.stdout, sys.stderr):
         # A terminal without Greek letters shows question marks, not a traceback.
         stream.reconfigure(errors="replace")  # type: ignore[union-attr]

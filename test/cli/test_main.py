@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import click
@@ -14,6 +15,7 @@ import pytest
 import impact_rig
 from impact_rig.cli import main
 from impact_rig.core.errors import ParameterError
+from impact_rig.nodes.discovery import reserve_domain
 
 Run = Callable[..., Any]
 MODULE = (sys.executable, "-m", "impact_rig.cli.main")
@@ -153,3 +155,40 @@ def test_a_terminal_without_greek_letters_gets_no_traceback() -> None:
         check=False,
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, b"?p\n", b"")
+
+
+def test_what_the_middleware_prints_does_not_get_into_the_output(tmp_path: Path) -> None:
+    code = (
+        "import click, rclpy; from impact_rig.cli import main\n"
+        "def work():\n"
+        "    rclpy.init(); rclpy.create_node('peer').destroy_node(); rclpy.shutdown()\n"
+        "    print('{}')\n"
+        "main.RigGroup.get_command = lambda *_: click.Command('a', callback=work)\n"
+        "main.main()"
+    )
+    profile = tmp_path / "broken.xml"
+    profile.write_text("<")
+    settings = {"FASTRTPS_DEFAULT_PROFILES_FILE": str(profile)}
+    with reserve_domain() as domain:
+        done = subprocess.run(
+            [sys.executable, "-c", code, "demo"],
+            capture_output=True,
+            text=True,
+            env={**os.environ, **settings, "ROS_DOMAIN_ID": str(domain)},
+            check=False,
+        )
+    assert (done.returncode, done.stdout) == (0, "{}\n")
+    assert "broken.xml" in done.stderr
+
+
+def test_output_to_a_full_disk_ends_in_a_sentence() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [*MODULE, "paper", "--json"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    error = "error: standard output cannot be written: No space left on device\n"
+    assert (done.returncode, done.stderr) == (2, error)
