@@ -544,8 +544,8 @@ class Striker:
         def is_over() -> bool:
             return is_decided() or bool(describe_broken_way(self._rig))
 
-        await self._node.wait_until(is_over, timeout + longest_swing)
-        if self.recording and not (is_over() or self._rig.is_stored(record)):
+        is_late = not await self._node.wait_until(is_over, timeout + longest_swing)
+        if is_late and self.recording and not self._rig.is_stored(record):
             # A disk may stand still for minutes: the record is not lost, only late.
             message = f"the recorder has not stored record {record} yet: see to its disk"
             self._node.get_logger().warning(f"the campaign pauses: {message}")

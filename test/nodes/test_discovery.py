@@ -2,17 +2,20 @@
 
 import contextlib
 import os
+import socket
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import psutil
 import pytest
+from impact_rig_msgs.srv import GetResults
 
 from impact_rig.configuration.processes import DISCOVERY, SOCKET_BUFFER, make_network_variables
 from impact_rig.core.errors import DeviceError
-from impact_rig.nodes import discovery
+from impact_rig.nodes import discovery, interfaces
 from impact_rig.nodes.discovery import (
     DOMAINS,
     FIRST_DOMAIN,
@@ -99,6 +102,32 @@ def test_fast_dds_takes_the_profile_and_leaves_sockets_between_hosts_as_they_wer
     assert (done.returncode, done.stderr) == (0, "")
     # Linux doubles what is asked for, for its own bookkeeping.
     assert int(done.stdout) == 2 * min(size, int(LARGEST_BUFFER.read_text()))
+
+
+def _count_waiting_bytes(port: int) -> int:
+    """Return what has come to a UDP port and nobody has read."""
+    for line in Path("/proc/net/udp").read_text().splitlines()[1:]:
+        words = line.split()
+        if int(words[1].partition(":")[2], 16) == port:
+            return int(words[4].partition(":")[2], 16)
+    raise AssertionError(f"nobody has port {port}")
+
+
+@pytest.mark.skipif(not Path("/proc/net/udp").exists(), reason="only Linux says who has read")
+def test_nobody_reads_what_comes_to_a_node_from_outside_of_this_host(harness, start_process):
+    start_process("estimator")
+    harness.call(GetResults, interfaces.GET_RESULTS)
+    (process,) = psutil.Process().children()
+    ports = {item.laddr for item in process.net_connections("udp4")}
+    own = {place for place in ports if place.ip == "127.0.0.1"}
+    assert own
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for ip, port in ports:
+            sender.sendto(b"RTPS", ("127.0.0.1" if ip == "0.0.0.0" else ip, port))
+        # Fast DDS sends from ports of its own, which nobody reads from.
+        harness.wait_until(lambda: any(not _count_waiting_bytes(port) for _, port in own))
+        harness.call(GetResults, interfaces.GET_RESULTS)
+    assert all(_count_waiting_bytes(port) for _, port in ports - own)
 
 
 HOLDING = """
