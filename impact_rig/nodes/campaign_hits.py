@@ -419,7 +419,7 @@ class Striker:
         if self._was_interrupted:
             self._was_interrupted = False
             await self._ask_for_verdicts()
-        if verdict := self._take_late_verdict():
+        if verdict := self._take_late_verdict(label.sample):
             return verdict
         losses = self._rig.losses
         if self._is_armed_in_vain:
@@ -430,7 +430,7 @@ class Striker:
             self._was_interrupted = True
             progress.check_cancel()
             await self.disarm()
-            if verdict := self._take_late_verdict():
+            if verdict := self._take_late_verdict(label.sample):
                 return verdict
             raise
 
@@ -463,14 +463,16 @@ class Striker:
         except DeviceError as error:
             self._node.get_logger().error(str(error))
 
-    def _take_late_verdict(self) -> Impact | None:
-        """Return the verdict on an interrupted hit that has come after all, once.
+    def _take_late_verdict(self, sample: str) -> Impact | None:
+        """Return the verdict on an interrupted hit of a sample that has come after all, once.
 
         It counts like any other, else its hit would be in the results beside the one that is
-        struck in its place.
+        struck in its place. One on a sample that is no longer mounted comes too late for that.
         """
-        for record in self._unjudged & self._verdicts.keys():
-            return self._take_verdict(record)
+        for record in sorted(self._unjudged & self._verdicts.keys()):
+            verdict = self._take_verdict(record)
+            if verdict.sample == sample:
+                return verdict
         return None
 
     def _take_verdict(self, record: int) -> Impact:

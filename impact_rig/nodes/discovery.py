@@ -28,6 +28,10 @@ RECEIVE_BUFFER = 4 << 20
 what net.core.rmem_max allows, at least twice its default."""
 ANNOUNCEMENT_PERIOD = 300_000_000
 """Between two announcements of a node [ns], our choice: some hundred bytes each."""
+PARTICIPANT_LEASE = 60
+"""After what silence nodes forget each other altogether [s], our choice: one that was frozen for
+30 s soon after its start was, with the 20 s of Fast DDS, in 7 of 25 cases never fully found again.
+That a node is silent is known much sooner, by the leases of its topics."""
 LOCAL_PEERS = 32
 """Processes of this host that are looked for [-]: as many as ROS 2 looks for."""
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - this is what Linux and Fast DDS use
@@ -41,9 +45,10 @@ _PROFILES = """\
   <participant profile_name="impact_rig" is_default_profile="true">
     <rtps>
       {sockets}
-      <builtin><discovery_config><leaseAnnouncement>
-        <sec>0</sec><nanosec>{period}</nanosec>
-      </leaseAnnouncement></discovery_config></builtin>
+      <builtin><discovery_config>
+        <leaseDuration><sec>{lease}</sec></leaseDuration>
+        <leaseAnnouncement><sec>0</sec><nanosec>{period}</nanosec></leaseAnnouncement>
+      </discovery_config></builtin>
     </rtps>
   </participant>
 </profiles>
@@ -122,6 +127,7 @@ def make_profiles(*, is_local: bool) -> str:
     return _PROFILES.format(
         transports=_LOCAL_TRANSPORT if is_local else "",
         sockets=_LOCAL_SOCKETS if is_local else "",
+        lease=PARTICIPANT_LEASE,
         period=ANNOUNCEMENT_PERIOD,
     )
 

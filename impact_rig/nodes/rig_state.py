@@ -2,7 +2,7 @@
 
 Hammer and campaign ask the same questions, and get the same answers. A node whose process is
 killed, or whose computer is out of reach, says nothing of it: without a lease the middleware would
-miss it after its own time, 20 s or so; with one it tells in time.
+miss it after its own time, a minute or so; with one it tells in time.
 """
 
 import time

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from bench.measure import Bench, Figure, at_most, part
-from bench.rig_processes import RigProcesses, use_own_domain
+from bench.rig_processes import STOP_TIMEOUT, RigProcesses, use_own_domain
 from impact_rig.configuration.processes import RECORDING_NAME, list_rig_processes
 from impact_rig.core.errors import RigError
 from impact_rig.core.signals.record import Block
@@ -86,8 +86,8 @@ class FaultyRig:
         try:
             code = command.wait(max(deadline - time.monotonic(), 0.0))
         except subprocess.TimeoutExpired:
-            command.send_signal(signal.SIGINT)
-            command.wait()
+            command.terminate()
+            command.wait(STOP_TIMEOUT)
             return f"no end within {LONGEST_CAMPAIGN:g} s: {log.read_text()[-300:]}", 0
         text = log.read_text()
         pauses = _PAUSES.findall(text)

@@ -162,7 +162,7 @@ raise SystemExit(code)
 
 
 def test_a_campaign_that_is_under_way_leaves_nothing_of_its_node(run_script):
-    """Others would still list the node for 20 s, and a rig of its name would have two."""
+    """Others would still list the node for a minute, and a rig of its name would have two."""
     process = run_script(f"""
 {PRINT_MIDDLEWARE}
 from impact_rig_msgs.action import RunCampaign

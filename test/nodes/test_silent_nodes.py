@@ -20,7 +20,7 @@ from .campaigns import begin, make_client
 
 SOON = 12.0
 """How late a node may be missed [s]: its lease, and all that a busy machine may take; without a
-lease it would be 20 s."""
+lease it would be a minute."""
 
 
 def wait_for_pause(feedback, word):
@@ -96,7 +96,7 @@ def test_a_listener_whose_name_the_middleware_has_lost_is_still_known(harness, m
     harness.wait_until(lambda: not node.describe_missing_listeners("note", "peer"))
     known = node.get_subscriptions_info_by_topic("note")
     for item in known:
-        # So it is for good, once the network was away for more than the 20 s of a participant.
+        # So it is for good, once the network was away for longer than the lease of a participant.
         item.node_name = "_NODE_NAME_UNKNOWN_"
     monkeypatch.setattr(node, "get_subscriptions_info_by_topic", lambda _: known)
     assert not node.describe_missing_listeners("note", "peer")
