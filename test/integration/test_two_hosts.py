@@ -49,7 +49,7 @@ def test_a_campaign_outlasts_a_cable_that_is_pulled_and_loses_no_hit(
         campaign.wait_for("paused: .* has gone: start it again, or see to the network")
         plug_in_cable(devices)
         campaign.wait_for("it goes on")
-        assert campaign.wait() == 0
+        assert campaign.wait() == 0, campaign.output[-2000:]
     results = json.loads((run / "results.json").read_text("utf-8"))
     assert {item["name"]: item["impacts_accepted"] for item in results["samples"]} == {
         "steel small": IMPACTS,

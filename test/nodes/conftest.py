@@ -194,6 +194,7 @@ class NodeProcess:
             stderr=subprocess.STDOUT,
             text=True,
         )
+        self.number = self._process.pid
         self.output = ""
 
     def send_signal(self, number: int) -> None:

@@ -115,9 +115,8 @@ def _count_waiting_bytes(port: int) -> int:
 
 @pytest.mark.skipif(not Path("/proc/net/udp").exists(), reason="only Linux says who has read")
 def test_nobody_reads_what_comes_to_a_node_from_outside_of_this_host(harness, start_process):
-    start_process("estimator")
+    process = psutil.Process(start_process("estimator").number)
     harness.call(GetResults, interfaces.GET_RESULTS)
-    (process,) = psutil.Process().children()
     ports = {item.laddr for item in process.net_connections("udp4")}
     own = {place for place in ports if place.ip == "127.0.0.1"}
     assert own
