@@ -525,11 +525,16 @@ class Striker:
         except DeviceError as error:
             reason = str(error)
         progress.check_cancel()
+
+        def is_interrupted() -> bool:
+            # Of an enable that was given and taken at once only the end may have been heard.
+            return is_lost_since(self._rig, losses) or find_obstacle(self._rig) is not None
+
         await self._node.wait_until(
-            lambda: is_lost_since(self._rig, losses) or progress.is_cancelled, STATE_TIMEOUT
+            lambda: is_interrupted() or progress.is_cancelled, STATE_TIMEOUT
         )
         progress.check_cancel()
-        if is_lost_since(self._rig, losses):
+        if is_interrupted():
             raise InterruptedHitError(f"{failure}: {reason}")
         raise DeviceError(f"{failure}: {reason}")
 
