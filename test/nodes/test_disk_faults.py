@@ -3,6 +3,7 @@
 import contextlib
 import fcntl
 import os
+import signal
 import struct
 import subprocess
 from collections.abc import Iterator
@@ -77,7 +78,7 @@ def disk(tmp_path: Path) -> Iterator[Disk]:
 def test_a_disk_that_stands_still_is_waited_for_and_one_that_is_gone_ends_the_campaign(
     harness, start_process, disk
 ):
-    start_process("recorder", output=str(disk.folder / "session.mcap"))
+    recorder = start_process("recorder", output=str(disk.folder / "session.mcap"))
     start_process("hammer", swing_time=0.001)
     start_process("accelerometer", required_subscribers="estimator")
     start_process("estimator")
@@ -104,6 +105,8 @@ def test_a_disk_that_stands_still_is_waited_for_and_one_that_is_gone_ends_the_ca
         f"the recorder has stopped: {path} cannot be written: Input/output error; it keeps what"
         " was written before"
     )
+    recorder.send_signal(signal.SIGTERM)  # while it has the file open, the disk stays as it is
+    recorder.wait()
     disk.unmount()
     disk.mount()
     accepted = answer.result.accepted
