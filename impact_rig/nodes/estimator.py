@@ -1,7 +1,8 @@
 """The estimator: finds impacts in the stream, judges them, estimates tau_p, k and c."""
 
+import itertools
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,7 @@ class EstimatorNode(RigNode):
         )  # fmt: skip
         self._session: Session | None = None
         self._knows_recording = False
+        self._last_read: tuple[Block | None, list[JudgedHit]] = (None, [])
         self._setup_stamp = Time()
         self._unchecked: dict[str, None] = {}
         self._checking = self.create_timer(CHECK_PAUSE, self._check)
@@ -192,18 +194,36 @@ class EstimatorNode(RigNode):
             return
         self._knows_recording = True
         session = Session(self._session.setup)
+        record: list[Block] = []
         try:
-            for path in list_parts(Path(recorder.uri)):
-                for event in read_recording(path, self.get_namespace()).events():
-                    if isinstance(event, Block) and event.stamp >= begun:
-                        session.feed(event)
+            for _, blocks in itertools.groupby(
+                self._read_blocks(Path(recorder.uri), begun), lambda block: block.label
+            ):
+                for block in record:
+                    session.feed(block)
+                record = list(blocks)
+            if record and record[-1].last:  # else its end is still on its way here
+                hits = [hit for block in record for hit in session.feed(block)]
+                self._last_read = (record[-1], hits)
         except RigError as error:
             self._warn(f"earlier hits of this campaign are not all known: {error}")
         self._session = session
 
+    def _read_blocks(self, path: Path, begun: int) -> Iterator[Block]:
+        for part in list_parts(path):
+            for event in read_recording(part, self.get_namespace()).events():
+                if isinstance(event, Block) and event.stamp >= begun:
+                    yield event
+
     def _evaluate(self, session: Session, message: AccelerationBlock) -> None:
         self._counts["blocks"] += 1
-        for hit in session.feed(block_from_msg(message)):
+        block, (last, read) = block_from_msg(message), self._last_read
+        if last and last.label == block.label and last.stamp >= block.stamp:
+            # It was on its way here when its record was read from the disk.
+            hits = tuple(read) if block.last else ()
+        else:
+            hits = session.feed(block)
+        for hit in hits:
             self._publish(session, hit)
 
     def _publish(self, session: Session, hit: JudgedHit) -> None:

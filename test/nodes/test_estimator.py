@@ -17,19 +17,20 @@ from impact_rig.devices.virtual.rig import (
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
+from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.results.campaign import results_from_session
 
 SETUP = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
 URI = "/somewhere/session.mcap"
 
 
-def make_blocks(sample, count, first_record=1):
+def make_blocks(sample, count, first_record=1, stamp=0):
     rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
     return [
         block
         for i in range(count)
         for block in rig.strike(HitLabel(sample, record=first_record + i, impact=i + 1)).split(
-            1000, 0
+            1000, stamp
         )
     ]
 
@@ -68,6 +69,28 @@ def test_estimates_equal_the_core_bit_for_bit(harness):
         assert item.stiffness.value == expected[item.name].stiffness.value
         assert item.damping_coefficient.value == expected[item.name].damping_coefficient.value
         assert item.mse_sample_percent == expected[item.name].mse_sample_percent
+
+
+def test_a_record_that_is_read_from_the_disk_while_it_is_on_its_way_counts_once(harness, tmp_path):
+    path = str(tmp_path / "session.mcap")
+    recorder = harness.add(RecorderNode, output=path, required_topics="")
+    stored = harness.listen(interfaces.RECORD_STORED)
+    harness.advertise(interfaces.SETUP).publish(SETUP)
+    publisher = harness.advertise(interfaces.ACCELERATION)
+    blocks = make_blocks("steel small", 2, stamp=10**9)
+    feed(harness, publisher, blocks)
+    told = stored.wait_for_count(2)
+    harness.close(recorder)
+    harness.advertise(interfaces.RECORDER_STATE).publish(RecorderState(recording=True, uri=path))
+
+    impacts = harness.listen(interfaces.IMPACT)
+    harness.add(EstimatorNode)
+    harness.wait_until(lambda: len(harness.call(GetResults, interfaces.GET_RESULTS).accepted) == 2)
+    feed(harness, publisher, [block for block in blocks if block.label.record == 2])
+    harness.advertise(interfaces.RECORD_STORED).publish(told[-1])
+    assert impacts.wait_for_count(1)[0].record == 2
+    answer = harness.call(GetResults, interfaces.GET_RESULTS)
+    assert [hit.record for hit in answer.accepted] == [1, 2]
 
 
 def test_all_that_is_found_names_the_set_up_it_was_found_under(harness):
