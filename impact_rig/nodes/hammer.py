@@ -280,7 +280,7 @@ class HammerNode(DeviceNode):
 
     def _look_for_others(self) -> None:
         """Say once who else is in the domain of a holder that lets go by itself."""
-        others = tuple(sorted(self._list_others())) if self._moves_by_message else ()
+        others = tuple(sorted(set(self._list_others()))) if self._moves_by_message else ()
         if others != self._others:
             self._others = others
             if others:

@@ -3,7 +3,6 @@
 import contextlib
 import fcntl
 import os
-import signal
 import struct
 import subprocess
 from collections.abc import Iterator
@@ -41,24 +40,34 @@ class Disk:
 
     def mount(self) -> None:
         _run("mount", "-o", "loop", str(self._image), str(self.folder))
-        self._root = os.open(self.folder, os.O_RDONLY)
 
-    def unmount(self) -> None:
+    def unmount(self) -> bool:
+        """Return whether it is: not as long as anybody has a file of it open."""
+        done = subprocess.run(("umount", str(self.folder)), capture_output=True, check=False)
+        return done.returncode == 0
+
+    def drop(self) -> None:
         with contextlib.suppress(OSError):
             self.thaw()
-        os.close(self._root)
         _run("umount", "--lazy", str(self.folder))
 
     def freeze(self) -> None:
         """Let every write wait until it thaws."""
-        fcntl.ioctl(self._root, FIFREEZE, 0)
+        self._control(FIFREEZE)
 
     def thaw(self) -> None:
-        fcntl.ioctl(self._root, FITHAW, 0)
+        self._control(FITHAW)
 
     def take_away(self) -> None:
         """Let every access fail from now on, as that to a drive that was pulled."""
-        fcntl.ioctl(self._root, EXT4_IOC_SHUTDOWN, WITHOUT_FLUSH)
+        self._control(EXT4_IOC_SHUTDOWN, WITHOUT_FLUSH)
+
+    def _control(self, request: int, argument: int | bytes = 0) -> None:
+        root = os.open(self.folder, os.O_RDONLY)
+        try:
+            fcntl.ioctl(root, request, argument)
+        finally:
+            os.close(root)
 
 
 def _run(*words: str) -> str:
@@ -72,16 +81,18 @@ def disk(tmp_path: Path) -> Iterator[Disk]:
     except (OSError, subprocess.CalledProcessError) as error:
         pytest.skip(f"this process may not mount a disk: {error}")
     yield disk
-    disk.unmount()
+    disk.drop()
 
 
 def test_a_disk_that_stands_still_is_waited_for_and_one_that_is_gone_ends_the_campaign(
     harness, start_process, disk
 ):
-    recorder = start_process("recorder", output=str(disk.folder / "session.mcap"))
-    start_process("hammer", swing_time=0.001)
-    start_process("accelerometer", required_subscribers="estimator")
-    start_process("estimator")
+    processes = [
+        start_process("recorder", output=str(disk.folder / "session.mcap")),
+        start_process("hammer", swing_time=0.001),
+        start_process("accelerometer", required_subscribers="estimator"),
+        start_process("estimator"),
+    ]
     node = harness.add(CampaignNode)
     harness.call(GetResults, interfaces.GET_RESULTS)
     goal = {"samples": ["steel small"], "impacts": 100_000}
@@ -105,9 +116,9 @@ def test_a_disk_that_stands_still_is_waited_for_and_one_that_is_gone_ends_the_ca
         f"the recorder has stopped: {path} cannot be written: Input/output error; it keeps what"
         " was written before"
     )
-    recorder.send_signal(signal.SIGTERM)  # while it has the file open, the disk stays as it is
-    recorder.wait()
-    disk.unmount()
+    for process in processes:
+        process.kill()
+    harness.wait_until(disk.unmount)  # while anybody has the file open, the disk stays as it is
     disk.mount()
     accepted = answer.result.accepted
     assert [hit.impact for hit in accepted] == list(range(1, len(accepted) + 1))
