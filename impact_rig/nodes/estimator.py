@@ -206,14 +206,18 @@ class EstimatorNode(RigNode):
                 hits = [hit for block in record for hit in session.feed(block)]
                 self._last_read = (record[-1], hits)
         except RigError as error:
-            self._warn(f"earlier hits of this campaign are not all known: {error}")
+            self.report_fault(str(error))
         self._session = session
 
     def _read_blocks(self, path: Path, begun: int) -> Iterator[Block]:
+        """Yield the blocks of a campaign; of a damaged file those before the damage."""
         for part in list_parts(path):
-            for event in read_recording(part, self.get_namespace()).events():
-                if isinstance(event, Block) and event.stamp >= begun:
-                    yield event
+            try:
+                for event in read_recording(part, self.get_namespace()).events():
+                    if isinstance(event, Block) and event.stamp >= begun:
+                        yield event
+            except RigError as error:
+                self._warn(f"earlier hits of this campaign are not all known: {error}")
 
     def _evaluate(self, session: Session, message: AccelerationBlock) -> None:
         self._counts["blocks"] += 1

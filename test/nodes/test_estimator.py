@@ -20,6 +20,8 @@ from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.results.campaign import results_from_session
 
+from ..recordings.damaged import find_chunks
+
 SETUP = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
 URI = "/somewhere/session.mcap"
 
@@ -71,26 +73,54 @@ def test_estimates_equal_the_core_bit_for_bit(harness):
         assert item.mse_sample_percent == expected[item.name].mse_sample_percent
 
 
-def test_a_record_that_is_read_from_the_disk_while_it_is_on_its_way_counts_once(harness, tmp_path):
-    path = str(tmp_path / "session.mcap")
-    recorder = harness.add(RecorderNode, output=path, required_topics="")
+@pytest.fixture
+def recording(harness, tmp_path):
+    """Return the recording of a campaign of three hits, their blocks, the recorder's last word."""
+    path = tmp_path / "session.mcap"
+    recorder = harness.add(RecorderNode, output=str(path), required_topics="")
     stored = harness.listen(interfaces.RECORD_STORED)
     harness.advertise(interfaces.SETUP).publish(SETUP)
-    publisher = harness.advertise(interfaces.ACCELERATION)
-    blocks = make_blocks("steel small", 2, stamp=10**9)
-    feed(harness, publisher, blocks)
-    told = stored.wait_for_count(2)
+    blocks = make_blocks("steel small", 3, stamp=10**9)
+    feed(harness, harness.advertise(interfaces.ACCELERATION), blocks)
+    told = stored.wait_for_count(3)
     harness.close(recorder)
-    harness.advertise(interfaces.RECORDER_STATE).publish(RecorderState(recording=True, uri=path))
+    state = RecorderState(recording=True, uri=str(path))
+    harness.advertise(interfaces.RECORDER_STATE).publish(state)
+    return path, blocks, told[-1]
 
+
+def wait_for_accepted(harness, records):
+    """Wait until the hits of these records count, and no others."""
+
+    def count():
+        hits = harness.call(GetResults, interfaces.GET_RESULTS).accepted
+        return [hit.record for hit in hits]
+
+    harness.wait_until(lambda: count() == records)
+
+
+def test_a_record_that_is_read_from_the_disk_while_it_is_on_its_way_counts_once(
+    harness, recording
+):
+    _, blocks, told = recording
     impacts = harness.listen(interfaces.IMPACT)
     harness.add(EstimatorNode)
-    harness.wait_until(lambda: len(harness.call(GetResults, interfaces.GET_RESULTS).accepted) == 2)
-    feed(harness, publisher, [block for block in blocks if block.label.record == 2])
-    harness.advertise(interfaces.RECORD_STORED).publish(told[-1])
-    assert impacts.wait_for_count(1)[0].record == 2
-    answer = harness.call(GetResults, interfaces.GET_RESULTS)
-    assert [hit.record for hit in answer.accepted] == [1, 2]
+    wait_for_accepted(harness, [1, 2, 3])
+    publisher = harness.advertise(interfaces.ACCELERATION)
+    feed(harness, publisher, [block for block in blocks if block.label.record == 3])
+    harness.advertise(interfaces.RECORD_STORED).publish(told)
+    assert impacts.wait_for_count(1)[0].record == 3
+    wait_for_accepted(harness, [1, 2, 3])
+
+
+def test_of_a_damaged_recording_every_record_before_the_damage_counts(harness, recording):
+    path, *_ = recording
+    chunks = {raw.topic: chunk for chunk in find_chunks(path) for raw in chunk.messages}
+    content = bytearray(path.read_bytes())
+    content[chunks["/acceleration"].data_start] ^= 1  # the last one with blocks: of record 3
+    path.write_bytes(content)
+    harness.add(EstimatorNode)
+    wait_for_accepted(harness, [1, 2])
 
 
 def test_all_that_is_found_names_the_set_up_it_was_found_under(harness):
