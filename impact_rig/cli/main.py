@@ -2,6 +2,7 @@
 
 import errno
 import importlib
+import io
 import os
 import sys
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from typing import IO, Any
 import click
 
 from impact_rig import __version__
-from impact_rig.configuration.processes import use_one_thread
+from impact_rig.configuration.processes import open_closed_streams, use_one_thread
 from impact_rig.core.errors import RigError
 
 EXIT_ERROR = 2
@@ -134,11 +135,13 @@ class RigGroup(click.Group):
         except KeyboardInterrupt:
             ctx.exit(EXIT_INTERRUPTED)
         except OSError as error:
-            if error.errno != errno.ENOSPC:
+            if error.errno == errno.EPIPE:  # nobody reads any more: click ends quietly
                 raise
-            # What could not be written would be tried once more at the end.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise _Failure(f"standard output cannot be written: {error.strerror}") from None
+            if error.filename == _StandardOutput.TITLE:
+                # What could not be written would be tried once more at the end.
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            where = f"{error.filename}: " if error.filename else ""
+            raise _Failure(f"{where}{error.strerror or error}") from None
 
 
 @click.command(
@@ -159,15 +162,33 @@ def cli() -> None:
     """Strike samples with a pendulum hammer and estimate contact time, stiffness and damping."""
 
 
+class _StandardOutput(io.FileIO):
+    """Standard output whose errors name it, as those of opening a file name that."""
+
+    TITLE = "standard output"
+
+    def write(self, data: Any, /) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            error.filename = self.TITLE
+            raise
+
+
 def _keep_standard_output() -> None:
     """Keep standard output for what Python prints: Fast DDS writes its errors there, into JSON."""
     sys.stdout.flush()
-    sys.stdout = os.fdopen(os.dup(1), "w", encoding=sys.stdout.encoding)
+    sys.stdout = io.TextIOWrapper(
+        io.BufferedWriter(_StandardOutput(os.dup(1), "w")),
+        encoding=sys.stdout.encoding,
+        line_buffering=sys.stdout.isatty(),
+    )
     os.dup2(2, 1)
 
 
 def main() -> None:
     """Run the command line; never returns."""
+    open_closed_streams()
     use_one_thread()
     os.environ.setdefault("HOME", str(Path.home()))  # rclpy's log folder, which asks nobody else
     _keep_standard_output()

@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -53,6 +54,20 @@ def use_one_thread() -> None:
     they are computed. Call it before numpy is imported, which reads it once.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def open_closed_streams() -> None:
+    """Put the null device behind standard streams that are closed.
+
+    Else the next files that are opened get their numbers, and what is printed.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            number = os.open(os.devnull, os.O_RDWR)  # the lowest that is free
+            os.set_inheritable(number, True)
+            stream = os.fdopen(number, mode)
+            setattr(sys, name, stream)
+            setattr(sys, f"__{name}__", stream)
 
 
 RECORDING_NAME = "session.mcap"

@@ -1,5 +1,6 @@
 """The command `impact-rig` itself: its help, its speed, and how it ends."""
 
+import errno
 import io
 import os
 import signal
@@ -81,6 +82,8 @@ def test_an_unknown_command_is_refused(run: Run) -> None:
         (ParameterError("mass is -1 kg: it must be above zero"), 2, "error: mass is -1 kg"),
         (ModuleNotFoundError("No module", name="rclpy.node"), 2, "error: this needs ROS 2"),
         (KeyboardInterrupt(), 130, ""),
+        (OSError(errno.ENOSPC, "No space left", "/tmp/x"), 2, "error: /tmp/x: No space left\n"),
+        (OSError(errno.ENOSPC, "No space left"), 2, "error: No space left\n"),
     ],
 )
 def test_what_a_command_raises_ends_in_one_line(
@@ -190,5 +193,22 @@ def test_output_to_a_full_disk_ends_in_a_sentence() -> None:
             text=True,
             check=False,
         )
-    error = "error: standard output cannot be written: No space left on device\n"
+    error = "error: standard output: No space left on device\n"
     assert (done.returncode, done.stderr) == (2, error)
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-"])
+def test_a_stream_that_is_closed_is_as_good_as_the_null_device(closed: str) -> None:
+    code = (
+        "import click; from impact_rig.cli import main\n"
+        "def ask(): print(click.prompt('Mount the sample', err=True))\n"
+        "main.RigGroup.get_command = lambda *_: click.Command('a', callback=ask)\n"
+        "main.main()"
+    )
+
+    def run(redirection: str) -> tuple[int, str, str]:
+        words = ["sh", "-c", f'"$@" {redirection}', "sh", sys.executable, "-c", code, "demo"]
+        done = subprocess.run(words, input="done\n", capture_output=True, text=True, check=False)
+        return done.returncode, done.stdout, done.stderr
+
+    assert run(closed) == run(closed.replace("&-", "/dev/null"))

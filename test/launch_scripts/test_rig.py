@@ -74,6 +74,12 @@ def test_a_wrong_command_gets_the_usage(arguments, capsys):
     assert capsys.readouterr().err.startswith("usage: ")
 
 
+def test_what_is_meant_for_a_closed_stream_is_lost():
+    words = ["sh", "-c", '"$@" 2>&-', "sh", sys.executable, SCRIPT, "nonsense"]
+    done = subprocess.run(words, stdout=subprocess.PIPE, check=False)
+    assert (done.returncode, done.stdout) == (2, b"")
+
+
 def test_the_command_takes_the_place_of_rig_py(fresh, run_rig):
     done = run_rig("exec", "--", sys.executable, "-c", "import sys; print('there'); sys.exit(7)")
     assert (done.code, done.output, done.errors) == (7, "there\n", "")

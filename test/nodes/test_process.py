@@ -82,6 +82,13 @@ for parameter in {list(PARAMETERS)}:
     assert "Traceback" not in process.stderr
 
 
+def test_a_node_needs_no_standard_error():
+    node = [sys.executable, "-m", "impact_rig.nodes", "hammer"]
+    words = ["sh", "-c", 'exec "$@" 2>&-', "sh", *node, "--ros-args", "-p", "swing_time:=soon"]
+    done = subprocess.run(words, timeout=PATIENCE, check=False)
+    assert done.returncode == 2  # an impossible parameter; 1 were a traceback
+
+
 def test_modules_in_the_working_folder_are_none_of_the_rig_s(tmp_path, ros_domain):
     (tmp_path / "numpy.py").write_text("raise SystemExit('a numpy of the folder')")
     process = subprocess.Popen(
