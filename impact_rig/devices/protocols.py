@@ -1,6 +1,10 @@
 """What a driver of accelerometers, and one of a hammer's holder, must do and is given."""
 
 import math
+import threading
+import time
+from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
@@ -220,8 +224,9 @@ class AccelerationSource(Protocol):
         """Return the next block; None if there is none within `timeout` seconds.
 
         Its channels are calibrated, with the device's overload flag; whose hit it is, the device
-        does not know. The block that completes a record is its `last`, after which there is none
-        until the next `arm`; a continuous stream has no last one.
+        does not know. It is as long as the device likes: the node cuts it to size. The block that
+        completes a record is its `last`, after which there is none until the next `arm`; a
+        continuous stream has no last one.
         """
         ...
 
@@ -270,6 +275,58 @@ class HammerlessSource(AccelerationSource, Protocol):
             The truth behind what `read` will deliver; None: nobody knows it.
         """
         ...
+
+
+class HeldBlocks:
+    """Holds the blocks of a hit back until the hammer has struck: for sources that none strikes.
+
+    `lay` may come from another thread than the others.
+
+    Attributes
+    ----------
+    is_armed : bool
+        A hit is waited for.
+    """
+
+    def __init__(self) -> None:
+        self.is_armed = False
+        self._changed = threading.Condition()
+        self._blocks: deque[Block] = deque()
+        self._due = 0.0
+
+    def arm(self) -> None:
+        """Wait for one hit."""
+        with self._changed:
+            self._blocks.clear()
+            self.is_armed = True
+
+    def disarm(self) -> None:
+        """Forget the hit."""
+        with self._changed:
+            self._blocks.clear()
+            self.is_armed = False
+
+    def lay(self, blocks: Iterable[Block], contact: float) -> None:
+        """Let a hit come at a time of the monotonic clock [s], if one is waited for."""
+        with self._changed:
+            if self.is_armed:
+                self.is_armed = False
+                self._blocks.extend(blocks)
+                self._due = contact
+                self._changed.notify()
+
+    def read(self, timeout: float) -> Block | None:
+        """Return the next block; None: it has not come within so many seconds."""
+        deadline = time.monotonic() + timeout
+        with self._changed:
+            while True:
+                now = time.monotonic()
+                if self._blocks and now >= self._due:
+                    return self._blocks.popleft()
+                until = min(deadline, self._due) if self._blocks else deadline
+                if now >= until:
+                    return None
+                self._changed.wait(until - now)
 
 
 class HolderState(Enum):

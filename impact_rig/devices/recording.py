@@ -1,9 +1,7 @@
 """Hits of a recording in place of a device: the driver `recording`."""
 
-import threading
 import time
-from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar
@@ -13,7 +11,7 @@ from impact_rig.core.errors import DeviceError, FileError, ParameterError
 from impact_rig.core.origin import UNSTATED, Origin
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import NOT_ARMED, Block, HitLabel
-from impact_rig.devices.protocols import Acquisition, AcquisitionPlan, FoundDevice
+from impact_rig.devices.protocols import Acquisition, AcquisitionPlan, FoundDevice, HeldBlocks
 from impact_rig.recordings.reader import (
     IndexedHit,
     Recording,
@@ -37,14 +35,11 @@ class RecordedHits:
         Those that have been delivered.
     sampling_rate : float
         Of all of them [Hz].
-    block_size : int
-        Points per block, at most.
     """
 
     recording: Recording
     hits: Sequence[IndexedHit]
     sampling_rate: float
-    block_size: int
     used: set[IndexedHit] = field(default_factory=set)
 
     def list_left(self, sample: str) -> tuple[IndexedHit, ...]:
@@ -134,11 +129,8 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
         self._namespace = options.take_text("namespace") or None
         self._campaign = options.take_whole("campaign", 1, 1_000_000, 1)
         self._opened: RecordedHits | None = None
-        self._is_armed = False
+        self._held = HeldBlocks()
         self._hit: IndexedHit | None = None
-        self._blocks: deque[Block] = deque()
-        self._due = 0.0
-        self._changed = threading.Condition()
 
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
@@ -146,7 +138,7 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
         return ()
 
     def configure(self, plan: AcquisitionPlan) -> Acquisition:
-        """Open the recording and find its hits; of the plan only the block size matters.
+        """Open the recording and find its hits.
 
         Raises
         ------
@@ -172,28 +164,23 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
             rate = read_hit(recording, hits[0])[0].sampling_rate
         except FileError as error:
             raise DeviceError(str(self._options.make_error("file", str(error)))) from None
-        with self._changed:
-            self._stop()
-            self._opened = RecordedHits(recording, hits, rate, plan.block_size)
+        self._held.disarm()
+        self._opened = RecordedHits(recording, hits, rate)
         return Acquisition(f"recording {recording.path} with {len(hits)} hits", rate)
 
     def take_setup(self, _: RigSetup) -> None:
         """Begin a campaign: all hits are there again."""
-        with self._changed:
-            if self._opened is not None:
-                self._opened.used.clear()
+        if self._opened is not None:
+            self._opened.used.clear()
 
     def check_sample(self, name: str) -> None:
         """Raise `DeviceError` if the recording has no hit of this sample left."""
-        with self._changed:
-            self._get_opened().list_left(name)
+        self._get_opened().list_left(name)
 
     def arm(self) -> None:
         """Wait for a strike."""
-        with self._changed:
-            self._get_opened()
-            self._stop()
-            self._is_armed = True
+        self._get_opened()
+        self._held.arm()
 
     def strike(self, label: HitLabel, swing_time: float) -> None:
         """Let a recorded hit come in `swing_time` seconds.
@@ -203,20 +190,17 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
         DeviceError
             If it is not armed, the sample has no hit left, or the file cannot be read.
         """
-        due = time.monotonic() + swing_time
+        contact = time.monotonic() + swing_time
         stamp = time.time_ns() + round(swing_time * 1e9)
-        with self._changed:
-            opened = self._get_opened()
-            if not self._is_armed:
-                raise DeviceError(f"{label.sample!r} is struck, but the recording is not armed")
-            hit = opened.choose(label)
-            recorded = opened.read(hit)
-            self._blocks.clear()
-            self._blocks.extend(_make_blocks(recorded, stamp, opened.block_size))
-            self._hit, self._due = hit, due
-            if not self._blocks:
-                opened.used.add(hit)
-            self._changed.notify_all()
+        opened = self._get_opened()
+        if not self._held.is_armed:
+            raise DeviceError(f"{label.sample!r} is struck, but the recording is not armed")
+        self._hit = opened.choose(label)
+        blocks = _make_blocks(opened.read(self._hit), stamp)
+        if blocks:
+            self._held.lay(blocks, contact)
+        else:
+            opened.used.add(self._hit)
 
     def read(self, timeout: float) -> Block | None:
         """Return the next block, once the hammer has arrived.
@@ -226,40 +210,25 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
         DeviceError
             If the recording's files are gone.
         """
-        deadline = time.monotonic() + timeout
-        with self._changed:
-            opened = self._get_opened()
-            opened.check_file()
-            while not self._blocks or self._due > time.monotonic():
-                until = min(deadline, self._due) if self._blocks else deadline
-                if deadline <= time.monotonic():
-                    return None
-                self._changed.wait(max(until - time.monotonic(), 0.0))
-            block = self._blocks.popleft()
-            if block.last and self._hit is not None:
-                opened.used.add(self._hit)
-                self._is_armed = False
-            return block
+        opened = self._get_opened()
+        opened.check_file()
+        block = self._held.read(timeout)
+        if block is not None and block.last and self._hit is not None:
+            opened.used.add(self._hit)
+        return block
 
     def disarm(self) -> None:
         """Wait no more; a hit that was not read to its end may come again."""
-        with self._changed:
-            self._stop()
+        self._held.disarm()
 
     def check(self) -> None:
         """See that the recording's files are there; raises `DeviceError`."""
-        with self._changed:
-            self._get_opened().check_file()
+        self._get_opened().check_file()
 
     def close(self) -> None:
         """Let the recording go."""
-        with self._changed:
-            self._stop()
-            self._opened = None
-
-    def _stop(self) -> None:
-        self._is_armed, self._hit = False, None
-        self._blocks.clear()
+        self._held.disarm()
+        self._opened = None
 
     def _get_opened(self) -> RecordedHits:
         if self._opened is None:
@@ -267,20 +236,19 @@ file = "session.mcap"        # or its folder; relative to the folder where the r
         return self._opened
 
 
-def _make_blocks(recorded: Sequence[Block], stamp: int, size: int) -> Iterator[Block]:
-    """Yield the blocks of a hit, none longer than `size`; the first point's time is `stamp`."""
+def _make_blocks(recorded: Sequence[Block], stamp: int) -> list[Block]:
+    """Return the blocks of a hit; the first point's time is `stamp`."""
     triggered = [block for block in recorded if block.triggered]
-    for block in triggered:
-        delay = (block.first_sample - triggered[0].first_sample) / block.sampling_rate
-        # A record whose end was lost ends here, too.
-        is_last = block is triggered[-1]
-        # What does not say where it comes from was not simulated here: that stays unknown.
-        origin = Origin(source="a recording") if block.origin == UNSTATED else block.origin
-        moved = replace(
+    return [
+        replace(
             block,
             label=NOT_ARMED,
-            last=is_last,
-            stamp=stamp + round(delay * 1e9),
-            origin=origin,
+            # A record whose end was lost ends here, too.
+            last=block is triggered[-1],
+            stamp=stamp
+            + round((block.first_sample - triggered[0].first_sample) / block.sampling_rate * 1e9),
+            # What does not say where it comes from was not simulated here: that stays unknown.
+            origin=Origin(source="a recording") if block.origin == UNSTATED else block.origin,
         )
-        yield from moved.split(size)
+        for block in triggered
+    ]

@@ -1,7 +1,6 @@
 """Sound cards and USB digitizers with IEPE inputs that appear as such: the driver `sound`."""
 
 import math
-import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,48 +13,6 @@ from impact_rig.core.errors import DeviceError, ParameterError
 from impact_rig.devices.protocols import AcquisitionPlan, FoundDevice, SourceChannel
 from impact_rig.devices.streaming import CountScale, StreamCapture, StreamedSource
 
-_NAME = re.compile(
-    r"(?:333D|485B|633A|SDC0)..."
-    r"(?:(?P<format>1)(?P<serial>.{6})(?P<a>\d{5})(?P<b>\d{5})(?P<date>\d{6})"
-    r"|(?P<wide>[23]).{6}(?P<wide_a>\d{7})(?P<wide_b>\d{7})\d{6})"
-)
-_FULL_COUNT = 2**23
-"""Counts of the sensitivity at full scale [-]."""
-_FACTORS = {"2": 1, "3": 20}
-
-
-@dataclass(frozen=True)
-class NameCalibration:
-    """Of one channel.
-
-    Attributes
-    ----------
-    unit : str
-        "m/s^2" or "V".
-    full_scale : float
-        At the largest count [unit].
-    """
-
-    unit: str
-    full_scale: float
-
-
-def parse_name_calibrations(name: str) -> tuple[NameCalibration, ...]:
-    """Return what a device's name says of its channels; empty: nothing."""
-    match = _NAME.search(name)
-    if match is None:
-        return ()
-    if match["format"]:
-        unit, sensitivities = "m/s^2", (int(match["a"]), int(match["b"]))
-    else:
-        factor = _FACTORS[match["wide"]]
-        unit = "V"
-        sensitivities = (factor * int(match["wide_a"]), factor * int(match["wide_b"]))
-    if not all(sensitivities):
-        return ()
-    return tuple(NameCalibration(unit, _FULL_COUNT / value) for value in sensitivities)
-
-
 FULL_COUNT = 2**31
 """Counts of PortAudio at full scale [-]: fewer bits stand at the upper end of its 32."""
 RAIL_COUNT = FULL_COUNT - 2**16
@@ -63,48 +20,31 @@ RAIL_COUNT = FULL_COUNT - 2**16
 3e-5 below full scale; those of more bits reach it, too."""
 
 
-def compute_count_scale(channel: SourceChannel, known: NameCalibration | None) -> CountScale:
+def compute_count_scale(channel: SourceChannel) -> CountScale:
     """Return what a count of a channel stands for.
 
     A sensor with a sensitivity gives a voltage, and its channel needs the voltage at full scale,
     `input_range`. One without gives its acceleration, and `full_scale` is that at the largest
-    count. What the rig file does not say is taken from the device's name.
-
-    Parameters
-    ----------
-    channel : SourceChannel
-        As the rig file describes it.
-    known : NameCalibration or None
-        What the device's name says of this channel.
+    count.
 
     Raises
     ------
     ParameterError
-        If neither tells it.
+        If neither is told.
     """
     options, sensor = channel.options, channel.sensor
     options.check_keys("input_range")
     if not math.isnan(sensor.sensitivity):
-        is_known = known is not None and known.unit == "V"
-        voltage = options.take_quantity(
-            "input_range",
-            "V",
-            "1.4 V",
-            known.full_scale if known is not None and is_known else REQUIRED,
-            low=1e-6,
-            high=1e6,
-        )
+        voltage = options.take_quantity("input_range", "V", "1.4 V", low=1e-6, high=1e6)
         scale = channel.compute_scale() * voltage / FULL_COUNT
         return CountScale(scale, channel.compute_full_scale(voltage), -RAIL_COUNT, RAIL_COUNT)
     full_scale = sensor.compute_full_scale(channel.moving_mass)
-    if not full_scale and known is not None and known.unit == "m/s^2":
-        full_scale = known.full_scale
     if not full_scale:
         raise options.make_error(
             "full_scale",
-            f"{options.place} says neither sensitivity nor full_scale, and nor does the device's"
-            ' name: give sensitivity = "10 mV/g" and input_range = "1.4 V" for a sensor at a'
-            ' sound card, or full_scale = "20 g", the acceleration of the largest count',
+            f"{options.place} says neither sensitivity nor full_scale: give"
+            ' sensitivity = "10 mV/g" and input_range = "1.4 V" for a sensor at a sound card, or'
+            ' full_scale = "20 g", the acceleration of the largest count',
         )
     return CountScale(full_scale / FULL_COUNT, full_scale, -RAIL_COUNT, RAIL_COUNT)
 
@@ -373,11 +313,7 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
         """
         device = self._choose(list_inputs())
         columns = [_parse_column(channel, device) for channel in plan.channels]
-        known = dict(enumerate(parse_name_calibrations(device.name)))
-        scales = tuple(
-            compute_count_scale(channel, known.get(column))
-            for channel, column in zip(plan.channels, columns, strict=True)
-        )
+        scales = tuple(map(compute_count_scale, plan.channels))
         return SoundCapture(device, plan.sampling_rate, columns, scales, capacity)
 
     def _choose(self, inputs: Sequence[SoundInput]) -> SoundInput:

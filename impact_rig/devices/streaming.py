@@ -4,9 +4,8 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,92 +17,14 @@ from impact_rig.devices.protocols import NOT_MEASURED, Acquisition, AcquisitionP
 CountArray = NDArray[np.int32]
 
 
-class Run(NamedTuple):
-    """Points without a gap.
-
-    Attributes
-    ----------
-    place : int
-        Of the first one, counted since the stream began.
-    counts : ndarray of int32, shape (n, channels)
-        The points.
-    """
-
-    place: int
-    counts: CountArray
-
-    @property
-    def end(self) -> int:
-        """Place behind the last one."""
-        return self.place + len(self.counts)
-
-
-class SampleStore:
-    """Keeps what came last.
-
-    Parameters
-    ----------
-    capacity : int
-        Points to keep at least; what is much older is dropped.
-
-    Attributes
-    ----------
-    end : int
-        Place of the next point.
-    """
-
-    def __init__(self, capacity: int) -> None:
-        self.end = 0
-        self._capacity = capacity
-        self._runs: deque[Run] = deque()
-
-    @property
-    def start(self) -> int:
-        """Place of the first point that is there."""
-        return self._runs[0].place if self._runs else self.end
-
-    def append(self, counts: CountArray) -> None:
-        """Take the next points, shape (n, channels), which nobody changes any more."""
-        if not len(counts):
-            return
-        self._runs.append(Run(self.end, counts))
-        self.end += len(counts)
-        self.forget(self.end - self._capacity)
-
-    def skip(self, points: int) -> None:
-        """Leave a gap, because so many points were lost."""
-        self.end += points
-
-    def forget(self, place: int) -> None:
-        """Drop what lies before a place, as far as it came in one piece."""
-        while self._runs and self._runs[0].end <= place:
-            self._runs.popleft()
-
-    def read_runs(self, start: int, stop: int) -> list[Run]:
-        """Return what is there from one place to before another, joined where there is no gap."""
-        found: list[list[Run]] = []
-        for run in self._runs:
-            low, high = max(start - run.place, 0), min(stop - run.place, len(run.counts))
-            if low >= high:
-                continue
-            part = Run(run.place + low, run.counts[low:high])
-            if found and found[-1][-1].end == part.place:
-                found[-1].append(part)
-            else:
-                found.append([part])
-        return [
-            Run(parts[0].place, np.concatenate([part.counts for part in parts])) for parts in found
-        ]
-
-
 @dataclass(frozen=True)
 class CountScale:
     """Of one channel.
 
     Attributes
     ----------
-    scale, offset : float
-        Acceleration of one count, and at count 0 [m/s^2].
+    scale : float
+        Acceleration of one count [m/s^2].
     full_scale : float
         Largest acceleration that the channel can show, either sign [m/s^2].
     lowest, highest : int
@@ -114,19 +35,13 @@ class CountScale:
     full_scale: float
     lowest: int
     highest: int
-    offset: float = 0.0
 
     def make_block(self, counts: CountArray) -> ChannelBlock:
         """Return counts, shape (n,), as a calibrated block."""
-        return ChannelBlock(
-            output=counts,
-            scale=self.scale,
-            offset=self.offset,
-            full_scale=self.full_scale,
-            overloaded=bool(
-                counts.size and (counts.max() >= self.highest or counts.min() <= self.lowest)
-            ),
+        is_overloaded = counts.size and (
+            counts.max() >= self.highest or counts.min() <= self.lowest
         )
+        return ChannelBlock(counts, self.scale, 0.0, self.full_scale, bool(is_overloaded))
 
 
 LONGEST_SILENCE = 2.0
@@ -154,8 +69,10 @@ class StreamCapture:
     ----------
     changed : Condition
         Guards all else; notified when points have come or the device has gone.
-    store : SampleStore
-        The points.
+    blocks : deque of Block
+        What came last; their points count from the beginning of the stream.
+    count : int
+        Points that have come since then, or were lost.
     """
 
     def __init__(
@@ -165,7 +82,9 @@ class StreamCapture:
         self.sampling_rate = sampling_rate
         self.scales = scales
         self.changed = threading.Condition()
-        self.store = SampleStore(capacity)
+        self.blocks: deque[Block] = deque()
+        self.count = 0
+        self._capacity = capacity
         self._end = ""
         self._last_time = time.monotonic()
         self._anchor = (0, time.time_ns())
@@ -185,10 +104,17 @@ class StreamCapture:
         lost : int
             Points that are missing before them.
         """
+        hammer, *others = [
+            scale.make_block(counts[:, column]) for column, scale in enumerate(self.scales)
+        ]
         with self.changed:
-            self.store.skip(lost)
-            self._anchor = (self.store.end, stamp)
-            self.store.append(counts)
+            first = self.count + lost
+            specimen = others[0] if others else NOT_MEASURED
+            self.blocks.append(Block(first, self.sampling_rate, hammer, specimen))
+            self.count = first + len(counts)
+            while get_end(self.blocks[0]) <= self.count - self._capacity:
+                self.blocks.popleft()
+            self._anchor = (first, stamp)
             self._last_time = time.monotonic()
             self.changed.notify_all()
 
@@ -201,7 +127,7 @@ class StreamCapture:
     def wait_for_points(self, count: int) -> None:
         """Wait until so many points have come; raises as `wait`."""
         with self.changed:
-            while self.store.end < count:
+            while self.count < count:
                 self.wait(time.monotonic() + LONGEST_SILENCE)
 
     def wait(self, deadline: float) -> None:
@@ -226,10 +152,16 @@ class StreamCapture:
                 f"{self.name} is silent: it has delivered nothing for {silent:.1f} s"
             )
 
-    def compute_stamp(self, place: int) -> int:
-        """Return when a point was taken [ns since the epoch]; `changed` is held."""
+    def date(self, block: Block, origin: int, *, last: bool = False) -> Block:
+        """Return a block with its time, its points counted from `origin`; `changed` is held."""
         known, stamp = self._anchor
-        return stamp + round((place - known) / self.sampling_rate * 1e9)
+        return replace(
+            block,
+            first_sample=block.first_sample - origin,
+            sampling_rate=self.sampling_rate,
+            last=last,
+            stamp=stamp + round((block.first_sample - known) / self.sampling_rate * 1e9),
+        )
 
 
 class StreamedSource(ABC):
@@ -244,7 +176,7 @@ class StreamedSource(ABC):
         self._plan: AcquisitionPlan | None = None
         self._capture: StreamCapture | None = None
         self._is_armed = False
-        self._armed_at = self._earliest = self._cursor = 0
+        self._armed_at = self._searched = 0
         self._trigger: int | None = None
         self._blocks: deque[Block] = deque()
 
@@ -280,9 +212,13 @@ class StreamedSource(ABC):
         with capture.changed:
             self._stop()
             self._is_armed = True
-            self._armed_at = self._cursor = capture.store.end
-            # A record is whole, as far as the time before the trigger is concerned.
-            self._earliest = max(self._armed_at, capture.store.start + plan.pre_trigger_points)
+            self._armed_at = self._searched = capture.count
+            if plan.continuous:
+                capture.blocks.clear()
+            elif capture.blocks:
+                # A record is whole, as far as the time before the trigger is concerned.
+                whole = capture.blocks[0].first_sample + plan.pre_trigger_points
+                self._searched = max(self._armed_at, whole)
 
     def read(self, timeout: float) -> Block | None:
         """Return the next block; None if there is none in time.
@@ -296,9 +232,9 @@ class StreamedSource(ABC):
         deadline = time.monotonic() + timeout
         with capture.changed:
             while True:
-                if self._is_armed and plan.continuous:
-                    self._cut_stream(plan, capture)
-                elif self._is_armed:
+                if self._is_armed and plan.continuous and capture.blocks:
+                    return capture.date(capture.blocks.popleft(), self._armed_at)
+                if self._is_armed and not plan.continuous:
                     self._cut_record(plan, capture)
                 if self._blocks:
                     return self._blocks.popleft()
@@ -335,79 +271,53 @@ class StreamedSource(ABC):
             raise DeviceError("the device is not open: configure the source first")
         return self._plan, self._capture
 
-    def _cut_stream(self, plan: AcquisitionPlan, capture: StreamCapture) -> None:
-        """Take the next block of the stream, if it has come or a gap ends it."""
-        store = capture.store
-        runs = store.read_runs(self._cursor, store.end)
-        if not runs or (len(runs) == 1 and len(runs[0].counts) < plan.block_size):
-            return
-        run = Run(runs[0].place, runs[0].counts[: plan.block_size])
-        self._cursor = run.end
-        store.forget(self._cursor)
-        self._blocks.append(_make_block(capture, run, self._armed_at))
-
     def _cut_record(self, plan: AcquisitionPlan, capture: StreamCapture) -> None:
         """Look for the trigger, then wait for the end of its record and cut it."""
-        store = capture.store
         if self._trigger is None:
             self._trigger = self._find_trigger(plan, capture)
         if self._trigger is None:
             return
         first = self._trigger - plan.pre_trigger_points
-        if store.end < first + plan.points:
+        stop = first + plan.points
+        if capture.count < stop:
             return
-        runs = store.read_runs(first, first + plan.points)
-        pieces = [piece for run in runs for piece in _split(run, plan.block_size)]
+        pieces = [
+            block.cut(max(first - block.first_sample, 0), stop - block.first_sample)
+            for block in capture.blocks
+            if block.first_sample < stop and get_end(block) > first
+        ]
         self._blocks.extend(
-            _make_block(capture, piece, first, last=piece is pieces[-1]) for piece in pieces
+            capture.date(piece, first, last=piece is pieces[-1]) for piece in pieces
         )
         self._is_armed = False
 
     def _find_trigger(self, plan: AcquisitionPlan, capture: StreamCapture) -> int | None:
         """Return the place where the hammer's size reaches the level; None: not yet."""
-        store, scale = capture.store, capture.scales[0]
-        level = plan.trigger_level / abs(scale.scale)
-        # The point before those that are searched tells whether the first one crosses the level.
-        for run in store.read_runs(max(self._cursor, self._earliest) - 1, store.end):
-            self._cursor = run.end
-            place = run.place + find_crossing(run.counts[:, 0], level, scale.offset / scale.scale)
-            if place < run.end:
-                return place
+        level = plan.trigger_level / abs(capture.scales[0].scale)
+        before: Block | None = None
+        for block in capture.blocks:
+            if get_end(block) > self._searched:
+                place = block.first_sample
+                counts: NDArray[Any] = block.hammer.output
+                # The point before those that are searched tells whether the first one crosses.
+                if before is not None and get_end(before) == place:
+                    place, counts = place - 1, np.append(before.hammer.output[-1:], counts)
+                hidden = max(self._searched - 1 - place, 0)
+                crossing = find_crossing(counts[hidden:], level)
+                if crossing < counts.size - hidden:
+                    return place + hidden + crossing
+            before = block
+        self._searched = max(self._searched, capture.count)
         return None
 
 
-def find_crossing(counts: CountArray, level: float, offset: float = 0.0) -> int:
-    """Return where counts, shape (n,), first reach a level in size from below; n: nowhere.
+def get_end(block: Block) -> int:
+    """Return the place behind a block's last point."""
+    return block.first_sample + block.hammer.output.size
 
-    Parameters
-    ----------
-    counts : ndarray of int32
-        To be searched.
-    level : float
-        Size that is reached, in counts.
-    offset : float
-        What is added to the counts before, in counts.
-    """
-    is_large = (counts >= level - offset) | (counts <= -level - offset)
+
+def find_crossing(counts: NDArray[Any], level: float) -> int:
+    """Return where counts, shape (n,), first reach a level in size from below; n: nowhere."""
+    is_large = (counts >= level) | (counts <= -level)
     crossings = np.flatnonzero(is_large[1:] & ~is_large[:-1])
     return int(crossings[0]) + 1 if crossings.size else counts.size
-
-
-def _split(run: Run, size: int) -> Iterator[Run]:
-    for start in range(0, len(run.counts), size):
-        yield Run(run.place + start, run.counts[start : start + size])
-
-
-def _make_block(capture: StreamCapture, run: Run, origin: int, *, last: bool = False) -> Block:
-    """Return points as a block that counts from the place `origin`."""
-    blocks = [
-        scale.make_block(run.counts[:, column]) for column, scale in enumerate(capture.scales)
-    ]
-    return Block(
-        first_sample=run.place - origin,
-        sampling_rate=capture.sampling_rate,
-        hammer=blocks[0],
-        specimen=blocks[1] if len(blocks) > 1 else NOT_MEASURED,
-        last=last,
-        stamp=capture.compute_stamp(run.place),
-    )

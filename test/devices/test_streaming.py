@@ -1,46 +1,100 @@
-"""The newest points are found by their places, with every gap."""
-
-from itertools import pairwise
+"""Hits in the stream of a device without a trigger, found as one who sees all of it finds them."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.devices.streaming import SampleStore, find_crossing
+from impact_rig.core.setup.sensors import Sensor
+from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
+from impact_rig.devices.streaming import CountScale, StreamCapture, StreamedSource, find_crossing
+
+RATE, STAMP = 1000.0, 1_700_000_000_000_000_000
+LEVEL, BEFORE, POINTS = 5, 4, 12
+SCALES = (CountScale(2.0, 200.0, -100, 100), CountScale(-1.0, 200.0, -100, 100))
 
 
-def make_counts(place: int, count: int) -> np.ndarray:
-    """Return points of which each is its own place."""
-    return np.repeat(np.arange(place, place + count, dtype=np.int32)[:, np.newaxis], 2, axis=1)
+def make_plan(*, continuous: bool = False) -> AcquisitionPlan:
+    hammer, specimen = (SourceChannel("1", Sensor(name)) for name in ("hammer", "specimen"))
+    return AcquisitionPlan(
+        RATE, POINTS / RATE, BEFORE / RATE, 2.0 * LEVEL, hammer, specimen, continuous, 10, 10
+    )
 
 
-@given(
-    st.lists(st.tuples(st.integers(0, 3), st.integers(0, 20)), max_size=30),
-    st.integers(0, 300),
-    st.integers(0, 100),
+class FedSource(StreamedSource):
+    """Streams what the test feeds it: numbers for the hammer, the same for the sample."""
+
+    def open_device(self, plan: AcquisitionPlan, capacity: int) -> StreamCapture:
+        self.fed = StreamCapture("the stream of this test", RATE, SCALES, capacity)
+        self.feed([0] * BEFORE)
+        return self.fed
+
+    def feed(self, numbers: list[int], lost: int = 0) -> None:
+        counts = np.repeat(np.array(numbers, np.int32)[:, np.newaxis], 2, axis=1)
+        stamp = STAMP + round((self.fed.count + lost) / RATE * 1e9)
+        self.fed.take(counts, stamp, lost)
+
+
+def make_source(*, continuous: bool = False) -> FedSource:
+    source = FedSource()
+    source.configure(make_plan(continuous=continuous))
+    source.arm()
+    return source
+
+
+def find_record(there: dict[int, int]) -> list[int]:
+    """Return the places of the first record among numbers by their places, as anybody would."""
+    for place in range(BEFORE, max(there) + 1):
+        if abs(there.get(place, 0)) >= LEVEL > abs(there.get(place - 1, LEVEL)):
+            wanted = range(place - BEFORE, place - BEFORE + POINTS)
+            return [each for each in wanted if each in there] if wanted[-1] <= max(there) else []
+    return []
+
+
+pieces = st.tuples(
+    st.integers(0, 3),
+    st.lists(st.sampled_from([0, 0, 0, 0, 0, 0, 2, -4, 5, -9]), min_size=1, max_size=20),
 )
-def test_what_is_found_is_what_came_at_its_place(steps, start, length):
-    store, there = SampleStore(10_000), []
-    for gap, count in steps:
-        store.skip(gap)
-        there += range(store.end, store.end + count)
-        store.append(make_counts(store.end, count))
-    runs = store.read_runs(start, start + length)
-    places = [int(value) for run in runs for value in run.counts[:, 1]]
-    assert places == [place for place in there if start <= place < start + length]
-    assert all(run.counts[0, 0] == run.place for run in runs)
-    assert all(before.end < after.place for before, after in pairwise(runs))
+
+
+@given(st.lists(pieces, max_size=20))
+def test_a_record_is_what_came_around_the_first_crossing(fed):
+    source, there = make_source(), dict.fromkeys(range(BEFORE), 0)
+    blocks = []
+    for lost, numbers in fed:
+        begin = source.fed.count + lost
+        there |= {begin + place: number for place, number in enumerate(numbers)}
+        source.feed(numbers, lost)
+        while not (blocks and blocks[-1].last) and (block := source.read(0.0)):
+            blocks.append(block)
+    places = find_record(there)
+    output = [number for block in blocks for number in block.hammer.output]
+    assert output == [there[place] for place in places]
+    if places:
+        found = [b.first_sample + i for b in blocks for i in range(b.hammer.output.size)]
+        first = found[0] - places[0]
+        assert found == [place + first for place in places]
+        assert [block.last for block in blocks] == [False] * (len(blocks) - 1) + [True]
+        assert blocks[0].stamp == STAMP + round(places[0] / RATE * 1e9)
+        assert all(block.specimen.scale == -1.0 for block in blocks)
+
+
+def test_a_stream_comes_as_it_came_with_its_gaps():
+    source = make_source(continuous=True)
+    source.feed([1, 2, 3])
+    source.feed([4, 100], lost=7)
+    first, second = source.read(0.0), source.read(0.0)
+    assert source.read(0.0) is None
+    assert (first.first_sample, first.hammer.output.tolist()) == (0, [1, 2, 3])
+    assert (second.first_sample, second.hammer.output.tolist()) == (10, [4, 100])
+    assert [first.hammer.overloaded, second.hammer.overloaded] == [False, True]
 
 
 def test_no_more_is_kept_than_wanted():
-    store = SampleStore(100)
+    source = make_source(continuous=True)
     for _ in range(50):
-        store.append(make_counts(store.end, 30))
-    assert store.end == 1500
-    assert 1370 <= store.start <= 1400
-    (run,) = store.read_runs(0, 1500)
-    assert (run.place, run.end) == (store.start, 1500)
+        source.feed([0] * 30)
+    assert 1500 - 100 - 30 <= source.read(0.0).first_sample <= 1500 - 100
 
 
 @pytest.mark.parametrize(

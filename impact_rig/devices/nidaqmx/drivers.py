@@ -388,67 +388,36 @@ class Reading(ABC):
 
 
 class RecordReading(Reading):
-    """One record for each trigger, cut into blocks."""
-
-    _numbers: FloatArray | None = None
-    _overloaded: tuple[bool, ...] = ()
-    _next = 0
+    """One record for each trigger."""
 
     def start(self) -> None:
         """Wait for the trigger."""
         _expect_early_stops()
-        self._numbers = None
-        self._next = 0
         super().start()
 
     def read(self, timeout: float) -> Block | None:
-        """Return the next block of the record, None if there is none in time [s]."""
-        if self._is_running and not self._fetch(timeout):
-            return None
-        if self._numbers is None:
-            return None
-        first = self._next
-        self._next = min(first + self._plan.block_size, self._plan.points)
-        is_last = self._next == self._plan.points
-        block = self._make_block(
-            first,
-            self._numbers[:, first : self._next],
-            self._overloaded,
-            last=is_last,
-            stamp=self._begin + round(first / self._rate * 1e9),
-        )
-        if is_last:
-            self._numbers = None
-        return block
-
-    def stop(self) -> None:
-        """Forget the trigger, or the record."""
-        self._numbers = None
-        super().stop()
-
-    def _fetch(self, timeout: float) -> bool:
-        """Read the record if it is complete in time [s]."""
+        """Return the record; None if it is not complete in time [s]."""
         from nidaqmx.errors import DaqError
 
+        if not self._is_running:
+            return None
         try:
             self._task.wait_until_done(timeout)
         except DaqError as error:
             if error.error_type.name == NOT_DONE:
-                return False
+                return None
             raise
         points = self._plan.points
         # The record ended just now.
-        self._begin = time.time_ns() - round(points / self._rate * 1e9)
+        stamp = time.time_ns() - round(points / self._rate * 1e9)
         numbers = self._read_numbers(points, 0.0)
         if numbers.shape[1] != points:
             raise DeviceError(
                 f"NI-DAQmx gave {numbers.shape[1]} of the {points} samples of a complete record"
             )
-        numbers.setflags(write=False)
-        self._overloaded = self._read_overloaded()
-        self._numbers = numbers
-        super().stop()
-        return True
+        overloaded = self._read_overloaded()
+        self.stop()
+        return self._make_block(0, numbers, overloaded, last=True, stamp=stamp)
 
 
 class StreamReading(Reading):

@@ -4,7 +4,6 @@ import contextlib
 import re
 import socket
 import time
-from collections import deque
 from contextlib import suppress
 from textwrap import indent
 from typing import ClassVar
@@ -397,7 +396,6 @@ class ScpiSource:
         self._is_armed = False
         self._passed = 0
         self._asked = self._triggered = 0
-        self._blocks: deque[Block] = deque()
 
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
@@ -458,15 +456,13 @@ class ScpiSource:
         self._asked = time.time_ns()
 
     def read(self, timeout: float) -> Block | None:
-        """Return the next block of a record; None if there is none within `timeout` seconds.
+        """Return a record; None if there is none within `timeout` seconds.
 
         Raises
         ------
         DeviceError
             If the instrument is gone, or does not answer as it should.
         """
-        if self._blocks:
-            return self._blocks.popleft()
         connection, plan, program = self._require()
         if not self._is_armed:
             connection.wait(timeout)
@@ -478,12 +474,10 @@ class ScpiSource:
                 return None
             time.sleep(min(POLL_PERIOD, left))
         self._is_armed = False
-        self._blocks.extend(self._fetch(connection, plan, program))
-        return self._blocks.popleft()
+        return self._fetch(connection, plan, program)
 
     def disarm(self) -> None:
         """Stop the instrument, and forget what has not been read; raises `DeviceError`."""
-        self._blocks.clear()
         if self._is_armed and self._connection is not None and self._program is not None:
             self._is_armed = False
             for command in self._program.stop:
@@ -534,35 +528,24 @@ class ScpiSource:
             self._passed += 1
         return True
 
-    def _fetch(
-        self, connection: ScpiConnection, plan: AcquisitionPlan, program: Program
-    ) -> list[Block]:
-        """Return the blocks of the record that is complete."""
+    def _fetch(self, connection: ScpiConnection, plan: AcquisitionPlan, program: Program) -> Block:
+        """Return the record that is complete."""
         start = self._read_start(connection, plan, program)
-        channels = [(program.hammer, plan.hammer)]
+        asked = [(program.hammer, plan.hammer)]
         if program.specimen is not None and plan.specimen is not None:
-            channels.append((program.specimen, plan.specimen))
-        outputs = [fetch_points(connection, asked, start, plan.points) for asked, _ in channels]
-        period = NANO / program.sampling_rate
-        stamp = self._triggered - round(plan.pre_trigger_points * period)
-        blocks = []
-        for first in range(0, plan.points, plan.block_size):
-            end = first + plan.block_size
-            hammer, *others = [
-                make_channel_block(output[first:end], *channel)
-                for output, channel in zip(outputs, channels, strict=True)
-            ]
-            blocks.append(
-                Block(
-                    first_sample=first,
-                    sampling_rate=program.sampling_rate,
-                    hammer=hammer,
-                    specimen=others[0] if others else NOT_MEASURED,
-                    last=end >= plan.points,
-                    stamp=stamp + round(first * period),
-                )
-            )
-        return blocks
+            asked.append((program.specimen, plan.specimen))
+        hammer, *others = [
+            make_channel_block(fetch_points(connection, of, start, plan.points), of, channel)
+            for of, channel in asked
+        ]
+        return Block(
+            first_sample=0,
+            sampling_rate=program.sampling_rate,
+            hammer=hammer,
+            specimen=others[0] if others else NOT_MEASURED,
+            last=True,
+            stamp=self._triggered - round(plan.pre_trigger_points * NANO / program.sampling_rate),
+        )
 
     @staticmethod
     def _read_start(connection: ScpiConnection, plan: AcquisitionPlan, program: Program) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 
 from impact_rig.core.checks import check_between, check_positive
 from impact_rig.core.signals.record import Block, ChannelBlock, RawArray
+from impact_rig.devices.protocols import HeldBlocks
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import (
     CountArray,
@@ -236,7 +237,7 @@ class StreamingDigitizer:
             self._stream = None
             self._fetched.clear()
 
-    def lay(self, hit: VirtualHit, contact: float) -> None:
+    def lay_hit(self, hit: VirtualHit, contact: float) -> None:
         """Let a hit's contact be seen at a time of the monotonic clock [s]."""
         digitizer = self._settings.digitizer
         with self._lock:
@@ -294,10 +295,8 @@ class StreamingDigitizer:
 NANO = 1e-9
 
 
-class TriggeredDigitizer:
-    """Holds the record of a hit back until the hammer has struck.
-
-    `lay` may come from another thread than the others.
+class TriggeredDigitizer(HeldBlocks):
+    """Delivers the record of a hit when the hammer strikes.
 
     Parameters
     ----------
@@ -306,47 +305,11 @@ class TriggeredDigitizer:
     """
 
     def __init__(self, block_size: int) -> None:
+        super().__init__()
         self._block_size = block_size
-        self._changed = threading.Condition()
-        self._is_armed = False
-        self._blocks: deque[Block] = deque()
-        self._due = 0.0
 
-    def arm(self) -> None:
-        """Wait for one hit."""
-        with self._changed:
-            self._blocks.clear()
-            self._is_armed = True
-
-    def disarm(self) -> None:
-        """Forget the hit."""
-        with self._changed:
-            self._blocks.clear()
-            self._is_armed = False
-
-    def lay(self, hit: VirtualHit, contact: float) -> None:
+    def lay_hit(self, hit: VirtualHit, contact: float) -> None:
         """Let a hit trigger at a time of the monotonic clock [s]; unless its trigger is missed."""
-        if Fault.MISSED_TRIGGER in hit.faults:
-            return
-        stamp = time.time_ns() + round((contact - time.monotonic()) / NANO)
-        blocks = hit.split(self._block_size, stamp)
-        with self._changed:
-            if not self._is_armed:
-                return
-            self._is_armed = False
-            self._blocks.extend(blocks)
-            self._due = contact
-            self._changed.notify()
-
-    def read(self, timeout: float) -> Block | None:
-        """Return the next block of the record; None: it has not come within so many seconds."""
-        deadline = time.monotonic() + timeout
-        with self._changed:
-            while True:
-                now = time.monotonic()
-                if self._blocks and now >= self._due:
-                    return self._blocks.popleft()
-                until = min(deadline, self._due) if self._blocks else deadline
-                if now >= until:
-                    return None
-                self._changed.wait(until - now)
+        if Fault.MISSED_TRIGGER not in hit.faults:
+            stamp = time.time_ns() + round((contact - time.monotonic()) / NANO)
+            self.lay(hit.split(self._block_size, stamp), contact)

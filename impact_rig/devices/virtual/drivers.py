@@ -174,7 +174,7 @@ class VirtualSource:
         """
         contact = time.monotonic() + swing_time
         hit = self._get_rig().strike(label)
-        self._get_digitizer().lay(hit, contact)
+        self._get_digitizer().lay_hit(hit, contact)
         return hit
 
     def _make_rig(self) -> None:

@@ -47,7 +47,7 @@ def test_each_count_of_a_record_is_that_of_the_input_with_the_trigger_in_its_pla
     source.configure(plan)
     for _ in range(3):
         hit, blocks = take_record(rig, source)
-        assert [block.hammer.output.size for block in blocks] == [1000] * 5
+        assert [block.hammer.output.size for block in blocks] == [5000]
         fed = rig.find_counts(hit, "hammer")
         shift = 750 - find_crossing(fed, LEVEL)
         for name in ("hammer", "specimen"):
@@ -102,14 +102,14 @@ def test_a_hit_without_its_sample_has_the_hammer_alone(rig, profile) -> None:
     source.close()
 
 
-def test_an_input_beyond_its_range_is_flagged_in_its_block_and_channel(rig, profile) -> None:
+def test_an_input_beyond_its_range_is_flagged_in_its_channel(rig, profile) -> None:
     source, plan = profile()
     source.configure(plan)
     source.arm()
     hit = rig.make_hit()
     rig.digitizer.feed(replace(hit, hammer=replace(hit.hammer, scale=3 * hit.hammer.scale)))
     blocks = read_record(source)
-    assert [block.hammer.overloaded for block in blocks] == [True, True, *[False] * 3]
+    assert [block.hammer.overloaded for block in blocks] == [True]
     assert not any(block.specimen.overloaded for block in blocks)
     assert blocks[0].hammer.output.max() == 2**13 - 1
     assert blocks[0].hammer.full_scale == pytest.approx(1.0 / 5e-4)
@@ -210,7 +210,6 @@ def test_the_stamp_is_that_of_the_first_point(rig) -> None:
     # The trigger is known as well as the instrument is asked often, which a busy computer may
     # not do; the first point is 0.3 ms before it.
     assert before - 300_000 < blocks[0].stamp < time.time_ns() - 300_000
-    assert [block.stamp - blocks[0].stamp for block in blocks] == [400_000 * i for i in range(5)]
     source.close()
 
 
