@@ -219,6 +219,11 @@ def tabulate_contact_times(results: Results) -> Table:
             "Fmax: largest force on the hammer, its mass times its largest acceleration.",
         ),
         make_optional(
+            "Peaks [%]",
+            [format_number(item.hammer_peak_spread_percent, 2) for item in samples],
+            "Peaks: standard deviation of the hammer's peaks over the hits, over their mean.",
+        ),
+        make_optional(
             "Rise [µs]",
             [format_number(item.rise_time * MICRO, 1) for item in samples],
             "Rise: of the hammer's pulse, from a tenth to nine tenths of its peak.",

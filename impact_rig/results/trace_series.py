@@ -173,6 +173,13 @@ def tabulate_mean(sample: SampleEstimate, hammer: HammerEstimate) -> Table:
     rows = [
         ("contact time τp", sample.contact_time, MICRO, 2, "µs"),
         ("spread of τp over the hits", Quantity(sample.contact_time_spread), MICRO, 2, "µs"),
+        (
+            "spread of the peaks over the hits",
+            Quantity(sample.hammer_peak_spread_percent),
+            1.0,
+            2,
+            "%",
+        ),
         ("width at half amplitude w50", Quantity(sample.half_amplitude_width), MICRO, 2, "µs"),
         ("w10/w50", Quantity(sample.width_ratio), 1.0, 3, ""),
         ("stiffness in contact k_eq", sample.equivalent_stiffness, MEGA, 3, "MN/m"),

@@ -155,6 +155,15 @@ def test_the_mean_is_of_the_accepted_hits_alone(run: Run, save: Callable[..., Pa
     assert sample["contact_time_spread_s"] == pytest.approx(1e-6, rel=0.02)
 
 
+def test_how_alike_the_hammer_struck_is_told(run: Run, save: Callable[..., Path]) -> None:
+    hits = [save(f"hit_{i}.npy", make_pulse(peak=peak)) for i, peak in enumerate((90, 100, 110))]
+    (sample,) = read_json(run("analyze", "--cutoff", "off", "--json", *hits))["samples"]
+    assert sample["hammer_peak_spread_percent"] == pytest.approx(10.0, rel=1e-3)
+    assert "spread of the peaks over the hits 10.00 %" in " ".join(
+        run("analyze", "--cutoff", "off", *hits).stdout.split()
+    )
+
+
 def test_a_file_that_cannot_be_used_does_not_spoil_the_others(
     run: Run, save: Callable[..., Path], tmp_path: Path
 ) -> None:

@@ -153,6 +153,9 @@ class SampleEstimate:
         Of U1 and U2 from the middle of the hammer pulse [s].
     hammer_peak, specimen_peak : float
         Of the mean traces [m/s^2].
+    hammer_peak_spread_percent : float
+        Standard deviation of the hammer's peaks over the accepted hits, over their mean [%]: how
+        alike the hammer struck.
     peak_force : Quantity
         Largest force on the hammer, m1 max |a1| [N].
     rise_time : float
@@ -199,6 +202,7 @@ class SampleEstimate:
     second_peak_time: float = field(default=NAN, metadata=TIME)
     hammer_peak: float = field(default=NAN, metadata=PEAK)
     specimen_peak: float = field(default=NAN, metadata=PEAK)
+    hammer_peak_spread_percent: float = field(default=NAN, metadata=describe(since=4))
     peak_force: Quantity = field(
         default=UNKNOWN, metadata=describe("N", "Fmax", "peak force", since=4)
     )
@@ -267,6 +271,7 @@ def estimate_numbers(
         second_peak_time=_find_time(mean, peaks.second_index) if peaks else NAN,
         hammer_peak=float(np.abs(mean.traces[0]).max()),
         specimen_peak=_find_specimen_peak(mean),
+        hammer_peak_spread_percent=_compute_peak_spread(mean),
         peak_force=_estimate_peak_force(name, mean, setup),
         rise_time=measure_rise(mean.traces[0]) / mean.sampling_rate,
         warnings=check_steps(mean) + check_control(setup),
@@ -331,6 +336,7 @@ def estimate_contact_alone(
         width_ratio=pulse.width_ratio,
         hammer_peak=float(np.abs(mean.traces[0]).max()),
         specimen_peak=_find_specimen_peak(mean),
+        hammer_peak_spread_percent=_compute_peak_spread(mean),
         contact_law=law,
         notes=tuple(dict.fromkeys(contact_time.notes + shape_notes + _explain_missing_law(law))),
     )
@@ -358,6 +364,11 @@ def _add_stiffness(shape: PulseShapeEstimate, estimate: SampleEstimate) -> Pulse
 
 def _find_specimen_peak(mean: MeanHit) -> float:
     return float(np.abs(mean.traces[1]).max()) if mean.traces.shape[0] > 1 else NAN
+
+
+def _compute_peak_spread(mean: MeanHit) -> float:
+    peaks = [hit.pulse.peak for hit in mean.hits]
+    return 100.0 * float(np.std(peaks, ddof=1) / np.mean(peaks)) if len(peaks) > 1 else NAN
 
 
 def _estimate_peak_force(name: str, mean: MeanHit, setup: RigSetup) -> Quantity:
