@@ -213,6 +213,8 @@ def tabulate_contact_times(results: Results) -> Table:
             "Spread [µs]",
             [format_number(item.contact_time_spread * MICRO, 2) for item in samples],
         ),
+        make_optional("Hits", [str(item.impacts_accepted) for item in samples]),
+        make_optional("Rejected", [str(item.impacts_rejected) for item in samples]),
         make_optional(
             "Fmax [N]",
             [format_quantity(sample.peak_force, 1) for sample in samples],
@@ -228,8 +230,6 @@ def tabulate_contact_times(results: Results) -> Table:
             [format_number(item.rise_time * MICRO, 1) for item in samples],
             "Rise: of the hammer's pulse, from a tenth to nine tenths of its peak.",
         ),
-        make_optional("Hits", [str(item.impacts_accepted) for item in samples]),
-        make_optional("Rejected", [str(item.impacts_rejected) for item in samples]),
     ]
     shapes = ", ".join(
         f"{shape.name} {shape.width_ratio:.2f}" for shape in (VERSED_SINE, HERTZ, HALF_SINE)
