@@ -1,15 +1,13 @@
 """When and how the virtual digitizer delivers: a record for each trigger, or a running stream."""
 
-import math
 import threading
 import time
-from collections import deque
 from dataclasses import dataclass, replace
 from zlib import crc32
 
 import numpy as np
 
-from impact_rig.core.checks import check_between, check_positive
+from impact_rig.core.checks import check_between
 from impact_rig.core.signals.record import Block, ChannelBlock, RawArray
 from impact_rig.devices.protocols import HeldBlocks
 from impact_rig.devices.virtual.choices import Fault
@@ -21,53 +19,6 @@ from impact_rig.devices.virtual.rig import (
     compute_scale,
     digitize,
 )
-
-
-class BlockClock:
-    """The sampling clock of a digitizer, with a buffer of limited depth behind it.
-
-    It counts blocks, and is told the time: what is not fetched before the buffer is full is lost,
-    the oldest first.
-
-    Parameters
-    ----------
-    period : float
-        Between two blocks [s].
-    depth : int
-        Blocks that may wait.
-    now : float
-        Time at which the first point is taken [s].
-
-    Attributes
-    ----------
-    next_block : int
-        First block that has not been fetched yet.
-
-    Raises
-    ------
-    ParameterError
-        If the period is not positive or the depth below one block.
-    """
-
-    def __init__(self, period: float, depth: int, now: float) -> None:
-        check_positive("block period", period, "s")
-        check_between("stream depth", depth, 1, 1_000_000)
-        self._period = period
-        self._depth = depth
-        self._start = now
-        self.next_block = 0
-
-    def fetch(self, now: float) -> range:
-        """Return the numbers of the blocks that are complete by `now` and not lost."""
-        stop = max(int((now - self._start) / self._period), self.next_block)
-        first = max(stop - self._depth, self.next_block)
-        self.next_block = stop
-        return range(first, stop)
-
-    def get_time(self, number: int) -> float:
-        """Return when a block begins [s]."""
-        return self._start + number * self._period
-
 
 MOST_NOISE_BLOCKS = 50
 """Different blocks of noise [-], our choice: drawn once and handed out in turn, so that a fast
@@ -190,14 +141,15 @@ def _lay_into(noise: ChannelBlock, records: list[tuple[int, ChannelBlock]]) -> C
 
 
 SHORTEST_TURN = 5e-3
-"""Least time from one look at the clock to the next [s], our choice: of shorter blocks several are
-fetched at a time, since each look costs as much as handing a block on."""
+"""Least time from one look at the clock to the next [s], our choice: each look costs as much as
+handing a block on."""
 
 
 class StreamingDigitizer:
     """Delivers noise, and the hits that are laid into it.
 
-    `lay` may come from another thread than the others.
+    What is not read before its buffer is full is lost, the oldest first. `lay_hit` may come from
+    another thread than the others.
 
     Parameters
     ----------
@@ -216,68 +168,51 @@ class StreamingDigitizer:
         self._period = block_size / settings.digitizer.sampling_rate
         self._lock = threading.Lock()
         self._stream: VirtualStream | None = None
-        self._clock = BlockClock(self._period, depth, time.monotonic())
-        self._start_stamp = 0
-        self._fetched: deque[int] = deque()
-        self._next_look = 0.0
+        self._start, self._start_stamp = 0.0, 0
+        self._next = 0  # block to be read
 
     def arm(self) -> None:
         """Begin the stream."""
         stream = VirtualStream(self._settings.digitizer, self._block_size, self._settings.seed)
         with self._lock:
-            self._stream = stream
-            self._fetched.clear()
-            self._start_stamp, now = time.time_ns(), time.monotonic()
-            self._clock = BlockClock(self._period, self._depth, now)
-            self._next_look = now
+            self._stream, self._next = stream, 0
+            self._start_stamp, self._start = time.time_ns(), time.monotonic()
 
     def disarm(self) -> None:
         """End it."""
         with self._lock:
             self._stream = None
-            self._fetched.clear()
 
     def lay_hit(self, hit: VirtualHit, contact: float) -> None:
         """Let a hit's contact be seen at a time of the monotonic clock [s]."""
         digitizer = self._settings.digitizer
         with self._lock:
-            if self._stream is None:
-                return
-            begin = contact - self._clock.get_time(0) - digitizer.pre_trigger
-            unsent = self._clock.next_block * self._block_size
-            self._stream.lay(hit, max(round(begin * digitizer.sampling_rate), unsent))
+            if self._stream is not None:
+                begin = contact - self._start - digitizer.pre_trigger
+                unsent = self._next * self._block_size
+                self._stream.lay(hit, max(round(begin * digitizer.sampling_rate), unsent))
 
     def read(self, timeout: float) -> Block | None:
         """Return the next block; None: there is none within so many seconds."""
         deadline = time.monotonic() + timeout
-        while True:
-            block = self._take()
-            if block is not None:
-                return block
+        while (block := self._take()) is None:
             now = time.monotonic()
             if now >= deadline:
                 return None
-            time.sleep(max(min(self._compute_next_look(), deadline) - now, 0.0))
-
-    def _compute_next_look(self) -> float:
-        """Return when a block may be there [s]."""
-        if self._stream is None:
-            return math.inf
-        return max(self._next_look, self._clock.get_time(self._clock.next_block + 1))
+            due = self._start + (self._next + 1) * self._period
+            time.sleep(min(max(due - now, SHORTEST_TURN), deadline - now))
+        return block
 
     def _take(self) -> Block | None:
-        """Return the next block that has been fetched, or is due."""
+        """Return the next block that is complete and not lost."""
         with self._lock:
-            if self._stream is None:
-                return None
-            now = time.monotonic()
-            if not self._fetched and now >= self._next_look:
-                self._fetched.extend(self._clock.fetch(now))
-                self._next_look = now + SHORTEST_TURN
-            while self._fetched:
-                number = self._fetched.popleft()
-                if not (self._stream.has_hit(number) and self._stream.is_lost(number)):
-                    return self._read(self._stream, number)
+            stream = self._stream
+            complete = int((time.monotonic() - self._start) / self._period)
+            self._next = max(self._next, complete - self._depth)
+            while stream is not None and self._next < complete:
+                number, self._next = self._next, self._next + 1
+                if not (stream.has_hit(number) and stream.is_lost(number)):
+                    return self._read(stream, number)
             return None
 
     def _read(self, stream: VirtualStream, number: int) -> Block:

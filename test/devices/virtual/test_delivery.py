@@ -1,15 +1,19 @@
 """The virtual rig's running stream: noise without end, and hits where they were laid."""
 
+import time
+
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.choices import Fault
-from impact_rig.devices.virtual.delivery import MOST_NOISE_POINTS, BlockClock, VirtualStream
+from impact_rig.devices.virtual.delivery import (
+    MOST_NOISE_POINTS,
+    StreamingDigitizer,
+    VirtualStream,
+)
 from impact_rig.devices.virtual.rig import (
     DigitizerSettings,
     FaultPlan,
@@ -18,32 +22,6 @@ from impact_rig.devices.virtual.rig import (
     VirtualRig,
     VirtualRigSettings,
 )
-
-
-@given(steps=st.lists(st.floats(0.0, 0.5), min_size=1, max_size=50), depth=st.integers(1, 100))
-def test_every_block_is_fetched_once_or_lost(steps: list[float], depth: int) -> None:
-    clock = BlockClock(0.01, depth, now=5.0)
-    now, fetched = 5.0, []
-    for step in steps:
-        now += step
-        numbers = clock.fetch(now)
-        assert len(numbers) <= depth
-        fetched += numbers
-    assert fetched == sorted(set(fetched))
-    # What is complete, and nothing that is not; a rounding of the time apart.
-    assert abs((now - 5.0) / 0.01 - clock.next_block) < 1.001
-
-
-def test_a_full_buffer_loses_the_oldest() -> None:
-    clock = BlockClock(0.1, depth=3, now=0.0)
-    assert list(clock.fetch(1.05)) == [7, 8, 9]
-
-
-@pytest.mark.parametrize(("period", "depth"), [(0.0, 1), (float("nan"), 1), (0.01, 0)])
-def test_refuses_what_is_no_clock(period: float, depth: int) -> None:
-    with pytest.raises(ParameterError):
-        BlockClock(period, depth, 0.0)
-
 
 DIGITIZER = DigitizerSettings()
 
@@ -127,3 +105,17 @@ def test_a_hit_is_forgotten_when_the_stream_has_passed_it() -> None:
 def test_refuses_blocks_without_points() -> None:
     with pytest.raises(ParameterError, match="stream block size is 0"):
         VirtualStream(DIGITIZER, 0, seed=1)
+
+
+def test_a_full_buffer_loses_the_oldest_blocks() -> None:
+    digitizer = StreamingDigitizer(VirtualRigSettings(), block_size=25_000, depth=3)
+    digitizer.arm()
+    time.sleep(0.1)  # ten blocks
+    blocks = [block for _ in range(5) if (block := digitizer.read(20.0)) is not None]
+    numbers = [block.first_sample // 25_000 for block in blocks]
+    assert numbers[0] >= 7
+    assert numbers == sorted(set(numbers))
+    stamps = [block.stamp - blocks[0].stamp for block in blocks]
+    assert stamps == [10_000_000 * (number - numbers[0]) for number in numbers]
+    digitizer.disarm()
+    assert digitizer.read(0.0) is None
