@@ -1,22 +1,18 @@
 """The running stream: taken in a thread of its own, its impacts published as if triggered."""
 
-import contextlib
 import math
-import threading
 import time
 from collections.abc import Callable
 from typing import Any
 
 from impact_rig_msgs.msg import StreamBlock
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.task import Future
 
 from impact_rig.core.errors import RigError
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.stream_cutter import StreamCutter, StreamFlow
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.executor import make_executor, spin_until
+from impact_rig.nodes.executor import SpinningThread
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import block_to_msg
 from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RateMeter, RigNode
@@ -157,26 +153,16 @@ class StreamListener:
         name = node.resolve_topic_name(topic.name)
         qos = node.choose_qos(topic, topic.qos)
         self._listener.create_subscription(topic.type, name, self._take_reporting, qos)
-        self._executor = make_executor(node.context)
-        self._executor.add_node(self._listener)
-        self._stop: Future = Future()
-        self._thread = threading.Thread(target=self._spin, name="stream", daemon=True)
-        self._thread.start()
+        self._spinning = SpinningThread(self._listener, "stream")
 
     def stop(self) -> None:
         """Take no more; safe to call twice."""
-        if not self._stop.done():
-            self._stop.set_result(None)
-            self._thread.join()
-            self._executor.shutdown()
+        if not self._spinning.is_stopped:
+            self._spinning.stop()
             self._listener.destroy_node()
 
-    def _spin(self) -> None:
-        with contextlib.suppress(ExternalShutdownException):
-            spin_until(self._executor, self._stop)
-
     def _take_reporting(self, message: Any) -> None:
-        if self._stop.done():
+        if self._spinning.is_stopped:
             return
         try:
             self._take(message)

@@ -1,23 +1,19 @@
 """A replayer in this process, for a command that shows it, and with it an estimator if wanted."""
 
-import contextlib
-import threading
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from impact_rig_msgs.msg import ReplayerState
 from impact_rig_msgs.srv import GetResults
-from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.parameter import Parameter
-from rclpy.task import Future
 
 from impact_rig.core.errors import RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
 from impact_rig.nodes.estimator import EstimatorNode
-from impact_rig.nodes.executor import make_executor, spin_until
+from impact_rig.nodes.executor import SpinningThread
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.nodes.replayer_recording import RecordingToReplay
 from impact_rig.results.campaign import Results
@@ -46,13 +42,18 @@ class ReplayHost(RigClient):
     ) -> None:
         super().__init__("replay_client", namespace)
         options = {"context": self._context, "namespace": namespace or None}
-        self._estimator = _EstimatorThread(options) if with_estimator else None
+        self._estimator = EstimatorNode(**options) if with_estimator else None
+        # What the nodes have to say is said by who uses this class.
+        if (estimator := self._estimator) is not None:
+            set_logger_level(estimator.get_logger().name, LoggingSeverity.FATAL)
+            estimator.autostart()
+            # In a thread of its own: nothing else must wait for its arithmetic.
+            self._spinning = SpinningThread(estimator, "estimator")
         self._replayer = ReplayerNode(
-            self._estimator.count_taken if self._estimator else None,
+            (lambda: estimator.messages_handled) if estimator else None,
             parameter_overrides=[Parameter(name, value=item) for name, item in parameters.items()],
             **options,
         )
-        # What it has to say is said by who uses this class.
         set_logger_level(self._replayer.get_logger().name, LoggingSeverity.FATAL)
         self._executor.add_node(self._replayer)
         if self._estimator is not None:
@@ -68,7 +69,9 @@ class ReplayHost(RigClient):
         self._executor.remove_node(self._replayer)
         self._replayer.destroy_node()
         if self._estimator is not None:
-            self._estimator.stop()
+            self._spinning.stop()
+            self._estimator.close()
+            self._estimator.destroy_node()
         super().__exit__()
 
     @property
@@ -144,39 +147,3 @@ class ReplayHost(RigClient):
     def _check(self, result: TransitionCallbackReturn) -> None:
         if result != TransitionCallbackReturn.SUCCESS:
             raise RigError(self._replayer.fault)
-
-
-class _EstimatorThread:
-    """An estimator with a thread of its own: nothing else must wait for its arithmetic."""
-
-    def __init__(self, options: Mapping[str, Any]) -> None:
-        self._node = EstimatorNode(**options)
-        set_logger_level(self._node.get_logger().name, LoggingSeverity.FATAL)
-        self._node.autostart()
-        self._executor = make_executor(options["context"])
-        self._executor.add_node(self._node)
-        self._stop: Future = Future()
-        self._thread = threading.Thread(target=self._spin, name="estimator", daemon=True)
-        self._thread.start()
-
-    @property
-    def fault(self) -> str:
-        """What it could not use; empty: nothing."""
-        return self._node.fault
-
-    def count_taken(self) -> int:
-        """Return how many messages it has taken."""
-        return self._node.messages_handled
-
-    def stop(self) -> None:
-        """End the thread, and then the node."""
-        # Not shut down while it spins: rclpy would take it to pieces under its thread.
-        self._stop.set_result(None)
-        self._thread.join()
-        self._executor.shutdown(timeout_sec=1.0)
-        self._node.close()
-        self._node.destroy_node()
-
-    def _spin(self) -> None:
-        with contextlib.suppress(ExternalShutdownException):
-            spin_until(self._executor, self._stop)
