@@ -3,8 +3,9 @@
 import pytest
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import AcquisitionState, RecorderState
-from impact_rig_msgs.srv import Arm
+from impact_rig_msgs.msg import AcquisitionState, HammerState, Impact, RecorderState
+from impact_rig_msgs.srv import Arm, Release
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError
@@ -288,6 +289,55 @@ def test_a_hit_of_which_no_verdict_comes_is_struck_again_with_a_record_of_its_ow
     wait_for_phase(feedback, PAUSED, "unplugged")
     assert accelerometers.armed == [(1, 1), (1, 2), (1, 3)]
     assert not cancel(harness, handle).result.rejected
+
+
+def test_a_verdict_that_comes_late_is_none_on_the_next_sample(harness):
+    accelerometers, client = start_losing_rig(harness, records=(1, 2, 3))
+    estimator, campaign = find_node(harness, EstimatorNode), find_node(harness, CampaignNode)
+    releases = harness.listen(interfaces.RELEASE)
+    handle, feedback = begin(harness, client, samples=["steel small", "brass small"], impacts=1)
+    wait_for_phase(feedback, PAUSED, "unplugged")
+    # The second hit's verdict is waited for, and that on the first comes with it.
+    campaign.set_parameters([Parameter("verdict_timeout", value=60.0)])
+    accelerometers.come_back()
+    releases.wait_for_count(2)
+    for record in (1, 2):
+        verdict = Impact(record=record, sample="steel small", impact=1, accepted=True)
+        estimator._impact.publish(verdict)
+    feedback.wait(lambda got: got[-1].sample == "brass small")
+    accelerometers.come_back()
+    harness.wait_until(lambda: accelerometers.armed == [(1, 1), (1, 2), (1, 1)])
+    cancel(harness, handle)
+
+
+def test_an_enable_that_was_given_and_taken_unheard_is_a_pause(harness, monkeypatch):
+    """As by a cable that was pulled and put back between arming and release."""
+    states, asked = harness.advertise(interfaces.HAMMER_STATE), []
+
+    def arm(_, response):
+        if asked:
+            states.publish(HammerState(armed=True))
+        response.success = True
+        return response
+
+    def release(_, response):
+        asked.append("release")
+        response.success = len(asked) > 1
+        if not response.success:
+            monkeypatch.setattr("impact_rig.nodes.campaign_hits.STATE_TIMEOUT", 60.0)
+            states.publish(HammerState(disarmed_by=HammerState.LOSS, message="cable pulled"))
+        return response
+
+    monkeypatch.setattr("impact_rig.nodes.campaign_hits.STATE_TIMEOUT", 0.1)
+    harness.peer.create_service(Trigger, interfaces.ARM_HAMMER, arm)
+    harness.peer.create_service(Release, interfaces.RELEASE_HAMMER, release)
+    harness.add(EstimatorNode)
+    harness.add(CampaignNode)
+    StandIn(harness, records=(1, 2))
+    handle, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=1)
+    feedback.wait(lambda got: any("(cable pulled)" in item.message for item in got))
+    harness.wait_until(lambda: len(asked) > 1)
+    cancel(harness, handle)
 
 
 def test_a_recorder_that_stops_in_a_pause_ends_the_campaign(harness):
