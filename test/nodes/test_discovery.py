@@ -3,6 +3,7 @@
 import contextlib
 import os
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -86,9 +87,16 @@ def test_without_room_for_a_file_nodes_start_all_the_same(
 def test_fast_dds_takes_the_profile_and_leaves_sockets_between_hosts_as_they_were_chosen(
     network: bool, size: int, ros_domain: int
 ) -> None:
+    # Linux doubles what is asked for, for its own bookkeeping.
+    room = 2 * min(size, int(LARGEST_BUFFER.read_text()))
+    assert _be_a_guest(ros_domain, network=network) == room
+
+
+def _be_a_guest(domain: int, *, network: bool) -> int:
+    """Be in a domain for a moment; return the room of the largest socket [byte]."""
     environment = {
         **{name: value for name, value in os.environ.items() if name != DISCOVERY},
-        "ROS_DOMAIN_ID": str(ros_domain),
+        "ROS_DOMAIN_ID": str(domain),
     }
     environment |= make_network_variables(environment, network=network)
     done = subprocess.run(
@@ -100,8 +108,19 @@ def test_fast_dds_takes_the_profile_and_leaves_sockets_between_hosts_as_they_wer
         timeout=60.0,
     )
     assert (done.returncode, done.stderr) == (0, "")
-    # Linux doubles what is asked for, for its own bookkeeping.
-    assert int(done.stdout) == 2 * min(size, int(LARGEST_BUFFER.read_text()))
+    return int(done.stdout)
+
+
+def test_a_node_asks_to_be_remembered_for_a_minute_of_silence(ros_domain: int) -> None:
+    """What it announces to the last of its neighbours, by the tables of DDSI-RTPS 2.5."""
+    port = 7400 + 250 * ros_domain + 10 + 2 * (discovery.LOCAL_PEERS - 1)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as neighbour:
+        neighbour.bind(("127.0.0.1", port))
+        _be_a_guest(ros_domain, network=False)
+        announcement = neighbour.recv(1 << 16, socket.MSG_DONTWAIT)
+    lease = struct.pack("<HHiI", 0x0002, 8, 60, 0)  # PID_PARTICIPANT_LEASE_DURATION
+    assert announcement.startswith(b"RTPS")
+    assert lease in announcement
 
 
 def _count_waiting_bytes(port: int) -> int:
