@@ -3,18 +3,14 @@
 import json
 import os
 import shutil
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.writer import CompressionType, Writer
-
 from impact_rig import __version__
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.bag import (
-    NO_TIME,
     SUFFIX,
     FileSummary,
     find_bag_files,
@@ -23,7 +19,6 @@ from impact_rig.recordings.bag import (
     write_bag_metadata,
 )
 from impact_rig.recordings.contents import (
-    PROFILE,
     RECOVERY_RECORD,
     Contents,
     FileContents,
@@ -31,8 +26,9 @@ from impact_rig.recordings.contents import (
 )
 from impact_rig.recordings.hits import HitState
 from impact_rig.recordings.new_file import PART_SUFFIX, write_new_file
-from impact_rig.recordings.records import Attachment, Channel, Item, RawMessage
+from impact_rig.recordings.records import Attachment, Channel, RawMessage
 from impact_rig.recordings.scan import Scan
+from impact_rig.recordings.writer import COMPRESSIONS, McapWriter
 
 PASSES = 3
 """How often the bytes of a recording are looked at [-]."""
@@ -161,77 +157,37 @@ def _write_file(
     report: Callable[[int], None],
 ) -> None:
     """Write everything that is sound in a file to a new one, which will get a name."""
-    found = (*source.compression, "zstd")[0].upper()
-    with path.open("xb") as file:
-        compression = CompressionType.__members__.get(found, CompressionType.ZSTD)
-        output = _Output(Writer(file, compression=compression))
-        scan = Scan(source.path, is_strict=False, report=report)
+    compression = next((name for name in source.compression if name in COMPRESSIONS), "zstd")
+    channels: dict[int, tuple[Channel, int]] = {}
+    scan = Scan(source.path, is_strict=False, report=report)
+    with McapWriter(path, compression=compression, library=LIBRARY) as writer:
+
+        def announce(channel: Channel) -> int:
+            if channel.id not in channels:
+                channels[channel.id] = channel, writer.announce(channel)
+            return channels[channel.id][1]
+
         for item in scan.read():
-            output.add(item)
+            if isinstance(item, RawMessage):
+                number, times = announce(item.channel), (item.log_time, item.publish_time)
+                writer.add_message(number, item.data, *times, item.sequence)
+            elif isinstance(item, Attachment):
+                writer.add_attachment(item.name, item.media_type, item.data, item.log_time)
+            elif item.name != BAG_RECORD:
+                writer.add_metadata(item.name, item.fields)
         for channel in scan.channels.values():
-            output.announce_channel(channel)
-        output.finish(name, {**fields, "library": source.library})
-        file.flush()
-        os.fsync(file.fileno())
-
-
-class _Output:
-    """The new file: topics get their numbers as they come."""
-
-    def __init__(self, writer: Writer) -> None:
-        self._writer = writer
-        self._writer.start(PROFILE, LIBRARY)
-        self._schemas: dict[tuple[str, str], int] = {}
-        self._channels: dict[int, tuple[Channel, int]] = {}
-        self._counts: Counter[int] = Counter()
-        self._start_time, self._end_time = NO_TIME, 0
-
-    def add(self, item: Item) -> None:
-        """Write what was found."""
-        if isinstance(item, RawMessage):
-            number = self.announce_channel(item.channel)
-            self._counts[number] += 1
-            self._start_time = min(self._start_time, item.log_time)
-            self._end_time = max(self._end_time, item.log_time)
-            self._writer.add_message(
-                number, item.log_time, item.data, item.publish_time, item.sequence
-            )
-        elif isinstance(item, Attachment):
-            self._writer.add_attachment(
-                item.log_time, item.log_time, item.name, item.media_type, item.data
-            )
-        elif item.name != BAG_RECORD:
-            self._writer.add_metadata(item.name, item.fields)
-
-    def announce_channel(self, channel: Channel) -> int:
-        """Return the number of a topic's channel, which is announced if it is new."""
-        if channel.id in self._channels:
-            return self._channels[channel.id][1]
-        key, encoding = (channel.type_name, channel.schema), channel.encoding
-        if key not in self._schemas:
-            self._schemas[key] = (
-                self._writer.register_schema(key[0], encoding[1], key[1].encode()) if key[0] else 0
-            )
-        number = self._writer.register_channel(
-            channel.topic, encoding[0], self._schemas[key], dict(channel.metadata)
-        )
-        self._channels[channel.id] = channel, number
-        return number
-
-    def finish(self, name: str, fields: dict[str, str]) -> None:
-        """Write what the file says of itself, and its index."""
-        self._writer.flush()
-        self._writer.add_metadata(RECOVERY_RECORD, fields)
+            announce(channel)
+        writer.flush()
+        writer.add_metadata(RECOVERY_RECORD, {**fields, "library": source.library})
         topics = [
             summarize_topic(
-                channel.topic, channel.type_name, channel.metadata, self._counts[number]
+                channel.topic, channel.type_name, channel.metadata, writer.count_of(number)
             )
-            for channel, number in self._channels.values()
+            for channel, number in channels.values()
         ]
-        files = [FileSummary(name, self._counts.total(), self._start_time, self._end_time)]
-        text = format_bag_metadata(files, topics)
-        self._writer.add_metadata(BAG_RECORD, {"serialized_metadata": text})
-        self._writer.finish()
+        file = FileSummary(name, writer.messages, writer.start_time, writer.end_time)
+        text = format_bag_metadata([file], topics)
+        writer.add_metadata(BAG_RECORD, {"serialized_metadata": text})
 
 
 def _write_list(folder: Path, contents: Contents) -> None:

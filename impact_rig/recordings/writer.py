@@ -22,6 +22,7 @@ from impact_rig.recordings.bag import (
 )
 from impact_rig.recordings.new_file import DiskFile, sync_folder
 from impact_rig.recordings.qos import OfferedQos, format_offered_qos
+from impact_rig.recordings.records import Channel
 from impact_rig.recordings.schemas import MessageDefinition
 
 COMPRESSIONS = ("zstd", "lz4", "none")
@@ -127,7 +128,11 @@ class McapWriter:
 
     def count_messages(self, topic: str) -> int:
         """Return how many messages of a topic were added."""
-        return self._counts[self._channels.get(topic, 0)]
+        return self.count_of(self._channels.get(topic, 0))
+
+    def count_of(self, channel: int) -> int:
+        """Return how many messages of a channel were added."""
+        return self._counts[channel]
 
     def add_channel(
         self, topic: str, definition: MessageDefinition, qos: tuple[OfferedQos, ...]
@@ -153,19 +158,25 @@ class McapWriter:
         FileError
             If a chunk could not be written, now or before.
         """
-        self._file.plan(len(definition.text))
-        key = (definition.type_name, definition.text)
-        if key not in self._schemas:
-            self._schemas[key] = self._writer.register_schema(
-                definition.type_name, "ros2msg", definition.text.encode()
-            )
         metadata = {
             "offered_qos_profiles": format_offered_qos(qos),
             "topic_type_hash": definition.type_hash,
         }
-        channel = self._writer.register_channel(topic, "cdr", self._schemas[key], metadata)
-        self._channels[topic] = channel
-        return channel
+        return self.announce(Channel(0, topic, definition.type_name, definition.text, metadata))
+
+    def announce(self, channel: Channel) -> int:
+        """Announce a topic as it stands in a file; otherwise as `add_channel`."""
+        self._file.plan(len(channel.schema))
+        key, encoding = (channel.type_name, channel.schema), channel.encoding
+        if key not in self._schemas:
+            self._schemas[key] = (
+                self._writer.register_schema(key[0], encoding[1], key[1].encode()) if key[0] else 0
+            )
+        number = self._writer.register_channel(
+            channel.topic, encoding[0], self._schemas[key], dict(channel.metadata)
+        )
+        self._channels[channel.topic] = number
+        return number
 
     def add_message(
         self,
