@@ -24,7 +24,7 @@ from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.recordings.importing import ImportedHit
 from impact_rig.results.campaign import Results, results_from_session
-from impact_rig.results.trace_series import TraceResults
+from impact_rig.results.traced_campaign import TracedCampaign
 
 MASS_OPTIONS = "give --hammer-mass and --sample-mass, or --rig-file"
 NAN = math.nan
@@ -36,7 +36,7 @@ class AnalyzedTraces:
 
     Attributes
     ----------
-    results : TraceResults
+    campaign : TracedCampaign
         Of the files that could be used.
     errors : tuple of str
         One sentence for each file that could not, and for what else went wrong.
@@ -44,7 +44,7 @@ class AnalyzedTraces:
         What was taken for granted, and what the low-pass does.
     """
 
-    results: TraceResults
+    campaign: TracedCampaign
     errors: tuple[str, ...]
     remarks: tuple[str, ...]
 
@@ -77,8 +77,8 @@ def analyze_traces(
             _check_acceptable(hit, setup)
     session = Session(setup, overrules)
     judged = [judged for hit in hits for judged in session.feed(hit.block)]
-    results, mean_errors = _finish(session, series.sample, judged, hits)
-    return AnalyzedTraces(results, (*join_errors(errors), *mean_errors), remarks)
+    campaign, mean_errors = _finish(session, series.sample, judged, hits)
+    return AnalyzedTraces(campaign, (*join_errors(errors), *mean_errors), remarks)
 
 
 def _check_acceptable(hit: ImportedHit, setup: RigSetup) -> None:
@@ -127,7 +127,7 @@ def _finish(
     sample: str,
     judged: Sequence[JudgedHit],
     imported: Sequence[ImportedHit],
-) -> tuple[TraceResults, list[str]]:
+) -> tuple[TracedCampaign, list[str]]:
     errors: list[str] = []
     units = {hit.block.label: hit.unit for hit in imported}
     selection = session.get_selection(sample)
@@ -140,20 +140,19 @@ def _finish(
         )
         for hit in judged
     )
-    results = Results(session.setup, HammerEstimate(), (), ())
-    if selection.kept:
-        try:
-            results = results_from_session(session.estimate_all(), {})
-        except RigError as error:
-            errors.append(f"mean of {len(selection.kept)} hits: {error}")
-    elif hits:
+    try:
+        results = results_from_session(session.estimate_all(), {})
+    except RigError as error:
+        errors.append(f"mean of {len(selection.kept)} hits: {error}")
+        results = Results(session.setup, HammerEstimate(), (), ())
+    if hits and not selection.kept:
         errors.append("no hit was accepted: the contact time is not determined")
     hammer, samples = _name_options(session, sample, results, imported)
     if not all(hit.has_scale for hit in imported):
         # Widths do not depend on the scale: such a channel is good for contact times.
         hits = tuple(replace(hit, hammer_peak=NAN, specimen_peak=NAN) for hit in hits)
         samples = tuple(_drop_scale(item) for item in samples)
-    return TraceResults(hammer, samples, hits), errors
+    return TracedCampaign(replace(results, hammer=hammer, samples=samples), files=hits), errors
 
 
 def _drop_scale(sample: SampleEstimate) -> SampleEstimate:

@@ -22,18 +22,13 @@ from impact_rig.cli.each_file import print_json, raise_errors
 from impact_rig.cli.progress_bar import PATIENCE, ProgressBar, TimeLeft
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.present.terminal.console import make_console, print_warning
-from impact_rig.present.terminal.results import (
-    print_batch,
-    print_budgets,
-    print_results,
-    print_trace_results,
-)
+from impact_rig.present.terminal.results import print_batch, print_budgets, print_results
 from impact_rig.recordings.formats.registry import READABLE
 from impact_rig.recordings.source import find_recording, is_recording
 from impact_rig.results.batch import BatchCampaign
 from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import format_json, read_results, results_to_json
-from impact_rig.results.trace_series import FileResults, TraceResults, trace_results_to_json
+from impact_rig.results.trace_series import FileResults, trace_results_to_json
 
 MEGABYTE = 1e6
 
@@ -317,19 +312,13 @@ def command(
         errors += analyzed.errors
         for remark in analyzed.remarks:
             print_warning(remark)
-        _print_traces(analyzed.results, form)
+        results, hits = analyzed.campaign.results, analyzed.campaign.files
+        if form is Form.JSON:
+            click.echo(format_json(trace_results_to_json(results, hits)), nl=False)
+        elif hits:
+            _print(make_console(), results, form, hits)
     errors = list(dict.fromkeys(errors))  # what is wrong with an option is so for all files
     raise_errors(errors)
-
-
-def _print_traces(results: TraceResults, form: Form) -> None:
-    if form is Form.JSON:
-        click.echo(format_json(trace_results_to_json(results)), nl=False)
-    elif results.hits:
-        console = make_console()
-        print_trace_results(console, results)
-        if form is Form.BUDGETS:
-            print_budgets(console, results.samples, results.hammer)
 
 
 def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:

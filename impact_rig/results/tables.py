@@ -290,6 +290,8 @@ def tabulate_damping(results: Results) -> list[Table]:
 def tabulate_results(results: Results) -> list[Table]:
     """Return the tables of a campaign, sample by sample."""
     samples = results.samples
+    if not samples:
+        return []
     return [
         tabulate_contact_times(results),
         *tabulate_stiffness(results),

@@ -1,37 +1,29 @@
-"""What plain traces of other laboratories say, flat: every hit, and the mean of the accepted."""
+"""What plain traces of other laboratories say of every hit by itself."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
 
-from impact_rig.core.estimation.paper_method import CONTACT_TIME, HammerEstimate
-from impact_rig.core.estimation.sample import PEAK, TIME, SampleEstimate
+from impact_rig.core.estimation.paper_method import CONTACT_TIME
+from impact_rig.core.estimation.sample import PEAK, TIME
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.origin import Origin, join_origins
 from impact_rig.core.quantity import INLINE, UNKNOWN, Quantity
+from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import (
-    MEGA,
     MICRO,
     MISSING,
-    format_count,
     format_number,
     format_quantity,
     show_unit,
 )
-from impact_rig.results.results_file import origin_to_json
-from impact_rig.results.tables import (
-    Column,
-    Table,
-    make_column,
-    make_optional,
-    make_table,
-    make_text_column,
-)
+from impact_rig.results.results_file import origin_to_json, results_to_json
+from impact_rig.results.tables import Column, Table, make_optional, make_table, make_text_column
 from impact_rig.results.wire import Json, to_json
 
 FORMAT_NAME = "impact-rig trace results"
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 NAN = math.nan
 
 
@@ -79,25 +71,6 @@ class FileResults:
     measured_unit: str = "m/s^2"
 
 
-@dataclass(frozen=True)
-class TraceResults:
-    """All hits of one sample, and what their mean says.
-
-    Attributes
-    ----------
-    hammer : HammerEstimate
-        k1, c1, as far as they are known.
-    samples : tuple of SampleEstimate
-        The sample; none where no hit was accepted.
-    hits : tuple of FileResults
-        In the order of the files.
-    """
-
-    hammer: HammerEstimate
-    samples: tuple[SampleEstimate, ...]
-    hits: tuple[FileResults, ...]
-
-
 def file_results_from_judged(hit: JudgedHit) -> FileResults:
     """Return the verdict on a hit that was imported."""
     return FileResults(
@@ -113,11 +86,14 @@ def file_results_from_judged(hit: JudgedHit) -> FileResults:
     )
 
 
-def trace_results_to_json(results: TraceResults) -> Json:
-    """Return the results as plain dicts, lists, strings and numbers, NaN as None."""
-    header = {"format": {"name": FORMAT_NAME, "version": FORMAT_VERSION}}
-    origin = join_origins(hit.origin for hit in results.hits)
-    return {**header, **origin_to_json(origin), **to_json(results)}
+def trace_results_to_json(results: Results, files: Sequence[FileResults]) -> Json:
+    """Return results as `results_to_json` does, with all that every file says of its hit."""
+    return {
+        **results_to_json(results),
+        "format": {"name": FORMAT_NAME, "version": FORMAT_VERSION},
+        **origin_to_json(join_origins(file.origin for file in files)),
+        "hits": [to_json(file) for file in files],
+    }
 
 
 def tabulate_hits(hits: Sequence[FileResults]) -> Table:
@@ -166,40 +142,3 @@ def _shorten(files: Sequence[str]) -> Sequence[str]:
 
 def _format_peak(peak: float) -> str:
     return f"{peak:.4g}" if math.isfinite(peak) else MISSING
-
-
-def tabulate_mean(sample: SampleEstimate, hammer: HammerEstimate) -> Table:
-    """Return what the mean of the accepted hits says, as far as it is known."""
-    rows = [
-        ("contact time τp", sample.contact_time, MICRO, 2, "µs"),
-        ("spread of τp over the hits", Quantity(sample.contact_time_spread), MICRO, 2, "µs"),
-        (
-            "spread of the peaks over the hits",
-            Quantity(sample.hammer_peak_spread_percent),
-            1.0,
-            2,
-            "%",
-        ),
-        ("width at half amplitude w50", Quantity(sample.half_amplitude_width), MICRO, 2, "µs"),
-        ("w10/w50", Quantity(sample.width_ratio), 1.0, 3, ""),
-        ("stiffness in contact k_eq", sample.equivalent_stiffness, MEGA, 3, "MN/m"),
-        ("hammer stiffness k1", hammer.stiffness, MEGA, 3, "MN/m"),
-        ("hammer damping coefficient c1", hammer.damping_coefficient, 1.0, 1, "N s/m"),
-        ("stiffness k2", sample.stiffness, MEGA, 3, "MN/m"),
-        ("damping coefficient c2", sample.damping_coefficient, 1.0, 1, "N s/m"),
-        ("damping ratio ζ", sample.damping_ratio, 1.0, 3, ""),
-        ("log decrement Δ", Quantity(sample.log_decrement), 1.0, 3, ""),
-        ("model MSE, hammer", Quantity(sample.mse_hammer_percent), 1.0, 3, "%"),
-        ("model MSE, sample", Quantity(sample.mse_sample_percent), 1.0, 2, "%"),
-    ]
-    known = [row for row in rows if row[1].is_known]
-    columns = [
-        make_text_column("Quantity", [name for name, *_ in known]),
-        make_column(
-            "Value",
-            [format_quantity(found, digits, scale) for _, found, scale, digits, _ in known],
-        ),
-        make_text_column("Unit", [unit for *_, unit in known]),
-    ]
-    title = f"{sample.name}: mean of {format_count(sample.impacts_accepted, 'hit')}"
-    return make_table(title, columns)

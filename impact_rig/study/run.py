@@ -6,10 +6,10 @@ import math
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
 from pathlib import Path
@@ -258,14 +258,6 @@ def _say(value: object) -> str:
     return " ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
-THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-)
-"""What the linear algebra libraries read when they are loaded."""
-
 Report = Callable[[int, int], None]
 """Takes finished and all campaigns."""
 
@@ -276,7 +268,7 @@ def run_units(
     """Do what is missing in the folder.
 
     Numbers do not depend on `jobs`: every campaign has random numbers of its own, and even a
-    single job runs in a process of its own, where linear algebra has one thread.
+    single job runs in a process of its own.
 
     Parameters
     ----------
@@ -301,7 +293,10 @@ def run_units(
     missing = [unit for unit in units if unit.name not in folder.finished]
     if not missing:
         return
-    with _start_pool(min(jobs, len(missing))) as pool:
+    # Fresh processes: what the command line has set for linear algebra is read in them.
+    with ProcessPoolExecutor(
+        min(jobs, len(missing)), mp_context=get_context("spawn"), initializer=_start_worker
+    ) as pool:
         futures = {pool.submit(run_unit, unit, configuration.seed): unit for unit in missing}
         try:
             for future in as_completed(futures):
@@ -321,24 +316,6 @@ def run_units(
                     " command with the same --output goes on"
                 ) from None
             raise
-
-
-@contextmanager
-def _start_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Start fresh processes: libraries load in them with one thread each."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
-    try:
-        with ProcessPoolExecutor(
-            jobs, mp_context=get_context("spawn"), initializer=_start_worker
-        ) as pool:
-            yield pool
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
 
 
 def _start_worker() -> None:

@@ -6,14 +6,10 @@ from impact_rig.core.estimation.paper_method import HammerEstimate
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.origin import IMPORTED, Origin
 from impact_rig.core.quantity import Quantity
+from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import format_json
-from impact_rig.results.trace_series import (
-    FileResults,
-    TraceResults,
-    tabulate_hits,
-    tabulate_mean,
-    trace_results_to_json,
-)
+from impact_rig.results.trace_series import FileResults, tabulate_hits, trace_results_to_json
 
 GOOD = FileResults(
     Origin(IMPORTED, "npy file", "lab/hit_1.npy", "'a', points 0 to 99"),
@@ -31,9 +27,9 @@ BAD = FileResults(
     Origin(IMPORTED, "npy file", "lab/hit_2.npy"), False, ("overload: 5 points at the rail",)
 )
 SAMPLE = SampleEstimate(
-    "tin", 1, 1, contact_time=Quantity(200e-6), notes=("k and c: no mass given",)
+    "steel small", 1, 1, contact_time=Quantity(200e-6), notes=("k and c: no mass given",)
 )
-RESULTS = TraceResults(HammerEstimate(), (SAMPLE,), (GOOD, BAD))
+RESULTS = Results(PAPER_SETUP, HammerEstimate(), (SAMPLE,), ())
 
 
 def test_each_hit_has_its_row_with_verdict_and_widths() -> None:
@@ -51,15 +47,9 @@ def test_folders_are_shown_where_the_names_are_the_same() -> None:
     assert [row[0] for row in table.rows] == ["lab/hit_1.npy", "other/hit_1.npy"]
 
 
-def test_the_mean_shows_what_is_known() -> None:
-    table = tabulate_mean(SAMPLE, HammerEstimate())
-    assert table.caption == "tin: mean of 1 hit"
-    assert table.rows == [("contact time τp", "200.00", "µs")]
-
-
 def test_the_json_has_hits_and_samples_with_null_for_what_is_not_known() -> None:
-    content = json.loads(format_json(trace_results_to_json(RESULTS)))
-    assert content["format"] == {"name": "impact-rig trace results", "version": 4}
+    content = json.loads(format_json(trace_results_to_json(RESULTS, (GOOD, BAD))))
+    assert content["format"] == {"name": "impact-rig trace results", "version": 5}
     assert (content["origin"], content["origin_source"]) == ("imported", "npy file")
     assert [hit["file"] for hit in content["hits"]] == ["lab/hit_1.npy", "lab/hit_2.npy"]
     assert content["hits"][0]["place"] == "'a', points 0 to 99"

@@ -1,7 +1,6 @@
 """Units over processes: the numbers do not depend on how many, nor on being stopped."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -14,7 +13,6 @@ from impact_rig.core.errors import FileError
 from impact_rig.study.cases import Configuration, Part
 from impact_rig.study.run import (
     CONFIGURATION_NAME,
-    THREAD_VARIABLES,
     UNITS_NAME,
     StudyFolder,
     plan_units,
@@ -128,9 +126,7 @@ PATIENCE = 100.0
 """For what takes a second or two on a machine at rest [s]."""
 
 
-def test_one_process_and_two_find_the_same_and_nothing_is_done_again(tmp_path, monkeypatch):
-    monkeypatch.setenv(THREAD_VARIABLES[0], "7")
-    monkeypatch.delenv(THREAD_VARIABLES[1], raising=False)
+def test_one_process_and_two_find_the_same_and_nothing_is_done_again(tmp_path):
     first, *others = (unit.name for unit in plan_units(SMALL))
     found, steps = {}, []
     for jobs in (1, 2):
@@ -143,9 +139,6 @@ def test_one_process_and_two_find_the_same_and_nothing_is_done_again(tmp_path, m
     assert set(found[1]) == {first, *others}
     total = 1 + len(others)
     assert steps == [(done, total) for done in range(1, total + 1)] * 2
-    # The environment is left as it was.
-    assert os.environ[THREAD_VARIABLES[0]] == "7"
-    assert THREAD_VARIABLES[1] not in os.environ
 
 
 def count_units(path):

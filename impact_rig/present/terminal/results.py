@@ -28,10 +28,9 @@ from impact_rig.results.remarks import (
 from impact_rig.results.tables import (
     find_largest_differences,
     tabulate_budgets,
-    tabulate_checks,
     tabulate_results,
 )
-from impact_rig.results.trace_series import FileResults, TraceResults, tabulate_hits, tabulate_mean
+from impact_rig.results.trace_series import FileResults, tabulate_hits
 
 
 def print_results(console: Console, results: Results, files: Sequence[FileResults] = ()) -> None:
@@ -53,7 +52,7 @@ def print_results(console: Console, results: Results, files: Sequence[FileResult
     ParameterError
         If the results name a sample that is not in their set-up.
     """
-    print_origin(console, results.hits)
+    print_origin(console, files or results.hits)
     hits = [tabulate_hits(files)] if files else tabulate_rejections(results)
     for table in (*hits, *tabulate_results(results)):
         print_result(console, table)
@@ -74,15 +73,6 @@ def print_batch(console: Console, campaigns: Sequence[BatchCampaign]) -> None:
     print_origin(console, [hit for campaign in campaigns for hit in campaign.results.hits])
     for table in tabulate_batch(campaigns):
         print_result(console, table)
-
-
-def print_trace_results(console: Console, results: TraceResults) -> None:
-    """Print what plain traces say: every hit, then the mean of the accepted ones."""
-    print_origin(console, results.hits)
-    means = [tabulate_mean(sample, results.hammer) for sample in results.samples]
-    for table in (tabulate_hits(results.hits), *means, *tabulate_checks(results.samples)):
-        print_result(console, table)
-    print_remarks(console, results.samples, results.hammer)
 
 
 def print_budgets(

@@ -14,9 +14,9 @@ from impact_rig.core.origin import IMPORTED, Origin
 from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.setup.samples import Sample, SampleSet
-from impact_rig.present.terminal.results import print_budgets, print_results, print_trace_results
+from impact_rig.present.terminal.results import print_budgets, print_results
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.trace_series import FileResults, TraceResults
+from impact_rig.results.trace_series import FileResults
 
 REASONS = (
     "overload: 250 points in a row of the hammer at the rail of 1999 m/s^2 (203.8 g)",
@@ -115,14 +115,16 @@ def test_plain_traces_are_shown_hit_by_hit_and_their_mean() -> None:
         FileResults(Origin(IMPORTED, "npy file", "lab/hit_1.npy"), True, ()),
         FileResults(Origin(IMPORTED, "npy file", "lab/hit_2.npy"), False, REASONS),
     )
-    sample = SampleEstimate("tin", 1, 1, contact_time=Quantity(2e-4), notes=("k: no mass given",))
-    text = render(print_trace_results, TraceResults(NO_HAMMER, (sample,), hits))
+    sample = make_sample(
+        "steel small", contact_time=Quantity(2e-4), notes=("k: no mass given",)
+    )
+    text = render(print_results, make_results(sample), hits)
     assert text.startswith("Origin: imported (npy file): hit_1.npy, hit_2.npy.")
     for words in (
         "hit_1.npy",
         "accepted",
         "overload: 250",
-        "tin: mean of 1 hit",
-        "- tin: k: no mass given",
+        "200.00",
+        "- steel small: k: no mass given",
     ):
         assert words in text
