@@ -1,18 +1,15 @@
 """The runs that a report is made of: recordings with their traces, or results alone."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from impact_rig.analysis.recording_analysis import analyze_recording
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
-from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.source import RUN_NAME, find_recording
 from impact_rig.results.results_file import read_results
-from impact_rig.results.run import Acquisition, ChannelCalibration, Run
+from impact_rig.results.run import Run
 from impact_rig.results.traced_campaign import TracedCampaign
 
 RESULTS_SUFFIX = ".json"
@@ -136,7 +133,6 @@ def _read_results_alone(source: RunSource, name: str, warnings: tuple[str, ...] 
 
 def _read_recorded(source: RunSource, name: str) -> tuple[Run, ...]:
     traced = analyze_recording(source.path, keep_traces=True)
-    groups = iter(_find_acquisitions(source.path))
     many = len(traced.campaigns) > 1
     return tuple(
         Run(
@@ -144,45 +140,12 @@ def _read_recorded(source: RunSource, name: str) -> tuple[Run, ...]:
             source=source.place,
             campaign=campaign,
             has_traces=True,
-            acquisitions=_find_group(groups, campaign),
+            acquisitions=tuple(
+                dict.fromkeys(
+                    hit.recorded.acquisition for hit in campaign.hits if hit.recorded.acquisition
+                )
+            ),
             warnings=traced.warnings,
         )
         for number, campaign in enumerate(traced.campaigns, start=1)
-    )
-
-
-def _find_acquisitions(path: Path) -> list[dict[HitLabel, Acquisition]]:
-    """Return how each hit was sampled, a group for each set-up in the recording."""
-    groups: list[dict[HitLabel, Acquisition]] = []
-    for event in read_recording(path).events():
-        if isinstance(event, RigSetup):
-            groups.append({})
-        elif event.triggered and event.hammer.output.size:
-            groups[-1].setdefault(event.label, _describe_acquisition(event))
-    return groups
-
-
-def _find_group(
-    groups: Iterator[dict[HitLabel, Acquisition]], campaign: TracedCampaign
-) -> tuple[Acquisition, ...]:
-    """Return how the hits of a campaign were sampled; set-ups without a hit are passed over."""
-    labels = {hit.recorded.label for hit in campaign.hits if hit.recorded.time.size}
-    group = next((group for group in groups if labels <= group.keys() and group), {})
-    return tuple(dict.fromkeys(group.values()))
-
-
-def _describe_acquisition(block: Block) -> Acquisition:
-    channels = [_describe_channel("hammer", block.hammer)]
-    if block.has_specimen:
-        channels.append(_describe_channel("sample", block.specimen))
-    return Acquisition(block.sampling_rate, tuple(channels))
-
-
-def _describe_channel(name: str, channel: ChannelBlock) -> ChannelCalibration:
-    return ChannelCalibration(
-        name=name,
-        scale=channel.scale,
-        offset=channel.offset,
-        full_scale=channel.full_scale,
-        is_counted=channel.resolution > 0.0,
     )

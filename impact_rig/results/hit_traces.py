@@ -15,6 +15,45 @@ times its record. What follows is left out of the view only."""
 
 
 @dataclass(frozen=True)
+class ChannelCalibration:
+    """How the output of one channel becomes acceleration: scale times output plus offset.
+
+    Attributes
+    ----------
+    name : str
+        "hammer" or "sample".
+    scale, offset : float
+        Per unit of the output, and at zero output [m/s^2].
+    full_scale : float
+        Largest acceleration that it can show, either sign [m/s^2]; 0: not known.
+    is_counted : bool
+        The output is counts of a digitizer.
+    """
+
+    name: str
+    scale: float
+    offset: float
+    full_scale: float
+    is_counted: bool
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """How hits were sampled.
+
+    Attributes
+    ----------
+    sampling_rate : float
+        [Hz]
+    channels : tuple of ChannelCalibration
+        Those that were measured.
+    """
+
+    sampling_rate: float
+    channels: tuple[ChannelCalibration, ...]
+
+
+@dataclass(frozen=True)
 class HitTraces:
     """Both channels of one record.
 
@@ -27,11 +66,14 @@ class HitTraces:
     values : ndarray of float32, shape (n, 2)
         Hammer and sample [m/s^2]; a row of NaN breaks the line at a gap, a sample that was not
         measured is NaN throughout.
+    acquisition : Acquisition or None
+        How it was sampled; None: there is no point.
     """
 
     label: HitLabel
     time: FloatArray
     values: Float32Array
+    acquisition: Acquisition | None = None
 
 
 class TraceAssembler:
@@ -75,10 +117,27 @@ def _join(blocks: list[Block]) -> HitTraces:
         specimen = _scale(block.specimen) if block.has_specimen else np.full_like(hammer, np.nan)
         rows.append(np.stack([hammer, specimen], axis=1))
         expected = first + count
+    filled = next((block for block in blocks if block.hammer.output.size), None)
     return HitTraces(
         label=blocks[0].label,
         time=np.concatenate(times) if times else np.empty(0),
         values=np.concatenate(rows) if rows else np.empty((0, 2), dtype=np.float32),
+        acquisition=filled and _describe_acquisition(filled),
+    )
+
+
+def _describe_acquisition(block: Block) -> Acquisition:
+    channels = [("hammer", block.hammer)]
+    if block.has_specimen:
+        channels.append(("sample", block.specimen))
+    return Acquisition(
+        block.sampling_rate,
+        tuple(
+            ChannelCalibration(
+                name, channel.scale, channel.offset, channel.full_scale, channel.resolution > 0.0
+            )
+            for name, channel in channels
+        ),
     )
 
 

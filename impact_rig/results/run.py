@@ -2,46 +2,8 @@
 
 from dataclasses import dataclass
 
+from impact_rig.results.hit_traces import Acquisition
 from impact_rig.results.traced_campaign import TracedCampaign
-
-
-@dataclass(frozen=True)
-class ChannelCalibration:
-    """How the output of one channel becomes acceleration: scale times output plus offset.
-
-    Attributes
-    ----------
-    name : str
-        "hammer" or "sample".
-    scale, offset : float
-        Per unit of the output, and at zero output [m/s^2].
-    full_scale : float
-        Largest acceleration that it can show, either sign [m/s^2]; 0: not known.
-    is_counted : bool
-        The output is counts of a digitizer.
-    """
-
-    name: str
-    scale: float
-    offset: float
-    full_scale: float
-    is_counted: bool
-
-
-@dataclass(frozen=True)
-class Acquisition:
-    """How hits were sampled.
-
-    Attributes
-    ----------
-    sampling_rate : float
-        [Hz]
-    channels : tuple of ChannelCalibration
-        Those that were measured.
-    """
-
-    sampling_rate: float
-    channels: tuple[ChannelCalibration, ...]
 
 
 @dataclass(frozen=True)

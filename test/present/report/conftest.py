@@ -19,14 +19,8 @@ from impact_rig.present.figures.markup import ReportFigure, make_missing_figure
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.pdf import BROWSERS
 from impact_rig.present.report.report import make_report
-from impact_rig.results.run import (
-    Acquisition,
-    ChannelCalibration,
-    Note,
-    Provenance,
-    RecordedFile,
-    Run,
-)
+from impact_rig.results.hit_traces import Acquisition, ChannelCalibration
+from impact_rig.results.run import Note, Provenance, RecordedFile, Run
 from impact_rig.results.traced_campaign import TracedCampaign
 
 from ..conftest import START, Trace
