@@ -29,6 +29,7 @@ from impact_rig.results.batch import BatchCampaign
 from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import format_json, read_results, results_to_json
 from impact_rig.results.trace_series import FileResults, trace_results_to_json
+from impact_rig.results.traced_campaign import TracedCampaign
 
 MEGABYTE = 1e6
 
@@ -312,13 +313,17 @@ def command(
         errors += analyzed.errors
         for remark in analyzed.remarks:
             print_warning(remark)
-        results, hits = analyzed.campaign.results, analyzed.campaign.files
-        if form is Form.JSON:
-            click.echo(format_json(trace_results_to_json(results, hits)), nl=False)
-        elif hits:
-            _print(make_console(), results, form, hits)
+        _print_traces(analyzed.campaign, form)
     errors = list(dict.fromkeys(errors))  # what is wrong with an option is so for all files
     raise_errors(errors)
+
+
+def _print_traces(campaign: TracedCampaign, form: Form) -> None:
+    if form is Form.JSON:
+        content = trace_results_to_json(campaign.results, campaign.files)
+        click.echo(format_json(content), nl=False)
+    elif campaign.files:
+        _print(make_console(), campaign.results, form, campaign.files)
 
 
 def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:

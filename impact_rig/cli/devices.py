@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.text import Text
 
 from impact_rig.cli import options
-from impact_rig.cli.doctor import find_library
+from impact_rig.cli.libraries import find_library
 from impact_rig.configuration.rig_file import RigFile, list_rig_warnings, read_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.devices.drivers import (

@@ -20,6 +20,7 @@ from rich.console import Console
 from rich.text import Text
 
 from impact_rig.cli import options
+from impact_rig.cli.libraries import LIBRARIES, Library
 from impact_rig.nodes.discovery import SHARED_MEMORY, reserve_domain
 from impact_rig.present.terminal.console import (
     ALARM,
@@ -67,87 +68,6 @@ class Finding:
 def _find(name: str, text: str, advice: str = "", status: Status = Status.FAULT) -> Finding:
     """Return a finding; without advice all is well."""
     return Finding(name, status if advice else Status.OK, text, advice)
-
-
-SET_UP = "use `python3 launch_scripts/rig.py exec -- impact-rig ...`, which installs it"
-
-
-@dataclass(frozen=True)
-class Library:
-    """A library that the rig uses.
-
-    Attributes
-    ----------
-    module : str
-        What Python imports.
-    name : str
-        Under which it is installed.
-    purpose : str
-        What does not work without it.
-    oldest : tuple of int
-        Oldest version that will do; empty: any.
-    is_needed : bool
-        The rig cannot do its main job without it.
-    advice : str
-        How to get it.
-    """
-
-    module: str
-    name: str
-    purpose: str
-    oldest: tuple[int, ...] = ()
-    is_needed: bool = True
-    advice: str = SET_UP
-
-
-_OPTIONAL = (
-    ("nptdms", "npTDMS", "importing and exporting .tdms"),
-    ("pyuff", "pyuff", "importing and exporting .uff"),
-    ("h5py", "h5py", "importing and exporting .h5 and .mat of version 7.3"),
-    ("pyarrow", "pyarrow", "importing and exporting .parquet"),
-    ("nidaqmx", "nidaqmx[grpc]", "devices of National Instruments"),
-    ("serial", "pyserial", "relays on a serial port"),
-    ("sounddevice", "sounddevice", "sound cards"),
-    ("gpiod", "gpiod", "GPIO lines"),
-    ("distributed", "distributed", "many recordings at once"),
-    ("matplotlib", "matplotlib", "the figures of `study` and `report`"),
-    ("jinja2", "jinja2", "`report`"),
-    ("rerun", "rerun-sdk", "the visualizer"),
-)
-"""Module, what pip installs, purpose."""
-LIBRARIES = (
-    Library("numpy", "numpy", "every computation", (1, 26)),
-    Library("scipy", "scipy", "every computation", (1, 11)),
-    Library("rclpy", "rclpy", "every node", advice=f"{SET_UP}, or source ROS 2 Jazzy"),
-    Library(
-        "impact_rig_msgs.msg",
-        "impact_rig_msgs",
-        "every node",
-        advice=f"{SET_UP}, or build and source the workspace with colcon",
-    ),
-    Library("domain_coordinator", "domain-coordinator", "`demo`"),
-    Library("GTC", "GTC", "every uncertainty"),
-    Library("honcho", "honcho", "`up`"),
-    Library("pint", "pint", "rig files"),
-    Library("rosbags", "rosbags", "reading recordings"),
-    Library("mcap", "mcap", "reading and writing recordings"),
-    *(
-        Library(
-            module,
-            wanted.partition("[")[0],
-            purpose,
-            is_needed=False,
-            advice=f'pip install "{wanted}"; all else works without it',
-        )
-        for module, wanted, purpose in _OPTIONAL
-    ),
-)
-
-
-def find_library(module: str) -> Library | None:
-    """Return the library that a module is of; None: it is none of `LIBRARIES`."""
-    top = module.partition(".")[0]
-    return next((item for item in LIBRARIES if item.module.partition(".")[0] == top), None)
 
 
 def check_libraries(libraries: Sequence[Library] = LIBRARIES) -> list[Finding]:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -40,7 +41,7 @@ Group = tuple[str, tuple[MeasuredChannel, ...]]
 
 @dataclass(frozen=True)
 class ExportTask:
-    """What is to be exported.
+    """What is to be exported: the command's options.
 
     Attributes
     ----------
@@ -50,11 +51,11 @@ class ExportTask:
         Of hits, means and results; None: as suits the format.
     samples, hits : tuple of str
         Names of those that are wanted; empty: all.
-    is_accepted_only : bool
+    accepted_only : bool
         Without rejected hits.
-    is_filtered : bool
+    filtered : bool
         Hits after baseline and low-pass.
-    is_split : bool
+    one_file_per_hit : bool
         One file for each hit or mean.
     suffix : str or None
         Of these files.
@@ -64,24 +65,26 @@ class ExportTask:
     what: frozenset[str] | None = None
     samples: tuple[str, ...] = ()
     hits: tuple[str, ...] = ()
-    is_accepted_only: bool = False
-    is_filtered: bool = False
-    is_split: bool = False
+    accepted_only: bool = False
+    filtered: bool = False
+    one_file_per_hit: bool = False
     suffix: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse what does not go together."""
-        if self.is_split and self.suffix is None:
+        if self.suffix is not None:
+            object.__setattr__(self, "suffix", "." + self.suffix.lstrip("."))
+        if self.one_file_per_hit and self.suffix is None:
             raise ParameterError(
                 f"--one-file-per-hit needs --format, one of {', '.join(WRITABLE)}"
             )
-        if self.suffix is not None and not self.is_split:
+        if self.suffix is not None and not self.one_file_per_hit:
             raise ParameterError(
                 f"--format is for --one-file-per-hit: the suffix of {self.output} tells its format"
             )
         has_results = "results" in self.parts
         formats = RESULTS_SUFFIXES if has_results else WRITABLE
-        if has_results and (len(self.parts) > 1 or self.is_split):
+        if has_results and (len(self.parts) > 1 or self.one_file_per_hit):
             raise ParameterError("results and traces do not go into the same files: export apart")
         if self.kind not in formats:
             raise ParameterError(
@@ -128,7 +131,7 @@ def export_recording(path: Path, task: ExportTask) -> str:
     groups = _make_groups(campaigns, task)
     if not groups:
         raise FileError(f"{path} holds none of the {' and '.join(sorted(task.parts))} wanted")
-    if not task.is_split:
+    if not task.one_file_per_hit:
         channels = tuple(channel for _, group in groups for channel in group)
         write_measurement(task.output, Measurement(path, channels))
         return f"{task.output}: {len(groups)} traces in {len(channels)} channels"
@@ -178,7 +181,7 @@ def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> lis
     if "hits" in task.parts:
         chosen = [hit for _, hit in hits if not wanted or hit.label in wanted]
         groups += [
-            (hit.name, hit.make_channels(is_filtered=task.is_filtered))
+            (hit.name, hit.make_channels(is_filtered=task.filtered))
             for hit in chosen
             if _is_wanted(hit, task)
         ]
@@ -193,7 +196,7 @@ def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> lis
 
 
 def _is_wanted(hit: ExportedHit, task: ExportTask) -> bool:
-    if task.is_accepted_only and not hit.judged.accepted:
+    if task.accepted_only and not hit.judged.accepted:
         return False
     return not task.samples or hit.label.sample in task.samples
 
@@ -321,19 +324,10 @@ def parse_parts(name: str, text: str) -> frozenset[str]:
 def command(
     context: click.Context,
     recordings: tuple[Path, ...],
-    output: Path,
-    what: frozenset[str] | None,
-    samples: tuple[str, ...],
-    hits: tuple[str, ...],
-    accepted_only: bool,
-    filtered: bool,
-    one_file_per_hit: bool,
-    suffix: str | None,
     engines: tuple[str, ...],
-    check: bool,
-    figure: Path | None,
-    speed: float | None,
-    hammer: float | None,
+    output: Path,
+    samples: tuple[str, ...],
+    **options: Any,
 ) -> None:
     """Write what a recording holds for other tools: traces of hits, their means, and results.
 
@@ -341,24 +335,13 @@ def command(
     a results.json as well, and several where the sample was struck at several speeds. No ROS is
     needed.
     """
+    of_simulators = {name: options.pop(name) for name in SIMULATOR_OPTIONS}
     if engines:
         refuse_given(context, TRACE_OPTIONS, "is not for simulators")
-        export_to_simulators(
-            recordings,
-            SimulatorTask(engines, output, samples, hammer, speed, check, figure),
-        )
+        task = SimulatorTask(engines, output, samples, **of_simulators)
+        export_to_simulators(recordings, task)
         return
     refuse_given(context, SIMULATOR_OPTIONS, "needs --for")
     if len(recordings) > 1:
         raise ParameterError("traces and results are exported of one recording at a time")
-    task = ExportTask(
-        output=output,
-        what=what,
-        samples=samples,
-        hits=hits,
-        is_accepted_only=accepted_only,
-        is_filtered=filtered,
-        is_split=one_file_per_hit,
-        suffix=None if suffix is None else "." + suffix.lstrip("."),
-    )
-    click.echo(export_recording(recordings[0], task))
+    click.echo(export_recording(recordings[0], ExportTask(output, samples=samples, **options)))

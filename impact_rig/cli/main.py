@@ -12,6 +12,7 @@ from typing import IO, Any
 import click
 
 from impact_rig import __version__
+from impact_rig.cli.libraries import find_library
 from impact_rig.configuration.processes import open_closed_streams, use_one_thread
 from impact_rig.core.errors import RigError
 
@@ -50,33 +51,6 @@ COMMANDS = {
     "doctor": _Entry("See what is installed and what is broken.", "impact_rig.cli.doctor"),
 }
 """Known by name, so that the help needs none of their modules."""
-
-PROVIDERS = {
-    "rclpy": "ROS 2",
-    "impact_rig_msgs": "the rig's ROS 2 interfaces",
-    "GTC": "GTC",
-    "rosbags": "rosbags",
-    "mcap": "mcap",
-    "honcho": "honcho",
-    "domain_coordinator": "ROS 2's domain_coordinator",
-    "pint": "pint",
-    "rerun": "rerun-sdk",
-    "dask": "Dask",
-    "distributed": "Dask's distributed",
-    "nptdms": "npTDMS",
-    "pyuff": "pyuff",
-    "h5py": "h5py",
-    "pyarrow": "pyarrow",
-    "psutil": "psutil",
-    "matplotlib": "Matplotlib",
-    "nidaqmx": "nidaqmx",
-    "grpc": "nidaqmx[grpc]",
-    "serial": "pyserial",
-    "sounddevice": "sounddevice",
-    "gpiod": "gpiod",
-    "jinja2": "Jinja2",
-}
-"""Modules that may be absent, and what brings them."""
 
 
 class _Failure(click.ClickException):
@@ -120,11 +94,11 @@ class RigGroup(click.Group):
         except RigError as error:
             raise _Failure(str(error)) from None
         except ModuleNotFoundError as error:
-            missing = (error.name or "").partition(".")[0]
-            if missing not in PROVIDERS:
+            library = find_library(error.name or "")
+            if library is None:
                 raise
             raise _Failure(
-                f"this needs {PROVIDERS[missing]}: Python finds no module {missing!r};"
+                f"this needs {library.name}: Python finds no module {error.name!r};"
                 " `impact-rig doctor` says what is missing and how to get it"
             ) from None
         except click.Abort as error:  # raised by a prompt in place of what ended it

@@ -35,11 +35,11 @@ class SimulatorTask:
         The file of one engine; of several the folder.
     samples : tuple of str
         Named ones: one, or none where the results have only one.
-    hammer_mass : float or None
+    hammer : float or None
         Of the body that strikes in its place [kg].
     speed : float or None
         At which duration and restitution are met [m/s].
-    is_checked : bool
+    check : bool
         The engines strike, too.
     figure : Path or None
         Where their pulses are drawn.
@@ -48,9 +48,9 @@ class SimulatorTask:
     engines: tuple[str, ...]
     output: Path
     samples: tuple[str, ...] = ()
-    hammer_mass: float | None = None
+    hammer: float | None = None
     speed: float | None = None
-    is_checked: bool = False
+    check: bool = False
     figure: Path | None = None
 
     def __post_init__(self) -> None:
@@ -85,7 +85,7 @@ class SimulatorTask:
     @property
     def is_struck(self) -> bool:
         """Whether engines are to run."""
-        return self.is_checked or self.figure is not None
+        return self.check or self.figure is not None
 
 
 def export_to_simulators(paths: Sequence[Path], task: SimulatorTask) -> None:
@@ -107,7 +107,7 @@ def export_to_simulators(paths: Sequence[Path], task: SimulatorTask) -> None:
     campaigns = [campaign for path in paths for campaign in _read_campaigns(path)]
     results = [campaign.results for campaign in campaigns]
     sample = _choose_sample(task, [item.name for found in results for item in found.samples])
-    measured = make_contacts(results, sample, task.hammer_mass)
+    measured = make_contacts(results, sample, task.hammer)
     found = [compute_parameters(ENGINES[name], measured, task.speed) for name in task.names]
     for parameters in found:
         file = task.files[parameters.engine.name]
@@ -115,7 +115,7 @@ def export_to_simulators(paths: Sequence[Path], task: SimulatorTask) -> None:
             part.write_text(format_text(parameters, file.suffix.lower()), "utf-8")
         click.echo(f"{file}: {sample} for {parameters.engine.title}")
     if task.is_struck:
-        is_as_struck = task.hammer_mass is None and task.speed is None and len(campaigns) == 1
+        is_as_struck = task.hammer is None and task.speed is None and len(campaigns) == 1
         traces = next((item for item in campaigns[0].samples if item.name == sample), None)
         _strike(found, traces if is_as_struck else None, task)
 
@@ -149,7 +149,7 @@ def _strike(found: Sequence[Parameters], traces: SampleTraces | None, task: Simu
             click.echo(f"remark: {reason}", err=True)
         else:
             checks.append(check_engine(parameters))
-    if task.is_checked:
+    if task.check:
         print_result(make_console(), tabulate_checks(checks))
     if task.figure is not None:
         from impact_rig.present.figures.simulators_figure import save_simulators_figure

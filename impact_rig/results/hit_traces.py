@@ -122,7 +122,7 @@ def _join(blocks: list[Block]) -> HitTraces:
         label=blocks[0].label,
         time=np.concatenate(times) if times else np.empty(0),
         values=np.concatenate(rows) if rows else np.empty((0, 2), dtype=np.float32),
-        acquisition=filled and _describe_acquisition(filled),
+        acquisition=None if filled is None else _describe_acquisition(filled),
     )
 
 

@@ -10,7 +10,6 @@ import pytest
 
 from impact_rig.cli import doctor
 from impact_rig.cli.doctor import (
-    Library,
     Status,
     check_conversation,
     check_discovery,
@@ -18,6 +17,7 @@ from impact_rig.cli.doctor import (
     check_domain,
     check_libraries,
 )
+from impact_rig.cli.libraries import Library
 
 
 @pytest.fixture

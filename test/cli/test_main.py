@@ -80,7 +80,7 @@ def test_an_unknown_command_is_refused(run: Run) -> None:
     ("raised", "code", "words"),
     [
         (ParameterError("mass is -1 kg: it must be above zero"), 2, "error: mass is -1 kg"),
-        (ModuleNotFoundError("No module", name="rclpy.node"), 2, "error: this needs ROS 2"),
+        (ModuleNotFoundError("No module", name="rclpy.node"), 2, "error: this needs rclpy"),
         (KeyboardInterrupt(), 130, ""),
         (OSError(errno.ENOSPC, "No space left", "/tmp/x"), 2, "error: /tmp/x: No space left\n"),
         (OSError(errno.ENOSPC, "No space left"), 2, "error: No space left\n"),

@@ -164,10 +164,8 @@ def _choose_style(runs: Sequence[str], run: int) -> dict[str, Any]:
 
 
 def _make_handles(runs: Sequence[str]) -> "list[Artist]":
-    from matplotlib.lines import Line2D
-
     return [
-        Line2D([], [], **_choose_style(runs, run), label=panels.shorten_name(name, LONGEST_RUN))
+        panels.make_handle(panels.shorten_name(name, LONGEST_RUN), **_choose_style(runs, run))
         for run, name in enumerate(runs)
     ]
 

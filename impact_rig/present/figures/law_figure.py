@@ -3,9 +3,8 @@
 from typing import TYPE_CHECKING, Any
 
 from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.present.figures.decimation import decimate_trace
 from impact_rig.present.figures.markup import ReportFigure, make_figure, make_name
-from impact_rig.present.figures.panels import INK, make_panel
+from impact_rig.present.figures.panels import INK, make_handle, make_panel
 from impact_rig.results.law_curves import LawCurves
 from impact_rig.results.numbers import MICRO, format_quantity
 from impact_rig.results.palette import BLUE, VERMILION, format_hex
@@ -51,22 +50,19 @@ def draw_law_figure(sample: SampleEstimate, curves: LawCurves) -> ReportFigure:
 
 
 def _draw_pulse(curves: LawCurves) -> "Figure":
-    from matplotlib.lines import Line2D
-
     models = (("law", curves.law, LAW_LOOK), ("versed-sine", curves.versed_sine, VERSED_LOOK))
     handles = [
-        Line2D([], [], **MEASURED_LOOK, label="mean"),
-        *(Line2D([], [], **look, label=name) for name, _, look in models),
+        make_handle("mean", **MEASURED_LOOK),
+        *(make_handle(name, **look) for name, _, look in models),
     ]
     panel = make_panel(HEIGHTS, [handles])
     forces, residuals = panel.axes
     time = curves.time * MICRO
-    forces.plot(*decimate_trace(time, curves.measured), **MEASURED_LOOK, gid="mean-1")
+    forces.plot(time, curves.measured, **MEASURED_LOOK, gid="mean-1")
     residuals.axhline(0.0, color=INK, linewidth=0.8, alpha=0.5)
     for name, force, look in models:
-        forces.plot(*decimate_trace(time, force), **look, gid=f"model-{name}")
-        left = decimate_trace(time, curves.measured - force)
-        residuals.plot(*left, **look, gid=f"residual-{name}")
+        forces.plot(time, force, **look, gid=f"model-{name}")
+        residuals.plot(time, curves.measured - force, **look, gid=f"residual-{name}")
     forces.set(title="a) pulse", ylabel="force [N]")
     residuals.set(
         xlim=(time[0], time[-1]),
@@ -77,11 +73,9 @@ def _draw_pulse(curves: LawCurves) -> "Figure":
 
 
 def _draw_loop(curves: LawCurves) -> "Figure":
-    from matplotlib.lines import Line2D
-
-    handles = [Line2D([], [], **LAW_LOOK, label="law")]
+    handles = [make_handle("law", **LAW_LOOK)]
     if curves.indentation.size:
-        handles.insert(0, Line2D([], [], **MEASURED_LOOK, label="from both traces"))
+        handles.insert(0, make_handle("from both traces", **MEASURED_LOOK))
     panel = make_panel([sum(HEIGHTS)], [handles])
     (axes,) = panel.axes
     axes.plot(curves.indentation * MICRO, curves.loop_force, **MEASURED_LOOK, gid="loop-mean")

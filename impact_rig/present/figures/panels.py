@@ -29,7 +29,6 @@ STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",  # text stays text
     "svg.hashsalt": "impact-rig report",  # the same results give the same file
     "text.parse_math": False,  # a sample may be called "$x$"
-    "path.simplify": False,  # what is left out is decided in `decimation`
     "font.size": TEXT_SIZE,
     "axes.titlesize": TEXT_SIZE,
     "axes.titleweight": "bold",
@@ -197,12 +196,17 @@ def split_into_columns(handles: "Sequence[Artist]") -> "list[Sequence[Artist]]":
     return [handles[:half], handles[half:]]
 
 
-def _add_legend(panel: "Figure", columns: "Sequence[Sequence[Artist]]") -> None:
-    """Put a legend at the bottom, its columns filled from the top."""
+def make_handle(label: str, **look: Any) -> "Artist":
+    """Return what a legend shows for lines or markers of one look."""
     from matplotlib.lines import Line2D
 
+    return Line2D([], [], **look, label=label)
+
+
+def _add_legend(panel: "Figure", columns: "Sequence[Sequence[Artist]]") -> None:
+    """Put a legend at the bottom, its columns filled from the top."""
     lines = max(map(len, columns))
-    blank = Line2D([], [], linestyle="none", label=" ")
+    blank = make_handle(" ", linestyle="none")
     panel.legend(
         handles=[
             handle for column in columns for handle in (*column, *[blank] * (lines - len(column)))
@@ -263,30 +267,22 @@ def choose_marker(place: int) -> dict[str, Any]:
 
 def make_material_handles(looks: dict[str, Look]) -> "list[Artist]":
     """Return the lines that a legend shows for the materials."""
-    from matplotlib.lines import Line2D
-
     longest = LONGEST_NAME if len(looks) <= LONGEST_COLUMN else LONGEST_IN_TWO_COLUMNS
     return [
-        Line2D([], [], color=look.colour, linestyle=look.dashes, label=shorten_name(name, longest))
+        make_handle(shorten_name(name, longest), color=look.colour, linestyle=look.dashes)
         for name, look in looks.items()
     ]
 
 
 def make_size_handles(rows: Sequence[FigureRow]) -> "list[Artist]":
     """Return the markers that a legend shows for the sizes; none if there is only one."""
-    from matplotlib.lines import Line2D
-
     sizes = sorted({row.size for row in rows})
     if len(sizes) == 1:
         return []
     names = SIZE_NAMES if sizes[-1] < len(SIZE_NAMES) else ()
     return [
-        Line2D(
-            [],
-            [],
-            color=INK,
-            **choose_marker(size),
-            label=names[size] if names else f"{size + 1}. by mass",
+        make_handle(
+            names[size] if names else f"{size + 1}. by mass", color=INK, **choose_marker(size)
         )
         for size in sizes[: len(SIZE_MARKERS)]
     ]

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.present.figures import panels
-from impact_rig.present.figures.decimation import choose_span, cut_trace, decimate_trace
 from impact_rig.present.figures.markup import (
     ReportFigure,
     make_figure,
@@ -15,6 +14,7 @@ from impact_rig.present.figures.markup import (
     make_name,
 )
 from impact_rig.present.figures.panels import INK, Look
+from impact_rig.present.figures.trace_span import choose_span, cut_trace
 from impact_rig.results.campaign import Results
 from impact_rig.results.figure_rows import (
     ERRORS,
@@ -228,14 +228,12 @@ def _make_ring(size: int) -> dict[str, Any]:
 
 
 def _make_mark_handles(rows: Sequence[FigureRow], tick: str) -> "list[Artist]":
-    from matplotlib.lines import Line2D
-
     handles: list[Artist] = [
-        Line2D([], [], **_make_tick(tick, INK), label="one hit"),
-        Line2D([], [], color=INK, **panels.choose_marker(0), label="mean, 95 % bar"),
+        panels.make_handle("one hit", **_make_tick(tick, INK)),
+        panels.make_handle("mean, 95 % bar", color=INK, **panels.choose_marker(0)),
     ]
     if any(math.isfinite(row.reference.contact_time) for row in rows):
-        handles.append(Line2D([], [], **_make_ring(0), label=_name_reference(rows)))
+        handles.append(panels.make_handle(_name_reference(rows), **_make_ring(0)))
     return handles
 
 
@@ -418,9 +416,7 @@ def draw_figure_5(samples: Sequence[SampleTraces]) -> ReportFigure:
 
 
 def _draw_responses(cases: Sequence[Case], channel: int) -> "Figure":
-    from matplotlib.lines import Line2D
-
-    legend = [[Line2D([], [], **look, label=kind)] for kind, look in LOOKS_5.items()]
+    legend = [[panels.make_handle(kind, **look)] for kind, look in LOOKS_5.items()]
     panel = panels.make_panel([CASE_HEIGHT] * len(cases), legend)
     rows = panel.axes
     shown = choose_span([sample for sample, _ in cases], slice(channel, channel + 1), FADED)
@@ -442,7 +438,7 @@ def _draw_case(
     curves: dict[str, FloatArray | None] = {MODEL: modelled, MEASURED: measured}
     for kind, trace in curves.items():
         if trace is not None:
-            points = decimate_trace(*cut_trace(sample.time * MICRO, trace, *span))
+            points = cut_trace(sample.time * MICRO, trace, *span)
             axes.plot(*points, **LOOKS_5[kind], gid=f"{kind}-{place}")
     axes.text(
         0.99,
@@ -507,11 +503,9 @@ Bars = dict[str, tuple[float, str]]
 
 
 def _draw_errors(body: str, bars: Bars) -> "Figure":
-    from matplotlib.lines import Line2D
-
     bound = LARGEST_ERRORS_PERCENT[body]
     look: dict[str, Any] = {"color": INK, "linewidth": 1.0, "linestyle": (0, (4, 2))}
-    legend = Line2D([], [], **look, label=f"largest value of the paper, {bound:g} %")
+    legend = panels.make_handle(f"largest value of the paper, {bound:g} %", **look)
     panel = panels.make_named_panel(list(bars), ROW_HEIGHT * len(bars), [[legend]])
     axes = panel.axes[0]
     axes.axvline(bound, **look, gid="bound-1")

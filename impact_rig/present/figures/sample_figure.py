@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.signals.record import FloatArray
-from impact_rig.present.figures.decimation import COLUMNS, choose_span, cut_trace, decimate_trace
 from impact_rig.present.figures.markup import ReportFigure, make_figure, make_name
-from impact_rig.present.figures.panels import INK, make_panel
+from impact_rig.present.figures.panels import INK, make_handle, make_panel
+from impact_rig.present.figures.trace_span import choose_span, cut_trace
 from impact_rig.results.comparison import SAMPLE_MEASURANDS
 from impact_rig.results.numbers import MICRO, format_count, format_percent
 from impact_rig.results.palette import BLUE, GREEN, PURPLE, VERMILION, format_hex
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 HEIGHTS = (140.0, 68.0)
 """Of the axes of traces and of residuals [pt]."""
-HIT_COLUMNS = 130
-"""Of a hit's trace [-], our choice: ten hits weigh as much as the other traces together."""
 FADED = 0.01
 """Part of the peak below which a trace has faded [-], our choice."""
 HAMMER = 0
@@ -140,12 +138,9 @@ class _Scene:
     traces: SampleTraces
     hits: tuple[AlignedHit, ...]
 
-    def thin(
-        self, time: FloatArray, values: FloatArray, columns: int = COLUMNS
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the points that are drawn; `time` in seconds, theirs in microseconds."""
-        points = cut_trace(time * MICRO, values, self.start, self.stop)
-        return decimate_trace(*points, columns)
+    def cut(self, time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the points that are shown; `time` in seconds, theirs in microseconds."""
+        return cut_trace(time * MICRO, values, self.start, self.stop)
 
 
 def _make_scene(traces: SampleTraces, hits: Sequence[AlignedHit], channel: int) -> _Scene:
@@ -177,14 +172,14 @@ def _draw_channel(scene: _Scene) -> "Figure":
 
 def _draw_traces(axes: "Axes", scene: _Scene) -> None:
     for place, hit in enumerate(scene.hits):
-        points = scene.thin(hit.time, hit.traces[scene.channel], HIT_COLUMNS)
+        points = scene.cut(hit.time, hit.traces[scene.channel])
         axes.plot(*points, **HIT_LOOK, gid=f"hit-{place}")
     axes.plot(
-        *scene.thin(scene.traces.time, scene.traces.mean[scene.channel]), **MEAN_LOOK, gid="mean-1"
+        *scene.cut(scene.traces.time, scene.traces.mean[scene.channel]), **MEAN_LOOK, gid="mean-1"
     )
     for model in scene.traces.models:
         axes.plot(
-            *scene.thin(scene.traces.time, model.traces[scene.channel]),
+            *scene.cut(scene.traces.time, model.traces[scene.channel]),
             **LOOKS[model.model],
             gid=f"model-{model.model}",
         )
@@ -213,23 +208,22 @@ def _draw_residuals(axes: "Axes", scene: _Scene) -> None:
     for model in scene.traces.models:
         residual = scene.traces.compute_residual(model)[scene.channel]
         axes.plot(
-            *scene.thin(scene.traces.time, residual),
+            *scene.cut(scene.traces.time, residual),
             **{**LOOKS[model.model], "linewidth": 1.2},
             gid=f"residual-{model.model}",
         )
 
 
 def _make_legend(scene: _Scene) -> "list[list[Artist]]":
-    from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     count = len(scene.hits)
-    measured: list[Artist] = [Line2D([], [], **MEAN_LOOK, label="mean")]
+    measured: list[Artist] = [make_handle("mean", **MEAN_LOOK)]
     if count:
-        measured.insert(0, Line2D([], [], **HIT_LOOK, label=format_count(count, "hit")))
+        measured.insert(0, make_handle(format_count(count, "hit"), **HIT_LOOK))
     measured.append(Patch(color=CONTACT_COLOUR, alpha=0.25, label="contact τp"))
     models: list[Artist] = [
-        Line2D([], [], **LOOKS[model.model], label=_name_model(model, scene.channel))
+        make_handle(_name_model(model, scene.channel), **LOOKS[model.model])
         for model in scene.traces.models
     ]
     return [measured, models] if models else [measured]

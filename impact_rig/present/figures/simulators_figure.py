@@ -7,9 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from impact_rig.core.signals.record import FloatArray
-from impact_rig.present.figures.decimation import cut_trace, decimate_trace
 from impact_rig.present.figures.markup import ReportFigure, make_figure, make_name
-from impact_rig.present.figures.panels import INK, choose_looks, drawing_style, make_panel
+from impact_rig.present.figures.panels import (
+    INK,
+    choose_looks,
+    drawing_style,
+    make_handle,
+    make_panel,
+)
+from impact_rig.present.figures.trace_span import cut_trace
 from impact_rig.results.numbers import MICRO
 from impact_rig.results.sample_traces import SampleTraces
 from impact_rig.simulators.check import EngineCheck
@@ -71,20 +77,18 @@ def save_simulators_figure(
 
 
 def _draw_panel(checks: Sequence[EngineCheck], traces: SampleTraces | None) -> "Figure":
-    from matplotlib.lines import Line2D
-
     contact = checks[0].parameters.contact
     pulses = [
         *([] if traces is None else [_show_measured(contact, traces)]),
         _show_law(contact),
         *_show_engines(checks),
     ]
-    handles = [Line2D([], [], **look, label=label) for label, _, _, look in pulses]
+    handles = [make_handle(label, **look) for label, _, _, look in pulses]
     panel = make_panel([HEIGHT], [handles])
     (axes,) = panel.axes
     half = SHOWN * contact.duration * MICRO
     for _, time, force, look in pulses:
-        axes.plot(*decimate_trace(*cut_trace(time, force, -half, half)), **look)
+        axes.plot(*cut_trace(time, force, -half, half), **look)
     axes.set(
         title=f"{contact.sample}, {1e3 * contact.speed:.1f} mm/s",
         xlim=(-half, half),

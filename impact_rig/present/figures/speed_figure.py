@@ -17,6 +17,7 @@ from impact_rig.present.figures.panels import (
     LONGEST_COLUMN,
     choose_looks,
     choose_marker,
+    make_handle,
     make_panel,
     shorten_name,
     split_into_columns,
@@ -84,7 +85,6 @@ def _draw_panel(
     label: str,
     scale: float,
 ) -> "Figure":
-    from matplotlib.lines import Line2D
     from matplotlib.ticker import MaxNLocator, NullLocator, ScalarFormatter
 
     looks = choose_looks(list(laws))
@@ -95,7 +95,7 @@ def _draw_panel(
             text += f": p = {_format(getattr(item, name))}"
         look = looks[item.sample]
         marker = {**choose_marker(place), "linestyle": look.dashes}
-        handles.append(Line2D([], [], color=look.colour, **marker, label=text))
+        handles.append(make_handle(text, color=look.colour, **marker))
     panel = make_panel([HEIGHT], split_into_columns(handles))
     (axes,) = panel.axes
     axes.set(xscale="log", yscale="log")

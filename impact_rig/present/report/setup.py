@@ -10,8 +10,9 @@ from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY, RigSetup, f
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.present.report.document import Facts, Folded, Listing, Paragraph, Part, Section
+from impact_rig.results.hit_traces import Acquisition
 from impact_rig.results.numbers import MEGA, MICRO, MISSING, format_count, format_number
-from impact_rig.results.run import Acquisition, Provenance, Run
+from impact_rig.results.run import Provenance, Run
 from impact_rig.results.tables import Table, make_column, make_table, make_text_column
 
 GRAM = 1e3

@@ -115,9 +115,7 @@ def test_plain_traces_are_shown_hit_by_hit_and_their_mean() -> None:
         FileResults(Origin(IMPORTED, "npy file", "lab/hit_1.npy"), True, ()),
         FileResults(Origin(IMPORTED, "npy file", "lab/hit_2.npy"), False, REASONS),
     )
-    sample = make_sample(
-        "steel small", contact_time=Quantity(2e-4), notes=("k: no mass given",)
-    )
+    sample = make_sample("steel small", contact_time=Quantity(2e-4), notes=("k: no mass given",))
     text = render(print_results, make_results(sample), hits)
     assert text.startswith("Origin: imported (npy file): hit_1.npy, hit_2.npy.")
     for words in (

@@ -1,4 +1,4 @@
-"""Traces thinned to what can be drawn: every peak stays where and as high as it is."""
+"""Which part of traces there is something to see in."""
 
 from collections.abc import Sequence
 
@@ -7,52 +7,8 @@ import numpy as np
 from impact_rig.core.signals.record import FloatArray
 from impact_rig.results.sample_traces import SampleTraces
 
-COLUMNS = 280
-"""Of a trace [-]: one for each point of the width of most axes."""
 PULSE_WIDTHS_BEFORE, PULSE_WIDTHS_AFTER = 1.2, 2.0
 """What is shown at least, before and after the middle of the pulse [tau_p], our choice."""
-
-
-def decimate_trace(
-    time: FloatArray, values: FloatArray, columns: int = COLUMNS
-) -> tuple[FloatArray, FloatArray]:
-    """Keep the lowest and the highest point of each column of the picture, and both ends.
-
-    Parameters
-    ----------
-    time, values : ndarray, shape (n,)
-        Points of a line, equally spaced in time; NaN breaks the line.
-    columns : int
-        Into which the line is divided, at least 1.
-
-    Returns
-    -------
-    time, values : ndarray, shape (m,)
-        Some of the points, in their order; m <= 3 columns + 2. A line that is no longer than
-        that is returned as it is.
-    """
-    count = values.size
-    if count <= 3 * columns + 2:
-        return time, values
-    width = -(-count // columns)
-    padded = np.full(width * columns, np.nan)
-    padded[:count] = values
-    table = padded.reshape(columns, width)
-    gaps = np.isnan(table)
-    first = np.arange(columns) * width
-    broken = gaps.any(axis=1)
-    places = np.unique(
-        np.concatenate(
-            [
-                [0, count - 1],
-                first + np.where(gaps, np.inf, table).argmin(axis=1),
-                first + np.where(gaps, -np.inf, table).argmax(axis=1),
-                (first + gaps.argmax(axis=1))[broken],
-            ]
-        )
-    )
-    places = places[places < count]
-    return time[places], values[places]
 
 
 def cut_trace(
