@@ -57,7 +57,11 @@ class RunningRig:
         """Raise `RigError`, with the end of the log, if the rig has ended by itself."""
         if self._process.poll() is None:
             return
-        lines = self._log.read_text("utf-8", errors="replace").splitlines()[-SHOWN_LOG_LINES:]
+        try:
+            text = self._log.read_text("utf-8", errors="replace")
+        except OSError as error:
+            raise RigError(f"the rig ended by itself; {self._log}: {error.strerror}") from None
+        lines = text.splitlines()[-SHOWN_LOG_LINES:]
         raise RigError("\n".join([f"the rig ended by itself; the end of {self._log}:", *lines]))
 
     def wait_for_line(self, part: str, timeout: float) -> str:
@@ -212,8 +216,9 @@ def command(
         with options.use_private_domain(), run_rig(folder, arguments) as running:
             from impact_rig.nodes.client import CampaignClient, CampaignGoal
 
-            with CampaignClient() as client, CampaignView(make_console(stderr=True)) as view:
-                client.wait_for_rig(START_TIMEOUT, running.check)
+            view = CampaignView(make_console(stderr=True))
+            with CampaignClient(check=running.check) as client, view:
+                client.wait_for_rig(START_TIMEOUT)
                 # Of a running stream the accelerometers wait to hear that their hit was found.
                 client.wait_for_listeners(SUBSCRIBERS + continuous, VIEW_TIMEOUT)
                 if PAGE in viewers:

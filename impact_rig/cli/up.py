@@ -39,7 +39,7 @@ from impact_rig.devices.drivers import VIRTUAL, read_driver_name
 
 STOPPED_BY_REQUEST = (0, 128 + signal.SIGINT, 128 + signal.SIGTERM)
 """Exit codes of a rig that was told to stop."""
-STANDARD_INPUT = 0
+STANDARD_INPUT, STANDARD_ERROR = 0, 2
 RETRY_PERIOD = 0.1
 """How soon a stop is tried again that came while the processes were still starting [s]."""
 _RESPAWN = f"""\
@@ -81,17 +81,24 @@ class _DirectOutput:
         self._descriptor = stream.fileno()
         self._is_terminal = stream.isatty()
         self._is_broken = False
+        self._name = stream.name if isinstance(stream.name, str) else "standard output"
 
     def write(self, text: str) -> int:
         rest = text.encode(errors="replace")
         try:
             while rest:
                 rest = rest[os.write(self._descriptor, rest) :]
-        except BrokenPipeError:
-            # Nobody reads any more. Raised, it would keep the manager from ending the nodes.
+        except OSError as error:
+            # Raised, it would keep the manager from ending the nodes.
             if not self._is_broken:
                 self._is_broken = True
-                os.kill(os.getpid(), signal.SIGTERM)
+                if isinstance(error, BrokenPipeError):  # nobody reads any more
+                    os.kill(os.getpid(), signal.SIGTERM)
+                else:
+                    lost = (
+                        f"warning: what the nodes print is lost: {self._name}: {error.strerror}\n"
+                    )
+                    os.write(STANDARD_ERROR, lost.encode())
         return len(text)
 
     def flush(self) -> None:

@@ -316,10 +316,13 @@ class CampaignClient(RigClient):
     ----------
     namespace : str
         Of the rig.
+    check : callable
+        Called while waiting; may raise, when waiting has become pointless.
     """
 
-    def __init__(self, namespace: str = "") -> None:
+    def __init__(self, namespace: str = "", check: Callable[[], None] = lambda: None) -> None:
         super().__init__("campaign_client", namespace)
+        self._check = check
         self._acquisition: AcquisitionState | None = None
         self._goal: Any = None
         self._is_begun_anew = False
@@ -339,15 +342,8 @@ class CampaignClient(RigClient):
         self._action.destroy()
         super().__exit__()
 
-    def wait_for_rig(self, timeout: float, check: Callable[[], None] = lambda: None) -> None:
-        """Wait until campaign node and accelerometers answer.
-
-        Parameters
-        ----------
-        timeout : float
-            [s]
-        check : callable
-            Called while waiting; may raise, when waiting has become pointless.
+    def wait_for_rig(self, timeout: float) -> None:
+        """Wait so many seconds until campaign node and accelerometers answer.
 
         Raises
         ------
@@ -356,7 +352,7 @@ class CampaignClient(RigClient):
         """
 
         def is_ready() -> bool:
-            check()
+            self._check()
             return self._action.server_is_ready() and self._acquisition is not None
 
         if not self.spin_until(is_ready, timeout):
@@ -505,6 +501,7 @@ class CampaignClient(RigClient):
         return next(future.result() for future in pending if future.done())
 
     def _check_rig(self) -> None:
+        self._check()
         rest = self._node.count_publishers(interfaces.ACQUISITION_STATE.name)
         if not self._action.server_is_ready() and not rest:
             raise DeviceError("the campaign node has gone: see the rig's log")

@@ -203,8 +203,11 @@ class DiskFile:
         try:
             self.sync()
         finally:
-            self._file.close()
             self.failure = self.failure or FileError(f"{self.path} is closed already")
+            try:
+                self._file.close()
+            except OSError as error:  # network drives say here what they have not written
+                raise self._make_error(error) from None
 
     def _advise(self, start: int, end: int) -> None:
         # That it is not followed does no harm.

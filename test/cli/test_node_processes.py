@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -73,3 +74,20 @@ def test_a_rig_ends_when_nobody_reads_what_it_says(tmp_path):
     (node,) = re.findall(r"started \(pid=(\d+)\)", line)
     with pytest.raises(ProcessLookupError):
         os.kill(int(node), 0)
+
+
+def test_a_rig_goes_on_when_what_it_says_cannot_be_written(tmp_path):
+    with reserve_domain() as number, Path("/dev/full").open("w") as full:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "impact_rig.cli.main", "up", "--only", "hammer"],
+            cwd=tmp_path,
+            env={**os.environ, "ROS_DOMAIN_ID": str(number)},
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        told = process.stderr.readline()
+        process.terminate()
+        _, rest = process.communicate(timeout=PATIENCE)
+    lost = "warning: what the nodes print is lost: standard output: No space left on device\n"
+    assert (told, rest, process.returncode) == (lost, "", 0)

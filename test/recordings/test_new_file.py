@@ -76,6 +76,13 @@ def test_what_is_no_longer_under_its_name_does_not_count_as_written(tmp_path, me
         file.close()
 
 
+def test_what_a_drive_says_only_when_the_file_is_closed_is_told(tmp_path):
+    file = DiskFile(tmp_path / "new")
+    os.close(file._file.fileno())  # as a network drive whose connection is lost
+    with pytest.raises(FileError, match="new cannot be written: Bad file descriptor"):
+        file.close()
+
+
 @pytest.fixture
 def folder(tmp_path) -> Path:
     """Return an empty folder."""
