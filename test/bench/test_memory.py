@@ -1,17 +1,12 @@
 """The parts `series` and `memory`: hits are judged, and every node of a real rig is looked at."""
 
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from bench import memory, rig_processes
+from bench import memory
 from bench.measure import Bench
-from impact_rig.core.errors import RigError
 from impact_rig.core.session import Session
 
 NODES = {"hammer", "accelerometer", "estimator", "campaign", "recorder", "visualizer"}
@@ -51,52 +46,6 @@ def test_the_cost_of_a_hit_is_that_of_all_nodes_from_look_to_look() -> None:
     assert cost.values == pytest.approx((10.0, 16.0))
     assert cost.note == "hammer 3.0, recorder 10.0"
     assert cost.unit == "ms"
-
-
-@pytest.fixture
-def sleeper() -> Iterator[subprocess.Popen[str]]:
-    words = [sys.executable, "-c", "block = b'x' * 50_000_000; print(flush=True); input()"]
-    with subprocess.Popen(
-        words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
-        yield process
-        process.kill()
-
-
-def test_processor_time_grows_as_a_process_works() -> None:
-    words = [sys.executable, "-c", "print(flush=True)\nwhile True: pass"]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        process.stdout.readline()
-        first = memory.read_processor_times({"hammer": process})["hammer"]
-        deadline = time.monotonic() + 30.0
-        while memory.read_processor_times({"hammer": process})["hammer"] < first + 0.05:
-            assert time.monotonic() < deadline
-        process.kill()
-
-
-def test_memory_is_that_of_the_process(sleeper: subprocess.Popen[str]) -> None:
-    assert sleeper.stdout is not None
-    sleeper.stdout.readline()
-    found = memory.read_memory({"hammer": sleeper})
-    assert 50e6 < found["hammer"] < 90e6
-
-
-def test_a_node_that_has_ended_is_named(sleeper: subprocess.Popen[str]) -> None:
-    sleeper.kill()
-    sleeper.wait()
-    with pytest.raises(RigError, match="the hammer node cannot be looked at"):
-        memory.read_memory({"hammer": sleeper})
-
-
-def test_a_rig_that_does_not_strike_is_an_error_in_its_own_words(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("rclpy", reason="the nodes need ROS 2")
-    monkeypatch.setattr(rig_processes, "OUTSIDE", "no_such_module")
-    monkeypatch.setattr(rig_processes.RigProcesses, "start_rig", lambda *_, **__: {})
-    with pytest.raises(RigError, match=r"the rig does not strike: .*no_such_module"):
-        list(memory.measure_memory(bench))
 
 
 def test_every_hit_is_judged_and_the_first_and_last_are_estimated(

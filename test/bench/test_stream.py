@@ -9,8 +9,7 @@ from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from bench import stream
-from bench.measure import Bench
-from bench.stream import Flow, StreamRun, read_flow
+from bench.stream import Flow, read_flow
 from impact_rig.recordings.schemas import find_message_definition
 
 BLOCK = "impact_rig_msgs/msg/StreamBlock"
@@ -87,34 +86,6 @@ def test_blocks_are_counted_from_one_moment_to_another(tmp_path: Path) -> None:
     file.add_diagnostics(150, "/estimator", stream_blocks=8, stream_points_missing=90)
     file.close()
     assert read_flow(path, 100, 130) == Flow(blocks=4, lost=2, points=60, seen=5, missed=20)
-
-
-def test_a_recording_without_the_stream_has_nothing(tmp_path: Path) -> None:
-    path = tmp_path / "stream.mcap"
-    StreamFile(path).close()
-    assert read_flow(path, 0, 100) == Flow(blocks=0, lost=0, points=0, seen=0, missed=0)
-
-
-def test_both_rates_are_measured(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    rates: list[float] = []
-
-    def run(folder: Path, rate: float, seconds: float) -> StreamRun:
-        rates.append(rate)
-        recording = folder / "stream.mcap"
-        recording.touch()
-        return StreamRun(recording, 0, round(2e9 * seconds), {"recorder": 0.3, "estimator": 0.4})
-
-    monkeypatch.setattr(stream, "run_stream", run)
-    monkeypatch.setattr(
-        stream, "read_flow", lambda *_: Flow(98, lost=2, points=2_500_000, seen=90, missed=0)
-    )
-    figures = list(stream.measure_stream(bench))
-    assert rates == [2.5e6, 8 * 2.5e6]
-    slow, fast = figures[:4], figures[4:]
-    assert [figure.values[0] for figure in slow] == pytest.approx([2.0, 0.0, 2.0, 0.7])
-    assert [figure.is_reached for figure in slow] == [False, True, None, False]
-    assert [figure.is_reached for figure in fast] == [False, True, None, None]
-    assert list(bench.folder.iterdir()) == []
 
 
 def test_a_slow_stream_reaches_estimator_and_recorder_whole(

@@ -8,7 +8,6 @@ import pytest
 from bench import view
 from bench.measure import Bench
 from impact_rig.analysis.recording_analysis import analyze_recording
-from impact_rig.core.errors import RigError
 
 HITS, CHANNELS = 3, 2
 """Of the recording."""
@@ -52,8 +51,3 @@ def test_bare_calls_write_the_traces_of_every_hit(recording: Path, tmp_path: Pat
         assert found[f"/{entity}"] == pytest.approx(values)
     recorded = traced[0].hits[0].recorded.values
     np.testing.assert_array_equal(traces[0][2], recorded[:, 0])
-
-
-def test_a_command_that_writes_no_file_says_why(tmp_path: Path) -> None:
-    with pytest.raises(RigError, match=r"impact-rig see has written no file: .*No such command"):
-        view.time_command("see", tmp_path / "session.mcap", tmp_path / "view.rrd")

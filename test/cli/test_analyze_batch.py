@@ -10,13 +10,11 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import psutil
 import pytest
 
-from impact_rig.analysis import batch
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import results_to_json
 
@@ -151,30 +149,6 @@ def test_without_dask_one_after_the_other_makes_a_table_with_the_spread_between_
     assert "Between the recordings" in outcome.stdout
 
 
-@pytest.mark.parametrize(("size", "count"), [(1_000, 1), (2_000_000, 2)])
-def test_few_small_recordings_start_no_workers(
-    tmp_path: Path, monkeypatch: Any, size: int, count: int
-) -> None:
-    started: list[int] = []
-
-    def start(number: int) -> Any:
-        started.append(number)
-        raise KeyboardInterrupt
-
-    paths = [tmp_path / "a.mcap", tmp_path / "b.mcap"]
-    for path in paths:
-        path.write_bytes(bytes(size))
-    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1, 2})
-    monkeypatch.setattr("impact_rig.analysis.dask_workers.start_workers", start)
-    tasks = [SimpleNamespace(path=path, run=lambda: None) for path in paths]
-    if count == 1:
-        batch.analyze_batch(tasks, None, None, lambda _: None, print)
-    else:
-        with pytest.raises(KeyboardInterrupt):
-            batch.analyze_batch(tasks, None, None, lambda _: None, print)
-    assert started == [count] * (count > 1)
-
-
 def test_a_scheduler_that_is_not_there_is_one_sentence_soon(
     run: Run, folders: list[Path], monkeypatch: Any
 ) -> None:
@@ -186,18 +160,6 @@ def test_a_scheduler_that_is_not_there_is_one_sentence_soon(
     assert outcome.exit_code == 2
     (line,) = outcome.stderr.splitlines()
     assert line.startswith(f"error: no Dask scheduler answers at '{address}'")
-
-
-def test_a_scheduler_without_workers_is_named(
-    run: Run, folders: list[Path], monkeypatch: Any
-) -> None:
-    from distributed import LocalCluster
-
-    monkeypatch.setattr("impact_rig.analysis.dask_workers.CONNECT_TIMEOUT", 0.5)
-    with LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as idle:
-        outcome = run("analyze", *folders, "--scheduler", idle.scheduler_address)
-    assert outcome.exit_code == 2
-    assert "has no workers" in outcome.stderr
 
 
 DEADLY_TASK = """
@@ -276,10 +238,3 @@ def test_an_impossible_setting_is_told_once(run: Run, folders: list[Path]) -> No
     outcome = run("analyze", *folders, "--pulse-factor", -1, "--workers", 1)
     assert outcome.exit_code == 2
     assert outcome.stderr.count("error: ") == 1
-
-
-@pytest.mark.parametrize("option", ["--workers", "--scheduler"])
-def test_plain_traces_need_no_workers(run: Run, tmp_path: Path, option: str) -> None:
-    outcome = run("analyze", tmp_path / "hit.npy", option, "2")
-    assert outcome.exit_code == 2
-    assert outcome.stderr == "error: --workers and --scheduler are for recordings\n"

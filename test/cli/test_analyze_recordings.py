@@ -159,23 +159,6 @@ def test_a_person_accepts_and_rejects_hits_by_number_or_place(run: Run, campaign
     assert others <= rejections.keys()
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--reject", "9999"], "there is no hit '9999'"),
-        (["--accept", "1", "--reject", "1"], "is both accepted and rejected by hand"),
-    ],
-)
-def test_a_word_that_makes_no_sense_is_named(
-    run: Run, campaign: Any, words: list[str], message: str
-) -> None:
-    outcome = run("analyze", campaign.path, *words)
-    assert outcome.exit_code == 2
-    assert outcome.stdout == ""
-    assert message in outcome.stderr
-    assert len(outcome.stderr.splitlines()) == 1
-
-
 def test_hits_are_named_in_one_recording_at_a_time(run: Run, campaign: Any) -> None:
     outcome = run("analyze", campaign.path, "other.mcap", "--reject", 1)
     assert outcome.exit_code == 2
@@ -207,7 +190,3 @@ def test_reading_is_told_in_megabytes_and_estimating_in_samples(
     assert "80 of 80 MB" in text
     assert "estimating" in text
     assert text.index("0 of 12 samples") < text.index("7 of 12 samples")
-
-
-def test_what_takes_less_than_a_second_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert "reading" not in follow(60.0, monkeypatch)

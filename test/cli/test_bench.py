@@ -1,9 +1,6 @@
 """`impact-rig bench`."""
 
 import json
-import os
-import signal
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +9,7 @@ from typing import Any
 import pytest
 from bench import PARTS
 from bench import measure as bench_run
-from bench.measure import FULL, Bench, Extent, Figure, Part, at_most
+from bench.measure import Bench, Extent, Figure, Part, at_most
 
 from impact_rig.core.errors import FileError, RigError
 
@@ -52,29 +49,6 @@ def test_all_parts_together_take_five_minutes() -> None:
     assert sum(bench_run.load_part(name).seconds for name in PARTS) <= 300.0
 
 
-@pytest.mark.parametrize(
-    ("words", "changes"),
-    [
-        ([], {}),
-        (["--kills", "7", "--seconds", "2.5"], {"kills": 7, "seconds": 2.5}),
-        (["--full"], {"demos": 5, "seconds": 60.0, "kills": 50, "mutations": 2000}),
-        (["--full", "--hits", "3"], {**vars(FULL), "hits": 3}),
-    ],
-)
-def test_the_extent_is_that_of_the_options(
-    run: Run, monkeypatch: pytest.MonkeyPatch, words: list[str], changes: dict[str, Any]
-) -> None:
-    extents: list[Extent] = []
-
-    def give(bench: Bench) -> tuple[Figure, ...]:
-        extents.append(bench.extent)
-        return (GOOD,)
-
-    monkeypatch.setattr(bench_run, "load_part", lambda name: Part(name, "Title", give, 1.0))
-    assert run("bench", "read", *words).exit_code == 0
-    assert extents == [replace(Extent(), **changes)]
-
-
 def test_reached_goals_are_exit_code_zero(run: Run, measure: Callable[..., None]) -> None:
     measure(read=GOOD, write=FREE)
     outcome = run("bench", "read", "write")
@@ -84,20 +58,6 @@ def test_reached_goals_are_exit_code_zero(run: Run, measure: Callable[..., None]
     assert "ratio: a note" in outcome.stdout
     assert "Python" in outcome.stdout
     assert "write: Title of write" in outcome.stderr
-
-
-def test_what_a_part_found_is_printed_before_the_next_begins(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    printed: list[str] = []
-
-    def give(_: Bench) -> tuple[Figure, ...]:
-        printed.append(sys.stdout.getvalue())  # type: ignore[attr-defined]
-        return (GOOD,)
-
-    monkeypatch.setattr(bench_run, "load_part", lambda name: Part(name, f"All of {name}", give, 1))
-    assert run("bench", "read", "write").exit_code == 0
-    assert ["All of read" in text for text in printed] == [False, True]
 
 
 def test_a_missed_goal_is_exit_code_one(run: Run, measure: Callable[..., None]) -> None:
@@ -126,19 +86,6 @@ def test_the_json_has_every_measurement(run: Run, measure: Callable[..., None]) 
     (figure,) = part["figures"]
     assert figure["values"] == [1.5, 1.6, 1.7]
     assert (figure["median"], figure["goal"], figure["reached"]) == (1.6, "at most 2", True)
-
-
-def test_the_time_of_each_part_stands_beside_the_announced_one(
-    run: Run, measure: Callable[..., None]
-) -> None:
-    measure(read=GOOD)
-    outcome = run("bench", "read", "--json")
-    ((part,),) = (json.loads(outcome.stdout)["parts"],)
-    assert 0.0 <= part["seconds"] < 1.0
-    assert part["announced_seconds"] == 1.0
-    text = run("bench", "read").stdout
-    assert "read  0.0 s  about 1.0 s" in text
-    assert "the whole bench" not in text
 
 
 def test_all_parts_have_a_limit_together(
@@ -177,20 +124,6 @@ def test_an_earlier_bench_is_compared_with(
     assert "warning" not in outcome.stderr
 
 
-def test_a_bench_of_another_machine_is_compared_with_a_warning(
-    run: Run, measure: Callable[..., None], tmp_path: Path
-) -> None:
-    measure(read=GOOD)
-    content = json.loads(run("bench", "read", "--json").stdout)
-    content["machine"]["processor"] = "Z80"
-    earlier = tmp_path / "bench.json"
-    earlier.write_text(json.dumps(content))
-    outcome = run("bench", "read", "--against", str(earlier))
-    assert outcome.exit_code == 0
-    assert f"warning: {earlier} was measured on another machine, Z80 with" in outcome.stderr
-    assert "+0.0 %" in outcome.stdout
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -210,23 +143,6 @@ def test_what_is_no_bench_is_refused_before_anything_is_measured(
     outcome = run("bench", "read", "--against", str(earlier))
     assert outcome.exit_code == 2
     assert f"error: bench {earlier}: {words}" in outcome.stderr
-
-
-def test_sigterm_ends_it_as_ctrl_c_does(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    ended: list[str] = []
-
-    def wait(_: Bench) -> tuple[Figure, ...]:
-        try:
-            os.kill(os.getpid(), signal.SIGTERM)
-        finally:
-            ended.append("every process")
-        return ()
-
-    before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr(bench_run, "load_part", lambda name: Part(name, "Title", wait, 1.0))
-    assert run("bench", "read").exit_code == 128 + signal.SIGTERM
-    assert ended == ["every process"]
-    assert signal.getsignal(signal.SIGTERM) is before
 
 
 def test_where_the_benchmarks_are_not_installed_it_is_said_where_they_are(tmp_path: Path) -> None:

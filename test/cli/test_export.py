@@ -117,17 +117,6 @@ def test_single_hits_are_chosen_by_name(run: Run, recorded: Any, tmp_path: Path)
         assert "aluminium large/1.1 hammer" in names
 
 
-def test_rejected_hits_are_left_out_on_request(run: Run, recorded: Any, tmp_path: Path) -> None:
-    every, accepted = tmp_path / "every", tmp_path / "accepted"
-    split = ("--one-file-per-hit", "--format", "csv")
-    assert run("export", recorded.path, "-o", every, *split).exit_code == 0
-    assert run("export", recorded.path, "-o", accepted, *split, "--accepted-only").exit_code == 0
-    names = ("aluminium_large_1.1", "aluminium_large_2.2", "steel_small_1.2", "steel_small_2.1")
-    assert {path.stem for path in accepted.iterdir()} == set(names)
-    # A hit without a trigger has no traces.
-    assert {path.stem for path in every.iterdir()} == {*names, "steel_small_1.1"}
-
-
 def test_results_are_those_of_the_live_run_and_keep_every_digit_in_columns(
     run: Run, recorded: Any, tmp_path: Path
 ) -> None:
@@ -202,17 +191,6 @@ def test_nothing_is_overwritten(run: Run, recorded: Any, tmp_path: Path) -> None
         again = run("export", recorded.path, *words)
         assert (again.exit_code, again.stdout) == (2, "")
         assert "exists already" in again.stderr
-
-
-def test_what_is_left_of_a_recording_is_exported_with_a_warning(
-    run: Run, recorded: Any, tmp_path: Path
-) -> None:
-    torn = tmp_path / "torn.mcap"
-    torn.write_bytes(recorded.path.read_bytes()[:-2000])
-    outcome = run("export", torn, "-o", tmp_path / "x.csv", "--hits", "1")
-    assert outcome.exit_code == 0
-    assert outcome.stderr.startswith("warning: ")
-    assert len(read_measurement(tmp_path / "x.csv").channels) == 2
 
 
 @pytest.mark.parametrize("suffix", WRITABLE)

@@ -1,6 +1,5 @@
 """`impact-rig export --for`: contacts of the virtual rig, whose law is known, for simulators."""
 
-import json
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -13,7 +12,7 @@ import pytest
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRigSettings
-from impact_rig.results.results_file import results_to_json, write_results
+from impact_rig.results.results_file import write_results
 from impact_rig.simulators.check import find_obstacle
 from impact_rig.simulators.parameters import ENGINES
 
@@ -127,23 +126,3 @@ def test_what_cannot_be_is_refused_in_a_sentence(
     assert done.exit_code != 0
     assert sentence in " ".join(done.stderr.split())
     assert list(tmp_path.iterdir()) == []
-
-
-def test_nothing_is_overwritten(run: Run, recorded: Any, tmp_path: Path) -> None:
-    file = tmp_path / "pybullet.py"
-    file.write_text("mine")
-    done = run("export", recorded.path, "--for", "all", "-o", tmp_path)
-    assert done.exit_code != 0
-    assert "pybullet.py exists already" in done.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["pybullet.py"]
-
-
-def test_a_sample_without_a_law_has_no_parameters(run: Run, recorded: Any, tmp_path: Path) -> None:
-    content = results_to_json(recorded.results)
-    content["format"]["version"] = 3  # which had none
-    (sample,) = content["samples"]
-    del sample["contact_law"]
-    (tmp_path / "results.json").write_text(json.dumps(content), "utf-8")
-    done = run("export", tmp_path / "results.json", "--for", "sdf", "-o", tmp_path / "x.sdf")
-    assert done.exit_code != 0
-    assert "sample 'steel small' has no identified contact law" in done.stderr

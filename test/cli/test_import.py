@@ -116,19 +116,6 @@ def test_a_files_number_is_its_hits_record(
     assert found["contact_time_s"] == pytest.approx(210e-6, rel=0.02)
 
 
-def test_a_force_becomes_acceleration_by_the_hammers_mass(
-    run: Run, save: Callable[..., Path], tmp_path: Path
-) -> None:
-    path, output = save("hit.csv"), tmp_path / "hits.mcap"
-    refused = run("import", path, "-o", output)
-    assert refused.exit_code == 2
-    assert "a channel in N needs the hammer's mass" in refused.stderr
-    assert not output.exists()
-    assert run("import", path, "-o", output, "--hammer-mass", "200 g").exit_code == 0
-    (sample,) = read_json(run("analyze", "--json", output))["samples"]
-    assert sample["hammer_peak_m_per_s2"] == pytest.approx(500.0 / 0.2, rel=0.05)
-
-
 def test_a_file_of_channels_holds_what_options_do_and_they_go_before_it(
     run: Run, save: Callable[..., Path], tmp_path: Path
 ) -> None:
@@ -159,16 +146,6 @@ def test_a_file_of_channels_holds_what_options_do_and_they_go_before_it(
     assert block.hammer.scale == pytest.approx(980.665)
     assert block.hammer.full_scale == pytest.approx(9806.65)
     assert np.array_equal(block.hammer.output, np.load(path)[2])
-
-
-def test_the_window_can_be_given(run: Run, save: Callable[..., Path], tmp_path: Path) -> None:
-    output = tmp_path / "hits.mcap"
-    words = (*ACCELERATION, "--pre-trigger", "100 us", "--record-duration", "1 ms")
-    assert run("import", save("hit.npy"), "-o", output, *words).exit_code == 0
-    analysis = read_recording(output).setup.analysis
-    assert (analysis.pre_trigger, analysis.record_duration) == pytest.approx((1e-4, 1e-3))
-    (sample,) = read_json(run("analyze", "--json", output))["samples"]
-    assert sample["contact_time_s"] == pytest.approx(200e-6, rel=0.02)
 
 
 def test_good_files_are_imported_whatever_the_others_are(
@@ -220,19 +197,6 @@ def test_what_cannot_be_meant_gets_one_sentence_and_leaves_nothing(
     assert told in outcome.stderr
     assert outcome.stdout == ""
     assert not list(tmp_path.glob("*hits.mcap*"))
-
-
-def test_a_recording_is_never_overwritten(
-    run: Run, save: Callable[..., Path], tmp_path: Path
-) -> None:
-    output = tmp_path / "hits.mcap"
-    output.write_text("precious")
-    outcome = run("import", save("hit.npy"), "-o", output, *ACCELERATION)
-    assert outcome.exit_code == 2
-    assert "hits.mcap exists already" in outcome.stderr
-    assert output.read_text() == "precious"
-    outcome = run("import", save("hit.npy"), "-o", tmp_path / "hits")
-    assert "give it the suffix .mcap" in outcome.stderr
 
 
 def test_a_low_pass_is_left_out_and_said_so_where_the_sampling_is_too_slow_unless_asked_for(

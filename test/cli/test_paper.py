@@ -20,20 +20,6 @@ def test_the_last_line_counts_the_cells_that_agree(run: Run) -> None:
     assert max(map(len, outcome.stdout.splitlines())) <= 80
 
 
-def test_the_misprint_is_shown_as_printed_and_corrected(run: Run) -> None:
-    lines = run("paper").stdout.splitlines()
-    row = next(i for i, line in enumerate(lines) if line.startswith("brass medium *"))
-    assert lines[row].split()[-4:] == ["288.10", "26.99", "11.68", "-56.74"]
-    assert lines[row + 1].split() == ["corrected", "228.00", "26.99", "26.98", "-0.04"]
-
-
-def test_the_facts_are_told(run: Run) -> None:
-    text = " ".join(run("paper").stdout.split())
-    assert "m2 includes the accelerometer of 3 g" in text
-    assert "0.312 rad/s" in text
-    assert "8.27 cm/s" in text
-
-
 def test_the_json_holds_the_same(run: Run) -> None:
     content = json.loads(run("paper", "--json").stdout)
     assert content["cells_within_0_1_percent"] == 10

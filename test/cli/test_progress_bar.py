@@ -96,17 +96,6 @@ def test_a_pipe_gets_no_bar_even_if_it_is_to_be_coloured(monkeypatch: pytest.Mon
     assert "hit 1.2 rejected" in done.stderr
 
 
-def test_a_dumb_terminal_gets_lines_and_no_escapes() -> None:
-    with open_terminal(make_words(), TERM="dumb") as terminal:
-        assert terminal.finish() == 0
-    assert "\x1b" not in terminal.raw
-    assert terminal.text.splitlines() == [
-        "steel small, hit 1.2 rejected: overload",
-        "step 8",
-        "the end",
-    ]
-
-
 @pytest.mark.parametrize(
     ("seconds", "words"),
     [

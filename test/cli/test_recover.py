@@ -43,19 +43,6 @@ def test_the_recovered_recording_lies_beside_and_can_be_read(run: Run, damaged: 
     assert run("recover", damaged).exit_code == 2
 
 
-def test_without_its_index_nothing_is_lost(run: Run, struck: Path, tmp_path: Path) -> None:
-    path, good = tmp_path / "a.mcap", tmp_path / "good" / "b.mcap"
-    path.write_bytes(struck.read_bytes()[:-100])
-    outcome = run("recover", path, "-o", good)
-    assert outcome.exit_code == 0
-    assert "nothing that was in it" in outcome.stdout
-    with struck.open("rb") as one, good.open("rb") as other:
-        for (_, _, then), (_, _, now) in zip(
-            make_reader(one).iter_messages(), make_reader(other).iter_messages(), strict=True
-        ):
-            assert then == now
-
-
 def test_json_tells_what_was_lost_by_topic_and_by_hit(
     run: Run, struck: Path, tmp_path: Path
 ) -> None:

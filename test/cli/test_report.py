@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.devices.virtual.choices import Fault, Plant
-from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
+from impact_rig.devices.virtual.choices import Plant
+from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.present.figures.markup import ReportFigure, make_missing_figure
 from impact_rig.present.report.pdf import BROWSERS
 from impact_rig.results.results_file import write_results
@@ -84,15 +83,6 @@ def test_the_report_of_a_run_lies_in_its_folder_and_is_never_overwritten(run: Ru
     other = folder / "new" / "other.html"
     assert run("report", folder / "session.mcap", "-o", other).exit_code == 0
     assert other.read_bytes() == path.read_bytes()
-
-
-def test_results_alone_are_reported_without_traces(run: Run, undrawn: None, folder: Path):
-    (folder / "session.mcap").unlink()
-    assert run("report", folder).exit_code == 0
-    text = read_text(folder / "report.html")
-    assert "They hold no traces" in text
-    assert "monday/results.json" in text
-    assert "Table 2." in text
 
 
 def test_simulators_have_a_chapter_when_asked_for(run: Run, undrawn: None, folder: Path):
@@ -169,13 +159,6 @@ def test_several_runs_are_compared_here(
     assert "Run 2: tuesday" in text
 
 
-def test_a_run_that_is_named_twice_is_used_once(run: Run, undrawn: None, folder: Path):
-    outcome = run("report", folder, folder / "session.mcap", "-o", folder / "x.html")
-    assert outcome.exit_code == 2
-    assert "it is used once" in outcome.stderr
-    assert "Comparison" not in read_text(folder / "x.html")
-
-
 def test_every_campaign_of_a_recording_has_its_part(
     run: Run, undrawn: None, record: Callable[..., Any], tmp_path: Path
 ):
@@ -185,34 +168,6 @@ def test_every_campaign_of_a_recording_has_its_part(
     text = read_text(tmp_path / "report.html")
     assert "two, campaign 2 against two, campaign 1" in text
     assert text.count("0.9765625") == 2  # each has its calibration
-
-
-def test_a_run_without_an_accepted_hit_shows_why(
-    run: Run, undrawn: None, record: Callable[..., Any], tmp_path: Path
-):
-    from impact_rig.core.signals.record import HitLabel
-    from impact_rig.devices.virtual.rig import VirtualRig
-
-    weak = VirtualRigSettings(faults=FaultPlan(1.0, (Fault.WEAK_HIT,)))
-    hit = VirtualRig(PAPER_SETUP, weak).strike(HitLabel("steel small", 1))
-    path = tmp_path / "session.mcap"
-    write_one_hit(record, path, hit)
-    assert run("report", path).exit_code == 0
-    text = read_text(tmp_path / "report.html")
-    assert "no hit was accepted, so that nothing is estimated; left out for weak (1)" in text
-    assert "Rejected hits: 1" in text
-
-
-def write_one_hit(record: Callable[..., Any], path: Path, hit: Any) -> None:
-    """Record one hit, whatever its verdict."""
-    from impact_rig.nodes import messages
-
-    recorder = record.__globals__["_Recorder"](path)
-    stamp = messages.stamp_to_msg(1_700_000_000_000_000_000)
-    recorder.add("/setup", messages.setup_to_msg(PAPER_SETUP, stamp))
-    for block in hit.split(1000, 0):
-        recorder.add("/acceleration", messages.block_to_msg(block))
-    recorder.writer.close()
 
 
 def test_without_a_browser_the_html_is_written_all_the_same(
@@ -253,12 +208,3 @@ def test_what_cannot_be_written_is_refused_before_anything_is_read(run: Run, fol
     named = run("report", folder, "-o", named_as_pdf)
     assert named.exit_code == 2
     assert named.stderr.startswith(f"error: {named_as_pdf} is named as a PDF: name the HTML file")
-
-
-def test_a_recording_of_something_else_is_refused_in_one_sentence(run: Run, tmp_path: Path):
-    path = tmp_path / "notes.mcap"
-    path.write_text("hello")
-    outcome = run("report", path)
-    assert outcome.exit_code == 2
-    assert outcome.stderr.startswith("error: ")
-    assert len(outcome.stderr.splitlines()) == 1

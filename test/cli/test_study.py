@@ -60,10 +60,19 @@ def test_tables_and_goals_fit_a_terminal(study: Any) -> None:
     assert done.stderr.startswith(f"in {folder}: study.json")
 
 
-def test_a_study_that_goes_on_has_all_in_json_and_files(run: Run, study: Any) -> None:
-    folder, _ = study
+def test_a_study_that_goes_on_has_all_in_json_and_files_and_without_matplotlib_no_figure(
+    run: Run, study: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = {path.name for path in study[0].iterdir()}
+    folder = Path(shutil.copytree(study[0], tmp_path / "copy"))
+    for path in folder.glob("study.*"):
+        path.unlink()
+    for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     outcome = run("study", "--campaigns", 1, "--json", "--output", folder)
     assert outcome.exit_code == 0
+    assert "no figure was drawn: Python finds no module 'matplotlib" in outcome.stderr
     content = json.loads(outcome.stdout, parse_constant=pytest.fail)
     assert content == json.loads((folder / "study.json").read_text("utf-8"))
     assert content["parts"] == list(PARTS)
@@ -81,15 +90,9 @@ def test_a_study_that_goes_on_has_all_in_json_and_files(run: Run, study: Any) ->
     assert shape["bias_percent"] == pytest.approx(100 / 3, abs=0.5)
     assert content["selection"]["good_rejected"] == 0
     assert all(isinstance(goal["is_reached"], bool) for goal in content["goals"])
-    assert sorted(path.name for path in folder.iterdir()) == [
-        "configuration.json",
-        "selection.csv",
-        "study.csv",
-        "study.json",
-        "study.png",
-        "study.svg",
-        "units.jsonl",
-    ]
+    files = {"configuration.json", "selection.csv", "study.csv", "study.json", "units.jsonl"}
+    assert {path.name for path in folder.iterdir()} == files
+    assert drawn == {*files, "study.png", "study.svg"}
     with (folder / "study.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(content["rows"])
@@ -122,18 +125,3 @@ def test_what_cannot_be_meant_is_refused(
     assert outcome.exit_code == 2
     assert message in outcome.stderr
     assert not (tmp_path / "new").exists()
-
-
-def test_a_study_without_matplotlib_lacks_its_figure_only(
-    run: Run, study: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = Path(shutil.copytree(study[0], tmp_path / "copy"))
-    for path in folder.glob("study.*"):
-        path.unlink()
-    for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    outcome = run("study", "--campaigns", 1, "--output", folder)
-    assert outcome.exit_code == 0
-    assert "no figure was drawn: Python finds no module 'matplotlib" in outcome.stderr
-    assert {path.name for path in folder.glob("study.*")} == {"study.csv", "study.json"}

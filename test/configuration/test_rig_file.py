@@ -144,32 +144,23 @@ def test_uncertainties_of_masses_and_clock_are_stated_beside_them():
         ('mass = "80 g"', 'mass = "80 mm"', r'mass of sample \'oak\' is "80 mm", which is no kg'),
         ('mass = "80 g"', "mass = 80", r"is 80, which has no unit.*21.31 g"),
         ('mass = "80 g"', 'mass = "-80 g"', r"mass of sample 'oak' is -0.08.*above zero"),
-        ('mass = "80 g"', 'mass = "0 g"', r"mass of sample 'oak' is 0.0.*above zero"),
         ('mass = "80 g"', 'mass = "heavy"', r'"heavy", which cannot be read'),
-        ('mass = "80 g"', 'mass = "80 g("', r"cannot be read as number and unit"),
         ('mass = "80 g"', "", r"sample 'oak' lacks mass"),
         ('mass = "80 g"', 'mass = "80 g"\nmass_uncertainty = "-1 g"',
          r"mass uncertainty of sample 'oak' is -0.001.*0 or more"),
-        ('mass = "80 g"', 'mass = "80 g"\nmass_uncertainty = "5 %"', r"cannot be read|no kg"),
         ("[hammer]", '[digitizer]\nclock_uncertainty = "1 s"\n[hammer]', r"plain number.*58e-6"),
-        ("[hammer]", "[digitizer]\nclock = 1\n[hammer]", r"unknown key 'clock'"),
         ('name = "oak"', 'name = ""', r"empty name"),
         ('mass = "0.1 kg"', "", r"\[hammer\] lacks mass"),
         ("[hammer]", "[hamer]", r"unknown key 'hamer': did you mean 'hammer'"),
         ("[hammer]", "[hammer", r"this is no TOML"),
         ("[hammer]", '[samples]\ncontrol = "tin"\n[hammer]', r"control sample 'tin' is missing"),
-        ("[hammer]", "[analysis]\npulse_factor = true\n[hammer]", r"must be a plain number"),
         ("[hammer]", "[analysis]\npulse_factor = 9\n[hammer]", r"pulse_factor is 9.*between"),
-        ("[hammer]", '[analysis]\ncutoff_frequency = "50 us"\n[hammer]', r"which is no Hz"),
-        ("[hammer]", "[analysis]\noverload_run = 2.5\n[hammer]", r"overload_run.*whole"),
-        ("[hammer]", "[analysis]\nkeep_hits = 9.5\n[hammer]", r"keep_hits.*whole"),
         ("[hammer]", '[hammer]\nrelease_angles = ["5 deg"]', r"release_angle of .* not known"),
         ("[hammer]", '[hammer]\nrelease_angle = "3 deg"\nrelease_angles = ["5 deg", "0 deg"]',
          r"release angle is 0°: it must be above 0°"),
         ("[hammer]", '[hammer]\nrelease_angle = "3 deg"\nrelease_angles = ["5 cm"]',
          r'release_angles of \[hammer\] is "5 cm", which is no rad'),
         ("[hammer]", "[hammer]\nrelease_angles = 5", r'is 5: it must be a list like \["5 deg"'),
-        ("[hammer]", 'name = 3\n[hammer]', r"name of the file is 3: it must be a text"),
         ('[[sample]]\nname = "oak"\nmass = "80 g"', "", r"sample set is empty"),
     ],
 )  # fmt: skip
@@ -194,25 +185,6 @@ def test_the_file_is_named_in_every_error(tmp_path):
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FileError, match=r"bad\.toml cannot be read"):
         read_rig_file(path)
-
-
-def test_the_line_is_named_wherever_one_is_wrong():
-    lines = read_template().split("\n")
-    wrong = {
-        'mass = "100 g" ': 'mass = "-100 g"',
-        'mass = "21.31 g"': 'mass = "21.31 mm"',
-        'control = "aluminium large"': 'control = "tin"',
-        "pulse_factor = 2.0 ": "pulse_factor = 9.0",
-        "clock_uncertainty = 5.8e-5 ": "clock_uncertainty = true",
-        'reference_contact_time = "144.8 us"': 'reference_contact_time = "-1 us"',
-        'name = "steel small"': 'name = "aluminium small"',
-        'name = "steel large"': "naem = 1",
-    }
-    for old, new in wrong.items():
-        (number,) = (number for number, line in enumerate(lines) if line.startswith(old))
-        text = "\n".join([*lines[:number], new, *lines[number + 1 :]])
-        with pytest.raises(ParameterError, match=f"^line {number + 1}: "):
-            parse_rig_file(text)
 
 
 def test_what_the_template_comments_out_can_be_used():

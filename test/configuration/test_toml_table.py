@@ -6,8 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.configuration.import_file import read_import_template
-from impact_rig.configuration.rig_file import read_template
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable, find_lines, parse_toml_table
 from impact_rig.core.errors import ParameterError
 
@@ -70,23 +68,6 @@ colour = "blue"
 def test_every_way_to_write_a_key_is_found(path, written, ending):
     line = find_lines(LINES.replace("\n", ending))[path]
     assert LINES.split("\n")[line - 1] == written
-
-
-def list_leaves(value, path=()):
-    """Return the path of every value that is no table."""
-    if isinstance(value, dict):
-        return [leaf for key, item in value.items() for leaf in list_leaves(item, (*path, key))]
-    if isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
-        return [leaf for index, item in enumerate(value)
-                for leaf in list_leaves(item, (*path, index))]  # fmt: skip
-    return [path]
-
-
-@pytest.mark.parametrize("text", [LINES, read_template(), read_import_template()])
-def test_every_key_that_tomllib_reads_has_a_line_that_names_it(text):
-    lines = find_lines(text)
-    for path in list_leaves(tomllib.loads(text)):
-        assert str(path[-1]) in text.split("\n")[lines[path] - 1], path
 
 
 KEYS = st.lists(

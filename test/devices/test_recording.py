@@ -12,7 +12,6 @@ import pytest
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
 from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import Sensor
@@ -147,26 +146,6 @@ def test_a_source_that_does_not_count_comes_with_its_own_numbers(make_source):
     assert delivered.specimen.output.size == 0
 
 
-def test_the_estimates_are_those_of_the_recording_bit_by_bit(make_source):
-    recorded = [strike(STEEL, number, number) for number in (1, 2, 3)]
-    source = make_source([PAPER_SETUP, *(block for hit in recorded for block in hit)])
-    live, again = Session(PAPER_SETUP), Session(PAPER_SETUP)
-    for hit in recorded:
-        for block in hit:
-            live.feed(block)
-        for block in deliver(source, hit[0].label):
-            again.feed(
-                replace(
-                    hit[0],
-                    first_sample=block.first_sample,
-                    hammer=block.hammer,
-                    specimen=block.specimen,
-                    last=block.last,
-                )
-            )
-    assert repr(again.estimate_all().samples) == repr(live.estimate_all().samples)
-
-
 def test_a_hit_comes_by_sample_impact_and_attempt_else_the_next_of_its_sample(make_source):
     labels = [
         HitLabel(STEEL, 1, 1),
@@ -233,12 +212,6 @@ def test_a_hit_whose_end_was_not_recorded_ends_where_the_recording_does(make_sou
     assert len(deliver(source, HitLabel(STEEL, 2, 2))) == 5
 
 
-def test_a_label_that_comes_twice_is_two_hits(make_source):
-    hit = strike(STEEL, 1, 1)
-    source = make_source([PAPER_SETUP, *hit[:2], *hit])
-    assert [len(deliver(source, HitLabel(STEEL, 1, 1))) for _ in range(2)] == [2, 5]
-
-
 def test_each_campaign_is_one_of_its_own(make_source):
     first, second = strike(STEEL, 1, 1), strike(BRASS, 1, 1)
     # A rig tells its set-up when it starts, too: no campaign comes of that.
@@ -294,11 +267,6 @@ def test_a_recording_that_cannot_be_read_is_named_with_the_line(tmp_path, conten
     table = parse_toml_table(text).take_table("source").without(*COMMON_KEYS[SOURCES])
     with pytest.raises(DeviceError, match=message):
         RecordingSource(table).configure(PLAN)
-
-
-def test_a_recording_without_hits_is_refused(make_source):
-    with pytest.raises(DeviceError, match=r"session\.mcap holds no hit"):
-        make_source([PAPER_SETUP])
 
 
 def test_a_recording_has_no_running_stream(make_source):

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from impact_rig.configuration.toml_table import parse_toml_table
 from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.devices.protocols import HolderState
 from impact_rig.devices.serial_relay import SerialRelay, make_frame
 from impact_rig.testing.contract import HammerHolderContract, HolderBench
 from impact_rig.testing.peers.serial_relay import SerialRelayPeer
@@ -86,18 +85,6 @@ def test_frames_are_those_of_the_boards_manual(channel, operation, frame):
     assert make_frame(channel, operation).hex() == frame
 
 
-@pytest.mark.parametrize("keys", ["", *ANSWERING.values()])
-def test_holds_and_lets_go(board, relay, observer, keys):
-    holder = relay(keys)
-    assert holder.read_state() is HolderState.HOLDING
-    assert not observer.releases.acquire(blocking=False)
-    holder.release()
-    assert observer.wait()
-    assert holder.read_state() is HolderState.RELEASED
-    holder.hold()
-    assert holder.read_state() is HolderState.HOLDING
-
-
 def test_a_magnet_that_holds_while_the_relay_is_on_is_switched_on(observer):
     board = SerialRelayPeer(observer.releases.release, holds_on=True)
     board.start()
@@ -111,22 +98,6 @@ def test_a_magnet_that_holds_while_the_relay_is_on_is_switched_on(observer):
         holder.close()
     finally:
         board.stop()
-
-
-def test_closing_does_not_let_go(board, relay, observer):
-    holder = relay("answers = true")
-    holder.close()
-    holder.close()
-    assert board.is_holding
-    # What comes later shows that nothing came before.
-    relay("answers = true").release()
-    assert observer.wait()
-    assert not observer.releases.acquire(blocking=False)
-
-
-def test_a_port_that_is_not_there_is_named(board):
-    with pytest.raises(DeviceError, match=r"there is no serial port .*/nowhere: plug the relay"):
-        make_relay("/dev/nowhere").configure()
 
 
 def test_a_file_that_is_no_serial_port_is_named(tmp_path):
@@ -157,20 +128,6 @@ def test_who_else_holds_the_port_is_named(board):
     holder = make_relay(board.port)
     assert "relay at" in holder.configure()
     holder.close()
-
-
-@pytest.mark.parametrize("keys", ["", *ANSWERING.values()])
-def test_an_unplugged_relay_is_missed_and_used_again_when_it_is_back(board, relay, keys):
-    holder = relay(keys)
-    board.unplug()
-    for action in (holder.read_state, holder.hold, holder.release):
-        with pytest.raises(DeviceError, match="is gone"):
-            action()
-    with pytest.raises(DeviceError, match="there is no serial port"):
-        holder.configure()
-    board.plug()
-    holder.configure()
-    assert holder.read_state() is HolderState.HOLDING
 
 
 @pytest.mark.parametrize("keys", ANSWERING.values(), ids=ANSWERING)

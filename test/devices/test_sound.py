@@ -326,13 +326,6 @@ def test_port_audio_that_is_not_installed_is_told_with_its_package():
     assert "package libportaudio2" in done.stdout
 
 
-def test_a_missing_python_package_is_left_to_who_asks(monkeypatch):
-    monkeypatch.setitem(sys.modules, "sounddevice", None)
-    with pytest.raises(ModuleNotFoundError) as found:
-        SoundSource.find_devices()
-    assert found.value.name == "sounddevice"
-
-
 CARD_SCALE = 100.0
 
 

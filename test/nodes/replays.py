@@ -21,7 +21,7 @@ PAUSE = 0.3
 """Between two hits [s]."""
 
 
-def write_recording(path: Path, events, *, namespace="", close=True) -> Path:
+def write_recording(path: Path, events, *, namespace="") -> Path:
     """Write (time [s], topic, message) as a recorder in the namespace would."""
     writer = McapWriter(path)
     channels = {}
@@ -35,8 +35,6 @@ def write_recording(path: Path, events, *, namespace="", close=True) -> Path:
         stamp = START + round(offset * 1e9)
         writer.add_message(channels[topic.name], serialize_message(message), stamp, stamp)
     writer.close()
-    if not close:
-        path.write_bytes(path.read_bytes()[:-20])
     return path
 
 

@@ -182,12 +182,6 @@ def held():
     return hammer, holder
 
 
-def test_a_hammer_is_held_and_disarmed_at_first():
-    condition = GuardedHammer(lambda _: None).condition
-    assert condition.place is HammerPlace.HELD
-    assert not condition.is_armed
-
-
 def test_a_stop_takes_the_enable_holds_and_lasts_whatever_becomes_of_the_holder(held):
     hammer, holder = held
     assert not hammer.release("")
@@ -200,22 +194,6 @@ def test_a_stop_takes_the_enable_holds_and_lasts_whatever_becomes_of_the_holder(
     assert "not armed" in hammer.describe_obstacle()
     assert not hammer.arm()
     assert not hammer.describe_obstacle()
-
-
-def test_what_an_operator_has_taken_back_no_loss_takes_from_him(held):
-    hammer, _ = held
-    hammer.disarm("disarmed by the operator")
-    hammer.lose("unplugged")
-    assert hammer.condition.disarmed_by is Disarming.OPERATOR
-
-
-def test_a_holder_that_is_back_has_a_disarmed_hammer_and_still_says_why(held):
-    hammer, _ = held
-    hammer.lose("unplugged")
-    hammer.take(Holder(), confirm_return=False)
-    condition = hammer.condition
-    assert (condition.place, condition.is_armed) == (HammerPlace.HELD, False)
-    assert condition.disarmed_by is Disarming.LOSS
 
 
 def test_where_returns_are_confirmed_a_hammer_whose_holder_was_lost_is_away(held):

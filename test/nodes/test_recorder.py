@@ -109,13 +109,16 @@ def count_on_disk(path: Path, topic: str) -> int:
 
 
 def test_other_libraries_read_all_messages_of_all_topics(harness, tmp_path):
+    # Latched before the recorder starts.
+    harness.advertise(interfaces.SETUP).publish(RigSetup(name="early"))
     node, _ = start(harness, tmp_path, chunk_size=50_000)
     blocks = [make_block(record) for record in range(COUNT)]
     publish(harness, harness.advertise(interfaces.ACCELERATION), *blocks)
     for topic in interfaces.RECORDED_TOPICS:
-        if topic not in (interfaces.ACCELERATION, *OWN_TOPICS):
+        if topic not in (interfaces.ACCELERATION, interfaces.SETUP, *OWN_TOPICS):
             publish(harness, harness.advertise(topic), topic.type())
     harness.wait_until(lambda: node.count_messages("/recorder/stored") == COUNT)
+    harness.wait_until(lambda: node.count_messages("/setup") == 1)
     stop(harness)
 
     path = tmp_path / "run" / "session.mcap"
@@ -126,17 +129,9 @@ def test_other_libraries_read_all_messages_of_all_topics(harness, tmp_path):
         assert list(messages["/acceleration"][7].hammer.counts) == list(range(7, 5007))
         own = {f"/{topic.name}" for topic in OWN_TOPICS}
         assert {len(messages[name]) for name in names - {"/acceleration"} - own} == {1}
+        assert messages["/setup"][0].name == "early"
         assert messages["/recorder/state"][0].recording
         assert [item.record for item in messages["/recorder/stored"]] == list(range(COUNT))
-
-
-def test_latched_messages_from_before_the_start_are_recorded(harness, tmp_path):
-    harness.advertise(interfaces.SETUP).publish(RigSetup(name="early"))
-    node, _ = start(harness, tmp_path)
-    harness.wait_until(lambda: node.count_messages("/setup") == 1)
-    stop(harness)
-    (setup,) = read_by_rosbags(tmp_path / "run" / "session.mcap")["/setup"]
-    assert setup.name == "early"
 
 
 def test_further_topics_below_the_namespace_are_discovered(harness, tmp_path):

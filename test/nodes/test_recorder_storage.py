@@ -17,7 +17,6 @@ from std_msgs.msg import Empty
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.recorder import RecorderNode
-from impact_rig.recordings.hits import REMEMBERED
 from impact_rig.recordings.source import open_source
 
 POINTS = 1000
@@ -131,12 +130,6 @@ def test_what_records_lack_is_told_counted_and_kept_in_the_file(harness, recorde
     assert {item.key: item.value for item in status.values}["gaps"] == "2"
 
 
-def test_a_record_whose_last_block_never_comes_is_stored_when_the_next_begins(harness, recorder):
-    _, stored, _ = recorder()
-    publish(connect(harness), [*make_blocks(1, ends=False), *make_blocks(2)])
-    assert [(word.record, word.blocks) for word in stored.wait_for_count(2)] == [(1, 3), (2, 3)]
-
-
 def test_an_arming_that_ends_without_its_last_block_is_stored_as_it_is(
     harness, recorder, monkeypatch
 ):
@@ -158,29 +151,6 @@ def test_an_arming_that_ends_without_its_last_block_is_stored_as_it_is(
     tell(record=8, message="disarmed by the operator")
     last = stored.wait_for_count(2)[-1]
     assert (last.record, last.sample, last.blocks) == (8, "brass", 0)
-
-
-def test_a_record_that_has_ended_is_told_of_once_however_many_follow(
-    harness, recorder, monkeypatch
-):
-    monkeypatch.setattr("impact_rig.nodes.recorder_run.SETTLING_TIME", 0.02)
-    _, stored, node = recorder()
-    states = connect(harness, interfaces.ACQUISITION_STATE)
-    blocks = connect(harness)
-    count = REMEMBERED + 20
-    for record in range(1, count + 1):
-        heard = node.count_messages("/accelerometer/state")
-        states.publish(AcquisitionState(state=AcquisitionState.ARMED, record=record))
-        harness.wait_until(lambda seen=heard: node.count_messages("/accelerometer/state") > seen)
-        publish(blocks, make_blocks(record))
-        stored.wait_for_count(record)
-        states.publish(AcquisitionState(state=AcquisitionState.IDLE, record=record))
-    # These get no blocks. When the first is reported, all is quiet; the second is reported later
-    # than anything that the others might still cause.
-    for record in (count + 1, count + 2):
-        states.publish(AcquisitionState(state=AcquisitionState.IDLE, record=record))
-        told = stored.wait(lambda got, last=record: got[-1].record == last)
-    assert [message.record for message in told] == list(range(1, count + 3))
 
 
 def test_a_record_that_goes_on_for_long_is_told_of_in_parts(harness, recorder, tmp_path):

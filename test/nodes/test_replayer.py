@@ -140,15 +140,6 @@ def test_only_inputs_are_replayed_unless_all_is_asked_for(harness, tmp_path, top
     assert len(notes.messages) == count
 
 
-def test_a_recording_without_its_end_is_replayed_as_far_as_it_goes(harness, tmp_path):
-    path = write_recording(tmp_path / "session.mcap", make_events(5), close=False)
-    blocks = harness.listen(interfaces.ACCELERATION)
-    node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path), rate=0.0)
-    wait_for_end(harness, node)
-    assert node.fault == ""
-    blocks.wait_for_count(5)
-
-
 REFUSED = (
     (None, {}, "there is no file"),
     (b"", {}, "is empty"),
@@ -185,18 +176,6 @@ def test_a_recording_of_another_version_is_refused(harness, tmp_path):
         "another version of impact_rig_msgs/msg/AccelerationBlock: field `attempt` of"
         " impact_rig_msgs/msg/AccelerationBlock is uint8 in the recording and uint32 here"
     ) in node.fault
-
-
-def test_the_process_ends_with_its_recording_if_told_so(harness, tmp_path):
-    path = write_recording(tmp_path / "session.mcap", make_events(60))
-    blocks = harness.listen(interfaces.ACCELERATION)
-    node = harness.add(
-        ReplayerNode, required_subscribers=PEER, file=str(path), rate=0.0, exit_when_done=True
-    )
-    harness.wait_until(node.stop_requested.done)
-    assert node.stop_requested.exception() is None
-    assert len(blocks.wait_for_count(60)) == 60
-    assert node.describe_state()["message"] == "done: 61 messages"
 
 
 def test_what_cannot_replay_and_is_to_end_with_its_recording_ends_with_an_error(harness, tmp_path):

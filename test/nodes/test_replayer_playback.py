@@ -82,15 +82,6 @@ def test_pauses_do_not_count(clock):
     assert wait(pace, clock, 5 * SECOND)[0] == pytest.approx(2.0, abs=0.11)
 
 
-def test_a_pause_that_is_asked_for_twice_is_one(clock):
-    pace = Pace(1.0)
-    pace.jump(0)
-    for action in (pace.pause, pace.pause, pace.resume, pace.resume):
-        action()
-        clock.now += 1.0
-    assert wait(pace, clock, 3 * SECOND)[0] == pytest.approx(1.0, abs=0.11)
-
-
 def test_while_it_stands_still_the_moment_is_told_again_and_again(clock):
     pace = Pace(1.0, is_paused=True)
     pace.jump(7)

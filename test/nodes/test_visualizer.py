@@ -116,19 +116,6 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
     assert len({name for name in drawn if "/hammer/hits/" in name}) == 1
 
 
-def test_a_setup_that_is_said_again_leaves_the_layout_alone(harness, tmp_path, read):
-    node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
-    publisher = harness.advertise(interfaces.SETUP)
-    harness.wait_until(lambda: publisher.get_subscription_count() == 1)
-    for count in (1, 2):
-        publisher.publish(SETUP)
-        harness.wait_until(lambda count=count: node.diagnose()["campaigns"] == count)
-    harness.close(node)
-
-    reader, _ = read()
-    assert len(reader.blueprints()) == 1
-
-
 def strike_under(harness, setups, blocks, number):
     """Begin a campaign and strike its only hit; return when all of it has been told."""
     told = [
@@ -252,12 +239,6 @@ def test_nodes_of_others_are_left_to_others(name):
     health = RigHealth("/lab/rig1")
     assert not health.add(say(name))
     assert health.make_health().nodes == ()
-
-
-def test_without_a_namespace_rigs_in_namespaces_are_others():
-    health = RigHealth("/")
-    assert not health.add(say("/lab/rig1/hammer"))
-    assert health.add(say("/hammer"))
 
 
 def test_a_node_that_says_nothing_any_more_is_marked(clock):

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import SignalError
 from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
@@ -195,19 +194,6 @@ def test_an_old_recording_gets_its_scale_from_the_estimate(told):
     estimate = told.found.samples[0]
     peaks = np.abs(shown.make_traces(estimate.name).mean).max(axis=1)
     np.testing.assert_allclose(peaks, [estimate.hammer_peak, estimate.specimen_peak], rtol=1e-6)
-
-
-def test_without_any_peak_it_is_said_that_there_is_no_scale(told):
-    shown = ShownCampaign(PAPER_SETUP, STARTED)
-    told.tell_comparisons(shown, told.found.samples[0], with_peaks=False)
-    with pytest.raises(SignalError, match="have no scale"):
-        shown.make_traces(told.found.samples[0].name)
-
-
-def test_nothing_told_yet_is_a_campaign_without_hits():
-    results = ShownCampaign(PAPER_SETUP, STARTED).make_results()
-    assert results.setup.name == PAPER_SETUP.name
-    assert (results.samples, results.hits) == ((), ())
 
 
 def test_an_endless_campaign_keeps_its_newest_hits(told, monkeypatch):

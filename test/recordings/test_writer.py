@@ -16,7 +16,6 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 
@@ -29,7 +28,7 @@ from impact_rig.recordings.schemas import (
     find_message_definition,
 )
 from impact_rig.recordings.source import RecordingSource
-from impact_rig.recordings.writer import COMPRESSIONS, HEALTH_RECORD, McapWriter, RecordingWriter
+from impact_rig.recordings.writer import COMPRESSIONS, McapWriter, RecordingWriter
 
 from .text_recordings import (
     HIT,
@@ -74,30 +73,6 @@ def test_mcap_finds_a_sound_file(recording):
     assert summary.statistics.message_end_time == times[-1]
     assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
     assert {channel.message_encoding for channel in summary.channels.values()} == {"cdr"}
-
-
-def test_mcap_seeks_by_topic_and_time(recording):
-    with recording.open("rb") as file:
-        reader = mcap.reader.make_reader(file)
-        blocks = [message for _, _, message in reader.iter_messages(topics=["/acceleration"])]
-        late = reader.iter_messages(topics=["/acceleration"], starting_at=blocks[15].log_time)
-        assert [message.sequence for message in blocks] == list(range(20))
-        assert [message.sequence for _, _, message in late] == list(range(15, 20))
-        assert all(message.publish_time == message.log_time - 1000 for message in blocks)
-
-
-def test_mcap_ros2_decodes_every_message(recording):
-    with recording.open("rb") as file:
-        reader = mcap.reader.make_reader(file, decoder_factories=[DecoderFactory()])
-        decoded = list(reader.iter_decoded_messages())
-    assert len(decoded) == 41
-    setup = decoded[0].decoded_message
-    assert (setup.hammer_mass, [sample.name for sample in setup.samples]) == (
-        0.3,
-        ["steel, large", "brass"],
-    )
-    block = decoded[-1].decoded_message
-    assert (block.record, list(block.hammer.counts[:3])) == (20, [20, 21, 22])
 
 
 def test_rosbags_decodes_every_message(recording):
@@ -178,31 +153,6 @@ def test_what_was_flushed_is_read_while_the_file_is_still_open(make_recording):
     maker.add_block(2)
     messages = list(RecordingSource(maker.path).read_messages())
     assert [message.channel.topic for message in messages] == ["/setup", "/acceleration"]
-
-
-MANY = 1000
-
-
-def add_many_blocks(maker) -> None:
-    for record in range(MANY):
-        maker.add_block(record)
-
-
-def test_a_disk_that_fills_up_is_left_in_time_for_a_sound_end(make_recording, monkeypatch):
-    maker = make_recording(compression="none", chunk_size=3000)
-
-    def tell_free_space(descriptor: int) -> SimpleNamespace:
-        used = os.fstat(descriptor).st_size
-        return SimpleNamespace(f_bavail=ROOM_FOR_ENDING + 25_000 - used, f_frsize=1)
-
-    monkeypatch.setattr(os, "fstatvfs", tell_free_space)
-    with pytest.raises(FileError, match=r"session\.mcap cannot be written: No space left"):
-        add_many_blocks(maker)
-    maker.close()
-    with maker.path.open("rb") as file:
-        messages = list(mcap.reader.make_reader(file, validate_crcs=True).iter_messages())
-    assert 10 < len(messages) < MANY
-    assert maker.writer.messages == len(messages)
 
 
 def test_a_disk_that_fails_without_warning_keeps_all_finished_chunks(tmp_path):
@@ -295,30 +245,6 @@ def test_ten_thousand_hits_would_take_little_memory(tmp_path):
             tracemalloc.stop()
 
 
-@pytest.mark.parametrize("name", ["session.mcap", "runs/today/session"])
-def test_either_form_is_read_by_three_libraries(make, tmp_path, name):
-    recording = make(name)
-    recording.add(recording.setup, b"set-up")
-    recording.add_hits(1, 2)
-    recording.writer.close()
-
-    assert [(topic, data[:2]) for topic, _, data in read_by_mcap(recording.writer.files[0])] == [
-        ("/setup", "se"),
-        ("/acceleration", "1 "),
-        ("/acceleration", "2 "),
-    ]
-    with AnyReader([tmp_path / name]) as reader:
-        assert next(data for _, _, data in reader.messages()) == encode(b"set-up")
-        assert {item.topic: item.msgcount for item in reader.connections} == {
-            "/setup": 1,
-            "/acceleration": 2,
-        }
-        assert (reader.start_time, reader.end_time) == (
-            START + SECOND // 10,
-            START + 3 * SECOND // 10 + 1,
-        )
-
-
 @pytest.mark.skipif(shutil.which("rerun") is None, reason="the Rerun viewer is not installed")
 def test_rerun_finds_nothing_wrong_with_it(make):
     recording = make("session.mcap")
@@ -329,17 +255,6 @@ def test_rerun_finds_nothing_wrong_with_it(make):
     findings = [line.split() for line in done.stdout.splitlines() if "/acceleration" in line]
     assert findings
     assert all((words[0], words[-1]) == ("ok", "—") for words in findings), done.stdout
-
-
-def test_a_folder_is_laid_out_as_rosbag2_does(make, tmp_path):
-    recording = make("bag")
-    recording.writer.close()
-    assert sorted(path.name for path in (tmp_path / "bag").iterdir()) == [
-        "bag_0.mcap",
-        "metadata.yaml",
-    ]
-    assert recording.writer.path == tmp_path / "bag"
-    assert recording.writer.files == (tmp_path / "bag" / "bag_0.mcap",)
 
 
 KILLED = """
@@ -406,10 +321,8 @@ def test_a_stream_is_sent_to_the_disk_while_it_is_written(make, monkeypatch):
     ("name", "options", "told"),
     [
         ("session.mcap", {"split_size": 1000}, "cannot be split: name a folder, without .mcap"),
-        ("session.mcap", {"split_duration": 1.0}, "cannot be split"),
         ("session", {"split_size": -1}, "split_size is -1 byte: it must not be negative"),
         ("session", {"split_duration": -1.0}, "split_duration is -1.0 s: it must be from 0"),
-        ("session", {"split_duration": float("nan")}, "split_duration is nan s"),
         ("session", {"keep_free": -1}, "keep_free is -1 byte: it must not be negative"),
         ("session", {"compression": "gzip"}, "zstd, lz4, none"),
         ("session", {"chunk_size": 0}, "must be positive"),
@@ -436,32 +349,6 @@ def test_an_existing_file_is_never_overwritten(tmp_path):
     with pytest.raises(FileError, match=r"session\.mcap exists already"):
         RecordingWriter(tmp_path / "session.mcap")
     assert (tmp_path / "session.mcap").read_bytes() == b"precious"
-
-
-@pytest.mark.parametrize("name", ["file", "file/session", "file/session.mcap"])
-def test_a_file_in_the_way_of_a_folder_is_named(tmp_path, name):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match=r"file.* cannot be made: a file is in its way"):
-        RecordingWriter(tmp_path / name)
-
-
-@pytest.fixture
-def locked_folder(tmp_path):
-    """Return a folder in which this process may write nothing, root or not."""
-    folder = tmp_path / "locked"
-    folder.mkdir(mode=0o500)
-    is_root = os.geteuid() == 0
-    if is_root:
-        os.seteuid(65534)
-    yield folder
-    if is_root:
-        os.seteuid(0)
-
-
-@pytest.mark.parametrize("name", ["session", "session.mcap", "runs/session"])
-def test_a_folder_without_permission_is_one_sentence(locked_folder, name):
-    with pytest.raises(FileError, match=r"^[^\n]*locked.* cannot be .*: Permission denied$"):
-        RecordingWriter(locked_folder / name)
 
 
 def test_a_file_in_the_way_of_the_next_one_ends_the_recording_well(make, tmp_path):
@@ -591,24 +478,6 @@ def test_a_stream_is_not_repeated(make):
     recording.writer.sync()
     recording.writer.close()
     assert [list_hits(path) for path in recording.writer.files] == [[1], []]
-
-
-def test_the_health_of_a_file_stays_in_it(make):
-    def tell_health() -> None:
-        recording.writer.add_metadata(HEALTH_RECORD, {"end": "split"})
-
-    recording = make(split_size=1, before_split=tell_health)
-    recording.add_hits(1)
-    recording.writer.sync()
-    recording.add_hits(2)
-    recording.writer.add_metadata(HEALTH_RECORD, {"end": "closed"})
-    recording.writer.close()
-    ends = []
-    for path in recording.writer.files:
-        with path.open("rb") as file:
-            records = mcap.reader.make_reader(file).iter_metadata()
-            ends.append([item.metadata["end"] for item in records if item.name == HEALTH_RECORD])
-    assert ends == [["split"], ["closed"]]
 
 
 def test_rosbags_reads_all_files_of_a_folder_as_one(make, tmp_path):

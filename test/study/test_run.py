@@ -85,24 +85,11 @@ def test_what_is_no_study_is_refused(tmp_path, text):
         StudyFolder(tmp_path, SELECTION_ONLY)
 
 
-def test_a_folder_with_other_files_is_left_alone(tmp_path):
-    (tmp_path / "session.mcap").write_text("precious")
-    with pytest.raises(FileError, match="holds other files and no study"):
-        StudyFolder(tmp_path, SELECTION_ONLY)
-    assert [path.name for path in tmp_path.iterdir()] == ["session.mcap"]
-
-
 def test_a_folder_is_one_studys_at_a_time(tmp_path):
     with StudyFolder(tmp_path, SELECTION_ONLY), pytest.raises(FileError, match="is in use"):
         StudyFolder(tmp_path, SELECTION_ONLY)
     with StudyFolder(tmp_path, SELECTION_ONLY) as folder:
         assert folder.finished == {}
-
-
-def test_a_folder_that_cannot_be_made_is_an_error(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match=r"cannot be used: .*; choose another --output"):
-        StudyFolder(tmp_path / "file" / "below", SELECTION_ONLY)
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path):

@@ -53,19 +53,6 @@ class TestShift:
         # The parabola through the least errors leaves 1e-4 points at a width of 30.
         assert found == pytest.approx(shift, abs=1e-3)
 
-    @given(seed=st.integers(0, 10_000), largest=st.integers(1, 40))
-    def test_is_the_best_of_all_that_are_tried_one_by_one(self, seed: int, largest: int) -> None:
-        random = np.random.default_rng(seed)
-        measured, model = random.standard_normal((2, 50))
-        errors = []
-        for lag in range(-largest, largest + 1):
-            shifted = np.zeros(50)
-            part = slice(max(lag, 0), min(50 + lag, 50))
-            shifted[part] = model[max(-lag, 0) : min(50 - lag, 50)]
-            errors.append(np.sum((shifted - measured) ** 2))
-        best = int(np.argmin(errors)) - largest
-        assert find_best_shift(measured, model, largest) == pytest.approx(best, abs=0.5)
-
     @given(shift=st.integers(-600, 600).map(lambda tenths: tenths / 10), seed=st.integers(0, 1000))
     def test_is_what_scipy_makes_of_it(self, shift: float, seed: int) -> None:
         trace = np.random.default_rng(seed).standard_normal(50)

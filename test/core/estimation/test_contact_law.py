@@ -55,6 +55,9 @@ every_law = pytest.mark.parametrize(
     ("exponent", "restitution"),
     [(n, e) for n in (1.0, 1.5, 2.0) for e in (1.0, 0.9, 0.7, 0.5)],
 )
+corner_laws = pytest.mark.parametrize(
+    ("exponent", "restitution"), [(1.0, 1.0), (1.0, 0.5), (1.5, 0.9), (2.0, 1.0), (2.0, 0.5)]
+)
 
 
 @dataclass(frozen=True)
@@ -133,7 +136,7 @@ def test_without_noise_the_law_is_found_again(exponent: float, restitution: floa
     assert law.notes == ()
 
 
-@every_law
+@corner_laws
 def test_one_noisy_hit_is_good_enough(exponent: float, restitution: float) -> None:
     contact = strike(exponent, restitution)
     laws = [estimate(make_mean(contact.traces, NOISE, seed=seed)) for seed in range(20)]
@@ -157,7 +160,7 @@ def send_through_chain(exponent: float, restitution: float, seed: int) -> MeanHi
     return average_hits([make_hit(traces, 0.0, generator) for traces in raw])
 
 
-@every_law
+@corner_laws
 def test_through_the_whole_chain_duration_and_restitution_are_within_a_per_cent(
     exponent: float, restitution: float
 ) -> None:
@@ -235,12 +238,11 @@ def test_what_is_unsure_of_the_sensor_is_in_the_budget_and_the_interval_covers()
     assert "gain of the hammer's channel" in ratio
 
 
-@pytest.mark.parametrize("hits", [1, 5])
-def test_the_intervals_cover_the_truth_as_often_as_they_say(hits: int) -> None:
+def test_the_intervals_cover_the_truth_as_often_as_they_say() -> None:
     contact = strike(1.5, 0.9)
     covered = np.zeros(3)
     for seed in range(100):
-        law = estimate(make_mean(contact.traces, NOISE, hits, seed=seed))
+        law = estimate(make_mean(contact.traces, NOISE, 3, seed=seed))
         truths = (contact.exponent, contact.restitution, contact.duration)
         found = (law.exponent, law.restitution, law.duration)
         covered += [
@@ -324,7 +326,7 @@ def test_two_contacts_in_one_pulse_are_no_law() -> None:
     assert "2 tops, as of so many contacts" in law.notes[0]
 
 
-@pytest.mark.parametrize("springback", [2.0, 5.0, 20.0])
+@pytest.mark.parametrize("springback", [2.0, 20.0])
 def test_a_crush_is_not_taken_for_a_law_of_a_material(springback: float) -> None:
     # Loaded along k delta, unloaded along a line that is so many times steeper.
     stiffness = BOTH * (np.pi / DURATION) ** 2

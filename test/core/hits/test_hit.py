@@ -50,19 +50,6 @@ def test_contact_time_is_read_within_a_part_of_a_thousand(
     assert hit.width_ratio == pytest.approx(1.590, abs=0.02)
 
 
-@given(offset=st.floats(-100, 100))
-def test_an_offset_changes_nothing(make_record: Make, offset: float) -> None:
-    plain, shifted = (
-        judge_hit(
-            make_record(*make_traces(offset=value, noise=1.0), rate=RATE, pulse_index=500),
-            SETTINGS,
-        )
-        for value in (0.0, offset)
-    )
-    assert shifted.contact_time == pytest.approx(plain.contact_time, rel=1e-10)
-    assert shifted.hammer_peak == pytest.approx(plain.hammer_peak, rel=1e-10)
-
-
 @given(signs=st.tuples(st.sampled_from([1, -1]), st.sampled_from([1, -1])))
 def test_polarity_changes_nothing(make_record: Make, signs: tuple[int, int]) -> None:
     traces = make_traces(noise=1.0)

@@ -84,11 +84,6 @@ class TestOutliers:
             " 200 µs of 11 hits"
         )
 
-    def test_four_hits_are_too_few_to_tell(self) -> None:
-        odd = make_hit(4, 900e-6)
-        assert make_series(make_hits(3)).check(odd) == ()
-        assert find_numbers(select_hits([*make_hits(3), odd]).kept) == [1, 2, 3, 4]
-
     @given(count=st.integers(5, 30), size=st.floats(0.0, 0.02))
     def test_a_very_repeatable_rig_does_not_reject_over_nothing(
         self, count: int, size: float
@@ -162,7 +157,7 @@ class TestSortedFigures:
 class TestThresholds:
     """How often good hits are left out."""
 
-    @pytest.mark.parametrize("count", [5, 8, 10, 17, 25, 60])
+    @pytest.mark.parametrize("count", [5, 10, 60])
     def test_normal_hits_are_left_out_no_more_often_than_stated(self, count: int) -> None:
         # 1.2e6 values at a probability of 3.3e-5: 40 are expected, of which 60 are chance in one
         # run of a thousand; fewer than 15 would mean a threshold that is far too high.

@@ -136,7 +136,7 @@ class TestChannels:
         record = make_record(np.rint(clipped / step) * step, resolution=step)
         assert find_reasons(check_channels(record, SETTINGS)) == [Reason.OVERLOAD]
 
-    @pytest.mark.parametrize("place", [220, 260, 300, 352])
+    @pytest.mark.parametrize("place", [220, 300, 352])
     @pytest.mark.parametrize("noise", [0.1, 3.0])
     def test_a_point_that_its_neighbours_cannot_have_is_a_dropout(
         self, make_record: Make, place: int, noise: float
@@ -160,7 +160,7 @@ class TestChannels:
 class TestRail:
     """How many points in a row stand at the rail."""
 
-    @pytest.mark.parametrize("bits", [8, 10, 12, 16, 24])
+    @pytest.mark.parametrize("bits", [8, 12, 24])
     @pytest.mark.parametrize("sign", [1, -1])
     def test_is_recognised_at_every_resolution(self, bits: int, sign: int) -> None:
         # The largest positive count is one below full scale.
@@ -177,8 +177,8 @@ class TestRail:
         assert find_longest_rail_run(Trace(counts * step, 2000.0, step), 200) == 0
         assert find_longest_rail_run(Trace(counts * step), 200) == 0
 
-    @pytest.mark.parametrize("part", [0.6, 0.8, 0.95, 0.97])
-    @pytest.mark.parametrize("step", [0.0, 0.1, 1.0, 4.0])
+    @pytest.mark.parametrize("part", [0.6, 0.97])
+    @pytest.mark.parametrize("step", [0.0, 4.0])
     def test_is_seen_in_a_flat_top_of_unknown_full_scale(self, part: float, step: float) -> None:
         clipped = np.minimum(make_trace(900.0), part * 900.0)
         if step:
@@ -187,8 +187,8 @@ class TestRail:
         assert find_longest_rail_run(Trace(clipped), 200) == pytest.approx(run, abs=2)
         assert run > 15
 
-    @pytest.mark.parametrize("volts", [0.2, 1.0, 1.05, 2.5, 9.9])
-    @pytest.mark.parametrize("noise", [0.0, 3e-4, 1e-3])
+    @pytest.mark.parametrize("volts", [0.2, 1.05])
+    @pytest.mark.parametrize("noise", [0.0, 1e-3])
     @pytest.mark.parametrize("levels", [0, 200])
     def test_is_told_from_the_coarse_steps_of_an_oscilloscope(
         self, volts: float, noise: float, levels: int

@@ -35,17 +35,6 @@ def compute_table_3(accelerometer_mass: float = 3e-3) -> dict[str, tuple[float, 
     }
 
 
-def test_table_3_follows_from_tables_1_and_2() -> None:
-    errors = {
-        name: abs(computed / printed - 1)
-        for name, (computed, printed) in compute_table_3().items()
-    }
-    assert sum(error < 1e-3 for error in errors.values()) == 10
-    assert sum(error < 5e-3 for error in errors.values()) == 11
-    # 288.10 us is a misprint: it gives 11.7 MN/m.
-    assert compute_table_3()["brass medium"][0] == pytest.approx(11.7e6, rel=5e-3)
-
-
 def test_the_accelerometer_belongs_to_the_moving_mass() -> None:
     computed, printed = compute_table_3(accelerometer_mass=0.0)["aluminium small"]
     # The size of the error without the 3 g, known by computing it.

@@ -255,26 +255,6 @@ class TestGap:
         assert record.flaws == (f"4500 points missing at point {BEFORE}",)
 
 
-def test_points_that_come_twice_are_named(make_counts: Make, make_stream: Make) -> None:
-    stream = make_stream(make_counts([(8000, 900.0)], 30_000), [500], [(2000, 25_000, FIRST)])
-    cuts = cut([*stream[:18], *stream[17:]])
-    (record, *others) = judge(cuts)
-    assert "500 points repeated" in record.flaws[0]
-    assert others == []
-
-
-def test_a_change_of_calibration_inside_the_window_is_never_bridged(
-    make_counts: Make, make_stream: Make
-) -> None:
-    stream = make_stream(make_counts([(8000, 900.0)], 12_000), [1500], [(2000, 11_000, FIRST)])
-    changed = [
-        replace(item, hammer=replace(item.hammer, scale=0.5)) if item.first_sample > 8500 else item
-        for item in stream
-    ]
-    (record, *_) = judge(cut(changed))
-    assert "calibration changed" in record.flaws[0]
-
-
 def test_only_what_a_hit_may_still_need_is_kept(make_counts: Make, make_stream: Make) -> None:
     cutter = StreamCutter(SETTINGS)
     counts = make_counts([(500_000, 900.0)], 1_000_000)
@@ -380,7 +360,7 @@ def test_a_stream_that_begins_in_a_hit_is_not_deaf_for_the_next_one(
     assert find_reasons(second) == set()
 
 
-@pytest.mark.parametrize("behind", range(0, 180, 20))
+@pytest.mark.parametrize("behind", [0, 80, 160])
 def test_a_hit_right_behind_a_gap_is_rejected_for_it(
     make_counts: Make, make_short_stream: Make, behind: int
 ) -> None:
@@ -403,20 +383,6 @@ def test_a_hit_that_the_end_of_the_stream_cuts_off_is_judged_at_once(
     assert record.label == HIT
     assert record.flaws[0].endswith(f"missing at point {cuts[0].hammer.output.size}")
     assert Reason.GAP in find_reasons(record)
-
-
-def test_a_stream_that_begins_anew_behind_its_end_is_searched_like_the_first(
-    make_counts: Make, make_short_stream: Make
-) -> None:
-    stream = make_short_stream(make_counts([(5500, 900.0)], 6000))
-    anew = [
-        replace(item, label=replace(HIT, record=2))
-        for item in make_short_stream(make_counts([(3000, 900.0)], 9000))
-    ]
-    first, second = judge(cut([*stream, end_stream(stream), *anew]))
-    assert Reason.GAP in find_reasons(first)
-    assert find_reasons(second) == set()
-    assert second.label.record == 2
 
 
 def test_the_end_of_an_arming_shows_no_channel_and_changes_none(

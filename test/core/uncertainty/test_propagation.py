@@ -7,7 +7,6 @@ import pytest
 
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
 from impact_rig.core.uncertainty.propagation import (
     FittedBody,
     Formula,
@@ -110,23 +109,3 @@ def test_hits_that_agree_to_the_last_bit_have_no_scatter() -> None:
     found = list_results(propagate(twins))
     assert found[0].standard < 1e-15  # zeta: clock and masses cancel but for rounding
     assert all(line.source != "hits" for item in found for line in item.budget)
-
-
-def test_one_hit_determines_no_uncertainty_and_says_so() -> None:
-    found = list_results(propagate(draw_hits(1)))
-    assert len(found) == 3
-    for item in found:
-        assert math.isnan(item.standard)
-        assert item.budget == ()
-        assert "one accepted hit shows no scatter" in item.notes[0]
-
-
-def test_masses_without_a_stated_uncertainty_are_named() -> None:
-    setup = RigSetup(SampleSet((Sample("oak", 0.1),), "oak", 3e-3, 1e-4), 0.1, 0.3)
-    rig = make_rig_numbers(setup, "oak")
-    assert rig.notes == (
-        "uncertainty of k and c: none is stated for the mass of the hammer and oak",
-    )
-    assert RIG.notes == ()
-    found = list_results(propagate(draw_hits(5), rig=rig))
-    assert found[2].notes == rig.notes

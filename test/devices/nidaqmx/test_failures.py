@@ -12,7 +12,6 @@ import grpc
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.errors import DaqError, DaqReadError, DaqWarning, RpcError
 
 from impact_rig.configuration.rig_file import parse_rig_file, read_template
@@ -20,7 +19,6 @@ from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
 from impact_rig.devices.nidaqmx import drivers as source_module
-from impact_rig.devices.nidaqmx import session as errors
 from impact_rig.devices.nidaqmx.drivers import NidaqmxSource
 from impact_rig.devices.nidaqmx.session import Session, report_errors
 from impact_rig.devices.source_table import make_plan
@@ -52,20 +50,14 @@ def find_line(text, part):
         ("Dev1/ai0", "Dev1/ai0, Dev1/ai1", "give device and terminal", "ai0, Dev1"),
         ('range = "5 V"', 'range = "30 V"', "Property: AI.Max", '"30 V"'),
         ('sensitivity = "10 mV/g"', "", "has no sensitivity", "[source.h"),
-        ('range = "5 V"', 'range = "0 V"', "above zero", '"0 V"'),
-        ('range = "5 V"', 'range = "5 A"', "5 A", '"5 A"'),
         ('range = "5 V"', "", r"lacks range: give it, for example range = \"5 V\"", "[source.h"),
         ('"4 mA"', '"7 mA"', "Property: AI.Excit.Val.*error -200077", '"7 mA"'),
-        ('"4 mA"', '"0 mA"', 'above zero, or "off"', '"0 mA"'),
         ('iepe_current = "4 mA"', "", "lacks iepe_current", "[source.h"),
-        ('range = "5 V"', 'range = "5 V"\ncoupling = "ac"', "one of AC, DC", "coupling"),
-        ('range = "5 V"', 'range = "5 V"\nrnage = "5 V"', "did you mean 'range'", "rnage"),
         ('"2.5 MHz"', '"20 MHz"', "Requested Value: 20000000.0; Maximum Value.*-200332", "20 MHz"),
         ('"5 g"', '"900 g"', "channel shows 4903.32 m/s.2 at most", "900 g"),
         ('"2.5 MHz"', '"2.5 MHz"\nserial_number = "77"', "01A2B3C4, not 00000077", '"77"'),
         ('"2.5 MHz"', '"2.5 MHz"\nserial_number = "X"', "the hexadecimal number", '"X"'),
         ('"2.5 MHz"', '"2.5 MHz"\ntrigger = "PFI0"', "analog, or a terminal like", "PFI0"),
-        ('"2.5 MHz"', '"2.5 MHz"\nedge = "up"', "one of either, rising, falling", "edge"),
         ('"2.5 MHz"', '"2.5 MHz"\ntrigger = "/Dev1/PFI0"\nedge = "either"',
          "one of rising, falling", "edge"),
     ],
@@ -81,7 +73,7 @@ def test_a_wrong_value_is_refused_with_its_line(open_source, write_rig, old, new
     assert str(found.value).startswith(f"line {find_line(text, line)}: ")
 
 
-@pytest.mark.parametrize("server", ["nowhere", "host:99999", "host:0", "a b:1", ":31763", "::1"])
+@pytest.mark.parametrize("server", ["nowhere", "host:99999", ":31763"])
 def test_a_server_without_host_and_port_is_refused(server):
     with pytest.raises(ParameterError, match="host and port of NI's server"):
         NidaqmxSource(TomlTable({"server": server}, "[source]"))
@@ -155,10 +147,13 @@ def test_a_device_that_is_unplugged_from_the_server_is_missed_and_comes_back(
 
 @pytest.mark.parametrize(
     ("call", "code"),
-    [("GetSystemInfoAttributeString", -50405), ("CreateTask", -201003),
-     ("CreateAIAccelChan", -88709), ("TaskControl", -999999), ("StartTask", -50405),
-     ("WaitUntilTaskDone", -201003), ("ReadAnalogF64", -88709), ("StopTask", -999999)],
-)  # fmt: skip
+    [
+        ("CreateTask", -201003),
+        ("StartTask", -50405),
+        ("ReadAnalogF64", -88709),
+        ("StopTask", -999),
+    ],
+)
 def test_an_error_at_any_call_is_one_sentence_with_its_code(server, open_source, hit, call, code):
     server.errors[call] = code
     source, plan = open_source()
@@ -187,14 +182,12 @@ def test_a_server_that_does_not_answer_is_given_up(server, open_source, hit, cal
     "spoil",
     [
         lambda fields: {**fields, "read_array": fields["read_array"][:100]},
-        lambda fields: {**fields, "read_array": [*fields["read_array"], 1.0]},
         lambda fields: {**fields, "read_array": fields["read_array"][:200],
                         "samps_per_chan_read": 100},
-        lambda fields: {**fields, "samps_per_chan_read": 10_000},
         lambda fields: {**fields, "samps_per_chan_read": -3},
         lambda fields: {},
     ],
-    ids=["half", "too much", "short", "more than wanted", "negative", "nothing"],
+    ids=["half", "short", "negative", "nothing"],
 )  # fmt: skip
 def test_an_answer_that_does_not_fit_is_refused(server, open_source, hit, spoil):
     source, plan = open_source()
@@ -251,13 +244,6 @@ def test_a_server_whose_answers_mean_nothing_is_no_device(nonsense, answer):
         source.configure(plan)
     check_sentence(found.value)
     source.close()
-
-
-def test_the_errors_that_mean_something_special_are_ni_daqmx_s():
-    special = (errors.UNKNOWN_PROPERTY, errors.OVERWRITTEN, errors.NOT_YET, errors.NOT_DONE)
-    for name in (*special, *errors.RESERVED, *errors.WRONG_SETTINGS):
-        assert DAQmxErrors[name] < 0
-    assert not set(errors.RESERVED) & set(errors.WRONG_SETTINGS)
 
 
 def test_ni_daqmx_does_not_warn_where_a_task_is_disarmed(server, open_source):

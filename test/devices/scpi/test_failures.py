@@ -21,7 +21,6 @@ LATE = 3.0
 """How much later a call may return on a busy computer [s]."""
 QUICK = f'timeout = "{TIMEOUT} s"'
 
-QUERIES = ("*IDN?", "ACQ:TRIG:STAT?", "ACQ:SOUR2")
 WORDS = {
     ScpiFault.SILENT: "does not answer",
     ScpiFault.HALF: "has sent half of its answer to",
@@ -53,8 +52,15 @@ def refusal(*words: str):
         assert re.search(word, text), text
 
 
-@pytest.mark.parametrize("fault", WORDS, ids=lambda fault: fault.name.lower())
-@pytest.mark.parametrize("query", QUERIES)
+@pytest.mark.parametrize(
+    ("fault", "query"),
+    [
+        (ScpiFault.SILENT, "*IDN?"),
+        (ScpiFault.HALF, "ACQ:TRIG:STAT?"),
+        (ScpiFault.CUT, "ACQ:SOUR2"),
+        (ScpiFault.NONSENSE, "ACQ:SOUR2"),
+    ],
+)
 def test_a_wrong_answer_to_any_question_is_named_and_the_next_try_works(
     rig, fault: ScpiFault, query: str
 ) -> None:
@@ -192,15 +198,7 @@ def test_what_is_no_block_of_the_record_is_named(rig, block: bytes) -> None:
         source.close()
 
 
-def test_a_source_that_is_not_configured_says_so(rig) -> None:
-    source = rig.make_source()
-    with pytest.raises(DeviceError, match="not configured"):
-        source.arm()
-    with pytest.raises(DeviceError, match="not configured"):
-        source.read(0.0)
-
-
-EXAMPLES = settings(max_examples=150, deadline=None)
+EXAMPLES = settings(max_examples=50, deadline=None)
 FUZZ_TIMEOUT = 0.05
 POINTS = 64
 PLAN = AcquisitionPlan(

@@ -59,27 +59,6 @@ def test_each_count_of_a_record_is_that_of_the_input_with_the_trigger_in_its_pla
     source.close()
 
 
-def test_accelerations_are_those_of_the_hit_whatever_the_sign_of_the_sensitivity(
-    rig, profile
-) -> None:
-    source, plan = profile()
-    source.configure(plan)
-    hit, blocks = take_record(rig, source)
-    shift = 750 - find_crossing(rig.find_counts(hit, "hammer"), LEVEL)
-    for name in ("hammer", "specimen"):
-        channel = getattr(hit, name)
-        found = np.concatenate(
-            [
-                to_acceleration(getattr(block, name), getattr(block, name).output)
-                for block in blocks
-            ]
-        )
-        np.testing.assert_allclose(
-            found[shift:], to_acceleration(channel, channel.output)[: 5000 - shift], atol=1e-9
-        )
-    source.close()
-
-
 def test_nothing_of_the_record_before_stands_before_the_trigger(rig) -> None:
     source = rig.make_source()
     source.configure(rig.make_plan(pre_trigger=1e-3))

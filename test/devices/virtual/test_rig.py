@@ -14,7 +14,6 @@ from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.model.pulses import HERTZ, PULSE_SHAPES, PulseShape
-from impact_rig.core.quantity import drop_internals
 from impact_rig.core.session import Session, SessionResults
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.signals.record import HitLabel
@@ -33,16 +32,9 @@ from impact_rig.devices.virtual.rig import (
     scheduled_fault_from_text,
 )
 
-CLEAN = DigitizerSettings(noise=0.0, offset=0.0, coupling_frequency=0.0)
-
 
 def make_random() -> np.random.Generator:
     return np.random.default_rng(1)
-
-
-def test_the_paper_is_the_default() -> None:
-    settings = DigitizerSettings()
-    assert (settings.sampling_rate, settings.bits, settings.count) == (2.5e6, 12, 5000)
 
 
 @given(bits=st.integers(4, 24), full_scale=st.floats(1, 1e5), seed=st.integers(0, 99))
@@ -78,13 +70,6 @@ def test_noise_offset_and_drift_are_parts_of_full_scale() -> None:
     assert slope == pytest.approx(200.0, abs=0.4)
     noise = signal - start - slope * np.arange(20_000) / 20_000
     assert noise.std() == pytest.approx(2.0, rel=0.03)
-
-
-def test_the_same_source_gives_the_same_noise() -> None:
-    one, other = (
-        digitize(np.zeros(1000), 2000.0, DigitizerSettings(), make_random()) for _ in range(2)
-    )
-    np.testing.assert_array_equal(one, other)
 
 
 def test_coupling_answers_a_step_as_an_rc_stage_does() -> None:
@@ -131,10 +116,6 @@ LABEL = HitLabel("steel small", record=1, impact=3, attempt=1)
 
 def draw(plan: FaultPlan, label: HitLabel = LABEL, seed: int = 1) -> tuple[Fault, ...]:
     return plan.draw(label, np.random.default_rng(seed))
-
-
-def test_by_default_nothing_goes_wrong() -> None:
-    assert all(draw(FaultPlan(), seed=seed) == () for seed in range(50))
 
 
 def test_certainty_brings_every_fault_that_is_asked_for() -> None:
@@ -237,7 +218,7 @@ class TestHit:
     """One hit."""
 
     @given(label=labels, seed=st.integers(0, 2**32))
-    @settings(max_examples=50)
+    @settings(max_examples=12)
     def test_depends_on_seed_and_label_alone(self, label: HitLabel, seed: int) -> None:
         one = strike(label, seed=seed)
         rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=seed))
@@ -246,13 +227,6 @@ class TestHit:
         assert one.model == other.model
         np.testing.assert_array_equal(one.hammer.output, other.hammer.output)
         np.testing.assert_array_equal(one.specimen.output, other.specimen.output)
-
-    @pytest.mark.parametrize("field", ["impact", "attempt"])
-    def test_is_another_one_each_time(self, field: str) -> None:
-        label = HitLabel("steel small")
-        other = replace(label, **{field: 2})
-        assert strike(label).model != strike(other).model
-        assert np.any(strike(label).hammer.output != strike(other).hammer.output)
 
     def test_scatters_as_it_is_told(self) -> None:
         hits = [strike(HitLabel("steel small", impact=i)).model for i in range(1, 401)]
@@ -270,7 +244,7 @@ class TestHit:
             assert judge(hit).contact_time == pytest.approx(hit.model.contact_time, rel=4e-3)
 
     @given(label=labels)
-    @settings(max_examples=50)
+    @settings(max_examples=12)
     def test_stays_the_same_when_faults_are_drawn_beside_it(self, label: HitLabel) -> None:
         plain = strike(label)
         plan = FaultPlan(1.0, (Fault.LOST_BLOCK, Fault.MISSED_TRIGGER))
@@ -303,13 +277,6 @@ class TestStream:
             joined = np.concatenate([getattr(block, name).output for block in blocks])
             np.testing.assert_array_equal(joined, getattr(hit, name).output)
 
-    def test_of_a_missed_trigger_is_one_empty_block(self) -> None:
-        hit = strike(HitLabel("steel small"), faults=FaultPlan(1.0, (Fault.MISSED_TRIGGER,)))
-        (block,) = hit.split(BLOCK_SIZE, stamp=5)
-        assert not block.triggered
-        assert block.last
-        assert block.hammer.output.size == block.specimen.output.size == 0
-
     @pytest.mark.parametrize("size", [100, 1000, 2500, 4999])
     def test_lacks_a_lost_block(self, size: int) -> None:
         label = HitLabel("steel small")
@@ -317,10 +284,6 @@ class TestStream:
         lossy = strike(label, faults=FaultPlan(1.0, (Fault.LOST_BLOCK,))).split(size, stamp=0)
         assert len(lossy) == len(whole) - 1
         assert lossy[-1].last
-
-    def test_needs_blocks_of_one_point_at_least(self) -> None:
-        with pytest.raises(ParameterError, match="block size is 0 points: it must be 1 or more"):
-            strike(HitLabel("steel small")).split(0, stamp=0)
 
 
 REASONS = {
@@ -337,13 +300,13 @@ class TestFaults:
     """Whatever goes wrong is named."""
 
     @given(label=labels, seed=st.integers(0, 1000))
-    @settings(max_examples=50)
+    @settings(max_examples=12)
     def test_a_hit_without_one_is_accepted(self, label: HitLabel, seed: int) -> None:
         assert judge(strike(label, seed=seed)).rejections == ()
 
     @pytest.mark.parametrize("fault", Fault)
     @given(label=labels, seed=st.integers(0, 1000))
-    @settings(max_examples=50)
+    @settings(max_examples=12)
     def test_each_is_named_by_its_reason_and_no_other(
         self, fault: Fault, label: HitLabel, seed: int
     ) -> None:
@@ -460,12 +423,6 @@ def paper_campaign() -> tuple[SessionResults, list[tuple[VirtualHit, JudgedHit]]
     return run_campaign(VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1)))
 
 
-def get_numbers(results: SessionResults, names: Iterable[str] = NAMES) -> list[str]:
-    """Every number of some samples of a campaign and of its hammer, to the last bit."""
-    samples = [item for item in results.samples if item.name in names]
-    return [repr(drop_internals(item)) for item in (*samples, results.hammer)]
-
-
 class TestCampaign:
     """Twelve samples, ten impacts each."""
 
@@ -474,15 +431,6 @@ class TestCampaign:
         check_tables(results)
         assert len(hits) == 120
         assert all(item.impacts_accepted == 10 for item in results.samples)
-
-    def test_gives_the_same_bits_again_in_any_order_of_samples(self, paper_campaign) -> None:
-        names = [NAMES[-1], CONTROL_SAMPLE, NAMES[0]]
-        again, hits = run_campaign(
-            VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1)), names=names
-        )
-        assert len(hits) == 30
-        assert set(get_numbers(again, names)) <= set(get_numbers(paper_campaign[0]))
-        assert len(get_numbers(again, names)) == 4
 
     def test_with_every_fault_at_ten_percent_rejects_these_hits_and_no_other(self) -> None:
         plan = FaultPlan(probability=0.1)

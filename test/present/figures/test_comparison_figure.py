@@ -55,14 +55,6 @@ def test_differences_from_the_first_run_are_in_percent_of_it(struck, figures, re
         assert np.ptp(bar) == pytest.approx(200.0 * relative, abs=0.01)
 
 
-def test_runs_have_their_markers_and_their_order_from_the_top(figures, read):
-    panel = read(figures[0])[0]
-    first, second = (panel.read_points(f"value-0-{run}")[0, 1] for run in (0, 1))
-    assert first < second
-    assert panel.find("value-0-0") is not None
-    assert {"before", "after"} <= set(panel.read_texts())
-
-
 def test_the_alternative_text_names_the_largest_difference(figures):
     assert "τp of 3 samples in 2 runs. Largest difference from before: +1.00 %," in (
         figures[0].alternative
@@ -76,15 +68,6 @@ def test_a_quantity_that_no_run_has_is_not_drawn_and_the_caption_says_why(struck
     figures = draw_comparison_figure([("bare", replace(struck.results, samples=bare))])
     assert [figure.is_drawn for figure in figures] == [True, False, True]
     assert figures[1].caption == "No run has k2 of any sample."
-
-
-def test_samples_that_the_first_run_has_not_are_shown_without_a_difference(struck, read):
-    first = replace(struck.results, samples=struck.results.samples[:1])
-    values, differences = read(
-        draw_comparison_figure([("first", first), ("all", struck.results)])[0]
-    )
-    assert len(values.list_parts("value-")) == 4
-    assert len(differences.list_parts("difference-")) == 2
 
 
 def test_one_sample_that_is_quite_another_does_not_hide_the_others(struck, other, read):

@@ -15,7 +15,7 @@ from impact_rig.present.figures.panels import (
 )
 from impact_rig.present.figures.paper_figures import LOOKS_5
 from impact_rig.present.figures.sample_figure import LOOKS
-from impact_rig.results.palette import MATERIALS, format_hex
+from impact_rig.results.palette import format_hex
 
 from ..contrast import compute_contrast
 
@@ -38,20 +38,11 @@ def test_every_colour_stands_out_from_a_light_and_from_a_dark_page(colour, groun
     assert compute_contrast(bytes.fromhex(colour[1:]), ground) >= 3.0
 
 
-def test_materials_have_the_colours_of_all_other_pictures_where_those_can_be_seen():
-    assert SERIES_COLOURS[:4] == MATERIALS[:4]
-
-
 def test_materials_of_different_colour_have_different_dashes():
     looks = choose_looks(["aluminium", "steel", "bronze", "brass"]).values()
     for one, other in itertools.combinations(looks, 2):
         assert one.colour != other.colour
         assert one.dashes != other.dashes
-
-
-def test_twenty_materials_are_told_apart():
-    looks = choose_looks([f"alloy {place}" for place in range(20)]).values()
-    assert len({(look.colour, str(look.dashes)) for look in looks}) == 20
 
 
 def test_sizes_are_squares_triangles_and_stars_as_in_the_paper():
@@ -71,8 +62,3 @@ def test_what_stands_beside_an_axis_fits_and_is_something_that_xml_can_hold(name
     element = ET.Element("text")
     element.text = short
     assert (ET.fromstring(ET.tostring(element)).text or "") == short
-
-
-def test_a_long_name_keeps_its_beginning_and_its_end():
-    assert shorten_name("cylinder of brass, lot 1234 A") == "cylinder of…1234 A"
-    assert shorten_name("brass small") == "brass small"

@@ -105,18 +105,6 @@ def test_without_an_accepted_hit_the_rejections_are_what_is_told(told: Run, undr
     assert not any(caption.startswith("Table") for caption in read.captions)
 
 
-def test_a_sample_without_a_model_says_why(told: Run, undrawn: None):
-    results = told.campaign.results
-    first, *others = results.samples
-    note = "identification: not determined, since it is a test"
-    changed = replace(first, identifications=(), notes=(note,))
-    campaign = replace(told.campaign, results=replace(results, samples=(changed, *others)))
-    read = Reader(render_page(make_report([replace(told, campaign=campaign)])))
-    assert read.text.count(note) == 2  # with the sample, and in the list of what is missing
-    rows = [row[0] for row in read.find_table("Identification")]
-    assert first.name not in rows
-
-
 def test_what_no_hit_determines_has_no_table_but_a_word(told: Run, undrawn: None):
     results = told.campaign.results
     samples = tuple(
@@ -140,24 +128,6 @@ def test_a_recording_without_a_date_is_not_of_1970(told: Run, undrawn: None, sta
     assert "date not known" in read.text
     assert "date not known, for" not in read.text
     assert "1970" not in read.text
-
-
-def test_what_nobody_stated_of_imported_hits_is_not_told(told: Run, undrawn: None):
-    provenance = replace(
-        told.provenance, start_time=0, end_time=4_000_000_000, ended="", losses=""
-    )
-    results = told.campaign.results
-    samples = replace(
-        results.setup.samples, accelerometer_mass=0.0, accelerometer_mass_uncertainty=0.0
-    )
-    setup = replace(results.setup, samples=samples)
-    campaign = replace(told.campaign, results=replace(results, setup=setup))
-    read = Reader(
-        render_page(make_report([replace(told, campaign=campaign, provenance=provenance)]))
-    )
-    assert "Lost while recorded" not in read.text
-    assert "4.0 s" not in read.text
-    assert "0.00 part of every m2" not in " ".join(read.text.split())
 
 
 def test_several_runs_are_compared_before_each_is_told_of(comparison_page: str):

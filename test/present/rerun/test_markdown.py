@@ -4,7 +4,6 @@ import re
 from dataclasses import replace
 
 from impact_rig.core.origin import SIMULATED, Origin
-from impact_rig.core.quantity import UNKNOWN
 from impact_rig.present.rerun.markdown import (
     escape_markdown,
     format_log_line,
@@ -40,44 +39,6 @@ def test_every_table_of_the_results_is_there_row_by_row(results):
     assert read_rows(text) == expected
     assert all(f"## {escape_markdown(table.caption)}" in text for table in tables)
     assert "\\* Table 2 of the paper prints 288.10 µs" in text
-
-
-def test_remarks_are_made_once_and_what_is_not_determined_is_a_dash(results):
-    samples = tuple(
-        replace(sample, stiffness=UNKNOWN, warnings=("weak",), notes=("k2: k1 is not known",))
-        for sample in results.samples[:2]
-    )
-
-    text = format_results(replace(results, samples=samples))
-
-    assert "nan" not in text
-    assert text.count("weak") == 1
-    assert "- **all samples**: k2: k1 is not known" in text
-
-
-def test_rejected_hits_are_listed_with_every_reason(results):
-    hit = HitResults(**HIT, reasons=REASONS)
-
-    text = format_results(replace(results, samples=(), hits=(hit,)))
-
-    assert text.startswith("Nothing is measured yet.")
-    (row,) = read_rows(text)
-    assert row[:3] == ["steel small", "3.2", "17"]
-    assert " ".join(REASONS) in row
-
-
-def test_a_sample_by_itself_has_the_values_of_every_method(results):
-    sample = results.samples[3]
-
-    text = format_summary(results, replace(sample, warnings=("a *warning*",)))
-
-    rows = read_rows(text)
-    assert [row[0] for row in rows[:4]] == ["τp [µs]", "k [MN/m]", "c [N s/m]", "ζ"]
-    assert {row[0] for row in rows[4:]} == {sample.name}
-    assert rows[0][1].startswith(f"{sample.contact_time.value * 1e6:.2f} ± ")
-    assert rows[0][-1] == "170.00"
-    assert "2 hits in the mean, 0 rejected." in text
-    assert "- a \\*warning\\*" in text
 
 
 def test_an_accepted_hit_shows_which_hit_it_is_and_its_figures():

@@ -9,8 +9,6 @@ from impact_rig.core.quantity import Quantity
 from impact_rig.present.rerun.paper_figures import WIDTH, choose_ticks, compute_axis_end
 from impact_rig.results.figure_rows import make_figure_rows
 
-NAN = float("nan")
-
 
 def find_points(view, entity):
     """Return abscissas [s] and ordinates of an entity's points by name, in their order."""
@@ -87,31 +85,6 @@ def test_bars_are_as_long_as_their_errors_and_named(record, results):
     assert labels[:2] == ["aluminium small", "aluminium medium"]
     assert labels[-1] == "paper: at most 2.8 %"
     assert view.find_static("/figures/6/hammer/labels", "Points2D:labels")[-1].endswith(" 0.25 %")
-
-
-def test_a_sample_without_model_has_its_place_and_no_bar(record, results):
-    first, *others = results.samples
-    unknown = replace(first, mse_hammer_percent=NAN, mse_sample_percent=NAN)
-
-    view = record(lambda log: log.log_results(replace(results, samples=(unknown, *others))))
-
-    strips = view.find_static("/figures/6/sample/bars", "LineStrips2D:strips")
-    labels = view.find_static("/figures/6/sample/labels", "Points2D:labels")
-    assert len({strip[1][0] for strip in strips}) == 11
-    assert labels[0] == "aluminium small"
-    assert not [label for label in labels if "nan" in label]
-
-
-def test_results_without_any_value_are_shown(record, results):
-    nothing = [
-        replace(sample, contact_time=Quantity(NAN), hammer_peak=NAN, specimen_peak=NAN)
-        for sample in results.samples
-    ]
-
-    view = record(lambda log: log.log_results(replace(results, samples=tuple(nothing), hits=())))
-
-    assert find_points(view, "/figures/3/reference/1")["paper"]
-    assert not {"/figures/3/hits/1", "/figures/3/means/1"} & view.find_drawn()
 
 
 @pytest.mark.parametrize(

@@ -95,7 +95,7 @@ def test_a_mean_is_drawn_with_its_models_and_the_residual_of_the_first(record):
     np.testing.assert_allclose(values.max(axis=0), [1.0, 0.9], rtol=1e-6)
 
 
-@pytest.mark.parametrize("peak", [1000, 1001, 1002, 1003])
+@pytest.mark.parametrize("peak", [1000, 1003])
 def test_thinned_traces_keep_their_peaks(record, peak):
     mean = np.zeros((2, COUNT))
     mean[:, peak] = 7.0

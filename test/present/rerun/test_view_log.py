@@ -129,17 +129,6 @@ def test_a_campaign_is_there_in_full_and_small(record, campaign):
         np.testing.assert_allclose(np.nanmax(np.abs(overlay), axis=0), peaks, rtol=1e-6)
 
 
-def test_of_rejected_hits_there_is_the_record_and_nothing_laid_over_the_others(record, campaign):
-    hits = [replace(hit, result=replace(hit.result, accepted=False)) for hit in campaign.hits]
-
-    view = record(
-        lambda log: log.log_campaign(replace(campaign, samples=(), hits=tuple(hits[:3])))
-    )
-
-    assert view.find_traces("/hits/1")[1].shape == (COUNT, 4)
-    assert not [entity for entity in view.entities if "/hits/" in entity and "samples" in entity]
-
-
 def test_samples_without_a_hit_have_no_place_in_the_view_of_a_file_unless_none_has(
     record, campaign
 ):
@@ -180,9 +169,3 @@ def test_the_blueprint_has_a_place_for_every_sample(record):
         "+ /trends/contact_time/**",
     }
     assert view.find_static("/__properties", "RecordingInfo:name") == ["paper"]
-
-
-def test_a_rig_without_samples_has_a_view(record):
-    view = record(lambda log: log.log_setup("", ()), lambda log: log.log_hit(make_hit()))
-
-    assert view.find_traces("/hits/1")[1].shape == (COUNT, 2)

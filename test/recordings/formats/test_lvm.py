@@ -135,11 +135,6 @@ def test_headers_may_be_written_again(tmp_path, text):
     assert describe(write(tmp_path, text)) == [HAMMER, FORCE, *again]
 
 
-def test_a_header_may_end_twice(tmp_path):
-    end = "***End_of_Header***\t\n"
-    assert describe(write(tmp_path, change(HEADER, (end, end + end)) + SEGMENT)) == [HAMMER, FORCE]
-
-
 def test_a_slower_channel_has_points_in_some_rows_only(tmp_path):
     rows = "0\t1\t7\n1\t2\t\n2\t3\t\n3\t4\t8\n4\t5\t\n5\t6\t\n"
     text = change(SEGMENT, ("Samples\t3\t3", "Samples\t3\t1")).partition("0.000000\t1.5")[0] + rows
@@ -155,12 +150,6 @@ def test_a_step_in_microseconds_is_made_better_by_the_last_time(tmp_path):
     )
     path = write(tmp_path, HEADER + text.partition("0.000000\t1.5")[0] + rows)
     assert [channel.sampling_rate for channel in read_measurement(path).channels] == [8192.0] * 2
-
-
-def test_midnight_between_two_channels_does_no_harm(tmp_path):
-    text = change(SEGMENT, ("2023/05/05\t2023/05/05", "2023/12/31\t2024/01/01"))
-    text = change(text, ("13:39:50.5\t13:39:50.75", "23:59:59.5\t00:00:00.25"))
-    assert describe(write(tmp_path, HEADER + text))[1][3] == 0.85
 
 
 def test_date_and_time_of_the_header_are_taken_as_utc(tmp_path):

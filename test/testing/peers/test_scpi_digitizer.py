@@ -9,7 +9,6 @@ import pytest
 
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import ChannelBlock, HitLabel
-from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.testing.peers.scpi_digitizer import ScpiDigitizer
 
@@ -67,23 +66,11 @@ def make_ramp(sign: int = 1):
     return replace(hit, hammer=ramp, specimen=ramp, sampling_rate=1e6)
 
 
-def test_it_tells_who_it_is_in_any_case_and_short_or_long(terminal: Terminal) -> None:
-    assert terminal.ask("*IDN?").startswith("REDPITAYA,")
-    assert terminal.ask("acq:tr:stat?") == terminal.ask("ACQ:TRIG:STAT?") == "TD"
-    assert terminal.ask("ACQ:BUF:SIZE?") == "16384"
-
-
 def test_what_it_does_not_understand_has_no_answer(terminal: Terminal) -> None:
     terminal.say("ACQ:NONSENSE?", "ACQ:SOUR3:GAIN?", "ACQ:DEC:FACTOR 12", "ACQ:DEC:FACTOR x")
     assert terminal.ask("ACQ:DEC:FACTOR?") == "1"
     terminal.say("ACQ:SOUR1:GAIN XV", "ACQ:SOUR2:GAIN HV")
     assert [terminal.ask(f"ACQ:SOUR{n}:GAIN?") for n in (1, 2)] == ["LV", "HV"]
-
-
-def test_a_reset_forgets_all_settings(terminal: Terminal) -> None:
-    terminal.say("ACQ:DEC:FACTOR 64", "ACQ:TRIG:DLY 5", "ACQ:DATA:UNITS RAW", "ACQ:RST")
-    answers = [terminal.ask(f"ACQ:{query}?") for query in ("DEC:F", "TRIG:DLY", "DATA:UNITS")]
-    assert answers == ["1", "0", "VOLTS"]
 
 
 @pytest.mark.parametrize(("edge", "sign"), [("PE", 1), ("NE", -1)])
@@ -108,37 +95,10 @@ def test_the_trigger_is_the_first_point_beyond_its_level(
     assert values == pytest.approx(counts, abs=0.5)
 
 
-def test_counts_are_two_bytes_the_higher_one_first(digitizer, terminal: Terminal) -> None:
-    terminal.say("ACQ:DEC:FACTOR 125", "ACQ:DATA:UNITS RAW", "ACQ:DATA:FORMAT BIN")
-    terminal.say("ACQ:TRIG:LEV 0.1", "ACQ:TRIG:DLY -8092", "ACQ:START", "ACQ:TRIG CH1_PE")
-    assert terminal.ask("*OPC?") == "1"
-    digitizer.feed(make_ramp())
-    terminal.wait_for("ACQ:TRIG:FILL?", "1")
-    answer = terminal.ask_bytes("ACQ:SOUR1:DATA:LATEST:N? 2", 9)
-    # The 99th and 100th points from 0.1 V on, 1 mV apart.
-    assert answer == b"#14" + (1622).to_bytes(2) + (1630).to_bytes(2) + b"\r\n"
-
-
-@pytest.mark.parametrize("commands", [(), ("ACQ:START",), ("ACQ:START", "ACQ:TRIG CH1_NE")])
-def test_what_it_does_not_wait_for_does_not_trigger(digitizer, terminal, commands) -> None:
-    terminal.say("ACQ:DEC:FACTOR 125", "ACQ:TRIG:LEV 0.1", *commands)
-    terminal.ask("*OPC?")
-    assert digitizer.feed(make_ramp()) is None
-
-
 def test_a_signal_that_never_was_below_the_level_does_not_trigger(digitizer, terminal) -> None:
     terminal.say("ACQ:DEC:FACTOR 125", "ACQ:TRIG:LEV -0.098", "ACQ:START", "ACQ:TRIG CH1_PE")
     terminal.ask("*OPC?")
     assert digitizer.feed(make_ramp()) is None
-
-
-def test_a_hit_whose_trigger_is_missed_is_not_seen(digitizer, terminal) -> None:
-    terminal.say("ACQ:DEC:FACTOR 125", "ACQ:TRIG:LEV 0.1", "ACQ:START", "ACQ:TRIG CH1_PE")
-    terminal.ask("*OPC?")
-    assert digitizer.feed(replace(make_ramp(), faults=(Fault.MISSED_TRIGGER,))) is None
-    assert terminal.ask("ACQ:TRIG:STAT?") == "WAIT"
-    assert digitizer.feed(make_ramp()) is not None
-    assert digitizer.feed(make_ramp()) is None, "it is triggered already"
 
 
 def test_it_vanishes_and_comes_back_where_it_was(digitizer, terminal) -> None:
