@@ -3,9 +3,7 @@
 import itertools
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
-from itertools import groupby
 from typing import Any
 
 from rclpy.duration import Duration
@@ -143,14 +141,13 @@ class Pace:
 
 
 WINDOW = 100
-"""Blocks that may be under way and not yet judged [-]: half of what the subscribers' queues
-hold."""
+"""Blocks that may be under way and not yet taken [-]: half of what the estimator's queue holds."""
 JUDGEMENT_TIMEOUT = 5.0
 """How long an estimator may be silent before its verdicts are no longer waited for [s], our
 choice: a hundred times what it needs."""
 SETTLING_TIME = 0.2
 """How long after its verdict what is left of a record may take to be read from the queue [s], our
-choice: a window of blocks that need no evaluation takes a tenth of it."""
+choice: blocks that need no evaluation take a tenth of it."""
 LOOK_PERIOD = 0.1
 """How soon a wait notices that it is to end [s]."""
 COUNT_PERIOD = 0.002
@@ -159,7 +156,7 @@ takes as long."""
 
 
 class Window:
-    """Keeps the blocks under way few enough for the subscribers' queues, wherever those are.
+    """Sends no record before the one before it is judged, as the rig itself does.
 
     The middleware tells what has arrived in a queue, but not what was taken out of it: only a
     verdict proves that the estimator has seen a record's blocks. Where nobody judges, arrival
@@ -185,7 +182,6 @@ class Window:
         self._wait_for_delivery = wait_for_delivery
         self._is_stopped = is_stopped
         self._is_judged = True
-        self._pending: deque[int] = deque()
         self._unjudged: list[int] = []
         self._last_judged: int | None = None
         self._last_verdict = time.monotonic()
@@ -204,10 +200,8 @@ class Window:
             Whether it may wait here until it may be sent; else it has its time to keep.
         """
         if is_free:
-            self._wait(lambda: len(self._pending) < WINDOW)
+            self._wait()
         with self._changed:
-            if is_free:
-                self._pending.append(record)
             # The verdict may come before the record's end.
             if is_last and record != self._last_judged:
                 self._unjudged.append(record)
@@ -216,11 +210,6 @@ class Window:
         """Note that a record was judged, and with it all that was sent before it."""
         with self._changed:
             self._last_verdict, self._last_judged = time.monotonic(), record
-            runs = [(number, len(list(blocks))) for number, blocks in groupby(self._pending)]
-            numbers = [number for number, _ in runs]
-            if record in numbers:
-                for _ in range(sum(count for _, count in runs[: numbers.index(record) + 1])):
-                    self._pending.popleft()
             if record in self._unjudged:
                 del self._unjudged[: self._unjudged.index(record) + 1]
             self._changed.notify_all()
@@ -231,31 +220,25 @@ class Window:
 
     def drain(self) -> None:
         """Wait until every record that was sent whole is judged and read."""
-        if (self._pending or self._unjudged) and self._has_judge():
-            self._wait(lambda: not self._unjudged)
+        if self._unjudged and self._has_judge():
+            self._wait()
             with self._changed:
                 self._changed.wait_for(self._is_stopped, SETTLING_TIME)
-        self._forget()
+        self._unjudged.clear()
         self._last_judged = None
         self._is_judged = True
 
-    def _forget(self) -> None:
-        with self._changed:
-            self._pending.clear()
-            self._unjudged.clear()
-
-    def _wait(self, is_done: Callable[[], bool]) -> None:
-        """Wait for verdicts, or where nobody gives any, for arrival."""
+    def _wait(self) -> None:
         begin = time.monotonic()
-        while not is_done() and not self._is_stopped():
+        while self._unjudged and not self._is_stopped():
             silent = time.monotonic() - max(begin, self._last_verdict)
             self._is_judged = self._is_judged and silent < JUDGEMENT_TIMEOUT
-            with self._changed:
-                if self._is_judged and self._has_judge():
-                    self._changed.wait_for(is_done, LOOK_PERIOD)
-                    continue
-            self._wait_for_delivery()
-            self._forget()
+            if self._is_judged and self._has_judge():
+                with self._changed:
+                    self._changed.wait_for(lambda: not self._unjudged, LOOK_PERIOD)
+            else:
+                self._wait_for_delivery()
+                self._unjudged.clear()
 
 
 class CountedWindow:
