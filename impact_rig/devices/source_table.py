@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from impact_rig.configuration.rig_file import SENSOR_KEYS
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
@@ -56,27 +57,6 @@ def make_source(
 ) -> tuple[AccelerationSource, AcquisitionPlan]:
     """Return the source of a table [source], not yet configured, and what it is asked to do.
 
-    Parameters as those of `make_plan`.
-
-    Raises
-    ------
-    RigError
-        If the table cannot be meant, or the driver cannot be loaded.
-    """
-    source: AccelerationSource = make_device(SOURCES, table)
-    if isinstance(source, HammerlessSource):
-        # It has no sensors that the table could describe.
-        plan = make_virtual_plan(table, continuous=continuous, block_size=block_size, depth=depth)
-    else:
-        plan = make_plan(table, setup, continuous=continuous, block_size=block_size, depth=depth)
-    return source, plan
-
-
-def make_plan(
-    table: TomlTable, setup: RigSetup, *, continuous: bool, block_size: int, depth: int
-) -> AcquisitionPlan:
-    """Return what the source of a table [source] is asked to do.
-
     Parameters
     ----------
     table : TomlTable
@@ -87,6 +67,21 @@ def make_plan(
         Without a trigger.
     block_size, depth : int
         As in `AcquisitionPlan`.
+
+    Raises
+    ------
+    RigError
+        If the table cannot be meant, or the driver cannot be loaded.
+    """
+    source: AccelerationSource = make_device(SOURCES, table)
+    # A source that no hammer strikes has no sensors that the table could describe.
+    is_virtual = isinstance(source, HammerlessSource)
+    plan = make_virtual_plan(table) if is_virtual else make_plan(table, setup)
+    return source, replace(plan, continuous=continuous, block_size=block_size, depth=depth)
+
+
+def make_plan(table: TomlTable, setup: RigSetup) -> AcquisitionPlan:
+    """Return what the source of a table [source] is asked to do, if it is triggered.
 
     Raises
     ------
@@ -124,9 +119,6 @@ def make_plan(
         trigger_level=_take_level(table, hammer, setup),
         hammer=hammer,
         specimen=_make_channel(table, "specimen", setup),
-        continuous=continuous,
-        block_size=block_size,
-        depth=depth,
     )
 
 

@@ -270,7 +270,7 @@ def write_new_file(path: Path) -> Iterator[Path]:
     """
     _refuse_existing(path)
     part = path.with_name(f".{path.name}.{os.getpid()}{PART_SUFFIX}")
-    _make_folder(path.parent)
+    make_folders(path.parent)
     try:
         part.unlink(missing_ok=True)
         yield part
@@ -289,13 +289,29 @@ def _refuse_existing(path: Path) -> None:
         raise FileError(f"{path} exists already: name another file, none is overwritten")
 
 
-def _make_folder(folder: Path) -> None:
+def make_folders(folder: Path) -> list[Path]:
+    """Make a folder and those above it, and put their names on the disk.
+
+    Returns
+    -------
+    list of Path
+        Those that were not there, innermost first.
+
+    Raises
+    ------
+    FileError
+        If one cannot be made.
+    """
     try:
+        missing = [item for item in (folder, *folder.parents) if not item.exists()]
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
         raise FileError(f"the folder {folder} cannot be made: a file is in its way") from None
     except OSError as error:
         raise FileError(f"the folder {folder} cannot be made: {error.strerror}") from None
+    for item in missing:
+        sync_folder(item.parent)
+    return missing
 
 
 def _name(part: Path, path: Path) -> None:

@@ -20,7 +20,7 @@ from impact_rig.recordings.bag import (
     format_bag_metadata,
     write_bag_metadata,
 )
-from impact_rig.recordings.new_file import DiskFile, sync_folder
+from impact_rig.recordings.new_file import DiskFile, make_folders
 from impact_rig.recordings.qos import OfferedQos, format_offered_qos
 from impact_rig.recordings.records import Channel
 from impact_rig.recordings.schemas import MessageDefinition
@@ -393,7 +393,7 @@ class RecordingWriter:
         self._repeated = 0
         self._has_synced = False
         self._described_topics = 0
-        made = _make_folders(self._folder or output.parent)
+        made = make_folders(self._folder or output.parent)
         try:
             self._begin()
         except (FileError, ParameterError):
@@ -657,31 +657,6 @@ class _Topic:
 def _summarize_file(file: McapWriter) -> FileSummary:
     """Return what `metadata.yaml` says of a file."""
     return FileSummary(file.path.name, file.messages, file.start_time, file.end_time)
-
-
-def _make_folders(folder: Path) -> list[Path]:
-    """Make a folder and those above it, and put their names on the disk.
-
-    Returns
-    -------
-    list of Path
-        Those that were not there, innermost first.
-
-    Raises
-    ------
-    FileError
-        If one cannot be made.
-    """
-    try:
-        missing = [item for item in (folder, *folder.parents) if not item.exists()]
-        folder.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError):
-        raise FileError(f"folder {folder} cannot be made: a file is in its way") from None
-    except OSError as error:
-        raise FileError(f"folder {folder} cannot be made: {error.strerror}") from None
-    for item in missing:
-        sync_folder(item.parent)
-    return missing
 
 
 def _refuse_existing_recording(folder: Path) -> None:

@@ -29,7 +29,7 @@ G = 9.80665
 def plan_rig(text, *, mass=0.1):
     rig = parse_rig_file(RIG + text)
     setup = replace(rig.setup, hammer_mass=mass)
-    return make_plan(rig.source, setup, continuous=False, block_size=1000, depth=400)
+    return make_plan(rig.source, setup)
 
 
 def test_rate_and_channels_are_as_written_and_the_rest_follows_from_the_analysis():
@@ -97,7 +97,7 @@ def test_what_cannot_be_meant_is_named_with_its_line(text, told):
 def test_a_rate_that_is_none_is_refused(rate):
     rig = parse_rig_file(RIG.replace('"2 MHz"', rate) + HAMMER)
     with pytest.raises(ParameterError, match=r"line 9: sampling_rate of \[source\] is"):
-        make_plan(rig.source, rig.setup, continuous=False, block_size=1000, depth=400)
+        make_plan(rig.source, rig.setup)
 
 
 def test_settings_go_before_the_table_of_the_file():

@@ -267,19 +267,10 @@ def _take_each(table: TomlTable, key: str, parse: Callable[[str], T]) -> Iterato
                 raise table.make_error(key, str(error)) from None
 
 
-def make_virtual_plan(
-    table: TomlTable, *, continuous: bool, block_size: int, depth: int
-) -> AcquisitionPlan:
+def make_virtual_plan(table: TomlTable) -> AcquisitionPlan:
     """Return the plan that asks of a simulated source what its table [source] says.
 
-    Parameters
-    ----------
-    table : TomlTable
-        With rate, record and full scales, or without.
-    continuous : bool
-        Without a trigger.
-    block_size, depth : int
-        As in `AcquisitionPlan`.
+    It may say nothing of rate, record and full scales.
 
     Raises
     ------
@@ -301,9 +292,6 @@ def make_virtual_plan(
         trigger_level=TRIGGER_LEVEL * digitizer.hammer_full_scale,
         hammer=hammer,
         specimen=specimen,
-        continuous=continuous,
-        block_size=block_size,
-        depth=depth,
     )
 
 

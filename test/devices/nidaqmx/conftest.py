@@ -1,5 +1,7 @@
 """NI's protocol over a real socket: the drivers on one side, a simulated device on the other."""
 
+from dataclasses import replace
+
 import pytest
 
 pytest.importorskip("nidaqmx", reason="the drivers need the Python package nidaqmx")
@@ -73,12 +75,11 @@ def open_source(write_rig):
 
     def open_source(text=None, *, continuous=False, block_size=1000, depth=400):
         rig = parse_rig_file(text or write_rig())
-        source = NidaqmxSource(rig.source.without(*COMMON_KEYS[SOURCES]))
-        sources.append(source)
-        plan = make_plan(
-            rig.source, rig.setup, continuous=continuous, block_size=block_size, depth=depth
+        sources.append(NidaqmxSource(rig.source.without(*COMMON_KEYS[SOURCES])))
+        plan = make_plan(rig.source, rig.setup)
+        return sources[-1], replace(
+            plan, continuous=continuous, block_size=block_size, depth=depth
         )
-        return source, plan
 
     yield open_source
     for source in sources:

@@ -238,7 +238,7 @@ def test_a_server_whose_answers_mean_nothing_is_no_device(nonsense, answer):
     handler.answer = answer
     text = read_template() + SOURCE.format(address=address, more="", hammer="")
     rig = parse_rig_file(text)
-    plan = make_plan(rig.source, rig.setup, continuous=False, block_size=1000, depth=4)
+    plan = make_plan(rig.source, rig.setup)
     source = NidaqmxSource(rig.source.without(*COMMON_KEYS[SOURCES]))
     with pytest.raises(RigError) as found:
         source.configure(plan)

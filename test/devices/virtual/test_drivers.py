@@ -46,7 +46,8 @@ def make_source(**options):
 
 
 def make_plan(*, continuous=False, block_size=700):
-    return make_virtual_plan(NO_OPTIONS, continuous=continuous, block_size=block_size, depth=1000)
+    plan = make_virtual_plan(NO_OPTIONS)
+    return replace(plan, continuous=continuous, block_size=block_size, depth=1000)
 
 
 def read_until(source, condition):
@@ -177,7 +178,7 @@ def test_all_that_a_rig_file_says_of_it_is_taken():
             ),
         ),
     )
-    plan = make_virtual_plan(table, continuous=False, block_size=700, depth=1)
+    plan = make_virtual_plan(table)
     assert (plan.sampling_rate, plan.points) == (1e6, 4000)
 
 
@@ -223,12 +224,7 @@ class VirtualSourceBench(SourceBench):
         return source
 
     def make_plan(self, *, continuous=False):
-        return make_virtual_plan(
-            TomlTable({}, "[source]"),
-            continuous=continuous,
-            block_size=25_000 if continuous else 1000,
-            depth=400,
-        )
+        return make_plan(continuous=continuous, block_size=25_000 if continuous else 1000)
 
     def strike(self, source):
         source.strike(HitLabel(CONTROL_SAMPLE), swing_time=0.0)
