@@ -24,11 +24,6 @@ PANELS_STYLE = (
 PANEL_STYLE = "flex:1 1 18rem;min-width:0;max-width:28rem;height:auto;stroke-linejoin:round"
 """As wide as there is room, two beside each other from some 37 rem, our choice: the ticks' text
 is then never below 8 px, nor larger than the page's."""
-DECIMALS = 2
-"""Of drawn coordinates [-], our choice: a hundredth of a point is finer than any printer."""
-COORDINATES = ("d", "x", "y", "transform", "viewBox")
-
-_NUMBER = re.compile(r"-?\d+\.\d+")
 _REFERENCE = re.compile(r"#([\w.-]+)")
 _GIVEN_ID = re.compile(r"[a-z0-9]+(-[a-z0-9]+)+")
 """Ids that were given with set_gid have a hyphen, matplotlib's own have none."""
@@ -168,30 +163,12 @@ def _adapt_attributes(element: ET.Element, prefix: str, needed: set[str]) -> Non
     for name in ("href", "clip-path"):
         if name in attributes:
             attributes[name] = attributes[name].replace("#", f"#{prefix}-")
-    if attributes.get("transform", "").startswith("rotate(-0 "):
-        del attributes["transform"]
-    for name in COORDINATES:
-        if name in attributes:
-            attributes[name] = _NUMBER.sub(_shorten, attributes[name])
-    if "d" in attributes:
-        attributes["d"] = _shorten_path(attributes["d"])
     if "style" in attributes:
         attributes["style"] = _adapt_style(attributes["style"])
-
-
-def _shorten(match: re.Match[str]) -> str:
-    text = f"{float(match[0]):z.{DECIMALS}f}"
-    return text.rstrip("0").rstrip(".")
-
-
-def _shorten_path(path: str) -> str:
-    """Leave out blanks beside letters, and the letter of a line that follows a line."""
-    path = re.sub(r"\s*([A-Za-z])\s*", r"\1", path.strip())
-    return re.sub(r"(?<=L)[^A-Za-z]+(?:L[^A-Za-z]+)+", lambda run: run[0].replace("L", " "), path)
 
 
 def _adapt_style(style: str) -> str:
     """Take the page's font, and its ink in place of the stand-in."""
     parts = (part.strip() for part in style.split(";"))
-    kept = (part.replace(": ", ":", 1) for part in parts if not part.startswith("font-family"))
-    return ";".join(part.replace(INK, "currentColor") for part in kept)
+    kept = (part for part in parts if not part.startswith("font-family"))
+    return ";".join(kept).replace(INK, "currentColor")

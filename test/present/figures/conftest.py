@@ -93,7 +93,7 @@ def read() -> Read:
     """Return the function that reads the panels of a figure."""
 
     def read_panels(figure: ReportFigure) -> list[Panel]:
-        root = ET.fromstring(figure.svg)
+        root = ET.fromstring(figure.svg.replace(": ", ":"))
         return [
             Panel(element, f"{figure.name}-{place}")
             for place, element in enumerate(root.findall(f"{SVG}svg"), start=1)
