@@ -10,7 +10,10 @@ MICRO = 1e6
 """Seconds to microseconds."""
 MEGA = 1e-6
 """N/m to MN/m."""
-SCALES = {"": 1.0, "µs": MICRO, "MN/m": MEGA, "N s/m": 1.0, "N": 1.0, "m/s²": 1.0, "kHz": 1e-3}
+SCALES = {
+    "": 1.0, "%": 1.0, "µs": MICRO, "µm": MICRO, "µJ": MICRO, "MN/m": MEGA, "N s/m": 1.0, "N": 1.0,
+    "m/s²": 1.0, "cm/s": 1e2, "kHz": 1e-3,
+}  # fmt: skip
 """From SI units to the units of tables."""
 SMALLEST_ERROR = 1e-4
 """Mean square error below which no more is said than that [%], our choice: a hundredth of a

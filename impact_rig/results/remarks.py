@@ -1,6 +1,5 @@
 """What tables of samples do not say: remarks with whom they are about, and hits one by one."""
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -12,13 +11,14 @@ from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.origin import MIXED, SIMULATED, UNKNOWN_KIND, Origin, join_origins
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.numbers import MICRO, MISSING, format_count, format_number, show_unit
+from impact_rig.results.numbers import format_count, format_number, show_unit
 from impact_rig.results.tables import (
     Column,
     Table,
     make_optional,
     make_table,
     make_text_column,
+    read_column,
 )
 
 SHOWN_FILES = 3
@@ -128,9 +128,9 @@ def tabulate_accepted(results: Results) -> list[Table]:
         return []
     columns = [
         *_make_label_columns(hits),
-        make_optional("τp [µs]", [format_number(hit.contact_time * MICRO, 2) for hit in hits]),
+        read_column("τp [µs]", hits, "contact_time", 2, is_optional=True),
         _make_hammer_column(hits, results.setup),
-        make_optional("Sample peak [m/s²]", _format_peaks([hit.specimen_peak for hit in hits])),
+        read_column("Sample peak [m/s²]", hits, "specimen_peak", 1, is_optional=True),
         make_text_column("By hand", ["\n".join(hit.reasons) for hit in hits]),
         *_make_origin_columns(hits),
     ]
@@ -160,11 +160,8 @@ def _make_origin_columns(hits: Sequence[HitResults]) -> list[Column]:
 def _make_hammer_column(hits: Sequence[HitResults], setup: RigSetup) -> Column:
     factor, unit = setup.hammer_reading
     peaks = [factor * hit.hammer_peak for hit in hits]
-    return make_optional(f"Hammer peak [{show_unit(unit)}]", _format_peaks(peaks))
-
-
-def _format_peaks(values: Sequence[float]) -> list[str]:
-    return [f"{value:.1f}" if math.isfinite(value) else MISSING for value in values]
+    cells = [format_number(peak, 1) for peak in peaks]
+    return make_optional(f"Hammer peak [{show_unit(unit)}]", cells)
 
 
 def _read_code(reason: str) -> str:

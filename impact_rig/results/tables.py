@@ -6,12 +6,14 @@ Terminal, report and Rerun set the same tables.
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 from impact_rig.core.estimation.contact_law import ContactLaw
 from impact_rig.core.estimation.fits import FittedModel
 from impact_rig.core.estimation.paper_method import HammerEstimate
+from impact_rig.core.estimation.pulse_shape import ShapeFit
 from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.estimation.size_exponent import (
     HERTZ_EXPONENT,
@@ -37,7 +39,6 @@ from impact_rig.results.comparison import (
 from impact_rig.results.figure_rows import describe_figure_6b
 from impact_rig.results.numbers import (
     MEGA,
-    MICRO,
     MISSING,
     SCALES,
     SMALLEST_ERROR,
@@ -181,6 +182,37 @@ def make_text_column(header: str, cells: Sequence[str]) -> Column:
     return Column(header, tuple(cells), is_text=True)
 
 
+def read_column(
+    header: str,
+    bodies: Sequence[Any],
+    name: str,
+    digits: int,
+    *,
+    is_optional: bool = False,
+    note: str = "",
+) -> Column:
+    """Return a column of one attribute of every body, a quantity or a number.
+
+    Parameters
+    ----------
+    header : str
+        Its unit in brackets says the scale.
+    name : str
+        Of the attribute; with dots that of an attribute's.
+    digits : int
+        Decimals where there is no uncertainty.
+    """
+    column = Column(header, (), is_optional=is_optional, note=note)
+    scale = SCALES[column.unit.strip("[]")]
+    cells = (
+        format_quantity(value, digits, scale)
+        if isinstance(value, Quantity)
+        else format_number(value * scale, digits)
+        for value in map(attrgetter(name), bodies)
+    )
+    return replace(column, cells=tuple(cells))
+
+
 HAMMER = "hammer"
 AGREES, DISAGREES = "yes", "no"
 JUDGEMENT = (
@@ -208,27 +240,33 @@ def tabulate_contact_times(results: Results) -> Table:
     rows, samples = _make_rows(results, with_hammer=False), results.samples
     columns = [
         *_make_columns(rows, CONTACT_TIME),
-        make_optional("w10/w50", [format_number(item.width_ratio, 3) for item in samples]),
-        make_optional(
-            "Spread [µs]",
-            [format_number(item.contact_time_spread * MICRO, 2) for item in samples],
-        ),
+        read_column("w10/w50", samples, "width_ratio", 3, is_optional=True),
+        read_column("Spread [µs]", samples, "contact_time_spread", 2, is_optional=True),
         make_optional("Hits", [str(item.impacts_accepted) for item in samples]),
         make_optional("Rejected", [str(item.impacts_rejected) for item in samples]),
-        make_optional(
+        read_column(
             "Fmax [N]",
-            [format_quantity(sample.peak_force, 1) for sample in samples],
-            "Fmax: largest force on the hammer, its mass times its largest acceleration.",
+            samples,
+            "peak_force",
+            1,
+            is_optional=True,
+            note="Fmax: largest force on the hammer, its mass times its largest acceleration.",
         ),
-        make_optional(
+        read_column(
             "Peaks [%]",
-            [format_number(item.hammer_peak_spread_percent, 2) for item in samples],
-            "Peaks: standard deviation of the hammer's peaks over the hits, over their mean.",
+            samples,
+            "hammer_peak_spread_percent",
+            2,
+            is_optional=True,
+            note="Peaks: standard deviation of the hammer's peaks over the hits, over their mean.",
         ),
-        make_optional(
+        read_column(
             "Rise [µs]",
-            [format_number(item.rise_time * MICRO, 1) for item in samples],
-            "Rise: of the hammer's pulse, from a tenth to nine tenths of its peak.",
+            samples,
+            "rise_time",
+            1,
+            is_optional=True,
+            note="Rise: of the hammer's pulse, from a tenth to nine tenths of its peak.",
         ),
     ]
     shapes = ", ".join(
@@ -418,10 +456,6 @@ def tabulate_errors(samples: Sequence[SampleEstimate]) -> list[Table]:
         values = [getattr(sample, name) for sample in samples]
         return make_column(header, [_format_error(value) for value in values])
 
-    def shift(header: str, name: str) -> Column:
-        values = [getattr(sample, name) for sample in samples]
-        return make_column(header, _format(values, 1, MICRO))
-
     columns = [
         make_text_column("Sample", [sample.name for sample in samples]),
         column("MSE hammer [%]", "mse_hammer_percent"),
@@ -430,8 +464,8 @@ def tabulate_errors(samples: Sequence[SampleEstimate]) -> list[Table]:
         column("Contact sample [%]", "contact_error_sample_percent"),
         column("Printed hammer [%]", "printed_mse_hammer_percent"),
         column("Printed sample [%]", "printed_mse_sample_percent"),
-        shift("Shift hammer [µs]", "shift_hammer"),
-        shift("Shift sample [µs]", "shift_sample"),
+        read_column("Shift hammer [µs]", samples, "shift_hammer", 1),
+        read_column("Shift sample [µs]", samples, "shift_sample", 1),
     ]
     note = (
         "MSE: mean square error over the record, with the force of equation (4) alone driving the"
@@ -445,30 +479,24 @@ def tabulate_errors(samples: Sequence[SampleEstimate]) -> list[Table]:
 
 def tabulate_pulse_shapes(samples: Sequence[SampleEstimate]) -> list[Table]:
     """Return what the pulses look like, and tau_p and k2 under the best shape."""
-    rows = [
-        (sample, sample.pulse_shape, best, sample.pulse_shape.find_fit(PULSE_NAME))
-        for sample in samples
-        if (best := sample.pulse_shape.best_fit) is not None
-    ]
-    if not rows:
+    known = [sample for sample in samples if sample.pulse_shape.best_fit is not None]
+    if not known:
         return []
-    found, bests = [sample for sample, *_ in rows], [best for _, _, best, _ in rows]
+    shapes = [sample.pulse_shape for sample in known]
+    versed = [shape.find_fit(PULSE_NAME) or ShapeFit("") for shape in shapes]
     columns = [
-        make_text_column("Sample", [sample.name for sample in found]),
+        make_text_column("Sample", [sample.name for sample in known]),
         make_text_column(
             "Best shape",
-            [shape.best_shape + ("" if shape.is_told_apart else " ?") for _, shape, *_ in rows],
+            [shape.best_shape + ("" if shape.is_told_apart else " ?") for shape in shapes],
         ),
-        make_column("It leaves [%]", _format([fit.residual_percent for fit in bests], 2)),
-        make_column(
-            "Versed-sine leaves [%]",
-            _format([fit.residual_percent if fit else math.nan for *_, fit in rows], 2),
-        ),
-        make_optional("τp, paper [µs]", _format_found(CONTACT_TIME, found)),
-        make_column("τp, shape [µs]", _format([fit.contact_time for fit in bests], 2, MICRO)),
-        make_optional("k2, paper [MN/m]", _format_found(STIFFNESS, found)),
-        make_column("k2, shape [MN/m]", _format([fit.stiffness for fit in bests], 2, MEGA)),
-        make_optional("Fall/rise", _format([shape.fall_over_rise for _, shape, *_ in rows], 3)),
+        read_column("It leaves [%]", shapes, "best_fit.residual_percent", 2),
+        read_column("Versed-sine leaves [%]", versed, "residual_percent", 2),
+        read_column("τp, paper [µs]", known, "contact_time", 2, is_optional=True),
+        read_column("τp, shape [µs]", shapes, "best_fit.contact_time", 2),
+        read_column("k2, paper [MN/m]", known, "stiffness", 2, is_optional=True),
+        read_column("k2, shape [MN/m]", shapes, "best_fit.stiffness", 2),
+        read_column("Fall/rise", shapes, "fall_over_rise", 3, is_optional=True),
     ]
     note = (
         "Shapes fitted to the mean hammer pulse. It leaves: RMS of the rest, over the peak. Paper:"
@@ -493,22 +521,24 @@ def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
     ]
     laws = [sample.contact_law for sample in known]
 
-    def column(header: str, name: str, digits: int, scale: float = 1.0) -> Column:
-        cells = [format_quantity(getattr(law, name), digits, scale) for law in laws]
-        return make_optional(header, cells)
-
+    shown = (
+        ("n", "exponent", 3),
+        ("Duration [µs]", "duration", 2),
+        ("e", "restitution", 3),
+        ("v [cm/s]", "impact_speed", 2),
+        ("Force [N]", "peak_force", 1),
+        ("Indentation [µm]", "peak_indentation", 2),
+        ("Energy lost [µJ]", "energy_loss", 1),
+        ("k, linear [MN/m]", "equivalent_stiffness", 2),
+        ("m2Δv2/m1Δv1", "momentum_ratio", 3),
+        ("It leaves [%]", "residual_percent", 2),
+    )
     columns = [
         make_text_column("Sample", [sample.name for sample in known]),
-        column("n", "exponent", 3),
-        column("Duration [µs]", "duration", 2, MICRO),
-        column("e", "restitution", 3),
-        column("v [cm/s]", "impact_speed", 2, 1e2),
-        column("Force [N]", "peak_force", 1),
-        column("Indentation [µm]", "peak_indentation", 2, MICRO),
-        column("Energy lost [µJ]", "energy_loss", 1, MICRO),
-        column("k, linear [MN/m]", "equivalent_stiffness", 2, MEGA),
-        column("m2Δv2/m1Δv1", "momentum_ratio", 3),
-        make_optional("It leaves [%]", _format([law.residual_percent for law in laws], 2)),
+        *(
+            read_column(header, laws, name, digits, is_optional=True)
+            for header, name, digits in shown
+        ),
     ]
     note = (
         "F = k δⁿ (1 + a δ') between two free bodies, fitted to the mean hammer pulse; n = 3/2 is"
@@ -525,27 +555,15 @@ def tabulate_size_exponents(results: Results) -> list[Table]:
 
     Nothing where no material has three samples of different masses.
     """
-    rows = {
-        item.material or ALL_MATERIALS: [
-            format_quantity(item.by_contact_time, 3),
-            format_number(item.contact_time_residual_percent, 2),
-            format_quantity(item.by_contact_law, 3),
-            format_number(item.contact_law_residual_percent, 2),
-        ]
-        for item in find_size_exponents(results)
-    }
-    if not rows:
+    found = find_size_exponents(results)
+    if not found:
         return []
     columns = [
-        make_text_column("Material", list(rows)),
-        *(
-            make_column(header, cells)
-            for header, cells in zip(
-                ("p, by τp", "It leaves [%]", "p, by the law", "It leaves [%]"),
-                zip(*rows.values(), strict=True),
-                strict=True,
-            )
-        ),
+        make_text_column("Material", [item.material or ALL_MATERIALS for item in found]),
+        read_column("p, by τp", found, "by_contact_time", 3),
+        read_column("It leaves [%]", found, "contact_time_residual_percent", 2),
+        read_column("p, by the law", found, "by_contact_law", 3),
+        read_column("It leaves [%]", found, "contact_law_residual_percent", 2),
     ]
     note = (
         "τ goes with m_eq^p at one impact speed, a constant for each material:"
@@ -562,16 +580,13 @@ def tabulate_speed_exponents(
     if not found:
         return []
 
-    def column(header: str, name: str) -> Column:
-        return make_column(header, [format_quantity(getattr(item, name), 3) for item in found])
-
     columns = [
         make_text_column("Sample", [item.sample for item in found]),
         make_column("Series", [str(item.series) for item in found]),
-        column("p of τp, paper", "contact_time"),
-        column("p of τ, law", "duration"),
-        column("p of Fmax", "peak_force"),
-        column("p of e", "restitution"),
+        read_column("p of τp, paper", found, "contact_time", 3),
+        read_column("p of τ, law", found, "duration", 3),
+        read_column("p of Fmax", found, "peak_force", 3),
+        read_column("p of e", found, "restitution", 3),
     ]
     hertz, spring = HERTZ_SPEED_EXPONENTS, SPRING_SPEED_EXPONENTS
     note = (
@@ -588,29 +603,21 @@ def tabulate_true_contacts(
     samples: Sequence[SampleEstimate], truths: Mapping[str, ContactLaw]
 ) -> Table:
     """Return law and paper's method beside the truth, by sample, where that is known."""
-
-    def find_true(name: str, digits: int, scale: float = 1.0) -> list[str]:
-        values = [getattr(truths[sample.name], name).value for sample in samples]
-        return _format(values, digits, scale)
-
-    def find_law(name: str, digits: int, scale: float = 1.0) -> list[str]:
-        laws = [sample.contact_law for sample in samples]
-        return [format_quantity(getattr(law, name), digits, scale) for law in laws]
-
-    k_eq = [format_quantity(sample.equivalent_stiffness, 2, MEGA) for sample in samples]
+    laws = [sample.contact_law for sample in samples]
+    true = [truths[sample.name] for sample in samples]
     columns = [
         make_text_column("Sample", [sample.name for sample in samples]),
-        make_column("τ, true [µs]", find_true("duration", 2, MICRO)),
-        make_column("τ, law [µs]", find_law("duration", 2, MICRO)),
-        make_column("τp, paper [µs]", _format_found(CONTACT_TIME, samples)),
-        make_column("n, true", find_true("exponent", 3)),
-        make_column("n, law", find_law("exponent", 3)),
-        make_column("e, true", find_true("restitution", 4)),
-        make_column("e, law", find_law("restitution", 4)),
-        make_column("v, true [cm/s]", find_true("impact_speed", 3, 1e2)),
-        make_column("v, law [cm/s]", find_law("impact_speed", 3, 1e2)),
-        make_column("k, true [MN/m]", find_true("equivalent_stiffness", 2, MEGA)),
-        make_column("k_eq, paper [MN/m]", k_eq),
+        read_column("τ, true [µs]", true, "duration.value", 2),
+        read_column("τ, law [µs]", laws, "duration", 2),
+        read_column("τp, paper [µs]", samples, "contact_time", 2),
+        read_column("n, true", true, "exponent.value", 3),
+        read_column("n, law", laws, "exponent", 3),
+        read_column("e, true", true, "restitution.value", 4),
+        read_column("e, law", laws, "restitution", 4),
+        read_column("v, true [cm/s]", true, "impact_speed.value", 3),
+        read_column("v, law [cm/s]", laws, "impact_speed", 3),
+        read_column("k, true [MN/m]", true, "equivalent_stiffness.value", 2),
+        read_column("k_eq, paper [MN/m]", samples, "equivalent_stiffness", 2),
     ]
     note = (
         "True: what the virtual rig struck with, at the mean of its hits' scatter; k: of a linear"
@@ -627,13 +634,13 @@ def tabulate_free_decays(samples: Sequence[SampleEstimate]) -> list[Table]:
     decays = [sample.free_decay for sample in known]
     columns = [
         make_text_column("Sample", [sample.name for sample in known]),
-        make_optional("c2, paper [N s/m]", _format_found(DAMPING_COEFFICIENT, known)),
-        make_column("c2, free decay [N s/m]", _format_found(DAMPING_COEFFICIENT, decays)),
-        make_optional("ζ, paper", [format_quantity(item.damping_ratio, 3) for item in known]),
-        make_column("ζ, free decay", [format_quantity(item.damping_ratio, 3) for item in decays]),
-        make_optional("f [kHz]", _format([item.frequency for item in decays], 3, 1e-3)),
-        make_optional("Periods", _format([item.periods for item in decays], 1)),
-        make_optional("R²", _format([item.r_squared for item in decays], 4)),
+        read_column("c2, paper [N s/m]", known, "damping_coefficient", 1, is_optional=True),
+        read_column("c2, free decay [N s/m]", decays, "damping_coefficient", 1),
+        read_column("ζ, paper", known, "damping_ratio", 3, is_optional=True),
+        read_column("ζ, free decay", decays, "damping_ratio", 3),
+        read_column("f [kHz]", decays, "frequency", 3, is_optional=True),
+        read_column("Periods", decays, "periods", 1, is_optional=True),
+        read_column("R²", decays, "r_squared", 4, is_optional=True),
     ]
     note = (
         "Paper: from U1, inside the contact, and U2. Free decay: a damped sinusoid fitted to the"
@@ -652,10 +659,11 @@ def tabulate_identifications(samples: Sequence[SampleEstimate]) -> list[Table]:
     columns = [make_text_column("Sample", [sample.name for sample in fitted])]
     for measurand, fit_column in zip(SAMPLE_MEASURANDS, _make_fit_columns(fits), strict=True):
         header = f"{measurand.sample_symbol}, paper [{measurand.unit}]"
-        columns += [make_optional(header, _format_found(measurand, fitted)), fit_column]
+        found, digits = measurand.field, measurand.digits
+        columns += [read_column(header, fitted, found, digits, is_optional=True), fit_column]
     columns += [
-        make_optional("Residual/noise", _format([fit.residual_over_noise for fit in fits], 1)),
-        make_optional("Force balance", _format([fit.force_balance for fit in fits], 3)),
+        read_column("Residual/noise", fits, "residual_over_noise", 1, is_optional=True),
+        read_column("Force balance", fits, "force_balance", 3, is_optional=True),
         make_text_column("Model", [fit.model for fit in fits]),
     ]
     note = (
@@ -711,14 +719,10 @@ def tabulate_variants(sample: SampleEstimate) -> list[Table]:
             "Model", [f"{fit.model}, preferred" if fit.is_preferred else fit.model for fit in fits]
         ),
         *_make_fit_columns(fits),
-        make_column(
-            "Leaves of hammer [%]", _format([fit.residual_hammer_percent for fit in fits], 2)
-        ),
-        make_column(
-            "Leaves of sample [%]", _format([fit.residual_sample_percent for fit in fits], 2)
-        ),
-        make_optional("Residual/noise", _format([fit.residual_over_noise for fit in fits], 1)),
-        make_optional("BIC", _format([fit.criterion for fit in fits], 0)),
+        read_column("Leaves of hammer [%]", fits, "residual_hammer_percent", 2),
+        read_column("Leaves of sample [%]", fits, "residual_sample_percent", 2),
+        read_column("Residual/noise", fits, "residual_over_noise", 1, is_optional=True),
+        read_column("BIC", fits, "criterion", 0, is_optional=True),
     ]
     notes = [f"{fit.model}: {text}." for fit in fits for text in (*fit.undetermined, *fit.notes)]
     return [make_table("Fitted models", columns, notes)]
@@ -727,13 +731,9 @@ def tabulate_variants(sample: SampleEstimate) -> list[Table]:
 def _make_fit_columns(fits: Sequence[FittedModel]) -> list[Column]:
     """Return tau_p, k2 and c2 as they were fitted."""
     return [
-        make_column(f"{item.sample_symbol}, fit [{item.unit}]", _format_found(item, fits))
+        read_column(f"{item.sample_symbol}, fit [{item.unit}]", fits, item.field, item.digits)
         for item in SAMPLE_MEASURANDS
     ]
-
-
-def _format(values: Sequence[float], digits: int, scale: float = 1.0) -> list[str]:
-    return [format_number(value * scale, digits) for value in values]
 
 
 def _format_error(value: float) -> str:
@@ -741,11 +741,6 @@ def _format_error(value: float) -> str:
     if not math.isfinite(value):
         return MISSING
     return f"{value:#.2g}".rstrip(".") if value >= SMALLEST_ERROR else f"< {SMALLEST_ERROR:.4f}"
-
-
-def _format_found(measurand: Measurand, bodies: Sequence[Any]) -> list[str]:
-    """Return what was found of a measurand, by samples or by one method of each."""
-    return [measurand.format(measurand.read(body)) for body in bodies]
 
 
 def tabulate_budgets(name: str, body: SampleEstimate | HammerEstimate) -> Iterator[Table]:

@@ -12,14 +12,18 @@ from impact_rig.core.origin import Origin, join_origins
 from impact_rig.core.quantity import INLINE, UNKNOWN, Quantity
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import (
-    MICRO,
     MISSING,
-    format_number,
-    format_quantity,
     show_unit,
 )
 from impact_rig.results.results_file import origin_to_json, results_to_json
-from impact_rig.results.tables import Column, Table, make_optional, make_table, make_text_column
+from impact_rig.results.tables import (
+    Column,
+    Table,
+    make_optional,
+    make_table,
+    make_text_column,
+    read_column,
+)
 from impact_rig.results.wire import Json, to_json
 
 FORMAT_NAME = "impact-rig trace results"
@@ -101,28 +105,25 @@ def tabulate_hits(hits: Sequence[FileResults]) -> Table:
     unit = hits[0].measured_unit if hits else ""
     columns = [
         make_text_column("File", _shorten([hit.origin.file for hit in hits])),
-        Column(
-            "τp [µs]",
-            [format_quantity(hit.contact_time, 2, MICRO) for hit in hits],
-            note="±: of the one hit, 95 %.",
-        ),
+        read_column("τp [µs]", hits, "contact_time", 2, note="±: of the one hit, 95 %."),
         make_text_column(
             "Verdict", ["accepted" if hit.accepted else "\n".join(hit.reasons) for hit in hits]
         ),
-        make_optional(
-            "w50 [µs]", [format_number(hit.half_amplitude_width * MICRO, 2) for hit in hits]
-        ),
-        make_optional("w10/w50", [format_number(hit.width_ratio, 3) for hit in hits]),
+        read_column("w50 [µs]", hits, "half_amplitude_width", 2, is_optional=True),
+        read_column("w10/w50", hits, "width_ratio", 3, is_optional=True),
         Column(
             "Best shape",
             [hit.best_shape or MISSING for hit in hits],
             is_text=True,
             is_optional=True,
         ),
-        make_optional(
+        read_column(
             "leaves [%]",
-            [format_number(hit.shape_residual_percent, 1) for hit in hits],
-            "leaves: RMS of what the best shape leaves, over the peak.",
+            hits,
+            "shape_residual_percent",
+            1,
+            is_optional=True,
+            note="leaves: RMS of what the best shape leaves, over the peak.",
         ),
         make_optional(
             f"Peak [{show_unit(unit)}]" if unit else "Peak",
