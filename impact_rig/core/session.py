@@ -16,7 +16,6 @@ from impact_rig.core.estimation.sample import (
     TraceEstimates,
     add_checks,
     add_models,
-    estimate_contact_alone,
     estimate_numbers,
     estimate_traces,
 )
@@ -199,16 +198,13 @@ class Session:
             note = f"{name}: not determined, none of {len(series)} hits was accepted"
             return SampleEstimate(name, 0, len(series), notes=(note,))
         spread, rejected = series.contact_time_spread, len(series) - mean.count
-        if unknown := self.setup.find_unknown_masses(name):
-            law = self._estimate_law(name, mean)
-            estimate = estimate_contact_alone(name, mean, spread, rejected, setup, law)
-            note = f"k and c: the mass of {' and '.join(unknown)} is not known"
-            estimate = replace(estimate, notes=(*estimate.notes, note))
-        else:
-            hammer, law = self.estimate_hammer(name), self._estimate_law(name, mean)
-            estimate = estimate_numbers(name, mean, spread, rejected, hammer, setup, law)
+        hammer, law = self.estimate_hammer(name), self._estimate_law(name, mean)
+        estimate = estimate_numbers(name, mean, spread, rejected, hammer, setup, law)
         corrected, doubtful = series.describe_findings()
-        notes = estimate.notes + doubtful
+        notes = estimate.notes
+        if unknown := self.setup.find_unknown_masses(name):
+            notes = (*notes, f"k and c: the mass of {' and '.join(unknown)} is not known")
+        notes += doubtful
         if len(mean.hits) < mean.count:
             shown = f"{len(mean.hits)} of {mean.count} hits, evenly over the series"
             notes = (*notes, f"scatter of the traces: that of {shown}")
@@ -221,7 +217,7 @@ class Session:
         """Return the same with what stands beside it, but for the fitted model."""
         self._forget_older_laws({name, self.get_setup(name).samples.control_sample})
         estimate, mean = self.estimate_numbers(name), self.compute_mean(name)
-        if mean is None or self.setup.find_unknown_masses(name):
+        if mean is None:
             return estimate
         traces = self._estimate_traces(name, mean)
         hammer = self.estimate_hammer(name)

@@ -232,7 +232,7 @@ class ContactEstimate:
     contact_time : Quantity
         tau_p [s].
     equivalent_stiffness : Quantity
-        k_eq [N/m].
+        k_eq [N/m]; not known without both masses.
     equivalent_stiffness_number : UncertainNumber or None
         k_eq with all that it depends on; None: its uncertainty is not determined.
     """
@@ -247,28 +247,30 @@ class ContactEstimate:
 
 
 def _estimate_contact(series: MeanReading, setup: RigSetup, sample: str) -> ContactEstimate:
+    rig, numbers = series.rig, series.numbers
     width = series.pulse.half_amplitude_width / series.mean.sampling_rate
     contact_time = setup.analysis.pulse_factor * width
+    contact = ContactEstimate(
+        half_amplitude_width=width,
+        width_ratio=series.pulse.width_ratio,
+        contact_time=Quantity(contact_time, notes=(series.reason,))
+        if numbers is None
+        else compute_quantity(contact_time, numbers.contact_time),
+    )
+    if setup.find_unknown_masses(sample):
+        return contact
     stiffness = estimate_equivalent_stiffness(
         estimate_equivalent_mass(setup.hammer_mass, setup.samples.get_moving_mass(sample)),
         contact_time,
     )
-    rig, numbers = series.rig, series.numbers
     if numbers is None:
-        missing = (series.reason,)
-        return ContactEstimate(
-            half_amplitude_width=width,
-            width_ratio=series.pulse.width_ratio,
-            contact_time=Quantity(contact_time, notes=missing),
-            equivalent_stiffness=Quantity(stiffness, notes=missing),
-        )
+        known = Quantity(stiffness, notes=(series.reason,))
+        return replace(contact, equivalent_stiffness=known)
     number = estimate_equivalent_stiffness(
         estimate_equivalent_mass(rig.hammer_mass, rig.moving_mass), numbers.contact_time
     )
-    return ContactEstimate(
-        half_amplitude_width=width,
-        width_ratio=series.pulse.width_ratio,
-        contact_time=compute_quantity(contact_time, numbers.contact_time),
+    return replace(
+        contact,
         equivalent_stiffness=compute_quantity(stiffness, number, rig.notes),
         equivalent_stiffness_number=number,
     )
@@ -370,7 +372,10 @@ def estimate_bodies(
     contact = _estimate_contact(series, setup, sample)
     notes = hammer.notes
     number: UncertainNumber | None = None
-    if not hammer.stiffness.is_known:
+    if not contact.equivalent_stiffness.is_known:
+        # Whose mass is not known is all that there is to say.
+        stiffness, notes = UNKNOWN, ()
+    elif not hammer.stiffness.is_known:
         stiffness = Quantity(notes=("k2: not determined without k1",))
         notes += stiffness.notes
     else:

@@ -10,7 +10,6 @@ from impact_rig.core.estimation.comparison import ModelComparison, compare_with_
 from impact_rig.core.estimation.contact_law import (
     NO_LAW,
     ContactLaw,
-    compute_shape_error,
     describe_contradiction,
     look_at_law,
 )
@@ -44,7 +43,7 @@ from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Quantity, describe
 from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.uncertainty.contact import LEAST_HITS, ONE_HIT, estimate_contact_time
+from impact_rig.core.uncertainty.contact import LEAST_HITS, ONE_HIT
 from impact_rig.core.uncertainty.propagation import make_rig_numbers
 from impact_rig.core.uncertainty.results import compute_quantity, make_ensemble
 
@@ -309,44 +308,6 @@ def add_checks(
     return _add_comparisons(checked, mean, hammer, setup)
 
 
-def estimate_contact_alone(
-    name: str,
-    mean: MeanHit,
-    contact_time_spread: float,
-    impacts_rejected: int,
-    setup: RigSetup,
-    law: ContactLaw | None = None,
-) -> SampleEstimate:
-    """Estimate what needs no mass: tau_p, shape and law of the pulse; parameters as above."""
-    settings = setup.analysis
-    pulse = measure_pulse(mean.traces[0])
-    law = law or look_at_law(mean, setup, name)
-    read = settings.pulse_factor * pulse.half_amplitude_width / mean.sampling_rate
-    contact_time = estimate_contact_time(
-        mean, settings, setup.clock_uncertainty, name, compute_shape_error(law, read)
-    )
-    shape, shape_notes = look_at_shape(mean, setup)
-    estimate = SampleEstimate(
-        name=name,
-        impacts_accepted=mean.count,
-        impacts_rejected=impacts_rejected,
-        contact_time=contact_time,
-        contact_time_spread=contact_time_spread,
-        half_amplitude_width=pulse.half_amplitude_width / mean.sampling_rate,
-        width_ratio=pulse.width_ratio,
-        hammer_peak=float(np.abs(mean.traces[0]).max()),
-        specimen_peak=_find_specimen_peak(mean),
-        hammer_peak_spread_percent=_compute_peak_spread(mean),
-        contact_law=law,
-        notes=tuple(dict.fromkeys(contact_time.notes + shape_notes + _explain_missing_law(law))),
-    )
-    return replace(
-        estimate,
-        pulse_shape=_add_stiffness(shape, estimate),
-        warnings=check_shape(shape, law, estimate, setup),
-    )
-
-
 def _add_stiffness(shape: PulseShapeEstimate, estimate: SampleEstimate) -> PulseShapeEstimate:
     """Add k2 as each shape would make it: k_eq, k1 and with them k2 go as F^-2."""
     return replace(
@@ -535,7 +496,7 @@ def check_steps(mean: MeanHit) -> tuple[str, ...]:
 def check_control(setup: RigSetup) -> tuple[str, ...]:
     """Warn unless control sample and hammer are alike."""
     control = setup.samples.control_sample
-    if not control:
+    if not control or setup.find_unknown_masses(control):
         return ()
     mass, hammer = setup.samples.get_moving_mass(control), setup.hammer_mass
     if abs(mass - hammer) <= LARGEST_MASS_DIFFERENCE * hammer:

@@ -23,7 +23,7 @@ def withdraw_shared_ringing(
     """Take free decay, damping and model from samples that all ring at one frequency."""
     rings = [sample for sample in samples if sample.free_decay.is_known]
     masses = [setup.samples.get_moving_mass(sample.name) for sample in rings]
-    if len(rings) < FEWEST_SAMPLES or max(masses) < LEAST_MASS_RATIO * min(masses):
+    if len(rings) < FEWEST_SAMPLES or not max(masses) >= LEAST_MASS_RATIO * min(masses):
         return tuple(samples)
     shared = float(np.median([sample.free_decay.frequency for sample in rings]))
 

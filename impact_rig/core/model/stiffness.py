@@ -4,7 +4,6 @@ import math
 
 from impact_rig.core.arithmetic import (
     Quantity,
-    compute_square_root,
     get_value,
 )
 from impact_rig.core.checks import check_positive
@@ -23,13 +22,6 @@ def estimate_equivalent_stiffness(equivalent_mass: Quantity, contact_time: Quant
     check_positive("equivalent mass", get_value(equivalent_mass), "kg")
     check_positive("contact time", get_value(contact_time), "s")
     return equivalent_mass * (math.pi / contact_time) ** 2
-
-
-def estimate_contact_time(equivalent_mass: Quantity, equivalent_stiffness: Quantity) -> Quantity:
-    """Return tau_p = pi sqrt(m_eq / k_eq) [s], equation (5), from kg and N/m."""
-    check_positive("equivalent mass", get_value(equivalent_mass), "kg")
-    check_positive("equivalent stiffness", get_value(equivalent_stiffness), "N/m")
-    return math.pi * compute_square_root(equivalent_mass / equivalent_stiffness)
 
 
 def estimate_hammer_stiffness(control_equivalent_stiffness: Quantity) -> Quantity:

@@ -24,7 +24,7 @@ from impact_rig.core.hits.pulse_uncertainty import (
     compute_trend,
     estimate_pulse_errors,
 )
-from impact_rig.core.hits.pulse_width import PulseWidth, measure_pulse
+from impact_rig.core.hits.pulse_width import PulseWidth
 from impact_rig.core.hits.zero import ZERO_AFTER
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup.settings import AnalysisSettings
@@ -123,33 +123,6 @@ def estimate_contact_numbers(
         except NotDeterminedError as error:
             notes[channel] = str(error)
     return ContactNumbers(contact_time * clock, numbers, notes)
-
-
-def estimate_contact_time(
-    mean: MeanHit,
-    settings: AnalysisSettings,
-    clock_uncertainty: float,
-    sample: str,
-    shape_error: tuple[float, float] = (0.0, 0.0),
-) -> Quantity:
-    """Estimate tau_p of a mean hit [s] where no mass is known.
-
-    Parameters as in `estimate_contact_numbers`; of one hit its uncertainty is not determined.
-
-    Raises
-    ------
-    SignalError
-        If the mean trace has no whole pulse.
-    """
-    pulse = measure_pulse(mean.traces[0])
-    value = settings.pulse_factor * (pulse.half_amplitude_width / mean.sampling_rate)
-    try:
-        numbers = estimate_contact_numbers(
-            mean, pulse, {}, settings, clock_uncertainty, sample, shape_error
-        )
-    except NotDeterminedError as error:
-        return Quantity(value, notes=(str(error),))
-    return compute_quantity(value, numbers.contact_time)
 
 
 def estimate_hit_contact_time(

@@ -23,7 +23,6 @@ from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.uncertainty.contact import (
-    estimate_contact_time,
     estimate_hit_contact_time,
 )
 
@@ -248,17 +247,6 @@ def test_a_second_peak_of_a_few_counts_has_no_uncertainty() -> None:
         assert "the second peak is 2 counts high" in found.notes[0]
     assert math.isfinite(contact.contact_time.standard)
     assert math.isfinite(body.stiffness.standard)
-
-
-def test_the_contact_time_needs_no_mass() -> None:
-    mean = make_mean("steel medium")
-    contact, _, _ = estimate("steel medium", mean=mean)
-    alone = estimate_contact_time(mean, SETUP.analysis, SETUP.clock_uncertainty, "steel medium")
-    assert alone.standard == pytest.approx(contact.contact_time.standard)
-    single = estimate_contact_time(
-        make_mean("steel medium", 1), SETUP.analysis, SETUP.clock_uncertainty, "steel medium"
-    )
-    assert "one accepted hit" in single.notes[0]
 
 
 def test_a_single_hits_contact_time_has_an_uncertainty_of_its_own() -> None:
