@@ -72,7 +72,8 @@ class NodeParameters:
             values = (
                 await node.call(getter, request, ANSWER_TIMEOUT, lambda: self._is_closed)
             ).values
-            found = dict(zip(request.names, map(parameter_value_to_python, values), strict=True))
+            # One that was taken back meanwhile has no value.
+            found = dict(zip(request.names, map(parameter_value_to_python, values), strict=False))
             self._texts[full_name] = format_parameters(found)
             self._silent.discard(full_name)
         except DeviceError:
