@@ -25,7 +25,6 @@ from impact_rig.recordings.writer import (
     COMPRESSIONS,
     DEFAULT_CHUNK_SIZE,
     DEFAULT_KEEP_FREE,
-    LONGEST_SPLIT,
     RecordingWriter,
 )
 
@@ -34,6 +33,8 @@ LOW_SPACE = 2 << 30
 2.5 MS/s, uncompressed."""
 LARGEST_SIZE = 2**62
 """[byte]"""
+LONGEST_SPLIT = 1e9
+"""Longest time after which a recording may be split [s], our choice: thirty years."""
 
 
 def declare_parameters(node: RigNode) -> None:

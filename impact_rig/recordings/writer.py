@@ -63,8 +63,6 @@ class McapWriter:
 
     Raises
     ------
-    ParameterError
-        If the compression is unknown, or a size negative or the chunk's zero.
     FileError
         If the file exists already or cannot be created.
     """
@@ -78,14 +76,6 @@ class McapWriter:
         library: str = "impact_rig",
         keep_free: int = 0,
     ) -> None:
-        if compression not in COMPRESSIONS:
-            raise ParameterError(
-                f"compression is {compression!r}: it must be one of {', '.join(COMPRESSIONS)}"
-            )
-        if chunk_size < 1:
-            raise ParameterError(f"chunk size is {chunk_size} byte: it must be positive")
-        if keep_free < 0:
-            raise ParameterError(f"keep_free is {keep_free} byte: it must not be negative")
         self.path = path
         self.messages = 0
         self.start_time = 0
@@ -308,8 +298,6 @@ class McapWriter:
 DEFAULT_KEEP_FREE = 64 << 20
 """What is left free on the disk for others [byte], our choice: a computer without any space on
 its disk is hard to help."""
-LONGEST_SPLIT = 1e9
-"""Longest time after which a recording may be split [s], our choice: thirty years."""
 HEALTH_RECORD = "impact_rig/health"
 """Metadata record that tells how one file ended; the only one that is not repeated in the next."""
 _BAG_SUFFIXES = frozenset({SUFFIX, ".db3"})
@@ -329,7 +317,7 @@ class RecordingWriter:
         Ending in .mcap: the one file. Else: the folder; its files are <output>/<name>_0.mcap, _1
         and so on. Folders are made.
     compression : str
-        One of `mcap_writer.COMPRESSIONS`.
+        One of `COMPRESSIONS`.
     chunk_size : int
         Uncompressed size at which a chunk is finished [byte].
     library : str
@@ -353,8 +341,7 @@ class RecordingWriter:
     Raises
     ------
     ParameterError
-        If the compression is unknown, a size or duration impossible, or a bare file is to be
-        split.
+        If a bare file is to be split.
     FileError
         If there is such a recording already, or the first file cannot be created.
     """
@@ -374,8 +361,12 @@ class RecordingWriter:
         self.path = output
         self.messages = 0
         self._folder = None if output.suffix == SUFFIX else output
-        _check_limits(output, split_size, split_duration)
         self._is_split = bool(split_size or split_duration)
+        if self._is_split and self._folder is None:
+            raise ParameterError(
+                f"{output} is to be one file, which cannot be split: name a folder, without"
+                f" {SUFFIX}"
+            )
         self._split_size = split_size
         self._split_duration = int(split_duration * 1e9)
         self._before_split = before_split
@@ -396,7 +387,7 @@ class RecordingWriter:
         made = make_folders(self._folder or output.parent)
         try:
             self._begin()
-        except (FileError, ParameterError):
+        except FileError:
             for folder in made:
                 with contextlib.suppress(OSError):
                     folder.rmdir()
@@ -612,19 +603,6 @@ class RecordingWriter:
             )
             for topic in self._topics.values()
         ]
-
-
-def _check_limits(output: Path, split_size: int, split_duration: float) -> None:
-    if split_size < 0:
-        raise ParameterError(f"split_size is {split_size} byte: it must not be negative")
-    if not 0 <= split_duration < LONGEST_SPLIT:
-        raise ParameterError(
-            f"split_duration is {split_duration} s: it must be from 0 to {LONGEST_SPLIT:g} s"
-        )
-    if (split_size or split_duration) and output.suffix == SUFFIX:
-        raise ParameterError(
-            f"{output} is to be one file, which cannot be split: name a folder, without {SUFFIX}"
-        )
 
 
 @dataclass
