@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.digitizer import SENSITIVITY
 from bench.measure import Bench, Figure, at_most, part
 from bench.rig_processes import RigProcesses, Said, use_own_domain
 from impact_rig.configuration.rig_file import read_template
@@ -20,11 +21,9 @@ WARM_UP = 3
 LONGEST = 10.0
 """From the complete record to the published block [ms], as asked for."""
 PERCENTILE = 99
-PEER = "impact_rig.testing.peers.scpi_digitizer"
 ARMER = "armer"
 """The node that arms the accelerometers."""
 NO_RECORDS = "the records do not come"
-SENSITIVITY = "4 mV/g"
 SOURCE = """
 [source]
 driver = "scpi"
@@ -87,7 +86,7 @@ def measure_scpi(folder: Path, hits: int, bench: Bench) -> list[float]:
 @contextlib.contextmanager
 def start_peer() -> Iterator[subprocess.Popen[str]]:
     """Lend an instrument that is a process, and a hammer at its inputs."""
-    words = [sys.executable, "-m", PEER, "--hammer", SENSITIVITY, "--specimen", SENSITIVITY]
+    words = [sys.executable, "-m", "bench.digitizer"]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as peer:
         try:
             yield peer

@@ -1,19 +1,9 @@
-"""A digitizer that speaks Red Pitaya's SCPI over a real TCP socket, without any hardware.
+"""A digitizer that speaks Red Pitaya's SCPI over a real TCP socket, without any hardware."""
 
-As a process it strikes a sample of the virtual rig when it is told to::
-
-    python -m impact_rig.testing.peers.scpi_digitizer --hammer "4 mV/g"
-
-It prints its address, and each strike, as a line of JSON; each line that it takes is a strike.
-"""
-
-import argparse
 import contextlib
-import json
 import re
 import socket
 import struct
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -23,14 +13,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.configuration.units import parse_sensitivity
-from impact_rig.core.errors import RigError
-from impact_rig.core.setup.calibration import compute_scale
-from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.signals.detection import to_acceleration
-from impact_rig.core.signals.record import ChannelBlock, FloatArray, HitLabel
+from impact_rig.core.signals.record import ChannelBlock, FloatArray
 from impact_rig.devices.virtual.choices import Fault
-from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
+from impact_rig.devices.virtual.rig import VirtualHit
 
 CountArray = NDArray[np.int16]
 
@@ -525,8 +511,6 @@ class LineServer:
 
 END = b"\r\n"
 NONSENSE = b"\x00\xffQX!"
-SENSITIVITY = "4 mV/g"
-"""At which the paper's hits stay within the inputs' 1 V."""
 
 
 class ScpiFault(Enum):
@@ -625,33 +609,3 @@ def _compute_acceleration(channel: ChannelBlock, size: int) -> FloatArray:
     if not channel.output.size:
         return np.zeros(size)
     return to_acceleration(channel, channel.output)
-
-
-def _parse_sensitivity(text: str) -> float:
-    """Return the voltage of 1 m/s^2."""
-    try:
-        return 1.0 / compute_scale("V", sensitivity=parse_sensitivity("sensitivity", text))
-    except RigError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def main() -> None:
-    """Strike whenever standard input says so, until it ends."""
-    parser = argparse.ArgumentParser(description="A digitizer that speaks SCPI, and its hammer.")
-    parser.add_argument("--hammer", type=_parse_sensitivity, default=SENSITIVITY,
-                        help="sensitivity of the hammer's sensor (%(default)s)")  # fmt: skip
-    parser.add_argument("--specimen", type=_parse_sensitivity, default=SENSITIVITY,
-                        help="sensitivity of the sample's sensor (%(default)s)")  # fmt: skip
-    arguments = parser.parse_args()
-    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
-    digitizer = ScpiDigitizer(arguments.hammer, arguments.specimen)
-    digitizer.plug()
-    print(json.dumps({"address": digitizer.address}), flush=True)
-    for impact, _ in enumerate(sys.stdin, start=1):
-        complete = digitizer.feed(rig.strike(HitLabel(CONTROL_SAMPLE, impact=impact)))
-        print(json.dumps({"impact": impact, "complete": complete}), flush=True)
-    digitizer.unplug()
-
-
-if __name__ == "__main__":
-    main()
