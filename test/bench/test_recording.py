@@ -44,14 +44,3 @@ def test_both_writers_write_the_same_messages(tmp_path: Path) -> None:
     recording_part.write_bare(bare, messages, compression)
     assert read_all(ours) == read_all(bare)
     assert [data for _, _, data in read_all(ours)] == messages
-
-
-def test_two_workers_are_compared_with_one(bench: Bench, monkeypatch: Any) -> None:
-    monkeypatch.setattr(recording_part, "REPEATS", 1)
-    monkeypatch.setattr(recording_part, "RECORDINGS", 2)
-    monkeypatch.setattr(recording_part, "WARM_UP", 1)
-    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1})
-    gain, one, start = recording_part.measure_batch(bench)
-    assert gain.values[0] > 0.1
-    assert str(gain.goal) == "at least 1.7"
-    assert one.unit == start.unit == "s"

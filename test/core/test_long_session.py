@@ -74,16 +74,6 @@ def test_results_do_not_depend_on_how_long_ago_the_hammer_was_estimated(strike: 
     assert repr(asked.estimate_all()) == repr(quiet.estimate_all())
 
 
-def test_results_depend_on_the_hits_alone(strike: Strike, few_shown: int) -> None:
-    live, file = Session(SETUP), Session(SETUP)
-    for record in range(1, 31):
-        name = SETUP.samples.names[record % 7 % 3]
-        for session in (live, file):
-            strike(session, name, record, height=450.0 if record in {2, 9} else 900.0)
-        live.estimate_sample(name)
-    assert repr(live.estimate_all()) == repr(file.estimate_all())
-
-
 def test_the_work_for_a_hit_does_not_grow(strike: Strike, few_shown: int) -> None:
     session, calls = Session(SETUP), 0
 

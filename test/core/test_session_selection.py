@@ -25,15 +25,6 @@ def describe_rejected(session: Session) -> list[tuple[int, list[Reason]]]:
     ]
 
 
-def test_a_hit_unlike_the_others_is_rejected_when_it_comes(strike: Strike) -> None:
-    session = Session(SETUP)
-    hits = strike_series(strike, session, [900.0] * 9 + [450.0])
-    assert [hit.accepted for hit in hits] == [True] * 9 + [False]
-    assert [item.reason for item in hits[-1].rejections] == [Reason.INCONSISTENT]
-    estimate = session.estimate_sample("alike")
-    assert (estimate.impacts_accepted, estimate.impacts_rejected) == (9, 1)
-
-
 def test_an_early_one_is_found_once_there_are_others(strike: Strike) -> None:
     session = Session(SETUP)
     hits = strike_series(strike, session, [450.0] + [900.0] * 9)
@@ -44,28 +35,6 @@ def test_an_early_one_is_found_once_there_are_others(strike: Strike) -> None:
     assert (
         session.estimate_sample("alike").contact_time
         == alone.estimate_sample("alike").contact_time
-    )
-
-
-def test_of_more_hits_than_wanted_the_most_consistent_are_kept(strike: Strike) -> None:
-    session = Session(replace(SETUP, analysis=replace(SETUP.analysis, keep_hits=4)))
-    hits = strike_series(strike, session, [900.0, 800.0, 890.0, 905.0, 895.0, 1000.0])
-    # Nothing is wrong with those that are left out: a campaign has no reason to repeat them.
-    assert all(hit.accepted for hit in hits)
-    assert describe_rejected(session) == [(2, [Reason.SURPLUS]), (6, [Reason.SURPLUS])]
-    estimate = session.estimate_sample("alike")
-    assert (estimate.impacts_accepted, estimate.impacts_rejected) == (4, 2)
-
-
-def test_a_person_leaves_out_one_hit_and_takes_another_in(strike: Strike) -> None:
-    accepted, rejected = (frozenset({HitLabel("alike", record)}) for record in (2, 3))
-    session = Session(SETUP, Overrules(accepted, rejected))
-    strike_series(strike, session, [900.0, 150.0, 890.0])
-    assert describe_rejected(session) == [(3, [Reason.OPERATOR])]
-    estimate = session.estimate_sample("alike")
-    assert estimate.impacts_accepted == 2
-    assert estimate.warnings[-1].startswith(
-        "hit 2 (alike/1.1) accepted by hand, although weak: hammer peak"
     )
 
 

@@ -1,6 +1,5 @@
 """A set-up and a block of the stream, read back from their messages."""
 
-import copy
 import dataclasses
 import math
 from array import array
@@ -20,43 +19,6 @@ from impact_rig.recordings.messages import (
     read_block_head,
     setup_from_msg,
 )
-
-MESSAGE = SimpleNamespace(
-    name="bench",
-    description="",
-    hammer_mass=0.1,
-    hammer_mass_uncertainty=2e-4,
-    hammer_stiffness=math.nan,
-    sensors=(),
-    accelerometer_mass=3e-3,
-    accelerometer_mass_uncertainty=1e-4,
-    clock_uncertainty=1e-6,
-    impact_speed=0.08,
-    release_angle=math.nan,
-    control_sample="oak",
-    samples=[
-        SimpleNamespace(
-            name="oak",
-            material="wood",
-            mass=0.1,
-            mass_uncertainty=5e-6,
-            reference_contact_time=math.nan,
-            reference_stiffness=math.nan,
-            reference_damping_coefficient=math.nan,
-            release_angle=math.nan,
-        )
-    ],
-    analysis=SimpleNamespace(
-        **{name: getattr(AnalysisSettings(), name) for name in vars(AnalysisSettings())}
-    ),
-)
-
-
-def test_the_selection_of_a_recording_is_read():
-    new = copy.deepcopy(MESSAGE)
-    new.analysis.maximum_peak, new.analysis.keep_hits = 0.9, 10
-    analysis = setup_from_msg(new).analysis
-    assert (analysis.maximum_peak, analysis.keep_hits) == (0.9, 10)
 
 
 class TestStreamBlock:
@@ -88,13 +50,6 @@ class TestStreamBlock:
         block = block_from_msg(self.make(array("i"), values))
         assert np.shares_memory(block.hammer.output, np.frombuffer(values))
         assert block.hammer.resolution == 0.0
-
-    def test_belongs_to_the_arming_under_way(self) -> None:
-        message = self.make(
-            array("i", [1]), record=3, sample="oak", impact=2, attempt=1, last=True
-        )
-        block = block_from_msg(message)
-        assert (block.label, block.last) == (HitLabel("oak", 3, 2, 1), True)
 
 
 STAMP = 1_700_000_000_123_456_789

@@ -60,18 +60,16 @@ def doubling(depth: int) -> str:
     ("schema", "told"),
     [
         ("Test again\n", "more than 10000 parts"),
-        (f"A a{RULE}MSG: test_msgs/A\nTest t\n", "more than 10000 parts"),
         (doubling(30), "more than 10000 parts"),
         ("string[1000000000] texts\n", "more than 10000 parts"),
         ("#" * MAX_SCHEMA + "\n", f"has {MAX_SCHEMA + 1} characters"),
         ("other_msgs/Lost x\n", "'other_msgs/msg/Lost' is not described"),
         ("int32 A=" + "9" * 5000 + "\n", "Exceeds the limit"),
         ("uint8 a\nuint8 a\n", "conflicting"),
-        ("what is this", "'test_msgs/msg/what' is not described"),
         ("??? x\n", "Could not parse"),
         ("uint8 a; import os\n", "Could not parse"),
     ],
-    ids=range(11),
+    ids=range(9),
 )
 def test_a_schema_that_makes_no_sense_is_named(schema, told):
     with pytest.raises(FileError, match=rf"schema of {NAME} on /test cannot be understood: .*"):
@@ -85,18 +83,15 @@ def test_a_schema_that_makes_no_sense_is_named(schema, told):
     ("schema", "data"),
     [
         ("uint8 a\n", b""),
-        ("uint32 a\n", EMPTY + b"\1"),
         ("uint8 a\n", EMPTY + bytes(64)),
         ("uint32[] a\n", EMPTY + length(0xFFFFFFFF)),
-        ("string a\n", EMPTY + length(0xFFFFFFFF)),
         ("string a\n", EMPTY + length(3) + b"\xff\xfe\0"),
         ("string[] a\n", EMPTY + length(0xFFFFFFFF)),
         (f"A[] a{RULE}MSG: test_msgs/A\n", EMPTY + length(0xFFFFFFFF)),
         ("float64[1000000000] a\n", EMPTY + bytes(64)),
-        ("float64[100000000000000000000000] a\n", EMPTY + bytes(64)),
         ("float64[-5] a\n", EMPTY + bytes(64)),
     ],
-    ids=range(11),
+    ids=range(8),
 )
 def test_a_message_that_does_not_fit_is_named(schema, data):
     with pytest.raises(FileError, match=r"on /test does not fit its schema: .") as caught:
@@ -197,12 +192,6 @@ def test_what_is_not_installed_is_named(name, told):
         find_message_definition(name)
 
 
-def test_a_missing_dependency_is_named(install):
-    install("demo_msgs", "Broken", "gone_msgs/Lost field\n")
-    with pytest.raises(FileError, match="gone_msgs/msg/Lost"):
-        find_message_definition("demo_msgs/msg/Broken")
-
-
 def check(old: str, new: str) -> None:
     channel = Channel(1, "/rig/topic", "a/msg/A", old, {})
     check_interfaces(channel, MessageDefinition("a/msg/A", new))
@@ -233,8 +222,3 @@ def test_every_difference_is_named(old, new, told):
         check(old, new)
     assert told in str(error.value)
     assert "/rig/topic was recorded with another version of a/msg/A" in str(error.value)
-
-
-def test_a_definition_that_is_none_is_refused():
-    with pytest.raises(FileError, match="a definition of a/msg/A cannot be understood"):
-        compare_definitions("a/msg/A", "[] 3 = nothing", "uint8 x")

@@ -165,7 +165,7 @@ def test_a_body_followed_by_integration_gives_its_own_stiffness_and_damping() ->
     assert 2.0 * mass * found.decay_rate == pytest.approx(damping, rel=1e-4)
 
 
-@pytest.mark.parametrize("ratio", [0.01, 0.3, 0.7])
+@pytest.mark.parametrize("ratio", [0.01, 0.7])
 def test_in_noise_the_bias_is_small(ratio: float) -> None:
     runs = 100
     true = swing(Oscillation(ratio, natural=2 * np.pi * 3e3))
@@ -241,7 +241,6 @@ def test_a_real_ringing_gives_the_decrement_of_its_peaks() -> None:
         (Oscillation(0.3), 1300, 0.1, r"µs of tail after the contact are"),
         (Oscillation(0.97), COUNT, 0.02, "damping is critical or nearly so"),
         (Oscillation(0.3, amplitude=1.0), COUNT, 5.0, "is in the noise"),
-        (Oscillation(0.3, amplitude=0.0), COUNT, 5.0, "is in the noise"),
         (Oscillation(0.3, amplitude=0.0), COUNT, 0.0, "is flat"),
         (Oscillation(-0.01), COUNT, 0.5, "does not decay"),
         (Oscillation(0.0005), 2500, 10.0, r"standard uncertainty of|does not decay"),

@@ -94,8 +94,8 @@ def test_agrees_with_integration_for_every_damping(
     check_against_integration(make_model(first_ratio, second_ratio), variant)
 
 
-@pytest.mark.parametrize("cell", PUBLISHED_SAMPLES, ids=lambda cell: cell.name)
-def test_agrees_with_integration_for_every_published_sample(cell) -> None:
+@pytest.mark.parametrize("cell", PUBLISHED_SAMPLES[::4], ids=lambda cell: cell.name)
+def test_agrees_with_integration_for_a_published_sample_of_each_material(cell) -> None:
     model = ImpactModel(
         Body(HAMMER_MASS, HAMMER_STIFFNESS, HAMMER_DAMPING_COEFFICIENT),
         Body(cell.mass + 3e-3, cell.stiffness, cell.damping_coefficient),

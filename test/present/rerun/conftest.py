@@ -80,10 +80,6 @@ class Recording:
             for row in list_rows(chunk)
         ]
 
-    def find_drawn(self) -> set[str]:
-        """Return the entities that have something over time."""
-        return {chunk.entity_path for chunk in self.chunks if not chunk.is_static}
-
     def is_plot(self, entity: str) -> bool:
         """Whether an entity is drawn over time."""
         return any(

@@ -4,36 +4,18 @@ import sys
 
 import pytest
 
-from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
+from impact_rig.core.errors import DeviceError, FileError, RigError
 from impact_rig.present.rerun import rerun_sdk
-from impact_rig.present.rerun.destination import DestinationPlan
 
 from .onlookers import Notices
 
 rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 
 
-def test_nothing_asked_for_is_an_error_that_says_what_to_set():
-    with pytest.raises(ParameterError, match=r"output .* connect .* spawn or web"):
-        DestinationPlan()
-
-
-@pytest.mark.parametrize("address", ["here", "", "127.0.0.1:80", "256.0.0.1"])
-def test_an_address_to_listen_on_must_be_one(address):
-    with pytest.raises(ParameterError, match=r"listen is .* 127\.0\.0\.1 for itself"):
-        DestinationPlan(web=True, listen=address)
-
-
 def test_an_address_of_another_host_cannot_be_listened_on(open_all):
     # Of the block that is kept for documentation: nobody's.
     with pytest.raises(DeviceError, match=r"192\.0\.2\.1, port 0 cannot be listened on"):
         open_all(web=True, listen="192.0.2.1")
-
-
-def test_a_file_must_be_named_rrd(tmp_path, open_all):
-    with pytest.raises(FileError, match=r"\.rrd"):
-        open_all(output=str(tmp_path / "view.txt"))
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_file_that_cannot_be_written_is_named(tmp_path, open_all):

@@ -96,15 +96,6 @@ def test_whoever_wants_the_page_on_the_network_gets_it_there(open_all):
     assert {ip for ip, _ in listeners} == {"0.0.0.0"}
 
 
-def test_the_web_page_ends_with_its_destination(open_all):
-    announced = Notices()
-    (relay,) = open_all(web=True, announce=announced)
-    announced.wait_for("the view is at")
-    relay.close()
-
-    wait_until(lambda: not list_listeners(psutil.Process().pid))
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="screens are known by other means")
 def test_a_window_that_is_closed_is_told_with_how_to_open_another(monkeypatch, open_all):
     # A screen that is not there: the viewer starts and gives up.

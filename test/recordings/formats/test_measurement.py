@@ -17,8 +17,8 @@ from impact_rig.recordings.formats.measurement import (
 )
 
 
-@pytest.mark.parametrize("rate", [1.0, 3.0, 25600.0, 44100.0, 48000.0, 51200.0, 65536.0, 2.5e6])
-@pytest.mark.parametrize("digits", [6, 7, 17])
+@pytest.mark.parametrize("rate", [3.0, 44100.0, 51200.0, 2.5e6])
+@pytest.mark.parametrize("digits", [6, 17])
 def test_usual_rates_come_back_from_few_digits_of_their_step(rate, digits):
     step = float(f"{1.0 / rate:.{digits - 1}e}")
     assert round_rate(step, compute_rounding(step, digits)) == rate

@@ -51,7 +51,7 @@ def list_bits(values):
 @pytest.mark.parametrize("suffix", WRITABLE)
 @given(channels=measurements())
 @settings(
-    max_examples=40,
+    max_examples=15,
     deadline=None,
     suppress_health_check=[
         HealthCheck.function_scoped_fixture,
@@ -79,7 +79,7 @@ def test_counts_stay_counts(tmp_path, suffix):
 @pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5", ".parquet"])
 @given(recorded_at=st.integers(10**18, 2 * 10**18))
 @settings(
-    max_examples=20,
+    max_examples=8,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
