@@ -1,7 +1,7 @@
 """What a recording has of each hit and of a running stream: blocks, gaps, points, verdicts."""
 
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from itertools import islice, pairwise
 from typing import Any
@@ -21,9 +21,9 @@ REMEMBERED = 100
 told less than a second after its last block."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class RecordCount:
-    """What a recording has of one record.
+    """What a recording has of one record, so far.
 
     Attributes
     ----------
@@ -37,8 +37,12 @@ class RecordCount:
         That they lack, per channel [-].
     stamp : int
         Time of the first point of the last block, nanoseconds since the epoch; 0: no block.
+    expected : int
+        `first_sample` of a next block without a gap.
     is_complete : bool
         No more blocks of it follow.
+    is_reported : bool
+        All its blocks were told of.
     """
 
     label: HitLabel
@@ -46,15 +50,8 @@ class RecordCount:
     gaps: int = 0
     missing_points: int = 0
     stamp: int = 0
-    is_complete: bool = False
-
-
-@dataclass
-class _Openness:
-    """A record whose last block has not come."""
-
-    count: RecordCount
     expected: int = 0
+    is_complete: bool = False
     is_reported: bool = False
 
 
@@ -70,19 +67,16 @@ class RecordWatch:
         Jumps of `first_sample` in them [-].
     missing_points : int
         That they lack, per channel [-].
+    unfinished : RecordCount or None
+        The record whose last block has not come; None: there is none.
     """
 
     blocks: int = 0
     gaps: int = 0
     missing_points: int = 0
-    _open: _Openness | None = None
+    unfinished: RecordCount | None = None
     _finished: list[RecordCount] = field(default_factory=list)
     _ended: deque[int] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
-
-    @property
-    def unfinished(self) -> RecordCount | None:
-        """The record whose last block has not come; None: there is none."""
-        return self._open.count if self._open else None
 
     def has_ended(self, record: int) -> bool:
         """Whether a record is known to have ended, of late."""
@@ -116,32 +110,24 @@ class RecordWatch:
         last : bool
             Whether it ends the record.
         """
-        if self._open is not None and self._open.count.label != label:
-            self._end(self._open.count)
-        if self._open is None:
-            self._open = _Openness(RecordCount(label))
-        record = self._open
-        missing = max(first_sample - record.expected, 0)
-        gap = int(first_sample != record.expected)
-        record.count = replace(
-            record.count,
-            blocks=record.count.blocks + 1,
-            gaps=record.count.gaps + gap,
-            missing_points=record.count.missing_points + missing,
-            stamp=stamp,
-        )
-        record.expected = first_sample + points
-        record.is_reported = False
-        self.blocks += 1
-        self.gaps += gap
-        self.missing_points += missing
+        if self.unfinished is not None and self.unfinished.label != label:
+            self._end(self.unfinished)
+        count = self.unfinished = self.unfinished or RecordCount(label)
+        missing = max(first_sample - count.expected, 0)
+        gap = int(first_sample != count.expected)
+        for counted in (self, count):
+            counted.blocks += 1
+            counted.gaps += gap
+            counted.missing_points += missing
+        count.stamp, count.expected = stamp, first_sample + points
+        count.is_reported = False
         if last:
-            self._end(record.count)
+            self._end(count)
 
     def end(self, record: int, sample: str) -> None:
         """Note that an arming has ended, though its last block, or any block, never came."""
-        if self._open is not None and self._open.count.label.record == record:
-            self._end(self._open.count)
+        if self.unfinished is not None and self.unfinished.label.record == record:
+            self._end(self.unfinished)
         elif not self.has_ended(record):
             self._end(RecordCount(HitLabel(sample, record=record, impact=0, attempt=0)))
 
@@ -155,18 +141,19 @@ class RecordWatch:
         """
         counts = tuple(self._finished)
         self._finished.clear()
-        if with_unfinished and self._open is not None and not self._open.is_reported:
-            self._open.is_reported = True
-            counts += (self._open.count,)
+        if with_unfinished and self.unfinished is not None and not self.unfinished.is_reported:
+            self.unfinished.is_reported = True
+            counts += (self.unfinished,)
         return counts
 
     def _end(self, count: RecordCount) -> None:
-        self._finished.append(replace(count, is_complete=True))
+        count.is_complete = True
+        self._finished.append(count)
         self.begin(count.label.record)
         self._ended.append(count.label.record)
         # The word that an arming has ended may come when the next record is under way.
-        if self._open is not None and self._open.count.label.record == count.label.record:
-            self._open = None
+        if self.unfinished is not None and self.unfinished.label.record == count.label.record:
+            self.unfinished = None
 
 
 @dataclass
