@@ -1,8 +1,8 @@
 """Files that are named twice: each is evidence of its hits once only."""
 
-import hashlib
+import filecmp
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,17 +36,11 @@ class _Content(NamedTuple):
         """Of the files [byte]."""
         return [stat.st_size for stat in self.stats]
 
-    def read_digests(self) -> Iterator[bytes]:
-        """Yield what tells the files' bytes apart."""
-        for path in self.files:
-            with path.open("rb") as file:
-                yield hashlib.file_digest(file, "sha256").digest()
-
 
 def find_repeated_files(paths: Sequence[Path]) -> dict[int, str]:
     """Find the paths that lead to what an earlier one leads to, by links or as copies.
 
-    Files are compared byte by byte (by SHA-256) only where their sizes are the same.
+    Files are compared byte by byte only where their sizes are the same.
 
     Parameters
     ----------
@@ -103,9 +97,7 @@ def _compare(content: _Content, earlier: _Content) -> str | None:
 
 def _are_copies(content: _Content, earlier: _Content) -> bool:
     try:
-        return all(
-            one == other
-            for one, other in zip(content.read_digests(), earlier.read_digests(), strict=True)
-        )
+        pairs = zip(content.files, earlier.files, strict=True)
+        return all(filecmp.cmp(one, other, shallow=False) for one, other in pairs)
     except OSError:
         return False

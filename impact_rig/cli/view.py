@@ -43,8 +43,8 @@ AWKWARD = re.compile(r"[^\w.-]+")
 """What file names had better not contain."""
 
 
-def make_part(path: Path, folder: Path, *, fit: bool) -> Path:
-    """Make a view of what a path means.
+def make_parts(path: Path, folder: Path, *, fit: bool) -> list[Path]:
+    """Make a view of each campaign that a path means.
 
     What the user should know of it is told on standard error.
 
@@ -59,8 +59,8 @@ def make_part(path: Path, folder: Path, *, fit: bool) -> Path:
 
     Returns
     -------
-    Path
-        Of the file; a view is taken as it is.
+    list of Path
+        Of the files; a view is taken as it is.
 
     Raises
     ------
@@ -69,16 +69,19 @@ def make_part(path: Path, folder: Path, *, fit: bool) -> Path:
     """
     if path.suffix == VIEW_SUFFIX and not path.is_dir():
         check_view(path)
-        return path
+        return [path]
 
     source = find_run(path)
     campaigns, warnings = _read_campaigns(source, fit=fit)
     for warning in warnings:
         print_warning(f"{path}: {warning}")
-    number = sum(1 for _ in folder.iterdir()) + 1
-    part = folder / f"{number}-{AWKWARD.sub('_', source.title) or 'view'}{VIEW_SUFFIX}"
-    write_view(part, campaigns)
-    return part
+    title = AWKWARD.sub("_", source.title) or "view"
+    first = sum(1 for _ in folder.iterdir()) + 1
+    parts = []
+    for number, campaign in enumerate(campaigns, start=first):
+        parts.append(folder / f"{number}-{title}{VIEW_SUFFIX}")
+        write_view(parts[-1], campaign)
+    return parts
 
 
 def _read_campaigns(
@@ -169,7 +172,8 @@ def command(
     folder = Path(tempfile.mkdtemp(prefix="impact-rig-view-"))
     is_lent = False
     try:
-        parts, errors = process_each(paths, lambda path: make_part(path, folder, fit=fit))
+        found, errors = process_each(paths, lambda path: make_parts(path, folder, fit=fit))
+        parts = [part for each in found for part in each]
         if parts:
             is_lent, troubles = _show(parts, folder, places)
             errors += troubles

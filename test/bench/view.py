@@ -44,7 +44,7 @@ def measure_view(bench: Bench) -> Iterator[Figure]:
 
     recording = bench.campaigns.take(1)[0].recording
     yield from _measure_logging(
-        bench, analyze_recording(recording, keep_traces=True, with_models=False).campaigns
+        bench, analyze_recording(recording, keep_traces=True, with_models=False).campaigns[0]
     )
     views = []
     for number in range(VIEWS):
@@ -56,18 +56,18 @@ def measure_view(bench: Bench) -> Iterator[Figure]:
     yield Figure(f"impact-rig report of {REPORT_HITS} hits, to the file", report, "s")
 
 
-def _measure_logging(bench: Bench, campaigns: Sequence[TracedCampaign]) -> Iterator[Figure]:
-    """Compare the view of campaigns with bare calls of Rerun."""
-    traces = gather_traces(campaigns)
+def _measure_logging(bench: Bench, campaign: TracedCampaign) -> Iterator[Figure]:
+    """Compare the view of a campaign with bare calls of Rerun."""
+    traces = gather_traces([campaign])
     view, bare = bench.folder / "view.rrd", bench.folder / "bare.rrd"
     # Rerun writes in threads of its own: what a person waits for is the end of them all.
     ours, peers = compare_times(
-        lambda: write_view(view, campaigns),
+        lambda: write_view(view, campaign),
         lambda: write_bare(bare, traces),
         TURNS,
         clock=time.perf_counter,
     )
-    hits = sum(len(campaign.hits) for campaign in campaigns)
+    hits = len(campaign.hits)
     points = max((values.size for _, _, values in traces), default=0)
     note = (
         f"{len(traces)} traces of up to {points} points, and all else of the view: means,"

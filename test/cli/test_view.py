@@ -188,8 +188,9 @@ def test_a_window_gets_the_view_and_takes_it_away_when_it_is_closed(
     fake_viewer(
         f"""
         from pathlib import Path
-        assert sys.argv[1:-1] == ["--bind", "127.0.0.1", "--port", "auto"]
-        view = Path(sys.argv[-1])
+        *options, _first, last = sys.argv[1:]
+        assert options == ["--bind", "127.0.0.1", "--port", "auto"]
+        view = Path(last)
         while not Path({str(close)!r}).exists():
             time.sleep(0.01)
         Path({str(seen)!r}).write_bytes(view.read_bytes())

@@ -87,7 +87,7 @@ def estimate_traces(
     shape, shape_notes = look_at_shape(mean, setup)
     decay, decay_notes = _look_at_decay(mean, setup, name, contact_time)
     law = law or look_at_law(mean, setup, name)
-    notes = shape_notes + _explain_missing_law(law) + decay_notes
+    notes = shape_notes + (() if law.is_known else law.notes) + decay_notes
     return TraceEstimates(shape, law, decay, tuple(dict.fromkeys(notes)))
 
 
@@ -98,10 +98,6 @@ def look_at_shape(mean: MeanHit, setup: RigSetup) -> tuple[PulseShapeEstimate, t
         return estimate_pulse_shape(mean, cutoff_frequency, setup.responses[0]), ()
     except RigError as error:
         return NO_SHAPE, (str(error),)
-
-
-def _explain_missing_law(law: ContactLaw) -> tuple[str, ...]:
-    return () if law.is_known else law.notes
 
 
 def _look_at_decay(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -20,33 +19,6 @@ VIEW_SUFFIX = ".rrd"
 """Of Rerun's files."""
 SEND_TIMEOUT = 60.0
 """How long a viewer may take to accept a file [s], our choice: 25 MB over a slow network."""
-
-
-def write_view(path: Path, campaigns: Sequence[TracedCampaign]) -> None:
-    """Write campaigns into a file, each a recording of its own.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file; replaced if it exists.
-    campaigns : sequence of TracedCampaign
-        At least one.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    RigError
-        If rerun-sdk is not installed.
-    """
-    if len(campaigns) == 1:
-        _write_campaign(path, campaigns[0])
-        return
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".view-") as folder:
-        parts = [Path(folder) / f"{number}{VIEW_SUFFIX}" for number in range(len(campaigns))]
-        for part, campaign in zip(parts, campaigns, strict=True):
-            _write_campaign(part, campaign)
-        join_views(path, parts)
 
 
 def join_views(path: Path, parts: Sequence[Path]) -> None:
@@ -119,7 +91,16 @@ def send_view(path: Path, address: str) -> None:
     stream.disconnect()
 
 
-def _write_campaign(path: Path, campaign: TracedCampaign) -> None:
+def write_view(path: Path, campaign: TracedCampaign) -> None:
+    """Write a campaign into a file, replaced if it exists.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    RigError
+        If rerun-sdk is not installed.
+    """
     sdk = import_rerun()
     # Rerun itself would say on standard error why it cannot write.
     try:
