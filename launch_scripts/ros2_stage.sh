@@ -21,7 +21,7 @@ set +u # colcon's scripts read variables that may not be set
 set -u
 
 # Each file of tests starts a rig of its own: side by side, where pytest-xdist is there.
-python3 -c 'import xdist' 2>/dev/null && set -- --numprocesses=3 --dist=loadfile "$@"
+python3 -c 'import xdist' 2>/dev/null && set -- --numprocesses=2 --dist=loadfile "$@"
 # -P: what was built is tested, not the folder beside it.
 python3 -c 'import sys, numpy, scipy; print("Python", sys.version.split()[0], "numpy",
             numpy.__version__, "scipy", scipy.__version__)'
