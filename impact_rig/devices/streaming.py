@@ -87,7 +87,7 @@ class StreamCapture:
         self._capacity = capacity
         self._end = ""
         self._last_time = time.monotonic()
-        self._anchor = (0, time.time_ns())
+        self._clock = self._newest = (0, time.time_ns())
 
     def close(self) -> None:
         """Let the device go; never raises."""
@@ -114,7 +114,7 @@ class StreamCapture:
             self.count = first + len(counts)
             while get_end(self.blocks[0]) <= self.count - self._capacity:
                 self.blocks.popleft()
-            self._anchor = (first, stamp)
+            self._newest = (first, stamp)
             self._last_time = time.monotonic()
             self.changed.notify_all()
 
@@ -152,9 +152,16 @@ class StreamCapture:
                 f"{self.name} is silent: it has delivered nothing for {silent:.1f} s"
             )
 
+    def set_clock(self) -> None:
+        """Count times from the newest points on; `changed` is held.
+
+        From one block to the next what a busy computer says of the time may jump.
+        """
+        self._clock = self._newest
+
     def date(self, block: Block, origin: int, *, last: bool = False) -> Block:
         """Return a block with its time, its points counted from `origin`; `changed` is held."""
-        known, stamp = self._anchor
+        known, stamp = self._clock
         return replace(
             block,
             first_sample=block.first_sample - origin,
@@ -212,6 +219,7 @@ class StreamedSource(ABC):
         with capture.changed:
             self._stop()
             self._is_armed = True
+            capture.set_clock()
             self._armed_at = self._searched = capture.count
             if plan.continuous:
                 capture.blocks.clear()
