@@ -214,7 +214,7 @@ class CampaignNode(RigNode):
         while (await self.call(self._results, GetResults.Request())).setup_stamp != stamp:
             if time.monotonic() > deadline:
                 raise DeviceError("the estimator does not take the set-up: see its diagnostics")
-        self._striker.begin()
+        self._striker.begin(stamp)
         if describe_loss(self._rig):
             # A node that was killed and started again counts twice until its lease is over; the
             # hammer hears of that a little later or earlier than this node.
@@ -242,7 +242,7 @@ class CampaignNode(RigNode):
         if not stamp_from_msg(results.setup_stamp):
             raise DeviceError("the estimator knows no campaign to go on with: start it anew")
         await self._striker.disarm()
-        self._striker.take_up(judged)
+        self._striker.take_up(judged, results.setup_stamp)
         progress.take_up(results)
 
     async def _mount(self, progress: CampaignProgress, place: int) -> None:

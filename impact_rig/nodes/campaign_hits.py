@@ -366,6 +366,7 @@ class Striker:
         self._verdicts: dict[int, Impact] = {}
         self._newest = 0
         self._unjudged: set[int] = set()
+        self._setup_stamp: Any = None
         self._is_armed_in_vain = False
         self._was_interrupted = False
         self._arm = node.create_client(Arm, interfaces.ARM_ACCELEROMETER)
@@ -374,9 +375,10 @@ class Striker:
         self._release = node.create_client(Release, interfaces.RELEASE_HAMMER)
         self._results = node.create_client(GetResults, interfaces.GET_RESULTS)
 
-    def begin(self) -> None:
-        """Forget the campaign before."""
+    def begin(self, setup_stamp: Any) -> None:
+        """Forget the campaign before; from now on verdicts under this set-up count."""
         self.recording = ""
+        self._setup_stamp = setup_stamp
         for memory in (self._verdicts, self._unjudged):
             memory.clear()
 
@@ -388,9 +390,9 @@ class Striker:
         is_over = armed.state == AcquisitionState.ARMED and hammer.state != HammerState.SWINGING
         return armed.record > judged and not is_over
 
-    def take_up(self, judged: int) -> None:
+    def take_up(self, judged: int, setup_stamp: Any) -> None:
         """Go on after a campaign node that has died; a verdict that comes yet counts."""
-        self.begin()
+        self.begin(setup_stamp)
         state = self._rig[ACCELEROMETER].state
         self._newest = max(self._newest, judged, state.record if state else 0)
         self._unjudged.update(range(judged + 1, self._newest + 1))
@@ -592,5 +594,5 @@ class Striker:
 
     def keep_verdict(self, message: Impact) -> None:
         """Take a verdict of the estimator."""
-        if message.record in self._unjudged:
+        if message.record in self._unjudged and message.setup_stamp == self._setup_stamp:
             self._verdicts[message.record] = message

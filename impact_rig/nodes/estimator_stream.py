@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from impact_rig_msgs.msg import StreamBlock
@@ -12,11 +12,11 @@ from impact_rig.core.errors import RigError
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.stream_cutter import StreamCutter, StreamFlow
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.executor import SpinningThread
+from impact_rig.nodes.executor import SpinningThread, accept_message_info
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import block_to_msg
 from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RateMeter, RigNode
-from impact_rig.recordings.messages import block_from_msg
+from impact_rig.recordings.messages import block_from_msg, stamp_from_msg
 
 WARNING_TIME = 10 * DIAGNOSTIC_PERIOD
 """How long a loss is warned of [s], our choice: long enough to be seen."""
@@ -152,7 +152,8 @@ class StreamListener:
         # Resolved by the node: it knows what is remapped.
         name = node.resolve_topic_name(topic.name)
         qos = node.choose_qos(topic, topic.qos)
-        self._listener.create_subscription(topic.type, name, self._take_reporting, qos)
+        take = accept_message_info(self._take_reporting)
+        self._listener.create_subscription(topic.type, name, take, qos)
         self._spinning = SpinningThread(self._listener, "stream")
 
     def stop(self) -> None:
@@ -161,8 +162,9 @@ class StreamListener:
             self._spinning.stop()
             self._listener.destroy_node()
 
-    def _take_reporting(self, message: Any) -> None:
-        if self._spinning.is_stopped:
+    def _take_reporting(self, message: Any, info: Mapping[str, Any]) -> None:
+        stamp = stamp_from_msg(message.header.stamp)
+        if self._spinning.is_stopped or self._node.is_played_again(self._topic, info, stamp):
             return
         try:
             self._take(message)

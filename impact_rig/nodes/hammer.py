@@ -27,18 +27,13 @@ from impact_rig.nodes.guarded_hammer import (
     HammerPlace,
 )
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import LONGEST_PAUSE, Read
+from impact_rig.nodes.rig_node import LONGEST_PAUSE, OWN_NODES, Read
 from impact_rig.nodes.rig_state import ACCELEROMETER, CAMPAIGN, RECORDER, RigState
 
 Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
 WATCH_PERIOD = 0.5
 """How often holder, accelerometers and recorder are looked after [s], our choice: an operator who
 pulls a plug wants to see the enable go."""
-OWN_NODES = frozenset((
-    "accelerometer", "campaign", "campaign_client", "estimator", "hammer", "hammer_client",
-    "recorder", "replay_client", "replayer", "visualizer",
-))  # fmt: skip
-"""Names of what belongs to a rig, in its namespace; what begins with _ is a part of another."""
 CATCH_UP_TIME = interfaces.LEASE + 0.5
 """How long a process that was stopped refuses to release when it goes on [s]: by then it has heard
 what was said meanwhile, and missed who has died."""

@@ -74,18 +74,23 @@ class Topic:
     lease : float
         After what time without a sign of life from the publisher whoever asks for it is told [s];
         0: never, it is no topic of the rig's own nodes.
+    is_stamped_by_sender : bool
+        Whether the stamp is when the message was made; else it is a block's, made by another node,
+        perhaps on another computer.
     """
 
     name: str
     type: Any
     qos: QoSProfile
     lease: float = 0.0
+    is_stamped_by_sender: bool = True
 
     @property
     def leased_qos(self) -> QoSProfile:
         """What the rig's own publisher offers, and what is asked for by who takes no other's.
 
-        Who publishes a recording again offers no lease: whoever asks for one does not hear it.
+        Our replayer offers no lease: whoever asks for one does not hear it. A bag that `ros2 bag
+        record` made keeps the lease: see `RigNode.is_played_again`.
         """
         return self.lease_qos(self.qos)
 
@@ -118,7 +123,9 @@ RELEASE = Topic("release", HammerRelease, _make_qos(RESULT_DEPTH, latched=True),
 VIRTUAL_IMPACT = Topic(
     "virtual_impact", VirtualImpact, _make_qos(RESULT_DEPTH, latched=True), LEASE
 )
-IMPACT = Topic("impact", Impact, _make_qos(RESULT_DEPTH, latched=True), LEASE)
+IMPACT = Topic(
+    "impact", Impact, _make_qos(RESULT_DEPTH, latched=True), LEASE, is_stamped_by_sender=False
+)
 ESTIMATE = Topic("estimate", SampleEstimate, _make_qos(RESULT_DEPTH, latched=True), LEASE)
 HAMMER_ESTIMATE = Topic("hammer_estimate", HammerEstimate, _make_qos(1, latched=True), LEASE)
 COMPARISON = Topic("comparison", ModelComparison, _make_qos(COMPARISON_DEPTH, latched=True), LEASE)
@@ -128,8 +135,9 @@ ACQUISITION_STATE = Topic(
 )
 RECORDER_STATE = Topic("recorder/state", RecorderState, _make_qos(1, latched=True), LEASE)
 RECORD_STORED = Topic(
-    "recorder/stored", RecordStored, _make_qos(RESULT_DEPTH, latched=True), LEASE
-)
+    "recorder/stored", RecordStored, _make_qos(RESULT_DEPTH, latched=True), LEASE,
+    is_stamped_by_sender=False,
+)  # fmt: skip
 """A record is on the recorder's disk. The stamp is that of its last block in the file; of a record
 that goes on for long, this comes several times, each time with the blocks so far."""
 NOTE = Topic("note", String, _make_qos(10, latched=False))

@@ -1,6 +1,7 @@
 """One recording in the making: what it subscribes to, what is on the disk, and its end."""
 
 import contextlib
+import struct
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
@@ -26,7 +27,12 @@ from impact_rig.nodes.recorder_node_parameters import NodeParameters
 from impact_rig.nodes.rig_node import RateMeter, RigNode
 from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, make_qos, name_type
 from impact_rig.recordings.hits import RecordWatch, StreamWatch
-from impact_rig.recordings.messages import STREAM_TYPE, prepare_heads, read_block_head
+from impact_rig.recordings.messages import (
+    NANOSECONDS,
+    STREAM_TYPE,
+    prepare_heads,
+    read_block_head,
+)
 from impact_rig.recordings.provenance import (
     ORIGIN_RECORD,
     PARAMETERS_RECORD,
@@ -288,10 +294,16 @@ class RecordedTopics:
     def _record_own(self, topic: Topic, depth: int) -> None:
         offer = describe_qos(topic.qos)
         qos = self._node.choose_qos(topic, make_qos(offer, depth))
-        self._record(topic.name, topic.type, qos, (offer,))
+        self._record(topic.name, topic.type, qos, (offer,), own=topic)
 
     def _record(
-        self, name: str, kind: Any, qos: QoSProfile, offers: tuple[OfferedQos, ...]
+        self,
+        name: str,
+        kind: Any,
+        qos: QoSProfile,
+        offers: tuple[OfferedQos, ...],
+        *,
+        own: Topic | None = None,
     ) -> None:
         topic = self._node.resolve_topic_name(name)
         writer, read = self._writer, self._readers.get(topic)
@@ -302,6 +314,8 @@ class RecordedTopics:
             nonlocal previous
             self._node.messages_handled += 1
             if writer.closed:
+                return
+            if own and own.lease and self._node.is_played_again(own, info, _read_stamp(data)):
                 return
             received = info["received_timestamp"] or time.time_ns()
             sent = info["source_timestamp"] or received
@@ -346,6 +360,12 @@ class RecordedTopics:
         except RigError as error:
             self.skipped[topic] = str(error)
             self._node.get_logger().warning(f"{topic} is not recorded: {error}")
+
+
+def _read_stamp(data: bytes) -> int:
+    """Return the stamp of a serialised message that begins with a header [ns]."""
+    seconds, rest = struct.unpack_from("<iI" if data[1] else ">iI", data, 4)
+    return int(seconds * NANOSECONDS + rest)
 
 
 DISCOVERY_PERIOD = 0.2

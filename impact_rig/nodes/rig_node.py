@@ -3,7 +3,7 @@
 import contextlib
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -16,7 +16,6 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidHandle
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -27,7 +26,8 @@ from rclpy.task import Future
 from impact_rig.configuration.processes import ACTIVE, TAKE_REPLAYS
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.nodes.executor import accept_message_info
-from impact_rig.nodes.interfaces import DIAGNOSTICS, LEASE, Topic
+from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic
+from impact_rig.recordings.messages import stamp_from_msg
 
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two diagnostic messages [s]: the convention of diagnostic aggregators."""
@@ -42,6 +42,14 @@ NAMING_TIME = 0.5
 """How long the name of a node may take to be known after its topics [s], our choice."""
 WAITING_PERIOD = 0.05
 """How often a condition without a callback is looked at [s], our choice."""
+OWN_NODES = frozenset((
+    "accelerometer", "campaign", "campaign_client", "estimator", "hammer", "hammer_client",
+    "recorder", "replay_client", "replayer", "visualizer",
+))  # fmt: skip
+"""Names of what belongs to a rig, in its namespace; what begins with _ is a part of another."""
+REPLAY_AGE = 10_000_000_000
+"""How long after its stamp a message is sent by a replay at least [ns], our choice: longer than
+any of the rig's nodes takes, shorter than a recording and the way to its replay."""
 LONGEST_PAUSE = 1.5
 """Longer than that a process that is not stopped does not stand still [s], our choice."""
 SERVICE_TIMEOUT = 20.0
@@ -105,6 +113,9 @@ class RigNode(LifecycleNode):
         self.messages_handled = 0
         self._listeners: dict[bytes, str] = {}
         self._refused: set[str] = set()
+        self._told_refusals: set[str] = set()
+        self._node_began = time.time_ns()
+        self._last_heard: dict[str, int] = {}
         self._fault = ""
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS.name, 10, event_callbacks=_NO_PUBLISHER_EVENTS
@@ -263,19 +274,16 @@ class RigNode(LifecycleNode):
             Called with how many publishers are alive and how many silent, when that changes.
         """
 
-        def take(*message: Any) -> None:
+        def take(message: Any, info: Any) -> None:
             self.messages_handled += 1
+            header = getattr(message, "header", None)
+            if header and self.is_played_again(topic, info, stamp_from_msg(header.stamp)):
+                return
             try:
-                callback(*message)
+                callback(message, *([info] if is_informed else []))
             except RigError as error:
                 self.report_fault(f"{topic.name}: {error}")
             self.wake_waiters()
-
-        def take_message(message: Any) -> None:
-            take(message)
-
-        def take_informed(message: Any, info: Any) -> None:
-            take(message, info)
 
         def note(status: Any) -> None:
             if note_liveliness is not None:
@@ -285,7 +293,7 @@ class RigNode(LifecycleNode):
         return self.create_subscription(
             topic.type,
             topic.name,
-            accept_message_info(take_informed) if is_informed else take_message,
+            accept_message_info(take),
             self.choose_qos(topic, topic.qos),
             event_callbacks=SubscriptionEventCallbacks(
                 liveliness=note if note_liveliness is not None else None,
@@ -302,10 +310,37 @@ class RigNode(LifecycleNode):
             " what its own nodes publish and nothing else", read=Read.AT_START,
         )  # fmt: skip
 
+    @property
+    def _takes_replays(self) -> bool:
+        return self.has_parameter(TAKE_REPLAYS) and bool(self.get_value(TAKE_REPLAYS))
+
     def choose_qos(self, topic: Topic, qos: QoSProfile) -> QoSProfile:
         """Return the profile by which a topic is heard: of the rig's own nodes, or of anybody."""
-        takes_replays = self.has_parameter(TAKE_REPLAYS) and self.get_value(TAKE_REPLAYS)
-        return qos if takes_replays else topic.lease_qos(qos)
+        return qos if self._takes_replays else topic.lease_qos(qos)
+
+    def is_played_again(self, topic: Topic, info: Mapping[str, Any], stamp: int) -> bool:
+        """Return whether a message is none of the rig's: sent long after it was made, and no news.
+
+        Both times are of one computer, and what is kept for those who come late keeps both. A
+        stream that has drifted from the clock, or whose clock was set, still brings news.
+
+        Parameters
+        ----------
+        topic : Topic
+            On which it came.
+        info : mapping
+            What the middleware knows of the message.
+        stamp : int
+            When it was made, nanoseconds since the epoch; 0: it does not say.
+        """
+        if not (topic.is_stamped_by_sender and stamp) or self._takes_replays:
+            return False
+        is_old = (info["source_timestamp"] or 0) - stamp > REPLAY_AGE
+        if is_old and stamp <= self._last_heard.get(topic.name, self._node_began):
+            self.note_refusal(topic.name)
+            return True
+        self._last_heard[topic.name] = stamp
+        return False
 
     def note_refusal(self, topic: str) -> None:
         """Hear that a publisher of a topic is none of the rig's nodes; say so, by its name."""
@@ -315,17 +350,23 @@ class RigNode(LifecycleNode):
 
     def _name_refused(self) -> None:
         topics: dict[str, list[str]] = {}
+        own = self.get_namespace()
         for topic in sorted(self._refused):
             for item in self.get_publishers_info_by_topic(topic):
-                if item.qos_profile.liveliness_lease_duration > Duration(seconds=LEASE):
+                if (item.node_namespace, item.node_name) not in {
+                    (own, name) for name in OWN_NODES
+                }:
                     name = f"{item.node_namespace.rstrip('/')}/{item.node_name}"
                     topics.setdefault(name, []).append(topic)
         self._refused.clear()
         for name, published in topics.items():
-            self.get_logger().warning(
+            text = (
                 f"{name} publishes {', '.join(published)} and is no node of this rig, a replay"
                 " perhaps: nothing of it is taken; give it another ROS_DOMAIN_ID or namespace"
             )
+            if text not in self._told_refusals:
+                self._told_refusals.add(text)
+                self.get_logger().warning(text)
 
     def describe_missing_subscribers(self, publisher: Any, required: str) -> str:
         """Return which subscriber would miss what is published next; empty: none.

@@ -18,9 +18,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
+from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.nodes.executor import make_executor, spin_until
-from impact_rig.nodes.interfaces import NOT_YET, Topic
+from impact_rig.nodes.interfaces import NOT_YET, SETUP, Topic
+from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.rig_node import RESEND_PERIOD, RigNode
 
 PATIENCE = 60.0
@@ -142,6 +144,11 @@ class Harness:
 
     def advertise(self, topic: Topic) -> Any:
         return self.peer.create_publisher(topic.type, topic.name, topic.leased_qos)
+
+    def tell_setup(self) -> None:
+        """Publish the paper's set-up, as a campaign that begins now."""
+        message = setup_to_msg(PAPER_SETUP, stamp_to_msg(time.time_ns()))
+        self.advertise(SETUP).publish(message)
 
     def call(self, kind: Any, name: str, request: Any = None) -> Any:
         """Call a service and return its answer.

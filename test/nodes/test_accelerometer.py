@@ -11,7 +11,6 @@ from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
-from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.recordings.messages import block_from_msg
 
 SAMPLE = "steel small"
@@ -25,7 +24,7 @@ def rig(harness):
         harness.add(
             AccelerometerNode, required_subscribers="peer", trigger_timeout=0.01, **parameters
         )
-        harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(1)))
+        harness.tell_setup()
         return harness.listen(interfaces.ACCELERATION)
 
     return start
@@ -90,7 +89,7 @@ def test_refuses_an_unknown_sample_by_name(harness, rig):
 def test_says_not_yet_until_those_who_must_not_miss_a_block_are_connected(harness):
     harness.add(AccelerometerNode)
     harness.listen(interfaces.ACCELERATION)
-    harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(1)))
+    harness.tell_setup()
     answers = [ask_once(harness)]
     harness.wait_until(
         lambda: (

@@ -10,9 +10,8 @@ from impact_rig_msgs.msg import RecorderState
 from impact_rig_msgs.srv import ConfirmSample
 
 from impact_rig.configuration.rig_file import read_template
-from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.setup.paper import CONTROL_SAMPLE
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 
 from .campaigns import begin, run, start_rig
 
@@ -152,7 +151,8 @@ def test_an_estimator_that_begins_anew_does_not_pass_for_one_that_knows_all_hits
     feedback.wait(lambda got: got[-1:] and got[-1].impact >= 2)
     # As one does that was killed and started again.
     campaign = next(node for node in harness.nodes if node.get_name() == "campaign")
-    campaign._setup.publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(7)))
+    (setup,) = harness.listen(interfaces.SETUP).wait_for_count(1)
+    campaign._setup.publish(setup)
     answer = harness.wait(handle.get_result_async())
     known = len(answer.result.accepted) + len(answer.result.rejected)
     assert not answer.result.success

@@ -295,6 +295,7 @@ def test_a_verdict_that_comes_late_is_none_on_the_next_sample(harness):
     releases.wait_for_count(2)
     for record in (1, 2):
         verdict = Impact(record=record, sample="steel small", impact=1, accepted=True)
+        verdict.setup_stamp = estimator._setup_stamp
         estimator._impact.publish(verdict)
     feedback.wait(lambda got: got[-1].sample == "brass small")
     accelerometers.come_back()

@@ -19,7 +19,6 @@ from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.estimator import EstimatorNode
-from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.replayer_recording import open_recording
 from impact_rig.recordings.reader import read_recording
@@ -45,7 +44,7 @@ def start_rig(harness):
                 **parameters,
             },
         )
-        harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(1)))
+        harness.tell_setup()
 
     return start
 
@@ -177,7 +176,7 @@ def test_a_rate_that_cannot_be_held_is_counted_named_and_spoils_no_estimate(
 
 def test_arming_waits_for_someone_who_finds_impacts(harness):
     harness.add(AccelerometerNode, **GENTLE, required_subscribers="")
-    harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(1)))
+    harness.tell_setup()
     request = Arm.Request(sample=SAMPLE, impact=1, attempt=1)
     expected = "nobody finds impacts in /acceleration/stream"
     answers = [harness.call(Arm, interfaces.ARM_ACCELEROMETER, request)]

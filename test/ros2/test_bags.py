@@ -51,3 +51,32 @@ def test_our_recording_played_by_ros2_bag_is_estimated_again(bags, tools):
         )  # fmt: skip
         tools.run_until(lambda text: text.count("impact_rig_msgs.msg.Impact(") == 6, *ask)
         assert estimator.interrupt() == 0, estimator.text
+
+
+def test_a_bag_played_into_a_live_rig_is_none_of_its_campaign(bags, rig, tools):
+    """All of it, in the rig's namespace, with the QoS that `ros2 bag record` has found."""
+    names = (
+        "setup", "acceleration", "release", "impact", "recorder/stored", "recorder/state",
+        "hammer/state", "accelerometer/state", "virtual_impact", "estimate",
+    )  # fmt: skip
+    run = ("ros2", "action", "send_goal", "--feedback", "/bench/campaign/run")
+    goal = '{samples: ["brass small"], impacts: 3, confirm_samples: true}'
+    with tools.start(*run, "impact_rig_msgs/action/RunCampaign", goal) as campaign:
+        campaign.wait_for("sample: brass small")
+        tools.run(
+            "ros2", "bag", "play", bags.theirs, "--disable-keyboard-controls",
+            "--topics", *(f"/{name}" for name in names),
+            "--remap", *(f"/{name}:=/bench/{name}" for name in names),
+        )  # fmt: skip
+        tools.run(
+            "ros2", "service", "call", "/bench/campaign/confirm_sample",
+            "impact_rig_msgs/srv/ConfirmSample", "{sample: brass small}",
+        )  # fmt: skip
+        campaign.wait_for("Goal finished with status: SUCCEEDED")
+    results = tools.run(
+        "ros2", "service", "call", "/bench/estimator/get_results",
+        "impact_rig_msgs/srv/GetResults",
+    )  # fmt: skip
+    hits = re.findall(r"msg\.Impact\(.*?sample='(.*?)'", results)
+    assert hits == ["brass small"] * 3
+    assert re.search("rosbag2_player publishes .*/bench/acceleration", rig.terminal.text)

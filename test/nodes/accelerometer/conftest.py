@@ -7,10 +7,8 @@ import pytest
 from impact_rig_msgs.msg import HammerRelease
 
 from impact_rig.configuration.rig_file import read_template
-from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
-from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 
 from .desk_rig import SAMPLE, SOURCE
 
@@ -59,7 +57,7 @@ def rig(harness, module, blocks, tmp_path):
                 **parameters,
             },
         )
-        harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(1)))
+        harness.tell_setup()
         return node
 
     return start
