@@ -104,7 +104,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
 SMALL = Configuration(parts=(Part.COVERAGE,), campaigns=1)
 STOPPED = Configuration(parts=(Part.SELECTION,), campaigns=29)
 """Six units: one finished before the kill, one before Ctrl-C, one running then and one on its way
-leave some to be done."""
+leave some to be done, unless this process is kept waiting longer than they take."""
 COMMAND = (
     sys.executable, "-m", "impact_rig.cli.main", "study", "selection",
     "--campaigns", "29", "--jobs", "1",
@@ -165,7 +165,7 @@ def test_a_study_that_is_killed_then_stopped_goes_on_to_the_same_end(tmp_path):
     assert errors == (
         f"stopped; what is done is kept: the same command with --output {tmp_path} goes on\n"
     )
-    assert 2 <= count_units(tmp_path) < len(plan_units(STOPPED))
+    assert count_units(tmp_path) >= 2
 
     done = subprocess.run(
         [*COMMAND, "--output", str(tmp_path)], capture_output=True, text=True, check=True
