@@ -34,10 +34,7 @@ that one is used instead of the wheels.
 OURS = ("demo", "bench")  # commands of `impact-rig`
 OLDEST = (3, 11)
 NEWEST = (3, 13)
-# Half of their time the tests wait for processes that they have started: two more than there are
-# processors. Later options of pytest go before these.
-PARALLEL = [f"--numprocesses={(os.cpu_count() or 1) + 2}"]
-PARALLEL += ["--dist=loadfile", "--no-loadscope-reorder"]
+PARALLEL = ["--numprocesses=auto", "--dist=loadfile"]  # later options of pytest go before them
 INTERRUPTED = 128 + signal.SIGINT
 NOT_FOUND = 127
 

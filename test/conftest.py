@@ -46,8 +46,6 @@ def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
-SLOW_FOLDERS = ("bench", "cli", "integration", "nodes", "study")
-"""Where tests take seconds."""
 Strike = Callable[..., Results]
 
 
@@ -82,12 +80,6 @@ def strike() -> Strike:
 def results() -> Results:
     """Return the paper's campaign with two hits each."""
     return strike_samples()
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests that start whole rigs first: in the end no worker is left alone with one."""
-    folder = Path(__file__).parent
-    items.sort(key=lambda item: item.path.relative_to(folder).parts[0] not in SLOW_FOLDERS)
 
 
 def pytest_collection_finish():
