@@ -25,7 +25,7 @@ from impact_rig.nodes.interfaces import NOT_YET, SETUP, Topic
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.rig_node import RESEND_PERIOD, RigNode
 
-PATIENCE = 60.0
+PATIENCE = 120.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""
 
 
