@@ -46,6 +46,7 @@ _OPTIONAL = (
     ("matplotlib", "matplotlib", "the figures of `study` and `report`"),
     ("jinja2", "jinja2", "`report`"),
     ("rerun", "rerun-sdk", "the visualizer"),
+    ("psutil", "psutil", "`bench`"),
 )
 """Module, what pip installs, purpose."""
 LIBRARIES = (
