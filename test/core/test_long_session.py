@@ -10,7 +10,7 @@ import pytest
 from impact_rig.core.session import Session
 from impact_rig.core.uncertainty.results import REMEMBERED_INPUTS, make_ensemble, make_input
 
-from .sessions import SETUP, Strike, strike_series
+from .blocks import SETUP, strike, strike_series
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def few_shown(monkeypatch: pytest.MonkeyPatch) -> int:
     return 10
 
 
-def test_traces_are_not_kept_in_memory(strike: Strike, few_shown: int) -> None:
+def test_traces_are_not_kept_in_memory(few_shown):
     session, traces = Session(SETUP), []
     for record in range(1, 34):
         (hit,) = strike(session, SETUP.samples.names[record % 3], record)
@@ -35,13 +35,11 @@ def test_traces_are_not_kept_in_memory(strike: Strike, few_shown: int) -> None:
     assert not [1 for trace in traces[:-1] if trace() is not None]
 
 
-def test_every_hit_counts_although_few_show_the_scatter(
-    strike: Strike, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_hit_counts_although_few_show_the_scatter(monkeypatch):
     whole, sparing = Session(SETUP), Session(SETUP)
     heights = [900.0 + 5.0 * (record % 9) for record in range(60)]
     for session in (whole, sparing):
-        strike_series(strike, session, heights)
+        strike_series(session, heights)
     expected = whole.estimate_sample("alike")
     monkeypatch.setattr("impact_rig.core.hits.series.SCATTER_HITS", 20)
     found = sparing.estimate_sample("alike")
@@ -60,13 +58,13 @@ def test_every_hit_counts_although_few_show_the_scatter(
         assert 0.8 < uncertainties[0] / uncertainties[1] < 1.25
 
 
-def test_results_do_not_depend_on_how_long_ago_the_hammer_was_estimated(strike: Strike) -> None:
+def test_results_do_not_depend_on_how_long_ago_the_hammer_was_estimated():
     asked, quiet = Session(SETUP), Session(SETUP)
     for session in (asked, quiet):
-        strike_series(strike, session, [900.0, 890.0, 910.0])
+        strike_series(session, [900.0, 890.0, 910.0])
         if session is asked:
             session.estimate_hammer()
-        strike_series(strike, session, [900.0, 905.0], "heavy", first=4)
+        strike_series(session, [900.0, 905.0], "heavy", first=4)
     # What so many hits bring: more uncertain inputs than are told apart by name and value.
     for number in range(REMEMBERED_INPUTS):
         make_input("another", float(number), 1.0)
@@ -74,7 +72,7 @@ def test_results_do_not_depend_on_how_long_ago_the_hammer_was_estimated(strike: 
     assert repr(asked.estimate_all()) == repr(quiet.estimate_all())
 
 
-def test_the_work_for_a_hit_does_not_grow(strike: Strike, few_shown: int) -> None:
+def test_the_work_for_a_hit_does_not_grow(few_shown):
     session, calls = Session(SETUP), 0
 
     def count(_frame: object, event: str, _argument: object) -> None:

@@ -81,7 +81,7 @@ ROWS = (
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
-def test_a_row_of_the_table(row: Row) -> None:
+def test_a_row_of_the_table(row):
     session, random = Session(SETUP), np.random.default_rng(5)
     rejected: Counter[str] = Counter()
     corrected: Counter[str] = Counter()

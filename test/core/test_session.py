@@ -11,10 +11,10 @@ from impact_rig.core.quantity import drop_internals
 from impact_rig.core.session import Session
 from impact_rig.core.signals.record import HitLabel
 
-from .sessions import SETUP, Strike
+from .blocks import SETUP, strike
 
 
-def test_a_good_hit_is_judged_and_counted(strike: Strike) -> None:
+def test_a_good_hit_is_judged_and_counted():
     session = Session(SETUP)
     (hit,) = strike(session, "alike", 1)
     assert hit.accepted
@@ -25,7 +25,7 @@ def test_a_good_hit_is_judged_and_counted(strike: Strike) -> None:
     assert (estimate.impacts_accepted, estimate.impacts_rejected) == (1, 0)
 
 
-def test_a_rejected_hit_changes_no_estimate(strike: Strike) -> None:
+def test_a_rejected_hit_changes_no_estimate():
     session = Session(SETUP)
     strike(session, "alike", 1)
     before = session.estimate_sample("alike")
@@ -36,9 +36,7 @@ def test_a_rejected_hit_changes_no_estimate(strike: Strike) -> None:
     assert repr(drop_internals(replace(after, impacts_rejected=0))) == repr(drop_internals(before))
 
 
-def test_a_sample_measured_before_the_control_sample_gets_its_k2_afterwards(
-    strike: Strike,
-) -> None:
+def test_a_sample_measured_before_the_control_sample_gets_its_k2_afterwards():
     session = Session(SETUP)
     strike(session, "heavy", 1)
     early = session.estimate_sample("heavy")
@@ -55,14 +53,14 @@ def test_a_sample_measured_before_the_control_sample_gets_its_k2_afterwards(
     assert late.contact_time == early.contact_time
 
 
-def test_without_a_control_sample_there_is_no_stiffness_and_a_reason(strike: Strike) -> None:
+def test_without_a_control_sample_there_is_no_stiffness_and_a_reason():
     session = Session(replace(SETUP, samples=replace(SETUP.samples, control_sample="")))
     strike(session, "heavy", 1)
     assert session.estimate_hammer().notes == ("k1: the sample set has no control sample",)
     assert np.isnan(session.estimate_sample("heavy").stiffness.value)
 
 
-def test_a_sample_without_an_accepted_hit_says_so(strike: Strike) -> None:
+def test_a_sample_without_an_accepted_hit_says_so():
     session = Session(SETUP)
     for record in (1, 2):
         strike(session, "heavy", record, height=150.0)
@@ -72,9 +70,7 @@ def test_a_sample_without_an_accepted_hit_says_so(strike: Strike) -> None:
     assert estimate.notes == ("heavy: not determined, none of 2 hits was accepted",)
 
 
-def test_results_come_in_the_order_of_the_set_and_rejections_in_that_of_arrival(
-    strike: Strike,
-) -> None:
+def test_results_come_in_the_order_of_the_set_and_rejections_in_that_of_arrival():
     session = Session(SETUP)
     for record, (sample, height) in enumerate(
         [("third", 900.0), ("heavy", 150.0), ("alike", 900.0), ("third", 140.0)], start=1
@@ -100,7 +96,7 @@ def get_numbers(session: Session) -> dict[str, tuple[object, ...]]:
     }
 
 
-def test_neither_the_order_of_samples_nor_the_size_of_blocks_changes_a_bit(strike: Strike) -> None:
+def test_neither_the_order_of_samples_nor_the_size_of_blocks_changes_a_bit():
     def run(names: list[str], block: int) -> Session:
         session = Session(SETUP)
         for name in names:
@@ -115,14 +111,14 @@ def test_neither_the_order_of_samples_nor_the_size_of_blocks_changes_a_bit(strik
     assert repr(get_numbers(found)) == repr(get_numbers(run(["alike", "heavy", "third"], 2500)))
 
 
-def test_an_unknown_sample_is_refused_and_nothing_is_counted(strike: Strike) -> None:
+def test_an_unknown_sample_is_refused_and_nothing_is_counted():
     session = Session(SETUP)
     with pytest.raises(ParameterError, match="unknown sample 'brass': the set has 'alike', 'h"):
         strike(session, "brass", 1)
     assert session.names == ()
 
 
-def test_without_masses_contact_times_remain_and_a_note_says_why(strike: Strike) -> None:
+def test_without_masses_contact_times_remain_and_a_note_says_why():
     known = Session(SETUP)
     strike(known, "heavy", 1)
     (heavy,) = (sample for sample in SETUP.samples.samples if sample.name == "heavy")
@@ -142,7 +138,7 @@ def test_without_masses_contact_times_remain_and_a_note_says_why(strike: Strike)
     assert "k and c: the mass of heavy is not known" in estimate.notes
 
 
-def test_without_the_hammers_mass_the_control_sample_says_nothing_of_it(strike: Strike) -> None:
+def test_without_the_hammers_mass_the_control_sample_says_nothing_of_it():
     session = Session(replace(SETUP, hammer_mass=np.nan))
     strike(session, "alike", 1)
     results = session.estimate_all()
@@ -150,7 +146,7 @@ def test_without_the_hammers_mass_the_control_sample_says_nothing_of_it(strike: 
     assert results.samples[0].contact_time.is_known
 
 
-def test_a_stated_stiffness_of_the_hammer_takes_the_control_samples_place(strike: Strike) -> None:
+def test_a_stated_stiffness_of_the_hammer_takes_the_control_samples_place():
     measured = Session(SETUP)
     strike(measured, "alike", 1)
     strike(measured, "heavy", 2)

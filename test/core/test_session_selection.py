@@ -1,8 +1,6 @@
 """Which hits of a session are in the means: outliers, the most consistent, and a person's word."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
@@ -12,10 +10,8 @@ from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.session import Session
 from impact_rig.core.signals.record import Block, HitLabel
 
-from .sessions import SETUP, Strike, strike_series
+from .blocks import SETUP, make_blocks, make_counts, strike_series
 from .struck import Impact
-
-Make = Callable[..., Any]
 
 
 def describe_rejected(session: Session) -> list[tuple[int, list[Reason]]]:
@@ -25,20 +21,20 @@ def describe_rejected(session: Session) -> list[tuple[int, list[Reason]]]:
     ]
 
 
-def test_an_early_one_is_found_once_there_are_others(strike: Strike) -> None:
+def test_an_early_one_is_found_once_there_are_others():
     session = Session(SETUP)
-    hits = strike_series(strike, session, [450.0] + [900.0] * 9)
+    hits = strike_series(session, [450.0] + [900.0] * 9)
     assert all(hit.accepted for hit in hits)
     assert describe_rejected(session) == [(1, [Reason.INCONSISTENT])]
     alone = Session(SETUP)
-    strike_series(strike, alone, [900.0] * 9, first=2)
+    strike_series(alone, [900.0] * 9, first=2)
     assert (
         session.estimate_sample("alike").contact_time
         == alone.estimate_sample("alike").contact_time
     )
 
 
-def test_a_hit_without_a_pulse_cannot_be_taken_in(make_counts: Make, make_blocks: Make) -> None:
+def test_a_hit_without_a_pulse_cannot_be_taken_in():
     label = HitLabel("alike", 7)
     session = Session(SETUP, Overrules(accepted=frozenset({label})))
     quiet = make_counts([], 2500)
@@ -71,9 +67,7 @@ class TestPolarity:
         [(True, True, "hammer and sample"), (True, False, "hammer"), (False, True, "sample")],
     )
     @pytest.mark.parametrize("turns", [False, True])
-    def test_the_other_sign_is_named_and_rejected_or_turned(
-        self, hammer: bool, sample: bool, named: str, turns: bool
-    ) -> None:
+    def test_the_other_sign_is_named_and_rejected_or_turned(self, hammer, sample, named, turns):
         sound, mixed = (
             Session(replace(SETUP, analysis=replace(SETUP.analysis, turns_polarity=turns)))
             for _ in range(2)
@@ -96,7 +90,7 @@ class TestPolarity:
         else:
             assert ours.contact_time.value == pytest.approx(theirs.contact_time.value, rel=2e-3)
 
-    def test_a_hit_of_the_other_sign_cannot_be_accepted_by_hand(self) -> None:
+    def test_a_hit_of_the_other_sign_cannot_be_accepted_by_hand(self):
         first, second = (HitLabel("alike", record, record) for record in (1, 2))
         session = Session(SETUP, Overrules(frozenset({second})))
         session.feed(Impact().make_block(first))

@@ -33,7 +33,7 @@ def make_tail(decay: float, frequency: float, *, noise: float = 0.0, seed: int =
 
 @given(decay=st.floats(5e-3, 0.1), frequency=st.floats(0.1, 1.0), seed=st.integers(0, 100))
 @settings(max_examples=30)
-def test_the_search_ends_in_a_minimum(decay: float, frequency: float, seed: int) -> None:
+def test_the_search_ends_in_a_minimum(decay, frequency, seed):
     tail = make_tail(decay, frequency, noise=0.01, seed=seed)
     fit = DecayFit(tail)
     solution = fit.solve(0.5)
@@ -124,9 +124,7 @@ def fit(mean: MeanHit, cutoff: float = CUTOFF) -> FreeDecay:
     offset=st.floats(-20.0, 20.0),
 )
 @settings(max_examples=100, deadline=None)
-def test_any_decay_is_found_from_nothing(
-    ratio: float, frequency: float, phase: float, offset: float
-) -> None:
+def test_any_decay_is_found_from_nothing(ratio, frequency, phase, offset):
     natural = 2.0 * np.pi * frequency / np.sqrt(1.0 - ratio**2)
     # Something must be left of it where the tail begins.
     if ratio * natural * TAU > 12.0:
@@ -138,13 +136,13 @@ def test_any_decay_is_found_from_nothing(
 
 
 @pytest.mark.parametrize("ratio", [0.01, 0.3, 0.7])
-def test_the_low_pass_does_not_change_what_is_found(ratio: float) -> None:
+def test_the_low_pass_does_not_change_what_is_found(ratio):
     found = fit(make_mean(swing(Oscillation(ratio))))
     # What the filter smears of the jump at the start falls by e per 3.6 us.
     assert describe(found) == pytest.approx((ratio, NATURAL), rel=1e-3)
 
 
-def test_a_body_followed_by_integration_gives_its_own_stiffness_and_damping() -> None:
+def test_a_body_followed_by_integration_gives_its_own_stiffness_and_damping():
     mass, stiffness, damping, force = 0.06, 20e6, 700.0, 150.0
 
     def follow(time: float, state: FloatArray) -> list[float]:
@@ -166,7 +164,7 @@ def test_a_body_followed_by_integration_gives_its_own_stiffness_and_damping() ->
 
 
 @pytest.mark.parametrize("ratio", [0.01, 0.7])
-def test_in_noise_the_bias_is_small(ratio: float) -> None:
+def test_in_noise_the_bias_is_small(ratio):
     runs = 100
     true = swing(Oscillation(ratio, natural=2 * np.pi * 3e3))
     found = [fit(make_mean(true, noise=1.0, seed=seed)) for seed in range(runs)]
@@ -177,14 +175,14 @@ def test_in_noise_the_bias_is_small(ratio: float) -> None:
     assert np.mean([item.residual_over_noise for item in found]) == pytest.approx(1.0, abs=0.1)
 
 
-def test_the_values_of_the_hits_average_to_the_value_of_the_mean() -> None:
+def test_the_values_of_the_hits_average_to_the_value_of_the_mean():
     found = fit(make_mean(swing(Oscillation(0.3)), noise=5.0, hits=7))
     assert found.hit_values.shape == (7, 2)
     expected = (found.decay_rate, found.angular_frequency)
     np.testing.assert_allclose(found.hit_values.mean(axis=0), expected, rtol=1e-6)
 
 
-def test_student_intervals_from_the_hits_cover_the_truth() -> None:
+def test_student_intervals_from_the_hits_cover_the_truth():
     runs, hits, ratio = 150, 4, 0.3
     true = swing(Oscillation(ratio), 3000)
     covered = 0
@@ -197,7 +195,7 @@ def test_student_intervals_from_the_hits_cover_the_truth() -> None:
     assert covered / runs == pytest.approx(0.95, abs=0.054)
 
 
-def test_periods_count_while_the_envelope_stands_out() -> None:
+def test_periods_count_while_the_envelope_stands_out():
     quiet = fit(make_mean(swing(Oscillation(0.05)), noise=0.5))
     loud = fit(make_mean(swing(Oscillation(0.15)), noise=20.0))
     # The tail without what the low-pass disturbs at both of its ends.
@@ -209,7 +207,7 @@ def test_periods_count_while_the_envelope_stands_out() -> None:
     assert loud.periods == pytest.approx((last - first) * loud.frequency, abs=0.5)
 
 
-def test_a_real_ringing_gives_the_decrement_of_its_peaks() -> None:
+def test_a_real_ringing_gives_the_decrement_of_its_peaks():
     time, board = np.loadtxt(REAL_DATA / "acc_pcb_a0_ringing.txt").T
     rate = 1.0 / np.mean(np.diff(time))
     # Its noise before the drop, which is not in the extract: 0.17 g.
@@ -246,15 +244,13 @@ def test_a_real_ringing_gives_the_decrement_of_its_peaks() -> None:
         (Oscillation(0.0005), 2500, 10.0, r"standard uncertainty of|does not decay"),
     ],
 )
-def test_what_the_tail_does_not_tell_is_named(
-    oscillation: Oscillation, count: int, noise: float, sentence: str
-) -> None:
+def test_what_the_tail_does_not_tell_is_named(oscillation, count, noise, sentence):
     with pytest.raises(NotDeterminedError, match=sentence):
         fit(make_mean(swing(oscillation, count), noise=noise))
 
 
 @pytest.mark.parametrize(("ratio", "noise"), [(1.0, 0.01), (1.5, 1.0), (3.0, 1.0)])
-def test_over_critical_damping_is_never_given_a_ratio(ratio: float, noise: float) -> None:
+def test_over_critical_damping_is_never_given_a_ratio(ratio, noise):
     time = np.maximum((np.arange(COUNT) - ORIGIN) / RATE, 0.0)
     slow, fast = (NATURAL * (ratio - s * np.sqrt(ratio**2 - 0.999)) for s in (1, -1))
     specimen = PEAK * (np.exp(-slow * time) + 0.5 * np.exp(-fast * time))
@@ -263,13 +259,13 @@ def test_over_critical_damping_is_never_given_a_ratio(ratio: float, noise: float
         fit(make_mean(specimen, noise=noise))
 
 
-def test_two_modes_are_not_called_one() -> None:
+def test_two_modes_are_not_called_one():
     specimen = swing(Oscillation(0.02)) + swing(Oscillation(0.02, natural=2.7 * NATURAL))
     with pytest.raises(NotDeterminedError, match=r"one damped oscillation explains only \d+ %"):
         fit(make_mean(specimen, noise=1.0))
 
 
-def test_a_hammer_alone_has_no_sample_to_decay() -> None:
+def test_a_hammer_alone_has_no_sample_to_decay():
     mean = make_mean(swing(Oscillation(0.3)))
     alone = replace(mean, traces=mean.traces[:1])
     with pytest.raises(NotDeterminedError, match="this channel was not measured"):

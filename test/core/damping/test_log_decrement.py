@@ -33,7 +33,7 @@ def make_decay(ratio: float, frequency: float = 5e3, count: int = 6000) -> np.nd
 
 
 @given(ratio=st.floats(0.02, 0.65), sign=st.sampled_from([1, -1]), height=st.floats(1e-3, 1e4))
-def test_a_free_decay_gives_its_damping_ratio(ratio: float, sign: int, height: float) -> None:
+def test_a_free_decay_gives_its_damping_ratio(ratio, sign, height):
     trace = sign * height * make_decay(ratio)
     peaks = estimate_log_decrement(trace, noise=0.0)
     # Peaks are read on points, 500 per period: at most (pi / 500)^2 / 2 low.
@@ -43,7 +43,7 @@ def test_a_free_decay_gives_its_damping_ratio(ratio: float, sign: int, height: f
     assert peaks.first_peak == pytest.approx(height, rel=1e-6)
 
 
-def test_noise_below_the_second_peak_does_little() -> None:
+def test_noise_below_the_second_peak_does_little():
     trace = make_decay(0.3)
     trace += 1e-3 * np.random.default_rng(1).standard_normal(trace.size)
     peaks = estimate_log_decrement(trace, noise=1e-3)
@@ -51,38 +51,38 @@ def test_noise_below_the_second_peak_does_little() -> None:
     assert peaks.log_decrement == pytest.approx(compute_log_decrement(0.3), abs=0.04)
 
 
-def test_a_second_peak_within_the_noise_is_not_invented() -> None:
+def test_a_second_peak_within_the_noise_is_not_invented():
     trace = make_decay(0.7)  # U2 = 0.002 U1
     with pytest.raises(NotDeterminedError, match=r"no second peak .* noise \(5 % of the first\)"):
         estimate_log_decrement(trace, noise=0.01)
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.5])
-def test_a_body_that_does_not_swing_has_no_decrement(ratio: float) -> None:
+def test_a_body_that_does_not_swing_has_no_decrement(ratio):
     with pytest.raises(NotDeterminedError, match="no second peak stands out of the noise"):
         estimate_log_decrement(make_decay(ratio), noise=1e-6)
 
 
-def test_a_wave_that_does_not_decay_has_no_decrement() -> None:
+def test_a_wave_that_does_not_decay_has_no_decrement():
     wave = np.sin(2 * np.pi * np.arange(1000) / 100)
     with pytest.raises(NotDeterminedError, match="as high as the first, so that nothing decays"):
         estimate_log_decrement(np.tile(wave[:100], 10), noise=0.0)
 
 
 @given(delta=st.floats(1e-3, 50))
-def test_ratio_and_decrement_are_inverse(delta: float) -> None:
+def test_ratio_and_decrement_are_inverse(delta):
     ratio = estimate_damping_ratio(delta)
     assert 0 < ratio < 1
     assert compute_log_decrement(ratio) == pytest.approx(delta, rel=1e-9)
 
 
-def test_a_critical_damper_gives_a_double_root() -> None:
+def test_a_critical_damper_gives_a_double_root():
     c = estimate_damping_coefficient(1.0, 45e6, 0.17)
     first, second = np.roots([0.17, c, 45e6])
     assert first == pytest.approx(second, rel=1e-6)
 
 
-def test_table_4_means_the_damping_ratios_that_are_known_of_it() -> None:
+def test_table_4_means_the_damping_ratios_that_are_known_of_it():
     ratios = [
         estimate_damping_ratio_from_coefficient(
             cell.damping_coefficient, cell.stiffness, cell.mass + 3e-3
@@ -98,7 +98,7 @@ def test_table_4_means_the_damping_ratios_that_are_known_of_it() -> None:
     assert np.exp(compute_log_decrement(hammer)) == pytest.approx(177, rel=0.01)
 
 
-def test_impossible_numbers_are_refused() -> None:
+def test_impossible_numbers_are_refused():
     with pytest.raises(NotDeterminedError, match="damping ratio of 1 leaves no oscillation"):
         compute_log_decrement(1.0)
     with pytest.raises(ParameterError, match=r"log decrement is 0.0 : it must be"):

@@ -32,14 +32,14 @@ class TestNormalise:
     """To the value of largest magnitude."""
 
     @given(factor=st.floats(-1e6, 1e6).filter(lambda value: abs(value) > 1e-6))
-    def test_takes_height_and_sign_away(self, factor: float) -> None:
+    def test_takes_height_and_sign_away(self, factor):
         trace = make_bell(200.0) - 0.3 * make_bell(350.0)
         normal = normalise_trace(factor * trace)
         assert normal.max() == 1.0
         np.testing.assert_allclose(normal, trace / trace.max(), rtol=1e-12, atol=1e-300)
 
     @pytest.mark.parametrize("trace", [np.zeros(5), np.full(5, np.nan)])
-    def test_refuses_what_has_no_peak(self, trace: np.ndarray) -> None:
+    def test_refuses_what_has_no_peak(self, trace):
         with pytest.raises(SignalError, match="cannot be normalised: it has no peak"):
             normalise_trace(trace)
 
@@ -48,13 +48,13 @@ class TestShift:
     """The best shift and its application."""
 
     @given(shift=st.floats(-80, 80))
-    def test_of_a_bell_is_found_below_one_point(self, shift: float) -> None:
+    def test_of_a_bell_is_found_below_one_point(self, shift):
         found = find_best_shift(make_bell(300.0 + shift), make_bell(300.0), 100)
         # The parabola through the least errors leaves 1e-4 points at a width of 30.
         assert found == pytest.approx(shift, abs=1e-3)
 
     @given(shift=st.integers(-600, 600).map(lambda tenths: tenths / 10), seed=st.integers(0, 1000))
-    def test_is_what_scipy_makes_of_it(self, shift: float, seed: int) -> None:
+    def test_is_what_scipy_makes_of_it(self, shift, seed):
         trace = np.random.default_rng(seed).standard_normal(50)
         expected = ndimage.shift(trace, shift, order=3, mode="constant", cval=0.0)
         np.testing.assert_allclose(shift_trace(trace, shift), expected, rtol=0, atol=1e-11)
@@ -67,7 +67,7 @@ class TestCompareTrace:
         shift=st.floats(-60, 60),
         factor=st.floats(-1e4, 1e4).filter(lambda value: abs(value) > 1e-3),
     )
-    def test_equal_shapes_leave_no_error(self, shift: float, factor: float) -> None:
+    def test_equal_shapes_leave_no_error(self, shift, factor):
         result = compare_trace(
             factor * make_bell(300.0 + shift), make_bell(300.0), RATE, slice(200, 400), 100
         )
@@ -76,7 +76,7 @@ class TestCompareTrace:
         assert result.mse_percent < 1e-4
         assert result.contact_error_percent < 0.1
 
-    def test_errors_are_what_their_names_say(self) -> None:
+    def test_errors_are_what_their_names_say(self):
         measured = make_bell(300.0)
         model = make_bell(300.0, width=45.0)
         contact = slice(250, 350)
@@ -98,7 +98,7 @@ class TestCompareWithModel:
         return MeanHit(low_pass(traces, 50e3, RATE), RATE, origin, np.zeros(2), np.zeros(2), ())
 
     @pytest.mark.parametrize("variant", ModelVariant)
-    def test_of_the_model_itself_is_perfect(self, variant: ModelVariant) -> None:
+    def test_of_the_model_itself_is_perfect(self, variant):
         result = compare_with_model(self.make_mean(MODEL, variant), MODEL, variant, 50e3)
         for body in (result.hammer, result.specimen):
             # What has not died away at the end of the record moves the best shift by 1e-4 points.
@@ -107,7 +107,7 @@ class TestCompareWithModel:
             assert abs(body.shift) < 1e-3 / RATE
             assert np.abs(body.measured).max() == 1.0
 
-    def test_places_the_start_of_the_contact(self) -> None:
+    def test_places_the_start_of_the_contact(self):
         mean = self.make_mean(MODEL, ModelVariant.DRIVEN)
         result = compare_with_model(mean, MODEL, ModelVariant.DRIVEN, 50e3)
         # Half a contact before the middle, which lies at point 754.
@@ -116,7 +116,7 @@ class TestCompareWithModel:
 
     @given(delay=st.integers(-200, 200))
     @settings(max_examples=30)
-    def test_reports_a_delay_of_the_sample_as_shift(self, delay: int) -> None:
+    def test_reports_a_delay_of_the_sample_as_shift(self, delay):
         mean = self.make_mean(MODEL, ModelVariant.DRIVEN, origin=1000)
         hammer, specimen = mean.traces
         late = replace(mean, traces=np.stack([hammer, shift_trace(specimen, float(delay))]))
@@ -128,7 +128,7 @@ class TestCompareWithModel:
 
     @given(ratio=st.floats(0.3, 3.0))
     @settings(max_examples=30)
-    def test_sees_a_wrong_stiffness(self, ratio: float) -> None:
+    def test_sees_a_wrong_stiffness(self, ratio):
         assume(abs(np.log(ratio)) > 0.2)
         mean = self.make_mean(MODEL, ModelVariant.DRIVEN)
         body = replace(MODEL.specimen, stiffness=ratio * MODEL.specimen.stiffness)

@@ -115,7 +115,7 @@ def estimate(mean: MeanHit, exponent: float | None = None) -> ContactLaw:
 
 
 @every_law
-def test_without_noise_the_law_is_found_again(exponent: float, restitution: float) -> None:
+def test_without_noise_the_law_is_found_again(exponent, restitution):
     contact = strike(exponent, restitution)
     law = estimate(make_mean(contact.traces))
     assert law.exponent.value == pytest.approx(exponent, abs=0.002)
@@ -137,7 +137,7 @@ def test_without_noise_the_law_is_found_again(exponent: float, restitution: floa
 
 
 @corner_laws
-def test_one_noisy_hit_is_good_enough(exponent: float, restitution: float) -> None:
+def test_one_noisy_hit_is_good_enough(exponent, restitution):
     contact = strike(exponent, restitution)
     laws = [estimate(make_mean(contact.traces, NOISE, seed=seed)) for seed in range(20)]
     for law in laws:
@@ -162,8 +162,8 @@ def send_through_chain(exponent: float, restitution: float, seed: int) -> MeanHi
 
 @corner_laws
 def test_through_the_whole_chain_duration_and_restitution_are_within_a_per_cent(
-    exponent: float, restitution: float
-) -> None:
+    exponent, restitution
+):
     law = estimate(send_through_chain(exponent, restitution, 3))
     # A foot as long as the pulse feels the resonance most: just over the one per cent asked.
     within = 0.0115 if restitution == 0.5 else 0.01
@@ -202,8 +202,8 @@ def sense(contact: Contact, response: SensorResponse) -> FloatArray:
     ],
 )
 def test_through_a_sensor_that_is_described_the_law_is_found_as_without(
-    exponent: float, restitution: float, response: SensorResponse
-) -> None:
+    exponent, restitution, response
+):
     contact = strike(exponent, restitution)
     mean = make_mean(sense(contact, response))
     sensors = tuple(
@@ -222,7 +222,7 @@ def test_through_a_sensor_that_is_described_the_law_is_found_as_without(
     assert error > 0.004 or not blind.is_known
 
 
-def test_what_is_unsure_of_the_sensor_is_in_the_budget_and_the_interval_covers() -> None:
+def test_what_is_unsure_of_the_sensor_is_in_the_budget_and_the_interval_covers():
     mean = send_through_chain(1.5, 0.9, 5)
     # The sheet is one standard uncertainty off.
     sensor = Sensor("hammer", resonance=65e3, resonance_uncertainty=5e3)
@@ -238,7 +238,7 @@ def test_what_is_unsure_of_the_sensor_is_in_the_budget_and_the_interval_covers()
     assert "gain of the hammer's channel" in ratio
 
 
-def test_the_intervals_cover_the_truth_as_often_as_they_say() -> None:
+def test_the_intervals_cover_the_truth_as_often_as_they_say():
     contact = strike(1.5, 0.9)
     covered = np.zeros(3)
     for seed in range(100):
@@ -253,7 +253,7 @@ def test_the_intervals_cover_the_truth_as_often_as_they_say() -> None:
     assert np.all(covered >= 88)
 
 
-def test_the_budget_names_what_the_hits_the_masses_and_the_clock_do() -> None:
+def test_the_budget_names_what_the_hits_the_masses_and_the_clock_do():
     law = estimate(make_mean(strike(1.5, 0.9).traces, NOISE, 5))
     assert {line.source for line in law.impact_speed.budget} >= {
         "scatter of the hits on steel",
@@ -264,7 +264,7 @@ def test_the_budget_names_what_the_hits_the_masses_and_the_clock_do() -> None:
     assert "mass of the hammer" not in {line.source for line in law.duration.budget}
 
 
-def test_a_given_exponent_makes_the_rest_more_certain() -> None:
+def test_a_given_exponent_makes_the_rest_more_certain():
     mean = make_mean(strike(1.5, 0.9).traces, NOISE)
     free, fixed = estimate(mean), estimate(mean, 1.5)
     assert fixed.exponent.value == 1.5
@@ -274,7 +274,7 @@ def test_a_given_exponent_makes_the_rest_more_certain() -> None:
     assert fixed.notes == ("n was given, 1.5, not found",)
 
 
-def test_without_masses_the_hammer_alone_says_what_it_can() -> None:
+def test_without_masses_the_hammer_alone_says_what_it_can():
     unknown = make_input("mass of the sample", float("nan"), 0.0)
     contact = strike(1.5, 0.9)
     numbers = RigNumbers(KNOWN.hammer_mass, unknown, KNOWN.clock)
@@ -288,7 +288,7 @@ def test_without_masses_the_hammer_alone_says_what_it_can() -> None:
     assert "the mass of sample is not known" in law.notes[0]
 
 
-def test_a_wrong_gain_shows_in_the_momentum() -> None:
+def test_a_wrong_gain_shows_in_the_momentum():
     traces = strike(1.5, 0.9).traces * np.array([[1.0], [1.05]])
     law = estimate(make_mean(traces, NOISE, 5))
     assert law.momentum_ratio.value == pytest.approx(1.05, abs=0.005)
@@ -305,7 +305,7 @@ def label_hits(traces: list[FloatArray]) -> MeanHit:
     return total.make_mean(hits)
 
 
-def test_a_hit_whose_gain_or_pulse_is_another_is_named() -> None:
+def test_a_hit_whose_gain_or_pulse_is_another_is_named():
     good, other = strike(1.5, 0.9).traces, strike(1.5, 0.9).traces * np.array([[1.0], [0.9]])
     law = estimate(label_hits([good, good, other, good, good, good]))
     (warning,) = (text for text in law.warnings if "hit" in text)
@@ -316,7 +316,7 @@ def test_a_hit_whose_gain_or_pulse_is_another_is_named() -> None:
     assert estimate(label_hits([good] * 6)).warnings == ()
 
 
-def test_two_contacts_in_one_pulse_are_no_law() -> None:
+def test_two_contacts_in_one_pulse_are_no_law():
     trace = strike(1.5, 0.9).traces
     law = estimate(make_mean(trace + 0.6 * np.roll(trace, 420, axis=1), NOISE))
     assert not law.is_known
@@ -327,7 +327,7 @@ def test_two_contacts_in_one_pulse_are_no_law() -> None:
 
 
 @pytest.mark.parametrize("springback", [2.0, 20.0])
-def test_a_crush_is_not_taken_for_a_law_of_a_material(springback: float) -> None:
+def test_a_crush_is_not_taken_for_a_law_of_a_material(springback):
     # Loaded along k delta, unloaded along a line that is so many times steeper.
     stiffness = BOTH * (np.pi / DURATION) ** 2
     load = np.pi / 2.0 / np.sqrt(stiffness / BOTH)
@@ -344,14 +344,14 @@ def test_a_crush_is_not_taken_for_a_law_of_a_material(springback: float) -> None
     assert "faster than it rises, as of a body that is crushed" in law.notes[0]
 
 
-def test_a_held_sample_shows_in_the_momentum() -> None:
+def test_a_held_sample_shows_in_the_momentum():
     held = strike(1.5, 0.9).traces * np.array([[1.0], [0.2]])
     law = estimate(make_mean(held, NOISE, 5))
     assert law.momentum_ratio.value == pytest.approx(0.2, abs=0.01)
     assert "the sample is not free" in check_momenta(law.momentum_ratio)[0]
 
 
-def test_a_versed_sine_is_known_not_to_be_a_contact_of_free_bodies() -> None:
+def test_a_versed_sine_is_known_not_to_be_a_contact_of_free_bodies():
     time = np.arange(COUNT) / RATE - START
     pulse = np.where((time > 0.0) & (time < DURATION), np.sin(np.pi * time / DURATION) ** 2, 0.0)
     law = estimate(make_mean(700.0 * pulse[np.newaxis], NOISE, 10))
@@ -359,7 +359,7 @@ def test_a_versed_sine_is_known_not_to_be_a_contact_of_free_bodies() -> None:
     assert "leaves more than the noise" in law.notes[0]
 
 
-def test_too_few_points_are_not_fitted() -> None:
+def test_too_few_points_are_not_fitted():
     mean = make_mean(strike(1.5, 0.9).traces)
     coarse = MeanHit(
         mean.traces[:, ::100], RATE / 100, 0, mean.noise, mean.raw_noise, (), mean.summary
@@ -368,7 +368,7 @@ def test_too_few_points_are_not_fitted() -> None:
         estimate_contact_law(coarse, 0.0, KNOWN, "steel")
 
 
-def test_the_minimum_is_that_of_a_general_least_squares_with_an_integrator() -> None:
+def test_the_minimum_is_that_of_a_general_least_squares_with_an_integrator():
     pulse_mean = make_mean(strike(1.5, 0.9).traces, NOISE)
     trace = pulse_mean.traces[0]
     window = cut_window(trace, measure_pulse(trace), RATE, CUTOFF, margins=MARGINS)

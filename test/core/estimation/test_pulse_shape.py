@@ -83,9 +83,7 @@ def estimate(hammer: FloatArray, noise: float = 0.0, seed: int = 1) -> PulseShap
     sign=st.sampled_from([-1.0, 1.0]),
 )
 @settings(max_examples=25, deadline=None)
-def test_every_shape_is_known_again(
-    shape: PulseShape, asymmetry: float, tau: float, start: float, sign: float
-) -> None:
+def test_every_shape_is_known_again(shape, asymmetry, tau, start, sign):
     found = estimate(sign * strike(shape, asymmetry, tau=tau, start=start))
     fit = found.find_fit(shape.name)
     assert found.best_shape == shape.name
@@ -99,7 +97,7 @@ def test_every_shape_is_known_again(
     assert fit.offset == pytest.approx(0.0, abs=1e-3 * PEAK)
 
 
-def test_noise_moves_neither_contact_time_nor_sides_to_one_side() -> None:
+def test_noise_moves_neither_contact_time_nor_sides_to_one_side():
     hammer = strike(VERSED_SINE, 0.02)
     found = [estimate(hammer, 4.0, seed) for seed in range(60)]
     times = np.array([item.find_fit(VERSED_SINE.name).duration for item in found])
@@ -110,7 +108,7 @@ def test_noise_moves_neither_contact_time_nor_sides_to_one_side() -> None:
     assert times.std() < 2e-3 * TAU
 
 
-def test_no_other_parameters_leave_less() -> None:
+def test_no_other_parameters_leave_less():
     hammer = low_pass(strike(HALF_SINE, 0.1) / PEAK, CUTOFF, RATE)
     pulse = measure_pulse(hammer)
     width = pulse.half_amplitude_width
@@ -133,7 +131,7 @@ def test_no_other_parameters_leave_less() -> None:
             assert leave(best + step) > leave(best)
 
 
-def test_a_half_sine_is_warned_of_with_its_contact_time() -> None:
+def test_a_half_sine_is_warned_of_with_its_contact_time():
     found = estimate(strike(HALF_SINE), 0.5)
     assert "no versed-sine: that leaves 3.2 % of the peak, half-sine 0.0" in found.warning
     assert "contact time is 200 µs, where the width times 2 gives 266.6 µs" in found.warning
@@ -144,19 +142,19 @@ def test_a_half_sine_is_warned_of_with_its_contact_time() -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 0.5, 4.0])
 @pytest.mark.parametrize("asymmetry", [0.0, 0.02, 0.2])
-def test_a_versed_sine_is_not_warned_of(noise: float, asymmetry: float) -> None:
+def test_a_versed_sine_is_not_warned_of(noise, asymmetry):
     found = estimate(strike(VERSED_SINE, asymmetry), noise)
     assert not found.warning
     assert found.best_shape == "versed-sine"
 
 
-def test_what_is_no_pulse_of_any_kind_is_said() -> None:
+def test_what_is_no_pulse_of_any_kind_is_said():
     two = strike() + 0.8 * strike(start=500.3 + 0.62 * TAU * RATE)
     found = estimate(two, 0.5)
     assert found.warning.startswith("no known shape describes the pulse: the best, ")
 
 
-def test_in_noise_shapes_are_seldom_told_apart_wrongly() -> None:
+def test_in_noise_shapes_are_seldom_told_apart_wrongly():
     hammer = strike(HERTZ)
     found = [estimate(hammer, 40.0, seed) for seed in range(100)]
     wrong = [item for item in found if item.is_told_apart and item.best_shape != "Hertz"]
@@ -167,7 +165,7 @@ def test_in_noise_shapes_are_seldom_told_apart_wrongly() -> None:
 
 
 @pytest.mark.parametrize("number", [1, 2])
-def test_a_real_force_hammer_falls_slower_than_it_rises(number: int) -> None:
+def test_a_real_force_hammer_falls_slower_than_it_rises(number):
     _, force, _ = np.load(REAL_DATA / "pyfrf_hammer" / f"measurements_{number}_start.npy")
     found = estimate_pulse_shape(
         make_mean(force - force[:14].mean(), cutoff=0.0, rate=25.6e3), 0.0
@@ -177,7 +175,7 @@ def test_a_real_force_hammer_falls_slower_than_it_rises(number: int) -> None:
     assert found.find_fit(VERSED_SINE.name).asymmetry < -0.3
 
 
-def test_a_real_drop_is_nearest_to_a_versed_sine() -> None:
+def test_a_real_drop_is_nearest_to_a_versed_sine():
     time, table = np.loadtxt(REAL_DATA / "repeat_shock" / "acc_base_a0_start.txt").T
     rate = 1.0 / float(np.mean(np.diff(time)))
     found = estimate_pulse_shape(make_mean(table, cutoff=0.0, rate=rate), 0.0)
@@ -186,13 +184,13 @@ def test_a_real_drop_is_nearest_to_a_versed_sine() -> None:
     assert 400e-6 < found.best_fit.duration < 480e-6
 
 
-def test_too_few_points_are_named() -> None:
+def test_too_few_points_are_named():
     coarse = strike(rate=10e3, count=100, start=20.4)
     with pytest.raises(NotDeterminedError, match=r"3 points on the pulse do not tell it, 8 may"):
         estimate_pulse_shape(make_mean(coarse, cutoff=0.0, rate=10e3), 0.0)
 
 
-def test_a_pulse_that_does_not_come_down_is_named() -> None:
+def test_a_pulse_that_does_not_come_down_is_named():
     with pytest.raises(NotDeterminedError, match="does not come down to a tenth of the peak"):
         estimate(strike(HALF_SINE)[:970])
     mean = make_mean(strike())

@@ -88,7 +88,7 @@ def find_comparison(found: SampleEstimate, variant: ModelVariant) -> ModelCompar
 
 
 @given(stiffness=st.floats(10e6, 60e6), ratio=st.floats(0.15, 0.5), mass=st.floats(0.02, 0.4))
-def test_a_known_sample_is_found_again(stiffness: float, ratio: float, mass: float) -> None:
+def test_a_known_sample_is_found_again(stiffness, ratio, mass):
     setup = replace(SETUP, samples=SampleSet((Sample("x", mass),), "", 3e-3))
     moving = mass + 3e-3
     m_eq = 0.1 * moving / (0.1 + moving)
@@ -108,7 +108,7 @@ def test_a_known_sample_is_found_again(stiffness: float, ratio: float, mass: flo
     assert not any(note.startswith(("k2", "c2")) for note in found.notes)
 
 
-def test_the_peak_force_is_the_hammers_mass_times_its_largest_acceleration() -> None:
+def test_the_peak_force_is_the_hammers_mass_times_its_largest_acceleration():
     mean = make_mean(200e-6, 1.5e4, 0.3)
     known = replace(SETUP, hammer_mass_uncertainty=1e-3)
     found = estimate_numbers("heavy", mean, np.nan, 0, HAMMER, known).peak_force
@@ -118,7 +118,7 @@ def test_the_peak_force_is_the_hammers_mass_times_its_largest_acceleration() -> 
     assert [line.source for line in found.budget] == ["mass of the hammer"]
 
 
-def test_the_pulse_factor_scales_contact_time_and_stiffness() -> None:
+def test_the_pulse_factor_scales_contact_time_and_stiffness():
     mean = make_mean(200e-6, 1.5e4, 0.3)
     sine = replace(SETUP, analysis=replace(SETUP.analysis, pulse_factor=1.5))
     one, other = (
@@ -132,7 +132,7 @@ def test_the_pulse_factor_scales_contact_time_and_stiffness() -> None:
     )
 
 
-def test_the_control_experiment_gives_twice_the_equivalent_stiffness() -> None:
+def test_the_control_experiment_gives_twice_the_equivalent_stiffness():
     mean = make_mean(210e-6, 1.5e4, 0.3)
     hammer = estimate_hammer(mean, SETUP)
     expected = 2 * 0.05 * (np.pi / 210e-6) ** 2  # 97 g and 3 g against 100 g
@@ -142,7 +142,7 @@ def test_the_control_experiment_gives_twice_the_equivalent_stiffness() -> None:
     assert found.stiffness.value == pytest.approx(hammer.stiffness.value, rel=1e-12)
 
 
-def test_without_k1_the_damping_ratio_is_still_found() -> None:
+def test_without_k1_the_damping_ratio_is_still_found():
     mean = make_mean(200e-6, 1.5e4, 0.3)
     unknown = BodyEstimate(notes=("k1: because",))
     found = estimate_sample("heavy", mean, (200e-6,), 0, unknown, SETUP)
@@ -153,7 +153,7 @@ def test_without_k1_the_damping_ratio_is_still_found() -> None:
     assert found.comparisons == ()
 
 
-def test_a_contact_too_short_for_k1_is_noted_not_raised() -> None:
+def test_a_contact_too_short_for_k1_is_noted_not_raised():
     mean = make_mean(100e-6, 1.5e4, 0.3)
     found = estimate_sample("heavy", mean, (100e-6,), 0, HAMMER, SETUP)
     assert np.isnan(found.stiffness.value)
@@ -162,7 +162,7 @@ def test_a_contact_too_short_for_k1_is_noted_not_raised() -> None:
     assert found.contact_time.value == pytest.approx(100e-6, rel=1e-4)
 
 
-def test_a_sample_that_was_not_measured_has_no_damping() -> None:
+def test_a_sample_that_was_not_measured_has_no_damping():
     mean = make_mean(200e-6, 1.5e4, 0.3, channels=1)
     found = estimate_sample("heavy", mean, (200e-6,), 0, HAMMER, SETUP)
     assert np.isfinite(found.stiffness.value)
@@ -170,7 +170,7 @@ def test_a_sample_that_was_not_measured_has_no_damping() -> None:
     assert found.notes[0] == "c2: the sample's trace was not measured"
 
 
-def test_every_sample_is_compared_with_both_forms_of_the_model() -> None:
+def test_every_sample_is_compared_with_both_forms_of_the_model():
     mean = make_mean(200e-6, 1.5e4, 0.3)
     found = estimate_sample("heavy", mean, (200e-6,), 0, HAMMER, SETUP)
     driven = find_comparison(found, ModelVariant.DRIVEN)
@@ -197,18 +197,18 @@ def strike(
     return estimate
 
 
-def test_a_body_that_is_driven_at_its_peak_is_told_from_one_that_decays() -> None:
+def test_a_body_that_is_driven_at_its_peak_is_told_from_one_that_decays():
     assert strike(VirtualRigSettings(plant=Plant.DYNAMICS)).warnings == (DRIVEN_PEAK,)
 
 
 @pytest.mark.parametrize("noise", [0.0, 5e-4])
-def test_steps_larger_than_the_noise_are_named(noise: float) -> None:
+def test_steps_larger_than_the_noise_are_named(noise):
     # A step of eight bits is 1/128 of full scale.
     digitizer = DigitizerSettings(bits=8, noise=noise)
     assert STEPS in strike(VirtualRigSettings(digitizer=digitizer)).warnings
 
 
-def test_a_control_sample_of_another_mass_is_named_with_both_masses() -> None:
+def test_a_control_sample_of_another_mass_is_named_with_both_masses():
     heavy = replace(PAPER_SETUP, hammer_mass=0.15)
     (warning,) = strike(VirtualRigSettings(), heavy, heavy).warnings
     assert warning.startswith(
@@ -216,7 +216,7 @@ def test_a_control_sample_of_another_mass_is_named_with_both_masses() -> None:
     )
 
 
-def test_forces_that_do_not_balance_are_named() -> None:
+def test_forces_that_do_not_balance_are_named():
     # The hammer is really a tenth heavier than stated: its acceleration shows too little force.
     truth = replace(PAPER_SETUP, hammer_mass=1.1 * PAPER_SETUP.hammer_mass)
     warnings = strike(VirtualRigSettings(plant=Plant.DYNAMICS), truth).warnings
@@ -227,8 +227,8 @@ def test_forces_that_do_not_balance_are_named() -> None:
 
 @pytest.mark.parametrize(("exponent", "restitution"), [(1.5, 0.9), (1.5, 0.69), (1.0, 0.9)])
 def test_a_contact_law_that_contradicts_the_versed_sine_is_said_and_stands_in_the_budget(
-    exponent: float, restitution: float
-) -> None:
+    exponent, restitution
+):
     settings = VirtualRigSettings(
         plant=Plant.CONTACT, contact_exponent=exponent, restitution=restitution
     )
@@ -247,7 +247,7 @@ def test_a_contact_law_that_contradicts_the_versed_sine_is_said_and_stands_in_th
     assert not found.damping_coefficient.is_known
 
 
-def test_a_versed_sine_keeps_its_interval() -> None:
+def test_a_versed_sine_keeps_its_interval():
     for plant in (Plant.PUBLISHED, Plant.DYNAMICS):
         found = strike(VirtualRigSettings(plant=plant))
         assert "shape of the pulse" not in {line.source for line in found.contact_time.budget}
@@ -256,7 +256,7 @@ def test_a_versed_sine_keeps_its_interval() -> None:
 
 
 @pytest.mark.parametrize("shared", [True, False])
-def test_a_second_peak_that_is_no_decay_of_the_body_gives_no_damping(*, shared: bool) -> None:
+def test_a_second_peak_that_is_no_decay_of_the_body_gives_no_damping(*, shared):
     mean = make_mean(210e-6, 1.5e4, 0.2)
     pulse = mean.traces[0]
     second = 0.04 * np.roll(pulse, 1500)

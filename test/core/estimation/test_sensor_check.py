@@ -20,7 +20,7 @@ def describe(channel: str, resonance: float) -> RigSetup:
     return replace(PAPER_SETUP, sensors=(Sensor(channel, resonance=resonance),))
 
 
-def test_a_resonance_near_the_low_pass_is_warned_of() -> None:
+def test_a_resonance_near_the_low_pass_is_warned_of():
     (warning,) = check_sensors(describe("hammer", 70e3), 212e-6)
     assert "hammer's sensor, 70 kHz, lies near the low-pass of 50 kHz" in warning
     assert "a low-pass of 35 kHz" in warning
@@ -28,7 +28,7 @@ def test_a_resonance_near_the_low_pass_is_warned_of() -> None:
     assert check_sensors(PAPER_SETUP, 212e-6) == ()
 
 
-def test_a_resonance_near_the_spectrum_of_the_contact_is_warned_of() -> None:
+def test_a_resonance_near_the_spectrum_of_the_contact_is_warned_of():
     (warning,) = check_sensors(describe("specimen", 110e3), 40e-6)
     assert "specimen's sensor, 110 kHz, lies near the spectrum of a contact" in warning
 
@@ -42,7 +42,7 @@ def test_a_resonance_near_the_spectrum_of_the_contact_is_warned_of() -> None:
         (4e3, 0.0, ""),
     ],
 )
-def test_which_ringing_is_a_sensors(frequency: float, resonance: float, told: str) -> None:
+def test_which_ringing_is_a_sensors(frequency, resonance, told):
     text = explain_ringing(frequency, describe("specimen", resonance))
     assert told in text
     assert bool(text) == bool(told)
@@ -58,7 +58,7 @@ def ring(name: str, frequency: float) -> SampleEstimate:
     )  # fmt: skip
 
 
-def test_what_rings_alike_on_samples_of_other_masses_is_no_samples() -> None:
+def test_what_rings_alike_on_samples_of_other_masses_is_no_samples():
     found = withdraw_shared_ringing(
         [ring(name, 20e3 * factor) for name, factor in zip(NAMES, (1.0, 1.01, 0.99), strict=True)],
         PAPER_SETUP,
@@ -71,7 +71,7 @@ def test_what_rings_alike_on_samples_of_other_masses_is_no_samples() -> None:
         assert "20 kHz does so on all samples, though their masses differ" in sample.notes[-1]
 
 
-def test_samples_that_ring_each_in_its_own_way_keep_what_they_have() -> None:
+def test_samples_that_ring_each_in_its_own_way_keep_what_they_have():
     own = [ring(name, frequency) for name, frequency in zip(NAMES, (4e3, 2.6e3, 2e3), strict=True)]
     assert withdraw_shared_ringing(own, PAPER_SETUP) == tuple(own)
     # Two may well be alike by chance.

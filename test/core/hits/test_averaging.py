@@ -33,7 +33,7 @@ def make_hit(middle: float, count: int = 1000, height: float = 100.0, noise: flo
 
 
 @given(middles=st.lists(st.floats(300, 500), min_size=1, max_size=12))
-def test_the_mean_of_hits_that_differ_in_time_alone_is_the_hit(middles: list[float]) -> None:
+def test_the_mean_of_hits_that_differ_in_time_alone_is_the_hit(middles):
     mean = average_hits([make_hit(middle) for middle in middles])
     assert mean.count == len(middles)
     points = np.arange(mean.traces.shape[1]) - mean.origin
@@ -45,14 +45,14 @@ def test_the_mean_of_hits_that_differ_in_time_alone_is_the_hit(middles: list[flo
     np.testing.assert_allclose(mean.traces, expected, rtol=0, atol=0.01)
 
 
-def test_the_mean_is_as_long_as_what_all_hits_have_in_common() -> None:
+def test_the_mean_is_as_long_as_what_all_hits_have_in_common():
     mean = average_hits([make_hit(300.0, 1000), make_hit(500.2, 900)])
     assert mean.origin == 300
     # Behind the middle: 900 - 1 - 500 points of the shorter one, whose shift costs one.
     assert mean.traces.shape == (2, 300 + 399)
 
 
-def test_noise_falls_with_the_square_root_of_the_hits() -> None:
+def test_noise_falls_with_the_square_root_of_the_hits():
     hits = [make_hit(400.0 + step, noise=2.0) for step in range(16)]
     mean = average_hits(hits)
     np.testing.assert_allclose(mean.noise, 2.0 / 4)
@@ -62,12 +62,12 @@ def test_noise_falls_with_the_square_root_of_the_hits() -> None:
     assert 0.6 * 0.5 < mean.traces[0, :150].std() < 1.1 * 0.5
 
 
-def test_no_hit_has_no_mean() -> None:
+def test_no_hit_has_no_mean():
     with pytest.raises(NotDeterminedError, match="mean trace: no hit was accepted"):
         average_hits([])
 
 
-def test_hits_that_do_not_belong_together_are_refused() -> None:
+def test_hits_that_do_not_belong_together_are_refused():
     hit = make_hit(400.0)
     slower = replace(hit, sampling_rate=1e6)
     with pytest.raises(SignalError, match=r"hits sampled at \[1000000.0, 2500000.0\] Hz"):

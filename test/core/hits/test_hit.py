@@ -1,6 +1,5 @@
 """From raw record to verdict: what is measured of a hit, and what never reaches measuring."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,10 +15,11 @@ from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.detection import find_pulse_start
 from impact_rig.core.signals.record import Trace
 
+from ..blocks import make_record
+
 SETTINGS = AnalysisSettings()
 RATE = 2.5e6
 COUNT = 5000
-Make = Callable[..., Any]
 
 
 def make_traces(
@@ -37,9 +37,7 @@ def find_reasons(hit: Any) -> set[Reason]:
 
 
 @given(tau=st.floats(120e-6, 300e-6), start=st.floats(400, 700), offset=st.floats(-50, 50))
-def test_contact_time_is_read_within_a_part_of_a_thousand(
-    make_record: Make, tau: float, start: float, offset: float
-) -> None:
+def test_contact_time_is_read_within_a_part_of_a_thousand(tau, start, offset):
     # 50 kHz rounds a versed-sine of 120 us visibly, yet hardly at half amplitude.
     record = make_record(*make_traces(start, tau, offset=offset), rate=RATE, pulse_index=500)
     hit = judge_hit(record, SETTINGS)
@@ -51,7 +49,7 @@ def test_contact_time_is_read_within_a_part_of_a_thousand(
 
 
 @given(signs=st.tuples(st.sampled_from([1, -1]), st.sampled_from([1, -1])))
-def test_polarity_changes_nothing(make_record: Make, signs: tuple[int, int]) -> None:
+def test_polarity_changes_nothing(signs):
     traces = make_traces(noise=1.0)
     plain = judge_hit(make_record(*traces, rate=RATE, pulse_index=500), SETTINGS)
     turned = (sign * trace for sign, trace in zip(signs, traces, strict=True))
@@ -64,7 +62,7 @@ def test_polarity_changes_nothing(make_record: Make, signs: tuple[int, int]) -> 
     )
 
 
-def test_noise_is_that_of_the_filtered_baseline(make_record: Make) -> None:
+def test_noise_is_that_of_the_filtered_baseline():
     random = np.random.default_rng(2)
     variances = []
     for _ in range(100):
@@ -80,7 +78,7 @@ def test_noise_is_that_of_the_filtered_baseline(make_record: Make) -> None:
     np.testing.assert_allclose(np.sqrt(np.mean(variances, axis=0)), expected, rtol=0.06)
 
 
-def test_a_trace_with_nan_is_rejected_by_name(make_record: Make) -> None:
+def test_a_trace_with_nan_is_rejected_by_name():
     hammer, specimen = make_traces()
     hammer[100] = np.nan
     hit = judge_hit(make_record(hammer, specimen, rate=RATE, pulse_index=None), SETTINGS)
@@ -91,27 +89,25 @@ def test_a_trace_with_nan_is_rejected_by_name(make_record: Make) -> None:
     assert hit.filtered is None
 
 
-def test_a_pulse_without_a_baseline_is_truncated(make_record: Make) -> None:
+def test_a_pulse_without_a_baseline_is_truncated():
     record = make_record(*make_traces(start=2.0), rate=RATE, pulse_index=3)
     assert find_reasons(judge_hit(record, SETTINGS)) == {Reason.TRUNCATED}
 
 
-def test_a_pulse_cut_off_at_its_top_is_truncated(make_record: Make) -> None:
+def test_a_pulse_cut_off_at_its_top_is_truncated():
     traces = (trace[:740] for trace in make_traces())
     hit = judge_hit(make_record(*traces, rate=RATE, pulse_index=500), SETTINGS)
     assert find_reasons(hit) == {Reason.TRUNCATED}
     assert "must fall to half its peak on both sides" in hit.rejections[0].explanation
 
 
-def test_a_gap_does_not_hide_the_other_reasons(make_record: Make) -> None:
+def test_a_gap_does_not_hide_the_other_reasons():
     traces = (0.2 * trace for trace in make_traces(noise=0.1))
     record = make_record(*traces, rate=RATE, pulse_index=520, flaws=("7 points missing",))
     assert find_reasons(judge_hit(record, SETTINGS)) == {Reason.GAP, Reason.WEAK}
 
 
-def test_a_sampling_rate_too_low_for_the_filter_is_no_verdict_but_an_error(
-    make_record: Make,
-) -> None:
+def test_a_sampling_rate_too_low_for_the_filter_is_no_verdict_but_an_error():
     with pytest.raises(ParameterError, match=r"rate of 51\.2 kHz is too low for the 50 kHz low"):
         judge_hit(make_record(*make_traces(), rate=51.2e3), SETTINGS)
 
@@ -124,7 +120,7 @@ class TestRealHits:
     WIDTHS: ClassVar = {"measurements_1": 184.5e-6, "measurements_2": 169.4e-6}
 
     @pytest.mark.parametrize("name", WIDTHS)
-    def test_are_accepted_with_the_width_that_is_known(self, make_record: Make, name: str) -> None:
+    def test_are_accepted_with_the_width_that_is_known(self, name):
         path = Path(__file__).parents[2] / "data" / "pyfrf_hammer" / f"{name}_start.npy"
         _, force, acceleration = np.load(path)
         settings = AnalysisSettings(cutoff_frequency=0.0)

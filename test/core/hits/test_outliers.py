@@ -64,9 +64,7 @@ class TestOutliers:
         ("attribute", "factor"),
         [("contact_time", 1.1), ("hammer_peak", 0.5), ("width_ratio", 1.2)],
     )
-    def test_one_among_ten_is_found_wherever_it_stands(
-        self, place: int, attribute: str, factor: float
-    ) -> None:
+    def test_one_among_ten_is_found_wherever_it_stands(self, place, attribute, factor):
         hits = make_hits(10)
         hits[place] = replace(hits[place], **{attribute: factor * getattr(hits[0], attribute)})
         selection = select_hits(hits)
@@ -74,7 +72,7 @@ class TestOutliers:
         assert [item.reason for item in selection.left_out[0].rejections] == [Reason.INCONSISTENT]
         assert len(selection.kept) == 9
 
-    def test_it_is_described_in_figures(self) -> None:
+    def test_it_is_described_in_figures(self):
         # Deviations of 0, 1, 1, 2, 2, ... us: of eleven hits the sixth largest, 3 us, is the MAD.
         hits = [make_hit(i, (200 + i - 5) * 1e-6) for i in range(10)]
         hits.append(make_hit(10, 300e-6))
@@ -85,22 +83,20 @@ class TestOutliers:
         )
 
     @given(count=st.integers(5, 30), size=st.floats(0.0, 0.02))
-    def test_a_very_repeatable_rig_does_not_reject_over_nothing(
-        self, count: int, size: float
-    ) -> None:
+    def test_a_very_repeatable_rig_does_not_reject_over_nothing(self, count, size):
         hits = [*[make_hit(i) for i in range(count - 1)], make_hit(count, 200e-6 * (1 + size))]
         assert select_hits(hits).left_out == ()
         # Alike to the last digit, even few tell that one is another: 4.2 times 0.5 %.
         hits[-1] = make_hit(count, 200e-6 * 1.0215)
         assert find_numbers(select_hits(hits).left_out) == [count]
 
-    def test_a_figure_that_is_not_known_is_not_held_against_a_hit(self) -> None:
+    def test_a_figure_that_is_not_known_is_not_held_against_a_hit(self):
         hits = [replace(hit, width_ratio=np.nan) for hit in make_hits(10)]
         hits[3] = replace(hits[3], width_ratio=1.6)
         assert select_hits(hits).left_out == ()
 
     @given(seed=st.integers(0, 1000), count=st.integers(1, 14))
-    def test_the_order_of_arrival_changes_nothing(self, seed: int, count: int) -> None:
+    def test_the_order_of_arrival_changes_nothing(self, seed, count):
         hits = [*make_hits(count, 0.01, seed), make_hit(count + 1, 240e-6)]
         turned = select_hits(hits[::-1])
         straight = select_hits(hits)
@@ -112,9 +108,7 @@ class TestSortedFigures:
     """What hits have in common."""
 
     @given(seed=st.integers(0, 1000), count=st.integers(5, 1500), digits=st.integers(2, 9))
-    def test_criteria_are_median_and_median_deviation_of_all(
-        self, seed: int, count: int, digits: int
-    ) -> None:
+    def test_criteria_are_median_and_median_deviation_of_all(self, seed, count, digits):
         # Few digits make many hits alike.
         random = np.random.default_rng(seed)
         figures = np.round(1.0 + 0.1 * random.standard_normal((count, 3)), digits)
@@ -137,9 +131,7 @@ class TestSortedFigures:
         assert [item.spread for item in criteria] == pytest.approx(expected, rel=1e-12)
 
     @given(seed=st.integers(0, 1000), count=st.integers(5, 300))
-    def test_outliers_are_all_that_deviate_by_more_than_the_threshold(
-        self, seed: int, count: int
-    ) -> None:
+    def test_outliers_are_all_that_deviate_by_more_than_the_threshold(self, seed, count):
         figures = np.random.default_rng(seed).standard_t(1, (count, 3))
         figures[:2, 1], hits = np.nan, SortedFigures()
         for number, row in enumerate(figures.tolist()):
@@ -158,7 +150,7 @@ class TestThresholds:
     """How often good hits are left out."""
 
     @pytest.mark.parametrize("count", [5, 10, 60])
-    def test_normal_hits_are_left_out_no_more_often_than_stated(self, count: int) -> None:
+    def test_normal_hits_are_left_out_no_more_often_than_stated(self, count):
         # 1.2e6 values at a probability of 3.3e-5: 40 are expected, of which 60 are chance in one
         # run of a thousand; fewer than 15 would mean a threshold that is far too high.
         values = np.random.default_rng(count).standard_normal((1_200_000 // count, count))
@@ -171,7 +163,7 @@ class TestThresholds:
 class TestKeeping:
     """Of more hits than needed, the most consistent."""
 
-    def test_the_nearest_to_the_medians_are_kept(self) -> None:
+    def test_the_nearest_to_the_medians_are_kept(self):
         # Off by 0 to 6 us, in units of the same spread: the two farthest go.
         offsets = [0, 1, -1, 2, -3, 6, -5]
         hits = [make_hit(i, (200 + offset) * 1e-6) for i, offset in enumerate(offsets)]
@@ -181,7 +173,7 @@ class TestKeeping:
             "surplus: not among the 5 most consistent of 7"
         ] * 2
 
-    def test_outliers_go_first_and_keep_their_own_reason(self) -> None:
+    def test_outliers_go_first_and_keep_their_own_reason(self):
         hits = make_hits(12)
         hits[2] = replace(hits[2], contact_time=300e-6)
         selection = select_hits(hits, keep=10)
@@ -190,12 +182,12 @@ class TestKeeping:
         assert sorted(reason.value for (reason,) in reasons) == ["inconsistent", "surplus"]
 
     @given(count=st.integers(0, 20), keep=st.integers(0, 20))
-    def test_never_more_than_asked_for_and_none_is_lost(self, count: int, keep: int) -> None:
+    def test_never_more_than_asked_for_and_none_is_lost(self, count, keep):
         selection = select_hits(make_hits(count), keep)
         assert len(selection.kept) == (min(count, keep) if keep else count)
         assert len(selection.kept) + len(selection.left_out) == count
 
-    def test_one_that_a_person_accepted_stays_and_is_not_held_against_others(self) -> None:
+    def test_one_that_a_person_accepted_stays_and_is_not_held_against_others(self):
         by_hand = replace(make_hit(99, 900e-6), overruled=(Rejection(Reason.OPERATOR, "so"),))
         selection = select_hits([*make_hits(11), by_hand], keep=10)
         assert 99 in find_numbers(selection.kept)

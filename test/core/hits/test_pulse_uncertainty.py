@@ -40,7 +40,7 @@ def estimate(trace: NDArray[np.float64], quality: TraceQuality) -> dict[str, flo
     return vars(estimate_pulse_errors(trace, measure_pulse(trace), quality))
 
 
-def test_filtered_noise_and_a_noisy_zero_scatter_the_width_as_predicted() -> None:
+def test_filtered_noise_and_a_noisy_zero_scatter_the_width_as_predicted():
     rate, cutoff, sigma = 2.5e6, 50e3, 4.0
     generator = np.random.default_rng(3)
     clean = make_pulse(500.0)
@@ -60,7 +60,7 @@ def test_filtered_noise_and_a_noisy_zero_scatter_the_width_as_predicted() -> Non
 
 
 @pytest.mark.parametrize("polarity", [1.0, -1.0])
-def test_an_error_of_the_zero_widens_the_pulse_as_predicted(polarity: float) -> None:
+def test_an_error_of_the_zero_widens_the_pulse_as_predicted(polarity):
     clean = polarity * make_pulse(500.0)
     step = 0.5
     errors = estimate(clean, replace(PERFECT, raw_noise=step * math.sqrt(400)))
@@ -69,7 +69,7 @@ def test_an_error_of_the_zero_widens_the_pulse_as_predicted(polarity: float) -> 
     assert errors["zero"] == pytest.approx(observed, rel=0.01)
 
 
-def test_a_drifting_baseline_is_extrapolated_to_the_pulse() -> None:
+def test_a_drifting_baseline_is_extrapolated_to_the_pulse():
     drift = 2e-3
     line = drift * (np.arange(COUNT) - (400 - 1) / 2)
     trace = make_pulse(500.0) + line
@@ -79,7 +79,7 @@ def test_a_drifting_baseline_is_extrapolated_to_the_pulse() -> None:
     assert estimate(trace, quality)["trend"] == pytest.approx(observed, rel=0.05)
 
 
-def test_quantisation_without_noise_is_rectangular_and_is_dithered_away_by_noise() -> None:
+def test_quantisation_without_noise_is_rectangular_and_is_dithered_away_by_noise():
     assert compute_quantisation_error(0.0, 1.0) == 0.0
     assert compute_quantisation_error(2.0, 0.0) == pytest.approx(2.0 / math.sqrt(12), rel=0.02)
     generator = np.random.default_rng(5)
@@ -95,7 +95,7 @@ def test_quantisation_without_noise_is_rectangular_and_is_dithered_away_by_noise
 
 
 @pytest.mark.parametrize(("power", "duration"), [(2.0, 10.0), (2.0, 30.0), (1.0, 8.0)])
-def test_sparse_points_misread_the_width_as_predicted(power: float, duration: float) -> None:
+def test_sparse_points_misread_the_width_as_predicted(power, duration):
     dense = duration * (1.0 - 2.0 / math.pi * math.asin(0.5 ** (1.0 / power)))
     shifts = np.random.default_rng(6).uniform(0.0, 1.0, 300)
     traces = [make_pulse(duration, shift=shift, power=power) for shift in shifts]
@@ -105,7 +105,7 @@ def test_sparse_points_misread_the_width_as_predicted(power: float, duration: fl
     assert 0.5 < predicted / observed < 2.0
 
 
-def test_the_largest_of_noisy_points_is_too_high_as_predicted() -> None:
+def test_the_largest_of_noisy_points_is_too_high_as_predicted():
     generator = np.random.default_rng(7)
     points = np.arange(-300, 301)
     for noise, curvature in ((1.0, 0.01), (1.0, 0.1), (0.2, 1e-4)):
@@ -118,9 +118,7 @@ def test_the_largest_of_noisy_points_is_too_high_as_predicted() -> None:
 
 
 @pytest.mark.parametrize("cutoff_contact_time", [2.0, 5.0, 10.0])
-def test_the_low_pass_widens_a_versed_sine_as_it_does_a_simulated_one(
-    cutoff_contact_time: float,
-) -> None:
+def test_the_low_pass_widens_a_versed_sine_as_it_does_a_simulated_one(cutoff_contact_time):
     duration = 500.0
     raw = make_pulse(duration)
     filtered = low_pass(raw, cutoff_contact_time / duration, 1.0)

@@ -16,7 +16,7 @@ def make_pulse(middle: float, width: float, count: int = 400) -> np.ndarray:
     return np.where(np.abs(phase) < 0.5, np.cos(np.pi * phase) ** 2, 0.0)
 
 
-def test_a_triangle_is_measured_exactly() -> None:
+def test_a_triangle_is_measured_exactly():
     # Straight flanks: linear interpolation has no error at all.
     trace = np.maximum(0.0, 10.0 - 2.0 * np.abs(np.arange(20) - 9.0))
     pulse = measure_pulse(trace)
@@ -27,7 +27,7 @@ def test_a_triangle_is_measured_exactly() -> None:
 
 
 @given(middle=st.floats(150, 250), width=st.floats(20, 120))
-def test_a_versed_sine_is_read_far_below_its_sample_grid(middle: float, width: float) -> None:
+def test_a_versed_sine_is_read_far_below_its_sample_grid(middle, width):
     pulse = measure_pulse(make_pulse(middle, width))
     # The half level is taken of the sampled peak: half a point off, it is (pi / 4w)^2 low, and
     # over the flank's slope pi / 2w the width grows by pi / 8w = 0.4 / w points.
@@ -37,7 +37,7 @@ def test_a_versed_sine_is_read_far_below_its_sample_grid(middle: float, width: f
 
 
 @given(seed=st.integers(0, 1000), width=st.floats(20, 100))
-def test_agrees_with_scipy(seed: int, width: float) -> None:
+def test_agrees_with_scipy(seed, width):
     middle = 150 + 100 * np.random.default_rng(seed).random()
     trace = make_pulse(middle, width)
     pulse = measure_pulse(trace)
@@ -50,7 +50,7 @@ def test_agrees_with_scipy(seed: int, width: float) -> None:
         assert ours == pytest.approx(theirs, abs=1e-9)
 
 
-def test_a_pulse_that_never_comes_down_to_a_tenth_has_no_ratio() -> None:
+def test_a_pulse_that_never_comes_down_to_a_tenth_has_no_ratio():
     trace = np.maximum(0.3, make_pulse(200.0, 60.0))
     pulse = measure_pulse(trace)
     assert np.isnan(pulse.width_ratio)
@@ -66,6 +66,6 @@ def test_a_pulse_that_never_comes_down_to_a_tenth_has_no_ratio() -> None:
         (np.linspace(-1, 0, 50), "cut off"),
     ],
 )
-def test_what_is_no_whole_pulse_is_refused(trace: np.ndarray, message: str) -> None:
+def test_what_is_no_whole_pulse_is_refused(trace, message):
     with pytest.raises(SignalError, match=message):
         measure_pulse(trace)

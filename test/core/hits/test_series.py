@@ -4,7 +4,6 @@ import gc
 import tempfile
 import tracemalloc
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -66,7 +65,7 @@ def check_mean(series: HitSeries, hits: list[JudgedHit]) -> None:
 
 
 @given(count=st.integers(1, 12))
-def test_the_mean_is_that_of_all_hits_bit_by_bit(count: int) -> None:
+def test_the_mean_is_that_of_all_hits_bit_by_bit(count):
     hits = [make_hit(number, noise=1.0 + number % 7) for number in range(count)]
     series = make_series(hits)
     check_mean(series, hits)
@@ -79,7 +78,7 @@ def test_the_mean_is_that_of_all_hits_bit_by_bit(count: int) -> None:
         np.testing.assert_array_equal(hit, alone.traces[:, first : first + hit.shape[1]])
 
 
-def test_an_early_outlier_is_taken_out_as_soon_as_there_are_others() -> None:
+def test_an_early_outlier_is_taken_out_as_soon_as_there_are_others():
     # Of four hits none is an outlier; the fifth and on are of another kind, and more.
     odd = [make_hit(number, factor=1.3) for number in range(3)]
     others = [make_hit(number) for number in range(3, 20)]
@@ -88,7 +87,7 @@ def test_an_early_outlier_is_taken_out_as_soon_as_there_are_others() -> None:
     check_mean(series, others)
 
 
-def test_a_late_outlier_is_taken_out_and_comes_back() -> None:
+def test_a_late_outlier_is_taken_out_and_comes_back():
     # Of ten hits the scatter is hardly known: 15.7 robust standard deviations are needed. Eight,
     # here 2.4 %, are too many for a good hit all the same, as more hits show, until these
     # scatter as much themselves.
@@ -111,7 +110,7 @@ def test_a_late_outlier_is_taken_out_and_comes_back() -> None:
 
 
 @pytest.mark.parametrize(("count", "shown"), [(128, 128), (129, 65), (256, 128), (300, 75)])
-def test_of_a_long_series_hits_that_lie_evenly_show_the_scatter(count: int, shown: int) -> None:
+def test_of_a_long_series_hits_that_lie_evenly_show_the_scatter(count, shown):
     hits = [make_hit(number % 7) for number in range(count)]
     series = make_series(hits)
     mean = series.compute_mean()
@@ -121,7 +120,7 @@ def test_of_a_long_series_hits_that_lie_evenly_show_the_scatter(count: int, show
     assert len(series.select().kept) == count
 
 
-def test_what_is_told_of_the_spread_is_that_of_the_hits_in_the_mean() -> None:
+def test_what_is_told_of_the_spread_is_that_of_the_hits_in_the_mean():
     hits = [make_hit(number) for number in range(12)]
     times = [hit.contact_time for hit in hits]
     series = make_series([*hits, make_hit(12, factor=1.5)])
@@ -129,7 +128,7 @@ def test_what_is_told_of_the_spread_is_that_of_the_hits_in_the_mean() -> None:
     assert np.isnan(make_series(hits[:1]).contact_time_spread)
 
 
-def test_memory_grows_by_less_than_a_kilobyte_a_hit() -> None:
+def test_memory_grows_by_less_than_a_kilobyte_a_hit():
     hits = [make_hit(number) for number in range(50)]
     series = make_series(hits)
     gc.collect()
@@ -146,9 +145,7 @@ def test_memory_grows_by_less_than_a_kilobyte_a_hit() -> None:
     assert grown < 1000 * 1000
 
 
-def test_a_folder_without_room_for_traces_is_named(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_folder_without_room_for_traces_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
     with pytest.raises(FileError, match=r"traces of hits cannot be written to .*gone"):
         HitSeries().add(make_hit(0))

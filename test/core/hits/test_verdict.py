@@ -3,9 +3,7 @@
 A second contact is found, whatever its height and place; ringing of one contact is none.
 """
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -31,10 +29,10 @@ from impact_rig.core.model.pulses import PULSE_SHAPES, VERSED_SINE, PulseShape, 
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import Record, Trace
 
+from ..blocks import make_record
 from ..struck import Impact
 
 SETTINGS = AnalysisSettings()
-Make = Callable[..., Any]
 
 
 def make_trace(
@@ -69,11 +67,11 @@ def judge_strength(record: Record) -> tuple[Rejection, ...]:
 class TestStream:
     """What is wrong before anyone looks for a pulse."""
 
-    def test_a_missed_trigger(self, make_record: Make) -> None:
+    def test_a_missed_trigger(self):
         (found,) = check_stream(make_record(np.empty(0), triggered=False))
         assert str(found) == "no_trigger: the arming ended without a trigger"
 
-    def test_a_gap_is_named_as_the_stream_names_it(self, make_record: Make) -> None:
+    def test_a_gap_is_named_as_the_stream_names_it(self):
         record = make_record(make_trace(900.0), flaws=("7 points missing at point 3", "another"))
         assert [str(item) for item in check_stream(record)] == [
             "gap: 7 points missing at point 3",
@@ -81,13 +79,13 @@ class TestStream:
         ]
 
     @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-    def test_a_value_that_is_no_number(self, make_record: Make, value: float) -> None:
+    def test_a_value_that_is_no_number(self, value):
         hammer, specimen = make_trace(900.0), make_trace(400.0)
         specimen[[3, 900]] = value
         (found,) = check_stream(make_record(hammer, specimen))
         assert str(found) == "non_finite: 2 points of the sample trace are no numbers"
 
-    def test_an_empty_record(self, make_record: Make) -> None:
+    def test_an_empty_record(self):
         assert find_reasons(check_stream(make_record(np.empty(0)))) == [Reason.NO_PULSE]
 
 
@@ -95,22 +93,22 @@ class TestChannels:
     """Dead and overloaded channels."""
 
     @pytest.mark.parametrize("noise", [0.0, 1.0, 20.0])
-    def test_a_dead_sample_channel(self, make_record: Make, noise: float) -> None:
+    def test_a_dead_sample_channel(self, noise):
         record = make_record(make_trace(900.0), make_trace(0.0, noise=noise))
         (found,) = check_channels(record, SETTINGS)
         assert str(found) == "dead_channel: the sample channel shows no signal"
 
     @pytest.mark.parametrize("noise", [0.0, 1.0])
-    def test_a_dead_hammer_channel(self, make_record: Make, noise: float) -> None:
+    def test_a_dead_hammer_channel(self, noise):
         record = make_record(make_trace(0.0, noise=noise), make_trace(400.0), pulse_index=None)
         (found,) = check_channels(record, SETTINGS)
         assert str(found) == "dead_channel: the hammer channel shows no signal"
 
-    def test_two_quiet_channels_are_no_pulse(self, make_record: Make) -> None:
+    def test_two_quiet_channels_are_no_pulse(self):
         record = make_record(make_trace(0.0), make_trace(0.0), pulse_index=None)
         assert find_reasons(check_channels(record, SETTINGS)) == [Reason.NO_PULSE]
 
-    def test_an_overload_says_how_long_and_where_and_how_high(self, make_record: Make) -> None:
+    def test_an_overload_says_how_long_and_where_and_how_high(self):
         specimen = np.clip(make_trace(5000.0, noise=0.0), -2000, 2000)
         (found,) = check_channels(make_record(make_trace(900.0), specimen), SETTINGS)
         run = np.count_nonzero(specimen >= 1996)
@@ -119,7 +117,7 @@ class TestChannels:
             f"overload: {run} points in a row of the sample at the rail of 2000 m/s^2 (203.9 g)"
         )
 
-    def test_one_point_at_the_rail_may_be_chance_and_two_are_not(self, make_record: Make) -> None:
+    def test_one_point_at_the_rail_may_be_chance_and_two_are_not(self):
         hammer = make_trace(1960.0, noise=0.0)
         hammer[300] = 2000.0
         assert check_channels(make_record(hammer), SETTINGS) == ()
@@ -128,9 +126,7 @@ class TestChannels:
 
     @pytest.mark.parametrize("bits", [12, 16])
     @pytest.mark.parametrize("rail", [0.985, 1.015])
-    def test_the_last_code_may_lie_on_either_side_of_the_nominal_rail(
-        self, make_record: Make, rail: float, bits: int
-    ) -> None:
+    def test_the_last_code_may_lie_on_either_side_of_the_nominal_rail(self, rail, bits):
         step = 2000.0 / 2 ** (bits - 1)
         clipped = np.minimum(make_trace(1.03 * rail * 2000.0), rail * 2000.0)
         record = make_record(np.rint(clipped / step) * step, resolution=step)
@@ -138,9 +134,7 @@ class TestChannels:
 
     @pytest.mark.parametrize("place", [220, 300, 352])
     @pytest.mark.parametrize("noise", [0.1, 3.0])
-    def test_a_point_that_its_neighbours_cannot_have_is_a_dropout(
-        self, make_record: Make, place: int, noise: float
-    ) -> None:
+    def test_a_point_that_its_neighbours_cannot_have_is_a_dropout(self, place, noise):
         hammer = make_trace(900.0, noise=noise)
         hammer[place] = 0.0
         (found,) = check_channels(make_record(hammer), SETTINGS)
@@ -148,9 +142,7 @@ class TestChannels:
         assert f" {place} µs into the record" in found.explanation
 
     @given(width=st.integers(5, 60), phase=st.floats(0, 1), noise=st.floats(0, 10))
-    def test_a_pulse_of_few_points_has_no_dropout(
-        self, make_record: Make, width: int, phase: float, noise: float
-    ) -> None:
+    def test_a_pulse_of_few_points_has_no_dropout(self, width, phase, noise):
         points = np.clip((np.arange(400) - 200 - phase) / width, 0, 1)
         hammer = 900.0 * np.sin(np.pi * points) ** 2
         hammer += noise * np.random.default_rng(1).standard_normal(400)
@@ -162,7 +154,7 @@ class TestRail:
 
     @pytest.mark.parametrize("bits", [8, 12, 24])
     @pytest.mark.parametrize("sign", [1, -1])
-    def test_is_recognised_at_every_resolution(self, bits: int, sign: int) -> None:
+    def test_is_recognised_at_every_resolution(self, bits, sign):
         # The largest positive count is one below full scale.
         largest = 2 ** (bits - 1)
         step = 2000.0 / largest
@@ -171,7 +163,7 @@ class TestRail:
         assert run == pytest.approx(np.count_nonzero(np.abs(make_trace(5000.0)) >= 2000), abs=4)
 
     @given(peak=st.floats(100, 1950))
-    def test_is_not_seen_in_a_rounded_top(self, peak: float) -> None:
+    def test_is_not_seen_in_a_rounded_top(self, peak):
         step = 2000.0 / 2048
         counts = np.rint(make_trace(peak) / step)
         assert find_longest_rail_run(Trace(counts * step, 2000.0, step), 200) == 0
@@ -179,7 +171,7 @@ class TestRail:
 
     @pytest.mark.parametrize("part", [0.6, 0.97])
     @pytest.mark.parametrize("step", [0.0, 4.0])
-    def test_is_seen_in_a_flat_top_of_unknown_full_scale(self, part: float, step: float) -> None:
+    def test_is_seen_in_a_flat_top_of_unknown_full_scale(self, part, step):
         clipped = np.minimum(make_trace(900.0), part * 900.0)
         if step:
             clipped = np.rint(clipped / step) * step
@@ -190,9 +182,7 @@ class TestRail:
     @pytest.mark.parametrize("volts", [0.2, 1.05])
     @pytest.mark.parametrize("noise", [0.0, 1e-3])
     @pytest.mark.parametrize("levels", [0, 200])
-    def test_is_told_from_the_coarse_steps_of_an_oscilloscope(
-        self, volts: float, noise: float, levels: int
-    ) -> None:
+    def test_is_told_from_the_coarse_steps_of_an_oscilloscope(self, volts, noise, levels):
         # Three digits are written: 0.999, 1.00, 1.01; of 8 bits, or of more.
         random = np.random.default_rng(1)
         for exponent, loss in ((1.0, 0.0), (1.5, 0.1), (1.5, 0.5)):
@@ -215,17 +205,13 @@ class TestStrength:
     """Too weak, or too strong, for the range."""
 
     @given(peak=st.floats(100, 1990), sign=st.sampled_from([1, -1]))
-    def test_weak_and_strong_are_parts_of_full_scale(
-        self, make_record: Make, peak: float, sign: int
-    ) -> None:
+    def test_weak_and_strong_are_parts_of_full_scale(self, peak, sign):
         reason = Reason.WEAK if peak < 0.15 * 2000.0 else Reason.STRONG
         is_good = 0.15 * 2000.0 <= peak <= 0.95 * 2000.0
         found = judge_strength(make_record(sign * make_trace(peak, noise=0.0)))
         assert find_reasons(found) == ([] if is_good else [reason])
 
-    def test_a_small_answer_of_the_sample_is_not_weak_but_a_large_one_is_strong(
-        self, make_record: Make
-    ) -> None:
+    def test_a_small_answer_of_the_sample_is_not_weak_but_a_large_one_is_strong(self):
         assert judge_strength(make_record(make_trace(900.0), make_trace(100.0))) == ()
         (found,) = judge_strength(make_record(make_trace(900.0), make_trace(-1950.0, noise=0.0)))
         assert str(found) == "strong: sample peak 1950 m/s^2 is above 1900 m/s^2"
@@ -234,13 +220,13 @@ class TestStrength:
 class TestPulse:
     """What is wrong with the course of a pulse that could be measured."""
 
-    def test_one_that_ends_with_the_record_is_truncated(self, make_record: Make) -> None:
+    def test_one_that_ends_with_the_record_is_truncated(self):
         # 200 points wide, half amplitude at 50 and 150: 100 points must follow the fall.
         assert judge_pulse(make_record(make_trace(900.0, start=1748, noise=0.0))) == ()
         (found,) = judge_pulse(make_record(make_trace(900.0, start=1752, noise=0.0)))
         assert str(found) == "truncated: the record ends too soon after the pulse"
 
-    def test_a_second_pulse_is_described_in_figures(self, make_record: Make) -> None:
+    def test_a_second_pulse_is_described_in_figures(self):
         late = make_trace(180.0, start=500, noise=0.0)
         (found,) = judge_pulse(make_record(make_trace(900.0, noise=0.0) + late))
         assert str(found) == (
@@ -272,7 +258,7 @@ def find(trace: np.ndarray) -> SecondPulse | None:
 
 
 @pytest.mark.parametrize("shape", PULSE_SHAPES, ids=lambda shape: shape.name)
-def test_the_duration_of_every_shape_is_known_within_five_percent(shape: PulseShape) -> None:
+def test_the_duration_of_every_shape_is_known_within_five_percent(shape):
     pulse = measure_pulse(make_pulse(shape=shape))
     assert estimate_duration(pulse) == pytest.approx(DURATION, rel=0.05)
 
@@ -285,9 +271,7 @@ def test_the_duration_of_every_shape_is_known_within_five_percent(shape: PulseSh
     stretch=st.floats(0.7, 1.6),
     seed=st.integers(0, 1000),
 )
-def test_every_second_contact_is_found(
-    shape: PulseShape, sign: int, height: float, delay: float, stretch: float, seed: int
-) -> None:
+def test_every_second_contact_is_found(shape, sign, height, delay, stretch, seed):
     first = make_pulse(shape=shape)
     # The delay runs from middle to middle; a longer second contact must not reach into the first.
     delay = max(delay, (1.0 + stretch) / 2.0 + 0.1)
@@ -302,7 +286,7 @@ def test_every_second_contact_is_found(
 
 
 @given(height=st.floats(LEVEL, 0.95), delay=st.floats(1.2, 4.0))
-def test_a_smaller_contact_before_the_largest_is_found_too(height: float, delay: float) -> None:
+def test_a_smaller_contact_before_the_largest_is_found_too(height, delay):
     trace = make_pulse(1200.0) + height * make_pulse(1200.0 - delay * DURATION)
     found = find(trace)
     assert found is not None
@@ -311,7 +295,7 @@ def test_a_smaller_contact_before_the_largest_is_found_too(height: float, delay:
 
 
 @given(height=st.floats(0.1, 0.9), delay=st.floats(0.5, 1.0))
-def test_what_follows_within_the_contact_time_is_none(height: float, delay: float) -> None:
+def test_what_follows_within_the_contact_time_is_none(height, delay):
     pulse = measure_pulse(make_pulse())
     trace = make_pulse() + height * make_pulse(300.0 + delay * DURATION)
     assert find_second_pulse(trace, pulse, LEVEL) is None
@@ -323,9 +307,7 @@ def test_what_follows_within_the_contact_time_is_none(height: float, delay: floa
     decrement=st.floats(0.0, 0.3),
     phase=st.floats(0.0, 2.0 * np.pi),
 )
-def test_a_ringing_tail_is_none(
-    height: float, period: float, decrement: float, phase: float
-) -> None:
+def test_a_ringing_tail_is_none(height, period, decrement, phase):
     late = (np.arange(COUNT) - 500.0) / (period * DURATION)
     decay = np.exp(-decrement * np.maximum(late, 0.0))
     wave = height * decay * np.sin(2.0 * np.pi * late + phase)
@@ -335,14 +317,14 @@ def test_a_ringing_tail_is_none(
     assert found is None or found.kind is not Kind.CONTACT
 
 
-def test_a_contact_is_found_within_weaker_ringing() -> None:
+def test_a_contact_is_found_within_weaker_ringing():
     ringing = 0.03 * np.sin(2.0 * np.pi * np.arange(COUNT) / 260.0) * (np.arange(COUNT) > 500)
     found = find(make_pulse() + 0.2 * make_pulse(900.0) + ringing)
     assert found is not None
     assert found.height == pytest.approx(0.2, abs=0.03)
 
 
-def test_the_ringing_of_a_real_shock_is_none() -> None:
+def test_the_ringing_of_a_real_shock_is_none():
     # Bumps of 4 to 15 % within a ringing of the table that another laboratory measured.
     _, acceleration = np.loadtxt(REAL_DATA / "acc_base_a0_start.txt").T
     trace = acceleration - acceleration[:20].mean()

@@ -33,7 +33,7 @@ def find_causes(hits: list[JudgedHit]) -> set[tuple[Reason, ...]]:
     return {tuple(item.reason for item in hit.findings) for hit in hits}
 
 
-def test_a_hit_that_comes_back_to_its_baseline_is_left_as_it_is() -> None:
+def test_a_hit_that_comes_back_to_its_baseline_is_left_as_it_is():
     session, hits = judge(replace(SOUND, hum=2e-4))
     assert find_causes(hits) == {()}
     assert session.estimate_sample("struck").contact_law.duration.value == pytest.approx(
@@ -54,9 +54,7 @@ def test_a_hit_that_comes_back_to_its_baseline_is_left_as_it_is() -> None:
     ],
     ids=str,
 )
-def test_what_shifts_the_zero_is_named_and_taken_off(
-    fault: dict[str, float], cause: Reason
-) -> None:
+def test_what_shifts_the_zero_is_named_and_taken_off(fault, cause):
     session, hits = judge(replace(SOUND, **fault))
     assert find_causes(hits) == {(cause, cause)}
     estimate = session.estimate_sample("struck")
@@ -67,7 +65,7 @@ def test_what_shifts_the_zero_is_named_and_taken_off(
     assert told[0].startswith(f"{cause.value} corrected in 5 of 5 hits, in the last: zero of the")
 
 
-def test_the_size_and_the_corner_are_told() -> None:
+def test_the_size_and_the_corner_are_told():
     (hit,) = judge(replace(SOUND, corner=50.0), 1)[1]
     assert float(hit.findings[0].explanation.split()[-5]) == pytest.approx(50.0, abs=1.0)
     (hit,) = judge(replace(SOUND, zero_shift=0.03), 1)[1]
@@ -75,7 +73,7 @@ def test_the_size_and_the_corner_are_told() -> None:
 
 
 @pytest.mark.parametrize("restitution", [0.9, 0.7])
-def test_a_step_that_comes_all_at_once_is_taken_off_where_it_came(restitution: float) -> None:
+def test_a_step_that_comes_all_at_once_is_taken_off_where_it_came(restitution):
     step = replace(SOUND, zero_shift=0.03, shift_at_once=True, restitution=restitution)
     estimate = judge(step)[0].estimate_sample("struck")
     law = estimate.contact_law
@@ -84,7 +82,7 @@ def test_a_step_that_comes_all_at_once_is_taken_off_where_it_came(restitution: f
     assert law.restitution.value == pytest.approx(restitution, abs=0.002)
 
 
-def test_where_in_the_shock_the_step_came_is_in_the_budgets() -> None:
+def test_where_in_the_shock_the_step_came_is_in_the_budgets():
     estimate = judge(replace(SOUND, zero_shift=0.03))[0].estimate_sample("struck")
     for quantity in (estimate.contact_law.duration, estimate.contact_time):
         assert "zero after the impact" in {line.source for line in quantity.budget}
@@ -92,12 +90,12 @@ def test_where_in_the_shock_the_step_came_is_in_the_budgets() -> None:
     assert "zero after the impact" not in {line.source for line in sound.contact_time.budget}
 
 
-def test_a_step_too_large_to_be_sure_of_rejects_the_hit() -> None:
+def test_a_step_too_large_to_be_sure_of_rejects_the_hit():
     (hit,) = judge(replace(SOUND, zero_shift=0.2), 1)[1]
     assert Reason.ZERO_SHIFT in {item.reason for item in hit.rejections}
 
 
-def test_noise_of_a_cable_is_no_second_contact() -> None:
+def test_noise_of_a_cable_is_no_second_contact():
     _, hits = judge(replace(SOUND, cable_noise=0.03), 40)
     against = {item.reason for hit in hits for item in hit.rejections}
     assert against <= {Reason.UNSTEADY_ZERO, Reason.INCONSISTENT, Reason.ZERO_SHIFT}

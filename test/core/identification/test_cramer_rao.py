@@ -17,7 +17,7 @@ MODEL = ImpactModel(Body(0.1, 22.54e6, 1900.0), Body(0.17, 45.29e6, 1170.0), TAU
 NOISE = (1.0, 0.7)
 
 
-def test_equals_the_inverse_of_a_numerical_fisher_matrix() -> None:
+def test_equals_the_inverse_of_a_numerical_fisher_matrix():
     truth = {
         "tau_p": TAU, "t0": START, "k2": 45.29e6, "c2": 1170.0, "F0": 100.0, "sample gain": 1.0,
         "hammer offset": 0.0, "sample offset": 0.0,
@@ -55,7 +55,7 @@ def test_equals_the_inverse_of_a_numerical_fisher_matrix() -> None:
     )
 
 
-def test_falls_with_the_noise_and_with_the_root_of_the_sampling_rate() -> None:
+def test_falls_with_the_noise_and_with_the_root_of_the_sampling_rate():
     one = compute_model_bound(MODEL, RATE, COUNT, START, NOISE)
     quiet = compute_model_bound(MODEL, RATE, COUNT, START, (0.01 * NOISE[0], 0.01 * NOISE[1]))
     np.testing.assert_allclose(quiet.covariance, 1e-4 * one.covariance, rtol=1e-5)
@@ -64,7 +64,7 @@ def test_falls_with_the_noise_and_with_the_root_of_the_sampling_rate() -> None:
     np.testing.assert_allclose(ratios[[0, 2, 3]], 4.0, rtol=4e-3)  # tau_p, k2, c2
 
 
-def test_what_cannot_be_known_has_no_bound() -> None:
+def test_what_cannot_be_known_has_no_bound():
     with pytest.raises(NotDeterminedError, match="not determined"):
         compute_model_bound(MODEL, RATE, 100, 1.0, NOISE)
     with pytest.raises(ParameterError, match="sample noise is 0"):

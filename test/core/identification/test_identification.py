@@ -109,7 +109,7 @@ def standard(found: CramerRaoBound | Identification, name: str) -> float:
 
 
 @pytest.mark.parametrize("cell", PUBLISHED_SAMPLES, ids=lambda cell: cell.name)
-def test_every_sample_is_found_again(cell) -> None:
+def test_every_sample_is_found_again(cell):
     model = find_truth(cell.name)
     found = identify_model(strike_mean(model), PAPER_SETUP, cell.name)
     # The mean over one step changes the pulse by (pi step / tau_p)^2 / 6 = 1e-5.
@@ -120,7 +120,7 @@ def test_every_sample_is_found_again(cell) -> None:
     assert found.describes_traces
 
 
-def test_traces_of_an_integrator_give_the_integrated_parameters() -> None:
+def test_traces_of_an_integrator_give_the_integrated_parameters():
     # An oracle that has nothing of the closed form.
     tau, mass, k, c, force = 200e-6, 0.17, 45e6, 1500.0, 90.0
     time = np.arange(COUNT) / RATE - START
@@ -154,9 +154,7 @@ def test_traces_of_an_integrator_give_the_integrated_parameters() -> None:
     polarity=st.sampled_from([(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]),
 )
 @settings(max_examples=15, deadline=None)
-def test_any_sample_is_found_again_from_its_traces_alone(
-    frequency: float, ratio: float, tau: float, polarity: tuple[float, float]
-) -> None:
+def test_any_sample_is_found_again_from_its_traces_alone(frequency, ratio, tau, polarity):
     mass = PAPER_SETUP.samples.get_moving_mass(SAMPLE)
     natural = frequency / tau
     body = Body(mass, mass * natural**2, 2 * ratio * mass * natural)
@@ -170,7 +168,7 @@ def test_any_sample_is_found_again_from_its_traces_alone(
 
 @given(stiffness=st.floats(0.05, 20.0), damping=st.floats(0.05, 20.0))
 @settings(max_examples=8, deadline=None)
-def test_poor_starting_values_do_no_harm(stiffness: float, damping: float) -> None:
+def test_poor_starting_values_do_no_harm(stiffness, damping):
     model = find_truth(SAMPLE)
     start = StartingValues(
         stiffness * model.specimen.stiffness, damping * model.specimen.damping_coefficient
@@ -182,7 +180,7 @@ def test_poor_starting_values_do_no_harm(stiffness: float, damping: float) -> No
 
 
 @pytest.mark.parametrize("sample", ["steel medium", "bronze large", "brass large"])
-def test_the_printed_model_is_found_again(sample: str) -> None:
+def test_the_printed_model_is_found_again(sample):
     model = find_truth(sample)
     mean = strike_mean(model, 1e-4, 1, variant=ModelVariant.PRINTED)
     found = identify_model(mean, PAPER_SETUP, sample, ModelVariant.PRINTED)
@@ -194,7 +192,7 @@ def test_the_printed_model_is_found_again(sample: str) -> None:
     assert not other.describes_traces
 
 
-def test_noise_does_what_the_covariance_says() -> None:
+def test_noise_does_what_the_covariance_says():
     model, noise = find_truth(SAMPLE), 3e-3
     runs = [
         identify_model(strike_mean(model, noise, seed), PAPER_SETUP, SAMPLE) for seed in range(60)
@@ -217,7 +215,7 @@ def test_noise_does_what_the_covariance_says() -> None:
 
 
 @pytest.mark.parametrize(("sample", "noise"), [("steel medium", 2e-4), ("bronze large", 1e-2)])
-def test_the_standard_uncertainty_is_the_cramer_rao_bound(sample: str, noise: float) -> None:
+def test_the_standard_uncertainty_is_the_cramer_rao_bound(sample, noise):
     model = find_truth(sample)
     hit = strike(model, noise, 5)
     found = identify_model(average_hits([hit]), PAPER_SETUP, sample)
@@ -229,7 +227,7 @@ def test_the_standard_uncertainty_is_the_cramer_rao_bound(sample: str, noise: fl
         assert 0.98 < ratio < 1.12, name
 
 
-def test_each_hit_gets_its_own_values() -> None:
+def test_each_hit_gets_its_own_values():
     model = find_truth(SAMPLE)
     factors = np.array([0.995, 0.998, 1.0, 1.002, 1.005])
     hits = [
@@ -249,7 +247,7 @@ def test_each_hit_gets_its_own_values() -> None:
     np.testing.assert_allclose(found.hit_values.mean(axis=0)[:6], found.values[:6], rtol=1e-6)
 
 
-def test_what_the_model_does_not_describe_enlarges_the_covariance() -> None:
+def test_what_the_model_does_not_describe_enlarges_the_covariance():
     mean = strike_mean(find_truth(SAMPLE), 1e-3, 4)
     time = np.arange(mean.traces.shape[1]) / RATE
     ringing = 30.0 * np.sin(2 * np.pi * 25e3 * time)
@@ -259,7 +257,7 @@ def test_what_the_model_does_not_describe_enlarges_the_covariance() -> None:
     assert any("the sample's peak" in note and "scaled up" in note for note in found.notes)
 
 
-def test_without_low_pass_the_noise_is_white_and_the_bound_still_holds() -> None:
+def test_without_low_pass_the_noise_is_white_and_the_bound_still_holds():
     setup = replace(PAPER_SETUP, analysis=replace(PAPER_SETUP.analysis, cutoff_frequency=0.0))
     model = find_truth(SAMPLE)
     hit = strike(model, 1e-3, 8, setup=setup)
@@ -272,7 +270,7 @@ def test_without_low_pass_the_noise_is_white_and_the_bound_still_holds() -> None
         assert abs(error) < 4 * standard(found, name)
 
 
-def test_traces_that_say_nothing_are_named() -> None:
+def test_traces_that_say_nothing_are_named():
     mean = strike_mean(find_truth(SAMPLE))
     flat, no_numbers = mean.traces.copy(), mean.traces.copy()
     flat[1], no_numbers[1] = 0.0, np.nan
@@ -288,7 +286,7 @@ def test_traces_that_say_nothing_are_named() -> None:
 
 
 @pytest.mark.parametrize("variant", ModelVariant)
-def test_traces_of_something_else_give_a_clear_answer(variant: ModelVariant) -> None:
+def test_traces_of_something_else_give_a_clear_answer(variant):
     source = np.random.default_rng(1)
     mean = strike_mean(find_truth(SAMPLE))
     nonsense = low_pass(source.standard_normal(mean.traces.shape[1]), 20e3, RATE)
@@ -303,7 +301,7 @@ def test_traces_of_something_else_give_a_clear_answer(variant: ModelVariant) -> 
     assert np.all(np.isfinite(found.covariance))
 
 
-def test_a_rigid_sample_shows_stiffness_and_gain_in_combination_only() -> None:
+def test_a_rigid_sample_shows_stiffness_and_gain_in_combination_only():
     # Its quasi-static response is F''/k: the mass has no say, and the gain divides.
     model = find_truth(SAMPLE)
     hard = replace(model, specimen=Body(model.specimen.mass, 2e10, 1.2e5))
@@ -314,7 +312,7 @@ def test_a_rigid_sample_shows_stiffness_and_gain_in_combination_only() -> None:
     )
 
 
-def test_heavy_damping_in_noise_is_not_determined_but_without_it_is() -> None:
+def test_heavy_damping_in_noise_is_not_determined_but_without_it_is():
     model = find_truth(SAMPLE)
     mass, stiffness = model.specimen.mass, 2e6
     heavy = Body(mass, stiffness, 2 * 3.0 * np.sqrt(stiffness * mass))
@@ -326,7 +324,7 @@ def test_heavy_damping_in_noise_is_not_determined_but_without_it_is() -> None:
     assert any(item.startswith("k2") for item in noisy.undetermined)
 
 
-def test_through_sensors_that_are_described_the_model_is_found_as_without() -> None:
+def test_through_sensors_that_are_described_the_model_is_found_as_without():
     model = find_truth(SAMPLE)
     sensors = tuple(
         Sensor(channel, resonance=30e3, resonance_damping=0.05, low_corner=20.0)

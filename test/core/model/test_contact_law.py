@@ -35,7 +35,7 @@ def compute_one(exponent: float, damping: float) -> ScaledPulses:
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0, 3.0])
 @pytest.mark.parametrize("damping", [-0.2, 0.0, 0.1, 0.8, 2.0])
-def test_a_pulse_is_that_of_the_differential_equation(exponent: float, damping: float) -> None:
+def test_a_pulse_is_that_of_the_differential_equation(exponent, damping):
     solution = integrate(exponent, damping)
     (duration,), ((_, speed),) = solution.t_events[0], solution.y_events[0]
     time = np.linspace(0.0, duration, 1001)
@@ -49,7 +49,7 @@ def test_a_pulse_is_that_of_the_differential_equation(exponent: float, damping: 
     assert pulse.compute_force(time)[0][0] == pytest.approx(force, abs=1e-5)
 
 
-def test_a_hertz_contact_without_loss_has_the_known_duration() -> None:
+def test_a_hertz_contact_without_loss_has_the_known_duration():
     pulse = compute_one(1.5, 0.0)
     assert pulse.duration[0] == pytest.approx(3.2181, abs=5e-5)
     assert pulse.restitution[0] == pytest.approx(1.0, abs=1e-7)
@@ -58,16 +58,14 @@ def test_a_hertz_contact_without_loss_has_the_known_duration() -> None:
 @pytest.mark.parametrize(
     ("damping", "restitution"), [(0.1, 0.9375), (0.2, 0.8822), (0.4, 0.7885), (0.8, 0.6480)]
 )
-def test_restitution_follows_from_the_damping_whatever_the_exponent(
-    damping: float, restitution: float
-) -> None:
+def test_restitution_follows_from_the_damping_whatever_the_exponent(damping, restitution):
     for exponent in (1.0, 1.5, 2.5):
         assert compute_one(exponent, damping).restitution[0] == pytest.approx(
             restitution, abs=5e-5
         )
 
 
-def test_the_force_has_its_derivative_and_is_zero_outside() -> None:
+def test_the_force_has_its_derivative_and_is_zero_outside():
     pulse = compute_one(1.5, 0.3)
     time = np.linspace(-0.5, 4.0, 901)
     (force,), (slope,) = pulse.compute_force(time)

@@ -88,14 +88,12 @@ def check_against_integration(model: ImpactModel, variant: ModelVariant) -> None
     ("first_ratio", "second_ratio"),
     [(0.0, 0.0), (0.64, 0.2), (1.0, 1.0), (1.0, 0.3), (2.5, 1.0), (0.3, 2.5)],
 )
-def test_agrees_with_integration_for_every_damping(
-    first_ratio: float, second_ratio: float, variant: ModelVariant
-) -> None:
+def test_agrees_with_integration_for_every_damping(first_ratio, second_ratio, variant):
     check_against_integration(make_model(first_ratio, second_ratio), variant)
 
 
 @pytest.mark.parametrize("cell", PUBLISHED_SAMPLES[::4], ids=lambda cell: cell.name)
-def test_agrees_with_integration_for_a_published_sample_of_each_material(cell) -> None:
+def test_agrees_with_integration_for_a_published_sample_of_each_material(cell):
     model = ImpactModel(
         Body(HAMMER_MASS, HAMMER_STIFFNESS, HAMMER_DAMPING_COEFFICIENT),
         Body(cell.mass + 3e-3, cell.stiffness, cell.damping_coefficient),
@@ -106,7 +104,7 @@ def test_agrees_with_integration_for_a_published_sample_of_each_material(cell) -
     check_against_integration(model, ModelVariant.PRINTED)
 
 
-def test_resonance_without_damping_is_no_special_case() -> None:
+def test_resonance_without_damping_is_no_special_case():
     # The pulse's cosine strikes the body at its natural frequency: a particular solution of
     # that frequency does not exist.
     mass = 0.17
@@ -116,7 +114,7 @@ def test_resonance_without_damping_is_no_special_case() -> None:
     check_against_integration(model, ModelVariant.DRIVEN)
 
 
-def test_printed_model_steps_at_both_ends_of_the_contact() -> None:
+def test_printed_model_steps_at_both_ends_of_the_contact():
     model = make_model()
     hammer, specimen = simulate_impact(model, RATE, COUNT)
     c1, v1 = model.hammer.damping_coefficient, model.impact_speed
@@ -129,7 +127,7 @@ def test_printed_model_steps_at_both_ends_of_the_contact() -> None:
         assert abs(trace[last + 1] - trace[last]) > 10 * abs(trace[last] - trace[last - 1])
 
 
-def test_driven_hammer_is_the_versed_sine_itself() -> None:
+def test_driven_hammer_is_the_versed_sine_itself():
     hammer, _ = simulate_impact(make_model(), RATE, COUNT, variant=ModelVariant.DRIVEN)
     time = np.arange(COUNT) / RATE
     expected = np.where(time <= TAU, -600.0 * np.sin(np.pi * time / TAU) ** 2, 0.0)
@@ -139,9 +137,7 @@ def test_driven_hammer_is_the_versed_sine_itself() -> None:
 @given(
     offset=st.integers(0, 3000), count=st.integers(1, 900), variant=st.sampled_from(ModelVariant)
 )
-def test_a_part_of_the_time_grid_gives_a_part_of_the_trace(
-    offset: int, count: int, variant: ModelVariant
-) -> None:
+def test_a_part_of_the_time_grid_gives_a_part_of_the_trace(offset, count, variant):
     model = make_model()
     whole = np.stack(simulate_impact(model, RATE, offset + count, variant=variant))
     part = np.stack(simulate_impact(model, RATE, count, start=offset / RATE, variant=variant))
@@ -150,9 +146,7 @@ def test_a_part_of_the_time_grid_gives_a_part_of_the_trace(
 
 
 @given(restitution=st.floats(0, 1), moving_mass=st.floats(0.01, 1))
-def test_peak_force_carries_the_momentum_of_the_impact(
-    restitution: float, moving_mass: float
-) -> None:
+def test_peak_force_carries_the_momentum_of_the_impact(restitution, moving_mass):
     force = compute_peak_force(0.1, moving_mass, 0.0819, TAU, restitution)
     impulse, _ = quad(lambda t: force * np.sin(np.pi * t / TAU) ** 2, 0.0, TAU)
     common = 0.1 * 0.0819 / (0.1 + moving_mass)
@@ -169,12 +163,12 @@ def test_peak_force_carries_the_momentum_of_the_impact(
         ((0.1, 1e7, -1.0), "damping coefficient of a body is -1.0 N s/m"),
     ],
 )
-def test_an_impossible_body_is_refused(numbers: tuple[float, ...], message: str) -> None:
+def test_an_impossible_body_is_refused(numbers, message):
     with pytest.raises(ParameterError, match=message):
         Body(*numbers)
 
 
-def test_an_impossible_impact_is_refused() -> None:
+def test_an_impossible_impact_is_refused():
     body = make_body(0.1, 1e7, 0.1)
     with pytest.raises(ParameterError, match=r"contact time is 0.0 s: it must be .* above zero"):
         ImpactModel(body, body, 0.0, 0.08, 60)
@@ -203,7 +197,7 @@ MODELS = [make_random_model(seed) for seed in range(BATCH + 6)]
 
 
 @pytest.mark.parametrize("variant", ModelVariant)
-def test_many_impacts_in_one_call_are_those_of_single_calls(variant: ModelVariant) -> None:
+def test_many_impacts_in_one_call_are_those_of_single_calls(variant):
     starts = np.random.default_rng(1).uniform(-2e-4, 4e-4, len(MODELS))
     found = simulate_impacts(MODELS, RATE, 700, start=starts, variant=variant)
     assert found.shape == (len(MODELS), 2, 700)
@@ -213,6 +207,6 @@ def test_many_impacts_in_one_call_are_those_of_single_calls(variant: ModelVarian
 
 
 @pytest.mark.parametrize("start", [float("nan"), float("inf")])
-def test_a_time_grid_that_begins_nowhere_is_refused(start: float) -> None:
+def test_a_time_grid_that_begins_nowhere_is_refused(start):
     with pytest.raises(ParameterError, match=r"start of a time grid .* finite"):
         simulate_impact(MODELS[0], RATE, 10, start=start)

@@ -25,7 +25,7 @@ def expect(matrix: np.ndarray, initial: np.ndarray, time: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_what_is_read_off_several_systems_is_that_of_each(count: int) -> None:
+def test_what_is_read_off_several_systems_is_that_of_each(count):
     matrices = 0.05 * np.stack([make_oscillator(w, 0.3) for w in (0.5, 1.0, 2.0)])
     initial = np.array([[1.0, -2.0], [0.5, 0.0], [0.0, 1.0]])
     readout = np.random.default_rng(2).normal(size=(3, 4, 2))
@@ -48,7 +48,7 @@ def test_what_is_read_off_several_systems_is_that_of_each(count: int) -> None:
 
 @pytest.mark.parametrize("size", [1, 2, 5, 7, 19])
 @pytest.mark.parametrize("norm", [1e-3, 0.9 * LARGEST_NORM, 1.1 * LARGEST_NORM, 40.0])
-def test_systems_of_every_size_and_speed_are_followed(size: int, norm: float) -> None:
+def test_systems_of_every_size_and_speed_are_followed(size, norm):
     # Antisymmetric, less a decay: nothing grows.
     drawn = np.random.default_rng(size).normal(size=(size, size))
     matrix = drawn - drawn.T - 0.1 * np.eye(size)
@@ -63,7 +63,7 @@ def test_systems_of_every_size_and_speed_are_followed(size: int, norm: float) ->
     np.testing.assert_allclose(states[0], expm(8.4 * matrix) @ initial, rtol=0, atol=1e-12)
 
 
-def test_a_slow_system_beside_a_fast_one_keeps_its_digits() -> None:
+def test_a_slow_system_beside_a_fast_one_keeps_its_digits():
     # Scaled down and squared up with the fast one, some 40 times.
     slow, fast = 1e-6 * make_oscillator(2.0, 0.5), make_oscillator(1e6, 2e6)
     found, _ = simulate_linear_systems(

@@ -14,7 +14,6 @@ from impact_rig.core.model.pulses import (
     PULSE_SHAPES,
     SINE_POWER_1_5,
     VERSED_SINE,
-    PulseShape,
     compute_pulse,
     differentiate_pulse,
 )
@@ -27,19 +26,19 @@ every_shape = pytest.mark.parametrize("shape", PULSE_SHAPES, ids=lambda shape: s
     # Published to three figures; sin^1.5 and Hertz have no short closed form.
     [(VERSED_SINE, 2.0), (HALF_SINE, 1.5), (SINE_POWER_1_5, 1.766), (HERTZ, 1.82)],
 )
-def test_half_amplitude_factor_is_the_known_one(shape: PulseShape, factor: float) -> None:
+def test_half_amplitude_factor_is_the_known_one(shape, factor):
     assert shape.pulse_factor == pytest.approx(factor, rel=5e-4)
 
 
 @pytest.mark.parametrize(
     ("shape", "ratio"), [(VERSED_SINE, 1.59), (HALF_SINE, 1.40), (HERTZ, 1.55)]
 )
-def test_ratio_of_widths_tells_the_shapes_apart(shape: PulseShape, ratio: float) -> None:
+def test_ratio_of_widths_tells_the_shapes_apart(shape, ratio):
     assert shape.width_ratio == pytest.approx(ratio, abs=0.005)
 
 
 @every_shape
-def test_widths_are_those_of_the_pulse_itself(shape: PulseShape) -> None:
+def test_widths_are_those_of_the_pulse_itself(shape):
     for level, width in ((0.5, shape.half_amplitude_width), (0.1, shape.tenth_amplitude_width)):
         rise = brentq(
             lambda p, at=level: float(shape.differentiate(np.array(p))[0]) - at, 1e-12, 0.5
@@ -47,7 +46,7 @@ def test_widths_are_those_of_the_pulse_itself(shape: PulseShape) -> None:
         assert width == pytest.approx(1.0 - 2.0 * rise, abs=1e-10)
 
 
-def test_hertz_pulse_solves_its_differential_equation() -> None:
+def test_hertz_pulse_solves_its_differential_equation():
     # m d'' = -k d^(3/2), scaled so that the largest compression is 1 for unit speed.
     def follow(_: float, state: np.ndarray) -> list[float]:
         return [state[1], -1.25 * max(state[0], 0.0) ** 1.5]
@@ -66,9 +65,7 @@ def test_hertz_pulse_solves_its_differential_equation() -> None:
 
 @every_shape
 @given(duration=st.floats(1e-6, 1.0), asymmetry=st.floats(-0.5, 0.5))
-def test_an_asymmetric_pulse_keeps_height_impulse_and_width(
-    shape: PulseShape, duration: float, asymmetry: float
-) -> None:
+def test_an_asymmetric_pulse_keeps_height_impulse_and_width(shape, duration, asymmetry):
     time = np.linspace(-0.5, 1.5, 8001) * duration
     pulse = compute_pulse(time, duration, shape, asymmetry)
     step = time[1] - time[0]
@@ -83,7 +80,7 @@ def test_an_asymmetric_pulse_keeps_height_impulse_and_width(
     assert pulse.sum() == pytest.approx(symmetric.sum(), rel=1e-3)
 
 
-def test_an_impossible_pulse_is_refused() -> None:
+def test_an_impossible_pulse_is_refused():
     with pytest.raises(ParameterError, match=r"pulse duration is -1.0 s"):
         compute_pulse(np.zeros(3), -1.0)
     with pytest.raises(ParameterError, match=r"asymmetry is 1.0: it must lie between -0.9 and"):
@@ -92,9 +89,7 @@ def test_an_impossible_pulse_is_refused() -> None:
 
 @every_shape
 @given(duration=st.floats(0.5, 2.0), asymmetry=st.floats(-0.5, 0.5))
-def test_derivatives_are_those_of_the_pulse(
-    shape: PulseShape, duration: float, asymmetry: float
-) -> None:
+def test_derivatives_are_those_of_the_pulse(shape, duration, asymmetry):
     # Points inside, so that no foot and no peak, where the slope may jump, is stepped over.
     rise = duration * (1 + asymmetry) / 2
     time = np.concatenate(

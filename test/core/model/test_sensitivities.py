@@ -79,9 +79,7 @@ RATIOS = [(0.64, 0.3), (0.05, 0.02), (1.0, 1.0), (2.0, 3.0)]
 
 @pytest.mark.parametrize("name", list_parameters(ModelVariant.DRIVEN))
 @pytest.mark.parametrize(("first_ratio", "second_ratio"), RATIOS)
-def test_driven_derivatives_are_those_of_the_simulation(
-    first_ratio: float, second_ratio: float, name: str
-) -> None:
+def test_driven_derivatives_are_those_of_the_simulation(first_ratio, second_ratio, name):
     model = make_model(first_ratio, second_ratio)
     found = compute_sensitivities(model, RATE, COUNT, start=START)
     expected = differentiate(model, name, 2e-4, simulate_driven)
@@ -93,7 +91,7 @@ def test_driven_derivatives_are_those_of_the_simulation(
 
 
 @pytest.mark.parametrize("part", [0.0, 0.2, 0.5, 0.8])
-def test_printed_steps_stand_where_they_are_between_the_points(part: float) -> None:
+def test_printed_steps_stand_where_they_are_between_the_points(part):
     # The oracle: sampled so finely that the place of the step does not matter, then low-passed
     # and thinned.
     model, fine, start = make_model(), 32, -1e-4 - part / RATE
@@ -114,9 +112,7 @@ def test_printed_steps_stand_where_they_are_between_the_points(part: float) -> N
 
 @pytest.mark.parametrize("name", list_parameters(ModelVariant.PRINTED))
 @pytest.mark.parametrize(("first_ratio", "second_ratio"), RATIOS)
-def test_printed_derivatives_are_those_of_the_printed_traces(
-    first_ratio: float, second_ratio: float, name: str
-) -> None:
+def test_printed_derivatives_are_those_of_the_printed_traces(first_ratio, second_ratio, name):
     model = make_model(first_ratio, second_ratio)
 
     def simulate(changed: ImpactModel, start: float) -> NDArray[np.float64]:

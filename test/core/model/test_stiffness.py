@@ -34,13 +34,13 @@ def compute_table_3(accelerometer_mass: float = 3e-3) -> dict[str, tuple[float, 
     }
 
 
-def test_the_accelerometer_belongs_to_the_moving_mass() -> None:
+def test_the_accelerometer_belongs_to_the_moving_mass():
     computed, printed = compute_table_3(accelerometer_mass=0.0)["aluminium small"]
     # The size of the error without the 3 g, known by computing it.
     assert abs(computed / printed - 1) == pytest.approx(0.16, abs=0.01)
 
 
-def test_contact_time_is_when_two_bodies_on_a_spring_part() -> None:
+def test_contact_time_is_when_two_bodies_on_a_spring_part():
     m1, m2, k = 0.1, 0.17, 15e6
 
     def move(_: float, y: np.ndarray) -> list[float]:
@@ -59,7 +59,7 @@ def test_contact_time_is_when_two_bodies_on_a_spring_part() -> None:
 
 
 @given(sample=stiffnesses, ratio=st.floats(1e-3, 1e3))
-def test_springs_in_series_are_taken_apart_again(sample: float, ratio: float) -> None:
+def test_springs_in_series_are_taken_apart_again(sample, ratio):
     hammer = sample * ratio
     equivalent = hammer * sample / (hammer + sample)
     # The difference 1/k_eq - 1/k1 loses the digits of the ratio.
@@ -67,7 +67,7 @@ def test_springs_in_series_are_taken_apart_again(sample: float, ratio: float) ->
 
 
 @given(factor=st.floats(1, 100))
-def test_a_contact_too_short_for_k1_is_named(factor: float) -> None:
+def test_a_contact_too_short_for_k1_is_named(factor):
     with pytest.raises(NotDeterminedError) as error:
         estimate_sample_stiffness(22e6 * factor, 22e6)
     message = str(error.value)
@@ -77,7 +77,7 @@ def test_a_contact_too_short_for_k1_is_named(factor: float) -> None:
 
 
 @pytest.mark.parametrize("value", [0.0, -0.1, np.nan, np.inf])
-def test_impossible_numbers_are_refused(value: float) -> None:
+def test_impossible_numbers_are_refused(value):
     for call, name in (
         (lambda: estimate_equivalent_mass(value, 1.0), "hammer mass"),
         (lambda: estimate_equivalent_mass(1.0, value), "sample mass"),

@@ -17,14 +17,14 @@ from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
         ("brass", (540.60e-3, 721.1e-6, 75.57e6, 4505)),
     ],
 )
-def test_rows_add_up(material: str, totals: tuple[float, ...]) -> None:
+def test_rows_add_up(material, totals):
     columns = ("mass", "printed_contact_time", "stiffness", "damping_coefficient")
     for column, total in zip(columns, totals, strict=True):
         cells = (cell for cell in PUBLISHED_SAMPLES if cell.material == material)
         assert sum(getattr(cell, column) for cell in cells) == pytest.approx(total)
 
 
-def test_masses_are_as_uncertain_as_they_are_rounded() -> None:
+def test_masses_are_as_uncertain_as_they_are_rounded():
     # Half a unit of the last printed digit, rectangular: 0.5 g and 0.005 g over sqrt(3).
     coarse, fine = 0.5e-3 / math.sqrt(3), 0.005e-3 / math.sqrt(3)
     assert PAPER_SETUP.hammer_mass_uncertainty == pytest.approx(coarse, rel=0.01)
@@ -33,7 +33,7 @@ def test_masses_are_as_uncertain_as_they_are_rounded() -> None:
         assert sample.mass_uncertainty == pytest.approx(fine, rel=0.01)
 
 
-def test_the_set_up_is_the_papers() -> None:
+def test_the_set_up_is_the_papers():
     assert PAPER_SETUP.samples.names == tuple(cell.name for cell in PUBLISHED_SAMPLES)
     assert PAPER_SETUP.samples.control_sample == "aluminium large"
     assert PAPER_SETUP.samples.accelerometer_mass == 3e-3

@@ -11,14 +11,14 @@ STEEL, BRASS = Sample("steel", 0.05632), Sample("brass", 0.06086)
 
 
 @pytest.mark.parametrize("text", ["steel\x1b]0;mine\x07", "two\nlines", "\ud800"])
-def test_a_name_or_material_that_would_steer_a_terminal_is_refused(text: str) -> None:
+def test_a_name_or_material_that_would_steer_a_terminal_is_refused(text):
     with pytest.raises(ParameterError, match=r"the name of a sample .* letters that can be shown"):
         Sample(text, 0.05)
     with pytest.raises(ParameterError, match="the material of a sample"):
         Sample("steel", 0.05, text)
 
 
-def test_an_unknown_sample_is_named_with_those_there_are() -> None:
+def test_an_unknown_sample_is_named_with_those_there_are():
     samples = SampleSet((STEEL, BRASS), "")
     for call in (samples.find, samples.get_moving_mass):
         with pytest.raises(ParameterError) as error:
@@ -27,7 +27,7 @@ def test_an_unknown_sample_is_named_with_those_there_are() -> None:
 
 
 @pytest.mark.parametrize("value", [-1e-6, math.nan, math.inf])
-def test_an_impossible_uncertainty_is_refused_by_name(value: float) -> None:
+def test_an_impossible_uncertainty_is_refused_by_name(value):
     samples = SampleSet((Sample("oak", 0.1),), "oak")
     with pytest.raises(ParameterError, match="mass uncertainty of sample 'oak'"):
         Sample("oak", 0.1, mass_uncertainty=value)
@@ -39,7 +39,7 @@ def test_an_impossible_uncertainty_is_refused_by_name(value: float) -> None:
         RigSetup(samples, 0.1, 0.3, clock_uncertainty=value)
 
 
-def test_a_missing_control_sample_is_named_with_those_there_are() -> None:
+def test_a_missing_control_sample_is_named_with_those_there_are():
     with pytest.raises(ParameterError) as error:
         SampleSet((STEEL, BRASS), "aluminium large")
     assert str(error.value) == (
@@ -47,7 +47,7 @@ def test_a_missing_control_sample_is_named_with_those_there_are() -> None:
     )
 
 
-def test_an_uncertainty_that_leaves_nothing_of_its_mass_is_refused() -> None:
+def test_an_uncertainty_that_leaves_nothing_of_its_mass_is_refused():
     with pytest.raises(ParameterError, match=r"must be less than the mass, which is 0\.1 kg"):
         Sample("oak", 0.1, mass_uncertainty=0.1)
     with pytest.raises(ParameterError, match=r"accelerometer mass uncertainty is 0\.001 kg"):
@@ -61,7 +61,7 @@ SERIES = RigSetup(
 )
 
 
-def test_a_sample_is_in_the_set_once_for_each_release_angle() -> None:
+def test_a_sample_is_in_the_set_once_for_each_release_angle():
     setup = SERIES.at_angles([math.radians(5.0), math.radians(12.5)])
     assert setup.samples.names == ("steel 5°", "steel 12.5°", "brass 5°", "brass 12.5°")
     assert setup.samples.find_series(["brass"]) == ("brass 5°", "brass 12.5°")
@@ -70,7 +70,7 @@ def test_a_sample_is_in_the_set_once_for_each_release_angle() -> None:
 
 
 @pytest.mark.parametrize("degrees", [0.5, 3.7, 20.0, 90.0])
-def test_a_series_is_as_fast_as_its_pendulum_falls(degrees: float) -> None:
+def test_a_series_is_as_fast_as_its_pendulum_falls(degrees):
     angle, rig = math.radians(degrees), SERIES.release_angle
     setup = SERIES.at_angles([angle, math.radians(1.0)])
     series = setup.for_series(f"steel {degrees:g}°")
@@ -92,11 +92,11 @@ def test_a_series_is_as_fast_as_its_pendulum_falls(degrees: float) -> None:
         ([5.0, 10.0, 5.0], "release angle 5° is given twice"),
     ],
 )
-def test_angles_that_cannot_be_meant_are_refused(degrees: list[float], told: str) -> None:
+def test_angles_that_cannot_be_meant_are_refused(degrees, told):
     with pytest.raises(ParameterError, match=told):
         SERIES.at_angles([math.radians(each) for each in degrees])
 
 
-def test_angles_tell_no_speed_where_none_is_known() -> None:
+def test_angles_tell_no_speed_where_none_is_known():
     with pytest.raises(ParameterError, match=r"release_angle of the hammer is not known: give"):
         RigSetup(SampleSet((STEEL,), ""), 0.1, 0.08).at_angles([0.1])

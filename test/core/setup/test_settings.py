@@ -8,7 +8,7 @@ from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup.settings import AnalysisSettings
 
 
-def test_the_paper_is_the_default() -> None:
+def test_the_paper_is_the_default():
     settings = AnalysisSettings()
     assert settings.cutoff_frequency == 50e3
     assert settings.pulse_factor == 2.0
@@ -34,7 +34,7 @@ def test_the_paper_is_the_default() -> None:
         ("double_hit_level", 0.0, "between 0.001 and 1"),
     ],
 )
-def test_what_cannot_be_meant_is_refused_by_name(field: str, value: float, right: str) -> None:
+def test_what_cannot_be_meant_is_refused_by_name(field, value, right):
     with pytest.raises(ParameterError) as error:
         AnalysisSettings(**{field: value})
     message = str(error.value)

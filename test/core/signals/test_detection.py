@@ -3,9 +3,7 @@
 Gaps in a stream of blocks: found, named, never bridged; and no hit vanishes in one.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,19 +17,23 @@ from impact_rig.core.signals.detection import (
     find_pulse_start,
     find_quietest,
 )
-from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, Trace
+from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, Record, Trace
+
+from ..blocks import FULL_SCALE, SCALE, detect, make_blocks, make_counts
 
 # At the 1 MHz of these streams: 200 points of pre-trigger, 2000 of record.
 SETTINGS = AnalysisSettings()
 BEFORE, LENGTH = 200, 2000
-FULL_SCALE, SCALE = 2000.0, 2000.0 / 2048
 NOTHING = ChannelBlock(np.empty(0), 1.0, 0.0, 0.0)
-Make = Callable[..., Any]
 
 
-def test_one_impact_is_cut_out_with_its_pre_trigger(
-    make_counts: Make, make_blocks: Make, detect: Make
-) -> None:
+def describe(record: Record) -> tuple[object, ...]:
+    """Return everything a record holds, to the last bit."""
+    traces = (record.hammer.acceleration.tobytes(), record.specimen.acceleration.tobytes())
+    return record.label, record.stamp, record.pulse_index, record.triggered, record.flaws, *traces
+
+
+def test_one_impact_is_cut_out_with_its_pre_trigger():
     hammer = make_counts([(1000, 900.0)], 5000, noise=0.0, offset=0.0)
     specimen = make_counts([(1010, 400.0)], 5000, noise=0.0, offset=0.0)
     (record,) = detect(make_blocks(hammer, specimen, [500]))
@@ -48,9 +50,7 @@ def test_one_impact_is_cut_out_with_its_pre_trigger(
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_noise_that_often_reaches_the_level_starts_no_hit(
-    make_counts: Make, make_blocks: Make, detect: Make, seed: int
-) -> None:
+def test_noise_that_often_reaches_the_level_starts_no_hit(seed):
     # A standard deviation of half the level of 61 counts: 2000 points hold some ninety above it.
     hammer = make_counts([(2000, 900.0)], 6000, noise=30.0, seed=seed)
     specimen = make_counts([(2000, 400.0)], 6000, noise=30.0, seed=seed + 100)
@@ -66,16 +66,7 @@ def test_noise_that_often_reaches_the_level_starts_no_hit(
     heights=st.lists(st.sampled_from([-1800.0, -400.0, 150.0, 900.0]), min_size=4, max_size=4),
     full_scale=st.sampled_from([2000.0, 0.0]),
 )
-def test_splitting_the_stream_into_other_blocks_changes_no_bit(
-    make_counts: Make,
-    make_blocks: Make,
-    sizes: list[int],
-    starts: list[int],
-    heights: list[float],
-    full_scale: float,
-    detect: Make,
-    describe: Make,
-) -> None:
+def test_splitting_the_stream_into_other_blocks_changes_no_bit(sizes, starts, heights, full_scale):
     places = 400 + np.cumsum(starts)
     count = int(places[-1]) + 2500
     hammer = make_counts(zip(places, heights, strict=False), count)
@@ -87,9 +78,7 @@ def test_splitting_the_stream_into_other_blocks_changes_no_bit(
     assert [describe(record) for record in split] == [describe(record) for record in whole]
 
 
-def test_every_impact_of_a_continuous_stream_is_found_once(
-    make_counts: Make, make_blocks: Make, detect: Make
-) -> None:
+def test_every_impact_of_a_continuous_stream_is_found_once():
     # Across, on and inside the borders of blocks of 1000 points.
     places = [950, 3999, 6500, 9000, 14_100]
     hammer = make_counts([(place, 800.0) for place in places], 20_000)
@@ -103,9 +92,7 @@ def test_every_impact_of_a_continuous_stream_is_found_once(
         assert record.hammer.acceleration.size == LENGTH
 
 
-def test_an_impact_of_unknown_full_scale_waits_for_the_end(
-    make_counts: Make, make_blocks: Make
-) -> None:
+def test_an_impact_of_unknown_full_scale_waits_for_the_end():
     hammer = make_counts([(1000, 900.0)], 12_000)
     blocks = make_blocks(hammer, hammer, [1000], full_scale=0.0)
     detector = ImpactDetector(SETTINGS)
@@ -116,18 +103,14 @@ def test_an_impact_of_unknown_full_scale_waits_for_the_end(
 
 
 @pytest.mark.parametrize("full_scale", [2000.0, 0.0])
-def test_an_arming_without_a_pulse_gives_one_record_without_one(
-    make_counts: Make, make_blocks: Make, full_scale: float, detect: Make
-) -> None:
+def test_an_arming_without_a_pulse_gives_one_record_without_one(full_scale):
     hammer = make_counts([], 5000)
     (record,) = detect(make_blocks(hammer, hammer, [900], full_scale=full_scale))
     assert record.pulse_index is None
     assert record.hammer.acceleration.size == 5000
 
 
-def test_of_a_long_arming_without_a_pulse_only_the_end_is_kept(
-    make_counts: Make, make_blocks: Make, detect: Make
-) -> None:
+def test_of_a_long_arming_without_a_pulse_only_the_end_is_kept():
     hammer = make_counts([], 50_000)
     (record,) = detect(make_blocks(hammer, hammer, [1000]))
     kept = QUIET_RECORDS * LENGTH
@@ -137,9 +120,7 @@ def test_of_a_long_arming_without_a_pulse_only_the_end_is_kept(
     assert record.stamp == 1_000 + (50_000 - kept) * 1_000
 
 
-def test_numbers_of_a_source_that_does_not_count_are_taken_as_they_are(
-    make_counts: Make, make_blocks: Make, detect: Make
-) -> None:
+def test_numbers_of_a_source_that_does_not_count_are_taken_as_they_are():
     counts = make_counts([(500, 900.0)], 2500)
     (counted,) = detect(make_blocks(counts, counts, [400]))
     volts = counts * 1e-7
@@ -176,9 +157,7 @@ class TestPulseStart:
         [(500, 2000, 0.0), (160, 2800, 0.0), (500, 200, 80.0), (0, 200, 0.0), (0, 2000, 0.0)],
         ids=["half", "most", "rings to the end", "from the first point", "half, from the first"],
     )
-    def test_is_found_however_long_pulse_and_ringing_are(
-        self, begin: int, width: int, ringing: float
-    ) -> None:
+    def test_is_found_however_long_pulse_and_ringing_are(self, begin, width, ringing):
         """Each is 300 times the noise; what begins at once leaves no baseline before it."""
         since = np.arange(3000) - begin + (begin == 0) * width / 4
         values = 7.0 + np.random.default_rng(1).standard_normal(3000)
@@ -196,7 +175,7 @@ class TestPulseStart:
 
     @pytest.mark.parametrize("full_scale", [2000.0, 0.0])
     @pytest.mark.parametrize("values", [[], [5.0] * 100, [0.0, np.nan, 900.0, 0.0]])
-    def test_is_nowhere_in_nothing(self, values: list[float], full_scale: float) -> None:
+    def test_is_nowhere_in_nothing(self, values, full_scale):
         assert find_pulse_start(Trace(np.array(values), full_scale), SETTINGS) is None
 
 
@@ -214,9 +193,7 @@ IMPACT = 6000
 
 @given(start=st.integers(1, 1200), count=st.integers(1, 80))
 @settings(max_examples=25)
-def test_a_gap_in_the_window_is_named_and_one_outside_changes_no_bit(
-    make_counts: Make, make_blocks: Make, start: int, count: int, detect: Make, describe: Make
-) -> None:
+def test_a_gap_in_the_window_is_named_and_one_outside_changes_no_bit(start, count):
     hammer = make_counts([(IMPACT, 900.0)], 12_000)
     blocks = make_blocks(hammer, hammer, [10])
     (intact,) = detect(blocks)
@@ -231,9 +208,7 @@ def test_a_gap_in_the_window_is_named_and_one_outside_changes_no_bit(
         assert [describe(record) for record in records] == [describe(intact)]
 
 
-def test_a_hit_that_a_gap_cuts_off_is_handed_out_at_once(
-    make_counts: Make, make_blocks: Make
-) -> None:
+def test_a_hit_that_a_gap_cuts_off_is_handed_out_at_once():
     hammer = make_counts([(1000, 900.0)], 8000)
     blocks = make_blocks(hammer, hammer, [500])
     detector = ImpactDetector(SETTINGS)
@@ -245,9 +220,7 @@ def test_a_hit_that_a_gap_cuts_off_is_handed_out_at_once(
     assert [item for block in blocks[7:] for item in detector.feed(block)] == []
 
 
-def test_a_change_of_calibration_is_never_bridged(
-    make_counts: Make, make_blocks: Make, detect: Make
-) -> None:
+def test_a_change_of_calibration_is_never_bridged():
     hammer = make_counts([(1000, 900.0)], 5000)
     blocks = make_blocks(hammer, hammer, [1500])
     changed = [replace(b, hammer=replace(b.hammer, scale=0.5)) for b in blocks[1:]]
@@ -256,9 +229,7 @@ def test_a_change_of_calibration_is_never_bridged(
     assert record.hammer.acceleration.size < LENGTH
 
 
-def test_a_hit_whose_arming_breaks_off_does_not_vanish(
-    make_counts: Make, make_blocks: Make, detect: Make
-) -> None:
+def test_a_hit_whose_arming_breaks_off_does_not_vanish():
     hammer = make_counts([(1000, 900.0)], 5000)
     broken = make_blocks(hammer, hammer, [500], label=HitLabel("steel", record=1))[:4]
     whole = make_blocks(hammer, hammer, [500], label=HitLabel("steel", record=2))
@@ -268,9 +239,7 @@ def test_a_hit_whose_arming_breaks_off_does_not_vanish(
     assert second.flaws == ()
 
 
-def test_an_arming_that_breaks_off_before_its_hit_is_named(
-    make_counts: Make, make_blocks: Make, detect: Make
-) -> None:
+def test_an_arming_that_breaks_off_before_its_hit_is_named():
     hammer = make_counts([(1000, 900.0)], 5000)
     broken = make_blocks(hammer, hammer, [500], label=HitLabel("steel", record=1))[:1]
     channel = ChannelBlock(np.empty(0, np.int32), 1.0, 0.0, 2000.0)
@@ -283,7 +252,7 @@ def test_an_arming_that_breaks_off_before_its_hit_is_named(
     assert (second.triggered, second.label.record) == (False, 2)
 
 
-def test_counts_over_all_of_32_bits_are_not_taken_for_quiet() -> None:
+def test_counts_over_all_of_32_bits_are_not_taken_for_quiet():
     loud = np.array([-(2**31), 2**31 - 1] * 4, dtype=np.int32)
     quiet = np.array([0, 100] * 4, dtype=np.int32)
     np.testing.assert_array_equal(find_quietest(np.concatenate((loud, quiet)), 8), quiet)

@@ -17,7 +17,7 @@ POINTS = np.arange(400.0)
 
 
 @given(fraction=st.floats(0.0, 1.0), seed=st.integers(0, 1000))
-def test_are_those_of_another_cubic_spline_away_from_the_ends(fraction: float, seed: int) -> None:
+def test_are_those_of_another_cubic_spline_away_from_the_ends(fraction, seed):
     traces = np.random.default_rng(seed).standard_normal((2, POINTS.size))
     spline: BSpline = make_interp_spline(POINTS, traces, k=3, axis=1)
     # What is assumed of the ends dies out by 0.27 a point.
@@ -42,12 +42,12 @@ def find_response(frequency: float) -> complex:
     return complex(np.sum(answer * np.exp(-2j * np.pi * frequency * time)))
 
 
-def test_gain_at_the_cutoff_is_minus_3_db() -> None:
+def test_gain_at_the_cutoff_is_minus_3_db():
     # Both passes together; the bilinear transform bends 50 kHz of 2.5 MHz by less than 0.5 %.
     assert abs(find_response(CUTOFF)) == pytest.approx(np.sqrt(0.5), rel=5e-3)
 
 
-def test_agrees_with_a_filter_designed_and_run_in_another_way() -> None:
+def test_agrees_with_a_filter_designed_and_run_in_another_way():
     trace = np.random.default_rng(1).standard_normal(3000)
     trace[:500] = trace[-500:] = 0.0  # ends differ by padding, which is not compared here
     one_pass = CUTOFF / (np.sqrt(2) - 1) ** 0.25
@@ -56,9 +56,7 @@ def test_agrees_with_a_filter_designed_and_run_in_another_way() -> None:
 
 
 @given(count=st.integers(16, 1200), channels=st.integers(1, 3), seed=st.integers(0, 100))
-def test_is_what_scipy_makes_of_the_same_filter_and_padding(
-    count: int, channels: int, seed: int
-) -> None:
+def test_is_what_scipy_makes_of_the_same_filter_and_padding(count, channels, seed):
     traces = np.random.default_rng(seed).standard_normal((channels, count))
     one_pass = CUTOFF / (np.sqrt(2) - 1) ** 0.25
     sections = butter(2, one_pass, fs=RATE, output="sos")
@@ -66,19 +64,19 @@ def test_is_what_scipy_makes_of_the_same_filter_and_padding(
     np.testing.assert_allclose(low_pass(traces, CUTOFF, RATE), expected, rtol=0, atol=1e-12)
 
 
-def test_cutoff_zero_leaves_a_copy() -> None:
+def test_cutoff_zero_leaves_a_copy():
     trace = np.arange(5.0)
     same = low_pass(trace, 0.0, RATE)
     np.testing.assert_array_equal(same, trace)
     assert same is not trace
 
 
-def test_a_sampling_rate_that_no_instrument_has_is_refused() -> None:
+def test_a_sampling_rate_that_no_instrument_has_is_refused():
     with pytest.raises(ParameterError, match=r"1e\+30 Hz is too high for the 50 kHz low-pass"):
         check_cutoff(50e3, 1e30)
 
 
-def test_a_sampling_rate_that_is_too_low_is_named_with_what_would_do() -> None:
+def test_a_sampling_rate_that_is_too_low_is_named_with_what_would_do():
     with pytest.raises(ParameterError) as error:
         check_cutoff(50e3, 51.2e3)
     message = str(error.value)
@@ -88,13 +86,13 @@ def test_a_sampling_rate_that_is_too_low_is_named_with_what_would_do() -> None:
     check_cutoff(50e3, 125e3)
 
 
-def test_a_trace_that_is_too_short_is_named() -> None:
+def test_a_trace_that_is_too_short_is_named():
     with pytest.raises(SignalError, match=r"a trace of 15 points is too short .* it needs 16"):
         low_pass(np.zeros(15), CUTOFF, RATE)
     assert low_pass(np.zeros(16), CUTOFF, RATE).size == 16
 
 
 @pytest.mark.parametrize(("cutoff", "rate"), [(-1.0, RATE), (np.nan, RATE), (50e3, 0.0)])
-def test_impossible_frequencies_are_refused(cutoff: float, rate: float) -> None:
+def test_impossible_frequencies_are_refused(cutoff, rate):
     with pytest.raises(ParameterError, match="it must be a finite number"):
         check_cutoff(cutoff, rate)

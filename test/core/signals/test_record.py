@@ -14,7 +14,7 @@ def make_channel(count: int = 4, **changes: float) -> ChannelBlock:
     return ChannelBlock(np.arange(count, dtype=np.int32), **calibration)
 
 
-def test_what_a_block_holds_is_its_own() -> None:
+def test_what_a_block_holds_is_its_own():
     counts = np.arange(4, dtype=np.int32)
     channel = ChannelBlock(counts, 0.5, 0.0, 2000.0)
     counts[0] = 99
@@ -23,7 +23,7 @@ def test_what_a_block_holds_is_its_own() -> None:
         channel.output[0] = 99
 
 
-def test_what_a_trace_holds_is_its_own() -> None:
+def test_what_a_trace_holds_is_its_own():
     values = np.arange(4)
     trace = Trace(values)
     values[0] = 99
@@ -34,14 +34,14 @@ def test_what_a_trace_holds_is_its_own() -> None:
 
 
 @pytest.mark.parametrize("dtype", [np.int16, np.uint8, np.int32])
-def test_counts_of_any_fitting_type_are_taken(dtype: type) -> None:
+def test_counts_of_any_fitting_type_are_taken(dtype):
     assert ChannelBlock(np.ones(3, dtype), 1.0, 0.0, 0.0).output.dtype == np.int32
 
 
 @pytest.mark.parametrize(
     "counts", [np.ones(3, complex), np.ones(3, np.int64), np.ones((2, 3), int)]
 )
-def test_counts_that_would_be_bent_are_refused(counts: np.ndarray) -> None:
+def test_counts_that_would_be_bent_are_refused(counts):
     with pytest.raises(SignalError, match="one row of whole numbers of 32 bits at most"):
         ChannelBlock(counts, 1.0, 0.0, 0.0)
 
@@ -55,13 +55,13 @@ def test_counts_that_would_be_bent_are_refused(counts: np.ndarray) -> None:
         ({"full_scale": -1.0}, "full scale is -1.0 m/s^2"),
     ],
 )
-def test_an_impossible_calibration_is_refused(changes: dict[str, float], message: str) -> None:
+def test_an_impossible_calibration_is_refused(changes, message):
     with pytest.raises(RigError) as error:
         make_channel(**changes)
     assert message in str(error.value)
 
 
-def test_channels_of_a_block_are_equally_long() -> None:
+def test_channels_of_a_block_are_equally_long():
     with pytest.raises(SignalError) as error:
         Block(100, 1e6, make_channel(4), make_channel(5), LABEL)
     assert str(error.value) == (
@@ -70,7 +70,7 @@ def test_channels_of_a_block_are_equally_long() -> None:
     )
 
 
-def test_what_is_read_only_already_is_not_copied() -> None:
+def test_what_is_read_only_already_is_not_copied():
     counts, values = np.arange(4, dtype=np.int32), np.arange(4.0)
     for array in (counts, values):
         array.setflags(write=False)

@@ -12,7 +12,7 @@ TIME = np.arange(4000) / RATE
 RAMP = np.clip(TIME * 1e4, 0.0, 1.0)
 
 
-def test_a_resonance_answers_to_a_ramp_as_a_mass_on_a_spring() -> None:
+def test_a_resonance_answers_to_a_ramp_as_a_mass_on_a_spring():
     natural, damping = 2.0 * np.pi * 20e3, 0.1
     shown = respond(1e4 * TIME, SensorResponse(20e3, damping), RATE)
     damped = natural * np.sqrt(1.0 - damping**2)
@@ -24,7 +24,7 @@ def test_a_resonance_answers_to_a_ramp_as_a_mass_on_a_spring() -> None:
     np.testing.assert_allclose(shown, 1e4 * (TIME - 2.0 * damping / natural + turn), atol=1e-9)
 
 
-def test_a_low_corner_lets_a_level_decay_and_can_be_undone() -> None:
+def test_a_low_corner_lets_a_level_decay_and_can_be_undone():
     corner = 300.0
     shown = respond(np.stack([RAMP, 2.0 * RAMP]), SensorResponse(0.0, 0.02, corner), RATE)
     level = np.exp(-2.0 * np.pi * corner * (TIME[-1] - TIME[2000]))
@@ -43,6 +43,6 @@ def test_a_low_corner_lets_a_level_decay_and_can_be_undone() -> None:
         ({"sensitivity_uncertainty": -0.1}, "uncertainty of the sensitivity of the hammer"),
     ],
 )
-def test_what_no_sensor_does_is_refused(stated: dict[str, float], told: str) -> None:
+def test_what_no_sensor_does_is_refused(stated, told):
     with pytest.raises(ParameterError, match=told):
         Sensor("hammer", **stated)

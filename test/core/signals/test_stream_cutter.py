@@ -3,7 +3,7 @@
 Where a running stream begins, breaks off and ends: no hit there goes without a word.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,50 +11,42 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from impact_rig.core.errors import SignalError
 from impact_rig.core.hits.hit import judge_hit
 from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.detection import ImpactDetector
 from impact_rig.core.signals.record import NOT_ARMED, Block, HitLabel, Record
 from impact_rig.core.signals.stream_cutter import QUIET_LEAD, StreamCutter
+
+from ..blocks import Counts, detect, make_blocks, make_counts
 
 # At the 1 MHz of these streams: 200 points of pre-trigger, 2000 of record.
 SETTINGS = AnalysisSettings()
 BEFORE, LENGTH = 200, 2000
 CUT = (QUIET_LEAD - 1) * BEFORE + LENGTH
 FIRST, SECOND = HitLabel("steel", record=1), HitLabel("steel", record=2, impact=2)
-Make = Callable[..., Any]
-Counts = NDArray[np.int32]
 
 
-@pytest.fixture(scope="module")
-def make_stream(make_blocks: Make) -> Make:
+def make_stream(
+    counts: Counts,
+    sizes: Iterable[int],
+    armings: Sequence[tuple[int, int, HitLabel]] = (),
+    **options: Any,
+) -> list[Block]:
     """Cut counts into the blocks of a stream, with armings as (first, behind last, label)."""
-
-    def make(
-        counts: Counts,
-        sizes: Iterable[int],
-        armings: Iterable[tuple[int, int, HitLabel]] = (),
-        **options: Any,
-    ) -> list[Block]:
-        armings = tuple(armings)
-        borders = {place for first, last, _ in armings for place in (first, last)}
-        stream: list[Block] = []
-        for block in make_blocks(counts, counts, sizes, **options):
-            start, size = block.first_sample, block.hammer.output.size
-            inner = sorted(place - start for place in borders if start < place < start + size)
-            for low, high in zip([0, *inner], [*inner, size], strict=True):
-                label, last = NOT_ARMED, False
-                for first, stop, named in armings:
-                    if first <= start + low < stop:
-                        label, last = named, start + high == stop
-                stream.append(cut_block(block, low, high, label, last))
-        return stream
-
-    return make
+    borders = {place for first, last, _ in armings for place in (first, last)}
+    stream: list[Block] = []
+    for block in make_blocks(counts, counts, sizes, **options):
+        start, size = block.first_sample, block.hammer.output.size
+        inner = sorted(place - start for place in borders if start < place < start + size)
+        for low, high in zip([0, *inner], [*inner, size], strict=True):
+            label, last = NOT_ARMED, False
+            for first, stop, named in armings:
+                if first <= start + low < stop:
+                    label, last = named, start + high == stop
+            stream.append(cut_block(block, low, high, label, last))
+    return stream
 
 
 def cut_block(block: Block, low: int, high: int, label: HitLabel, last: bool) -> Block:
@@ -74,12 +66,6 @@ def cut(stream: Iterable[Block]) -> list[Block]:
     return [block for item in stream for block in cutter.feed(item)]
 
 
-def judge(cuts: Iterable[Block]) -> list[Record]:
-    """Take the cuts as a session does."""
-    detector = ImpactDetector(SETTINGS)
-    return [record for block in cuts for record in detector.feed(block)]
-
-
 def describe(block: Block) -> tuple[Any, ...]:
     return (
         block.label,
@@ -92,9 +78,7 @@ def describe(block: Block) -> tuple[Any, ...]:
     )
 
 
-def test_an_impact_of_an_arming_is_cut_out_with_its_pre_trigger(
-    make_counts: Make, make_stream: Make
-) -> None:
+def test_an_impact_of_an_arming_is_cut_out_with_its_pre_trigger():
     counts = make_counts([(7000, 900.0)], 20_000, noise=0.0, offset=0.0)
     # 3 % of full scale is 61.44 counts: reached where 900 sin^2 is.
     pulse = 7000 + int(np.ceil(np.arcsin(np.sqrt(61.44 / 900)) * 200 / np.pi))
@@ -104,7 +88,7 @@ def test_an_impact_of_an_arming_is_cut_out_with_its_pre_trigger(
     np.testing.assert_array_equal(block.hammer.output, counts[start : start + CUT])
     np.testing.assert_array_equal(block.specimen.output, counts[start : start + CUT])
     assert block.stamp == 1_000 + 1_000 * start
-    (record,) = judge([block])
+    (record,) = detect([block])
     assert (record.pulse_index, record.flaws) == (BEFORE, ())
     assert record.hammer.acceleration.size == LENGTH
 
@@ -118,14 +102,8 @@ def test_an_impact_of_an_arming_is_cut_out_with_its_pre_trigger(
 )
 @settings(max_examples=80)
 def test_splitting_the_stream_into_other_blocks_changes_no_bit(
-    make_counts: Make,
-    make_stream: Make,
-    sizes: list[int],
-    steps: list[int],
-    heights: list[float],
-    borders: list[int],
-    lost: list[tuple[int, int]],
-) -> None:
+    sizes, steps, heights, borders, lost
+):
     counts = make_counts(zip(np.cumsum(steps), heights, strict=False), 20_000)
     a, b, c, d = sorted(borders)
     armings = [(a, b, FIRST), (c, d, SECOND)]
@@ -156,9 +134,7 @@ def remove(block: Block, low: int, high: int) -> list[Block]:
     return parts
 
 
-def test_a_hit_is_handed_out_as_soon_as_its_window_has_come(
-    make_counts: Make, make_stream: Make
-) -> None:
+def test_a_hit_is_handed_out_as_soon_as_its_window_has_come():
     cutter = StreamCutter(SETTINGS)
     stream = make_stream(make_counts([(5000, 900.0)], 9000), [500], [(500, 9000, FIRST)])
     handed_out = [item.first_sample for item in stream if cutter.feed(item)]
@@ -166,9 +142,7 @@ def test_a_hit_is_handed_out_as_soon_as_its_window_has_come(
     assert handed_out == [6500]
 
 
-def test_impacts_while_not_armed_are_counted_and_nothing_else(
-    make_counts: Make, make_stream: Make
-) -> None:
+def test_impacts_while_not_armed_are_counted_and_nothing_else():
     counts = make_counts([(3000, 900.0), (9000, 900.0), (15_000, 900.0)], 20_000)
     cutter = StreamCutter(SETTINGS)
     stream = make_stream(counts, [1000], [(8000, 12_000, FIRST)])
@@ -177,9 +151,7 @@ def test_impacts_while_not_armed_are_counted_and_nothing_else(
     assert (cutter.flow.blocks, cutter.flow.points) == (20, 20_000)
 
 
-def test_of_two_impacts_in_one_arming_the_first_is_its_hit(
-    make_counts: Make, make_stream: Make
-) -> None:
+def test_of_two_impacts_in_one_arming_the_first_is_its_hit():
     counts = make_counts([(4000, 900.0), (9000, 700.0)], 20_000)
     cutter = StreamCutter(SETTINGS)
     stream = make_stream(counts, [1000], [(1000, 15_000, FIRST)])
@@ -188,20 +160,16 @@ def test_of_two_impacts_in_one_arming_the_first_is_its_hit(
     assert cutter.flow.other_impacts == 1
 
 
-def test_an_arming_that_ends_without_an_impact_says_so_by_an_empty_block(
-    make_counts: Make, make_stream: Make
-) -> None:
+def test_an_arming_that_ends_without_an_impact_says_so_by_an_empty_block():
     (block,) = cut(make_stream(make_counts([], 9000), [1000], [(2000, 6000, FIRST)]))
     assert (block.label, block.triggered, block.last) == (FIRST, False, True)
     assert block.hammer.output.size == block.first_sample == 0
-    (record,) = judge([block])
+    (record,) = detect([block])
     assert not record.triggered
 
 
 @pytest.mark.parametrize("following", [NOT_ARMED, SECOND])
-def test_each_impact_belongs_to_the_arming_it_falls_into(
-    make_counts: Make, make_stream: Make, following: HitLabel
-) -> None:
+def test_each_impact_belongs_to_the_arming_it_falls_into(following):
     counts = make_counts([(3900, 900.0), (8000, 900.0)], 20_000)
     # The first one's window reaches into what follows its arming.
     stream = make_stream(counts, [1000], [(1000, 4100, FIRST), (4100, 15_000, following)])
@@ -213,9 +181,7 @@ def test_each_impact_belongs_to_the_arming_it_falls_into(
 class TestGap:
     """Points that never came: they stay away."""
 
-    def lose(
-        self, make_counts: Make, make_stream: Make, lost: tuple[int, int]
-    ) -> tuple[list[Block], StreamCutter]:
+    def lose(self, lost: tuple[int, int]) -> tuple[list[Block], StreamCutter]:
         """Cut a hit at point 8000 out of a stream that lacks some points."""
         counts = make_counts([(8000, 900.0)], 30_000)
         stream = make_stream(counts, [1000], [(2000, 25_000, FIRST)])
@@ -223,8 +189,8 @@ class TestGap:
         parts = [part for item in stream for part in remove(item, *lost)]
         return [block for part in parts for block in cutter.feed(part)], cutter
 
-    def test_inside_the_window_stays_one(self, make_counts: Make, make_stream: Make) -> None:
-        cuts, cutter = self.lose(make_counts, make_stream, (8500, 8900))
+    def test_inside_the_window_stays_one(self):
+        cuts, cutter = self.lose((8500, 8900))
         begin, end = cuts
         start = (begin.stamp - 1_000) // 1_000
         assert (begin.first_sample, begin.hammer.output.size, begin.last) == (
@@ -234,28 +200,24 @@ class TestGap:
         assert end.stamp == 1_000 + 8900 * 1_000
         assert begin.hammer.output.size + end.hammer.output.size == CUT - 400
         assert (cutter.flow.gaps, cutter.flow.missing_points) == (1, 400)
-        (record,) = judge(cuts)
+        (record,) = detect(cuts)
         assert record.flaws == (f"400 points missing at point {8500 - start}",)
 
-    def test_that_takes_the_rest_of_the_window_is_shown_by_where_the_stream_goes_on(
-        self, make_counts: Make, make_stream: Make
-    ) -> None:
-        cuts, _ = self.lose(make_counts, make_stream, (8500, 20_000))
+    def test_that_takes_the_rest_of_the_window_is_shown_by_where_the_stream_goes_on(self):
+        cuts, _ = self.lose((8500, 20_000))
         start = (cuts[0].stamp - 1_000) // 1_000
         assert (cuts[1].first_sample, cuts[1].hammer.output.size) == (20_000 - start, 0)
-        (record,) = judge(cuts)
+        (record,) = detect(cuts)
         assert record.flaws == (f"11500 points missing at point {8500 - start}",)
 
-    def test_that_takes_the_whole_hit_leaves_what_came_before_it(
-        self, make_counts: Make, make_stream: Make
-    ) -> None:
-        cuts, _ = self.lose(make_counts, make_stream, (7500, 12_000))
+    def test_that_takes_the_whole_hit_leaves_what_came_before_it(self):
+        cuts, _ = self.lose((7500, 12_000))
         assert [block.triggered for block in cuts] == [True, True]
-        (record,) = judge(cuts)
+        (record,) = detect(cuts)
         assert record.flaws == (f"4500 points missing at point {BEFORE}",)
 
 
-def test_only_what_a_hit_may_still_need_is_kept(make_counts: Make, make_stream: Make) -> None:
+def test_only_what_a_hit_may_still_need_is_kept():
     cutter = StreamCutter(SETTINGS)
     counts = make_counts([(500_000, 900.0)], 1_000_000)
     for block in make_stream(counts, [1000], [(1000, 1_000_000, FIRST)]):
@@ -265,7 +227,7 @@ def test_only_what_a_hit_may_still_need_is_kept(make_counts: Make, make_stream: 
         assert kept <= 4
 
 
-def test_a_stream_without_a_full_scale_is_refused(make_counts: Make, make_stream: Make) -> None:
+def test_a_stream_without_a_full_scale_is_refused():
     stream = make_stream(make_counts([], 3000), [1000], full_scale=0.0)
     with pytest.raises(SignalError, match="does not say the hammer's full scale"):
         cut(stream)
@@ -275,9 +237,7 @@ def test_a_stream_without_a_full_scale_is_refused(make_counts: Make, make_stream
     order=st.lists(st.integers(0, 19), min_size=1, max_size=40),
     armed=st.lists(st.booleans(), min_size=20, max_size=20),
 )
-def test_whatever_order_blocks_come_in_each_cut_is_a_record_of_one_arming(
-    make_counts: Make, make_stream: Make, order: list[int], armed: list[bool]
-) -> None:
+def test_whatever_order_blocks_come_in_each_cut_is_a_record_of_one_arming(order, armed):
     counts = make_counts([(3000, 900.0), (9000, 900.0), (15_500, 900.0)], 20_000)
     armings = [
         (1000 * number, 1000 * number + 1000, HitLabel("steel", record=number + 1))
@@ -295,24 +255,19 @@ def test_whatever_order_blocks_come_in_each_cut_is_a_record_of_one_arming(
         assert blocks[-1].last
         assert len({block.label for block in blocks}) == 1
         assert all(block.first_sample >= 0 for block in blocks)
-    assert len(judge(cuts)) == len(records)
+    assert len(detect(cuts)) == len(records)
 
 
 # At the 1 MHz of these streams: 200 points of pre-trigger, 2000 of record.
 HIT = HitLabel("steel", record=1)
 
 
-@pytest.fixture(scope="module")
-def make_short_stream(make_blocks: Make) -> Make:
+def make_short_stream(counts: Counts, size: int = 1000, first: int = 0) -> list[Block]:
     """Cut counts into the blocks of a stream that is armed all the time."""
-
-    def make(counts: Counts, size: int = 1000, first: int = 0) -> list[Block]:
-        return [
-            replace(block, first_sample=block.first_sample + first, label=HIT, last=False)
-            for block in make_blocks(counts, counts, [size])
-        ]
-
-    return make
+    return [
+        replace(block, first_sample=block.first_sample + first, label=HIT, last=False)
+        for block in make_blocks(counts, counts, [size])
+    ]
 
 
 def end_arming(stream: list[Block]) -> Block:
@@ -338,56 +293,46 @@ def find_reasons(record: Record) -> set[Reason]:
 
 @given(pulse=st.integers(-150, 150), first=st.sampled_from([0, 123_456]))
 @settings(max_examples=25)
-def test_a_hit_that_the_stream_begins_in_is_rejected_for_what_it_lacks(
-    make_counts: Make, make_short_stream: Make, pulse: int, first: int
-) -> None:
+def test_a_hit_that_the_stream_begins_in_is_rejected_for_what_it_lacks(pulse, first):
     whole = make_counts([(200 + pulse, 900.0)], 9200)
-    (record,) = judge(cut(make_short_stream(whole[200:], first=first)))
+    (record,) = detect(cut(make_short_stream(whole[200:], first=first)))
     assert record.label == HIT
     assert "missing at point 0" in record.flaws[0]
     assert Reason.GAP in find_reasons(record)
 
 
-def test_a_stream_that_begins_in_a_hit_is_not_deaf_for_the_next_one(
-    make_counts: Make, make_short_stream: Make
-) -> None:
+def test_a_stream_that_begins_in_a_hit_is_not_deaf_for_the_next_one():
     counts = make_counts([(0, 900.0), (6000, 900.0)], 12_000)
     stream = make_short_stream(counts)
     following = [replace(item, label=replace(HIT, record=2)) for item in stream[4:]]
-    first, second = judge(cut([*stream[:4], *following]))
+    first, second = detect(cut([*stream[:4], *following]))
     assert (first.label.record, second.label.record) == (1, 2)
     assert first.flaws
     assert find_reasons(second) == set()
 
 
 @pytest.mark.parametrize("behind", [0, 80, 160])
-def test_a_hit_right_behind_a_gap_is_rejected_for_it(
-    make_counts: Make, make_short_stream: Make, behind: int
-) -> None:
+def test_a_hit_right_behind_a_gap_is_rejected_for_it(behind):
     # From 100 points before the gap's end to where its pre-trigger is nearly whole.
     counts = make_counts([(10_000 + behind - 100, 900.0)], 20_000)
     stream = make_short_stream(counts, size=500)
-    (record,) = judge(cut([*stream[:16], *stream[20:], end_arming(stream)]))
+    (record,) = detect(cut([*stream[:16], *stream[20:], end_arming(stream)]))
     assert Reason.GAP in find_reasons(record)
 
 
 @pytest.mark.parametrize("arming_ends", [True, False])
-def test_a_hit_that_the_end_of_the_stream_cuts_off_is_judged_at_once(
-    make_counts: Make, make_short_stream: Make, arming_ends: bool
-) -> None:
+def test_a_hit_that_the_end_of_the_stream_cuts_off_is_judged_at_once(arming_ends):
     stream = make_short_stream(make_counts([(5500, 900.0)], 6000))
     ends = [end_arming(stream)] if arming_ends else []
     cuts = cut([*stream, *ends, end_stream(stream)])
     assert [block.last for block in cuts] == [False, True]
-    (record,) = judge(cuts)
+    (record,) = detect(cuts)
     assert record.label == HIT
     assert record.flaws[0].endswith(f"missing at point {cuts[0].hammer.output.size}")
     assert Reason.GAP in find_reasons(record)
 
 
-def test_the_end_of_an_arming_shows_no_channel_and_changes_none(
-    make_counts: Make, make_short_stream: Make
-) -> None:
+def test_the_end_of_an_arming_shows_no_channel_and_changes_none():
     # The sample is not measured: only a block with points tells that.
     counts = make_counts([], 6000)
     stream = [

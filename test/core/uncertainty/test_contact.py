@@ -78,7 +78,7 @@ def find_line(uncertainty: Quantity, source: str) -> float:
     return next(line.contribution for line in uncertainty.budget if line.source == source)
 
 
-def test_the_budget_of_the_equivalent_stiffness_is_what_the_formula_says() -> None:
+def test_the_budget_of_the_equivalent_stiffness_is_what_the_formula_says():
     contact, _, _ = estimate("steel medium")
     found, k = contact.equivalent_stiffness, contact.equivalent_stiffness.value
     m1, m2 = 0.100, 0.16991
@@ -109,7 +109,7 @@ def draw_masses(generator: np.random.Generator) -> dict[str, NDArray[np.float64]
 
 
 @pytest.mark.parametrize("name", ["steel medium", "aluminium small", CONTROL])
-def test_monte_carlo_gives_the_same_interval(name: str) -> None:
+def test_monte_carlo_gives_the_same_interval(name):
     """GUM Supplement 1, section 8: both ends within the tolerance of one digit of u.
 
     All inputs normal, so that the propagation is tested and not Student's t, for which Welch
@@ -143,7 +143,7 @@ def test_monte_carlo_gives_the_same_interval(name: str) -> None:
     assert high == pytest.approx(body.stiffness.value + half, abs=0.05 * found.standard)
 
 
-def test_damping_comes_from_correlated_hits() -> None:
+def test_damping_comes_from_correlated_hits():
     _, body, _ = estimate("steel medium")
     mean = make_mean("steel medium")
     generator = np.random.default_rng(12)
@@ -172,7 +172,7 @@ def test_damping_comes_from_correlated_hits() -> None:
     assert body.damping_coefficient.standard == pytest.approx(c2.std(), rel=0.02)
 
 
-def test_one_hit_determines_no_uncertainty_and_says_so() -> None:
+def test_one_hit_determines_no_uncertainty_and_says_so():
     single = make_mean("steel medium", 1)
     contact, body, _ = estimate("steel medium", mean=single)
     assert math.isfinite(body.stiffness.value)
@@ -187,7 +187,7 @@ def test_one_hit_determines_no_uncertainty_and_says_so() -> None:
         assert "one accepted hit shows no scatter" in found.notes[0]
 
 
-def test_one_hit_on_the_control_sample_leaves_every_k2_without_uncertainty() -> None:
+def test_one_hit_on_the_control_sample_leaves_every_k2_without_uncertainty():
     hammer = estimate_hammer(make_mean(CONTROL, 1), SETUP)
     assert "one accepted hit" in hammer.stiffness.notes[0]
     found = estimate_numbers("steel medium", make_mean("steel medium"), math.nan, 0, hammer, SETUP)
@@ -199,7 +199,7 @@ def test_one_hit_on_the_control_sample_leaves_every_k2_without_uncertainty() -> 
     assert math.isfinite(found.damping_ratio.standard)
 
 
-def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact() -> None:
+def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact():
     given = BodyEstimate(Quantity(22e6))
     found = estimate_numbers("steel medium", make_mean("steel medium"), math.nan, 0, given, SETUP)
     assert found.contact_time.is_known
@@ -208,7 +208,7 @@ def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact() -> None:
     assert found.stiffness.standard == pytest.approx(gain * part)
 
 
-def test_masses_without_stated_uncertainty_are_named() -> None:
+def test_masses_without_stated_uncertainty_are_named():
     silent = replace(SETUP, hammer_mass_uncertainty=0.0)
     contact, body, hammer = estimate("steel medium", silent)
     for found in (
@@ -222,7 +222,7 @@ def test_masses_without_stated_uncertainty_are_named() -> None:
     assert contact.contact_time.notes == ()
 
 
-def test_a_converters_steps_count_where_no_noise_smooths_them() -> None:
+def test_a_converters_steps_count_where_no_noise_smooths_them():
     mean = make_mean("steel medium")
     coarse = replace(mean.summary, largest_step=np.array([5.0, 5.0]))
     contact, body, _ = estimate("steel medium", mean=replace(mean, summary=coarse))
@@ -236,7 +236,7 @@ def test_a_converters_steps_count_where_no_noise_smooths_them() -> None:
     assert "quantisation of the peaks" in {line.source for line in body.damping_ratio.budget}
 
 
-def test_a_second_peak_of_a_few_counts_has_no_uncertainty() -> None:
+def test_a_second_peak_of_a_few_counts_has_no_uncertainty():
     # The second peak is some 140 m/s^2: two counts of 70, and no noise.
     mean = make_mean("steel medium")
     coarse = replace(mean.summary, largest_step=np.array([1.0, 70.0]))
@@ -249,7 +249,7 @@ def test_a_second_peak_of_a_few_counts_has_no_uncertainty() -> None:
     assert math.isfinite(body.stiffness.standard)
 
 
-def test_a_single_hits_contact_time_has_an_uncertainty_of_its_own() -> None:
+def test_a_single_hits_contact_time_has_an_uncertainty_of_its_own():
     hit = replace(make_hit(200e-6, 700.0, RATIO), noise=np.full(2, 2.0), raw_noise=np.full(2, 2.0))
     found = estimate_hit_contact_time(hit, SETUP.analysis, 5.8e-5)
     sources = {line.source: line.contribution for line in found.budget}

@@ -36,7 +36,7 @@ def draw_hits(count: int) -> np.ndarray:
     return np.array([DECAY, FREQUENCY]) + errors
 
 
-def test_a_free_decay_gives_what_monte_carlo_gives() -> None:
+def test_a_free_decay_gives_what_monte_carlo_gives():
     hits = draw_hits(200)
     found = list_results(propagate(hits))
     generator = np.random.default_rng(6)
@@ -61,7 +61,7 @@ def test_a_free_decay_gives_what_monte_carlo_gives() -> None:
         assert uncertainty.expanded == pytest.approx(half, rel=2e-2)
 
 
-def test_every_result_has_its_budget() -> None:
+def test_every_result_has_its_budget():
     ratio, damping, stiffness = list_results(propagate(draw_hits(10)))
     # zeta is dimensionless: masses and clock cancel.
     assert [line.source for line in ratio.budget] == ["hits"]
@@ -81,7 +81,7 @@ def test_every_result_has_its_budget() -> None:
     )
 
 
-def test_identified_parameters_go_with_mass_and_clock() -> None:
+def test_identified_parameters_go_with_mass_and_clock():
     hits = np.array([203.2e-6, 45.29e6, 1170.0]) * (
         1.0 + np.random.default_rng(8).standard_normal((10, 3)) * [1e-3, 3e-3, 5e-3]
     )
@@ -104,7 +104,7 @@ def test_identified_parameters_go_with_mass_and_clock() -> None:
     )
 
 
-def test_hits_that_agree_to_the_last_bit_have_no_scatter() -> None:
+def test_hits_that_agree_to_the_last_bit_have_no_scatter():
     twins = np.full((2, 2), [[DECAY, FREQUENCY]])
     found = list_results(propagate(twins))
     assert found[0].standard < 1e-15  # zeta: clock and masses cancel but for rounding

@@ -30,7 +30,7 @@ def make_repeated(source: str, value: float, standard: float, freedom: float) ->
     return make_ensemble(source, [value], np.array([[standard**2]]), freedom)[0]
 
 
-def test_simultaneous_measurements_are_correlated_as_in_gum_h2() -> None:
+def test_simultaneous_measurements_are_correlated_as_in_gum_h2():
     data = np.array([VOLTAGE, CURRENT])
     scatter = np.cov(data) / 5
     voltage, current = make_ensemble("readings", data.mean(axis=1), scatter, 4)
@@ -47,7 +47,7 @@ def test_simultaneous_measurements_are_correlated_as_in_gum_h2() -> None:
     assert found.budget[0].kind == "A"
 
 
-def test_effective_degrees_of_freedom_are_those_of_gum_g4() -> None:
+def test_effective_degrees_of_freedom_are_those_of_gum_g4():
     # y = b x1 x2 x3 with 10, 5 and 15 observations: v = 19.0, t(95 %) = 2.09, u = 1.03 %.
     product = (
         make_repeated("x1", 1.0, 0.25e-2, 9)
@@ -60,7 +60,7 @@ def test_effective_degrees_of_freedom_are_those_of_gum_g4() -> None:
     assert found.expanded / found.standard == pytest.approx(2.09, abs=5e-3)
 
 
-def test_an_input_that_enters_twice_is_counted_once_with_its_sign() -> None:
+def test_an_input_that_enters_twice_is_counted_once_with_its_sign():
     mass = make_input("mass", 0.1, 1e-3)
     found = report(mass * 3.0 - mass)
     assert found.standard == pytest.approx(2e-3)
@@ -68,7 +68,7 @@ def test_an_input_that_enters_twice_is_counted_once_with_its_sign() -> None:
     assert report(mass / mass).standard == 0.0
 
 
-def test_the_same_statement_is_the_same_input_and_another_owners_is_not() -> None:
+def test_the_same_statement_is_the_same_input_and_another_owners_is_not():
     again = make_input("mass", 0.1, 1e-3) - make_input("mass", 0.1, 1e-3)
     assert again.u == 0.0
     other = make_input("mass", 0.1, 1e-3) - make_input("mass", 0.1, 1e-3, "another")
@@ -80,7 +80,7 @@ def test_the_same_statement_is_the_same_input_and_another_owners_is_not() -> Non
 
 
 @given(st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=8))
-def test_shares_add_up_and_come_in_order(uncertainties: list[float]) -> None:
+def test_shares_add_up_and_come_in_order(uncertainties):
     total = sum(
         make_input(f"input {index}", 1.0, value) for index, value in enumerate(uncertainties)
     )
@@ -92,9 +92,7 @@ def test_shares_add_up_and_come_in_order(uncertainties: list[float]) -> None:
 
 
 @given(st.lists(st.floats(-5, 5), min_size=6, max_size=6), st.floats(1e-9, 1e9))
-def test_an_ensemble_has_the_covariance_that_it_was_given(
-    numbers: list[float], unit: float
-) -> None:
+def test_an_ensemble_has_the_covariance_that_it_was_given(numbers, unit):
     # A mixing matrix of any rank, and units that differ by up to 10^9.
     mixing = np.reshape(numbers, (3, 2)) * np.array([[unit], [1.0], [1.0]])
     covariance = mixing @ mixing.T
@@ -108,18 +106,18 @@ def test_an_ensemble_has_the_covariance_that_it_was_given(
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0])
-def test_what_is_no_uncertainty_is_refused(bad: float) -> None:
+def test_what_is_no_uncertainty_is_refused(bad):
     with pytest.raises(ParameterError, match="standard uncertainty of mass"):
         make_input("mass", 0.1, bad)
 
 
 @pytest.mark.parametrize("bad", [np.full((2, 2), np.nan), np.eye(3), np.ones(2)])
-def test_what_is_no_covariance_is_refused(bad: np.ndarray) -> None:
+def test_what_is_no_covariance_is_refused(bad):
     with pytest.raises(ParameterError, match=r"covariance of fit is .* finite 2 x 2 matrix"):
         make_ensemble("fit", [1.0, 2.0], bad, 5)
 
 
-def test_what_is_not_determined_says_why() -> None:
+def test_what_is_not_determined_says_why():
     huge = make_input("huge", 1e200, 1e200) * 1e200
     found = report(huge)
     assert math.isnan(found.standard)
