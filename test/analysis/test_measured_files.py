@@ -1,7 +1,5 @@
 """What is said of the sensors of measured files comes to the models."""
 
-from pathlib import Path
-
 import pytest
 
 from impact_rig.analysis.measured_files import make_series
@@ -9,7 +7,7 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.setup.sensors import FLAT, SensorResponse
 
 
-def test_options_describe_the_sensors_and_go_before_the_file_of_channels(tmp_path: Path) -> None:
+def test_options_describe_the_sensors_and_go_before_the_file_of_channels(tmp_path):
     file = tmp_path / "channels.toml"
     file.write_text('[hammer]\nresonance = "60 kHz"\nlow_corner = "2 Hz"\n')
     options = {"channels": file, "hammer_resonance": 70e3, "sample_resonance_damping": 0.05}
@@ -20,7 +18,7 @@ def test_options_describe_the_sensors_and_go_before_the_file_of_channels(tmp_pat
     assert setup.responses == (FLAT, SensorResponse(30e3, 0.05))
 
 
-def test_a_response_of_no_sensor_is_refused_with_its_value(tmp_path: Path) -> None:
+def test_a_response_of_no_sensor_is_refused_with_its_value(tmp_path):
     with pytest.raises(ParameterError, match=r"resonance of the channel's sensor is -1"):
         make_series({"hammer_resonance": -1.0}, {})
     file = tmp_path / "channels.toml"

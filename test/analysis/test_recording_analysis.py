@@ -44,9 +44,7 @@ def campaign(path: Path) -> TracedCampaign:
     return found
 
 
-def test_neither_traces_nor_models_change_what_is_found(
-    path: Path, campaign: TracedCampaign
-) -> None:
+def test_neither_traces_nor_models_change_what_is_found(path, campaign):
     (analyzed,) = analyze_recording(path).campaigns
     assert (analyzed.samples, analyzed.hits) == ((), ())
     assert repr(campaign.results.hits) == repr(analyzed.results.hits)
@@ -56,7 +54,7 @@ def test_neither_traces_nor_models_change_what_is_found(
         assert repr(sample.stiffness) == repr(other.stiffness)
 
 
-def test_every_hit_is_there_as_recorded_and_in_its_sample_s_time(campaign: TracedCampaign) -> None:
+def test_every_hit_is_there_as_recorded_and_in_its_sample_s_time(campaign):
     assert [hit.recorded.label for hit in campaign.hits] == LABELS
     assert [hit.result.record for hit in campaign.hits] == [label.record for label in LABELS]
     assert {hit.result.accepted for hit in campaign.hits} == {True, False}, "some should be bad"
@@ -69,7 +67,7 @@ def test_every_hit_is_there_as_recorded_and_in_its_sample_s_time(campaign: Trace
             assert peaks[0] == pytest.approx(hit.result.hammer_peak, rel=1e-3)
 
 
-def test_a_mean_is_that_of_its_accepted_hits(campaign: TracedCampaign) -> None:
+def test_a_mean_is_that_of_its_accepted_hits(campaign):
     for sample in campaign.samples:
         grid = sample.time[500:2000]
         hits = [
@@ -81,7 +79,7 @@ def test_a_mean_is_that_of_its_accepted_hits(campaign: TracedCampaign) -> None:
         np.testing.assert_allclose(np.mean(hits, axis=0), mean, atol=1e-6 * np.abs(mean).max())
 
 
-def test_a_person_s_word_and_other_settings_hold(path: Path, campaign: TracedCampaign) -> None:
+def test_a_person_s_word_and_other_settings_hold(path, campaign):
     first = next(hit.result for hit in campaign.hits if hit.result.accepted)
     changes = {"pulse_factor": 1.5}
     (after,) = analyze_recording(
@@ -96,7 +94,7 @@ def test_a_person_s_word_and_other_settings_hold(path: Path, campaign: TracedCam
     )
 
 
-def test_a_simulated_hit_among_measured_ones_is_told(tmp_path: Path) -> None:
+def test_a_simulated_hit_among_measured_ones_is_told(tmp_path):
     rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=11))
     measured = Origin(MEASURED, "digitizer 7")
     blocks = [rig.strike(label).split(10_000, 0)[0] for label in LABELS[:3]]

@@ -48,9 +48,7 @@ rclpy.shutdown()
 """
 
 
-def test_there_is_a_profile_within_the_block_and_none_after_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_there_is_a_profile_within_the_block_and_none_after_it(monkeypatch):
     monkeypatch.delenv(PROFILE_VARIABLE, raising=False)
     with offer_profile():
         path = Path(os.environ[PROFILE_VARIABLE])
@@ -59,7 +57,7 @@ def test_there_is_a_profile_within_the_block_and_none_after_it(
     assert not path.exists()
 
 
-def test_who_has_a_profile_keeps_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_who_has_a_profile_keeps_it(monkeypatch, tmp_path):
     monkeypatch.setenv(PROFILE_VARIABLE, "mine.xml")
     with offer_profile():
         assert os.environ[PROFILE_VARIABLE] == "mine.xml"
@@ -71,9 +69,7 @@ def test_who_has_a_profile_keeps_it(monkeypatch: pytest.MonkeyPatch, tmp_path: P
         assert PROFILE_VARIABLE not in os.environ
 
 
-def test_without_room_for_a_file_nodes_start_all_the_same(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_without_room_for_a_file_nodes_start_all_the_same(monkeypatch, tmp_path):
     monkeypatch.delenv(PROFILE_VARIABLE, raising=False)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
     with offer_profile():
@@ -85,8 +81,8 @@ def test_without_room_for_a_file_nodes_start_all_the_same(
     ("network", "size"), [(False, discovery.RECEIVE_BUFFER), (True, SOCKET_BUFFER)]
 )
 def test_fast_dds_takes_the_profile_and_leaves_sockets_between_hosts_as_they_were_chosen(
-    network: bool, size: int, ros_domain: int
-) -> None:
+    network, size, ros_domain
+):
     # Linux doubles what is asked for, for its own bookkeeping.
     room = 2 * min(size, int(LARGEST_BUFFER.read_text()))
     assert _be_a_guest(ros_domain, network=network) == room
@@ -111,7 +107,7 @@ def _be_a_guest(domain: int, *, network: bool) -> int:
     return int(done.stdout)
 
 
-def test_a_node_asks_to_be_remembered_for_a_minute_of_silence(ros_domain: int) -> None:
+def test_a_node_asks_to_be_remembered_for_a_minute_of_silence(ros_domain):
     """What it announces to the last of its neighbours, by the tables of DDSI-RTPS 2.5."""
     port = 7400 + 250 * ros_domain + 10 + 2 * (discovery.LOCAL_PEERS - 1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as neighbour:

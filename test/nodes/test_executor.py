@@ -52,9 +52,7 @@ def run_until(executor: Executor, condition: Callable[[], bool]) -> None:
         executor.spin_once(timeout_sec=0.1)
 
 
-def test_another_thread_ends_the_spinning_which_costs_nothing_until_then(
-    executor: Executor,
-) -> None:
+def test_another_thread_ends_the_spinning_which_costs_nothing_until_then(executor):
     stop: Future = Future()
     threading.Timer(0.5, lambda: stop.set_result(None)).start()
     began = time.thread_time()
@@ -65,7 +63,7 @@ def test_another_thread_ends_the_spinning_which_costs_nothing_until_then(
     spin_until(executor, stop)
 
 
-def test_the_end_of_ros_ends_the_spinning(node: Node) -> None:
+def test_the_end_of_ros_ends_the_spinning(node):
     executor = make_executor(node.context)
     executor.add_node(node)
     threading.Timer(0.05, node.context.shutdown).start()
@@ -74,7 +72,7 @@ def test_the_end_of_ros_ends_the_spinning(node: Node) -> None:
     executor.shutdown()
 
 
-def test_a_callback_may_ask_what_is_known_of_its_message(node: Node, executor: Executor) -> None:
+def test_a_callback_may_ask_what_is_known_of_its_message(node, executor):
     heard: list[Any] = []
     take = accept_message_info(lambda message, info: heard.append((message, info)))
     node.create_subscription(String, "words", take, 10)
@@ -88,9 +86,7 @@ def test_a_callback_may_ask_what_is_known_of_its_message(node: Node, executor: E
     assert all(before <= info["source_timestamp"] <= time.time_ns() for _, info in heard)
 
 
-def test_work_of_another_thread_is_done_where_callbacks_run(
-    node: RigNode, executor: Executor
-) -> None:
+def test_work_of_another_thread_is_done_where_callbacks_run(node, executor):
     threads: list[int] = []
     work = lambda: threads.append(threading.get_ident())  # noqa: E731
     threading.Timer(0.05, lambda: node.run_soon(work)).start()
@@ -98,9 +94,7 @@ def test_work_of_another_thread_is_done_where_callbacks_run(
     assert threads == [threading.get_ident()]
 
 
-def test_an_error_in_such_work_is_a_fault_and_an_unexpected_one_ends_the_process(
-    node: RigNode, executor: Executor
-) -> None:
+def test_an_error_in_such_work_is_a_fault_and_an_unexpected_one_ends_the_process(node, executor):
     def fail(error: Exception) -> None:
         raise error
 
@@ -113,7 +107,7 @@ def test_an_error_in_such_work_is_a_fault_and_an_unexpected_one_ends_the_process
         node.stop_requested.result()
 
 
-def test_a_pause_lasts_as_long_as_asked(node: RigNode, executor: Executor) -> None:
+def test_a_pause_lasts_as_long_as_asked(node, executor):
     began = time.monotonic()
     task = executor.create_task(node.pause(0.05))
     executor.spin_until_future_complete(task, timeout_sec=PATIENCE)

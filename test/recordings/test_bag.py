@@ -338,11 +338,8 @@ def read_record(path: Path) -> dict:
     return normalise(yaml.safe_load(texts[0]))
 
 
-def test_beside_the_files_stands_what_rosbags_writes(ours, theirs):
+def test_beside_and_in_the_files_stands_what_rosbags_writes(ours, theirs):
     assert read_metadata(ours) == read_metadata(theirs)
-
-
-def test_in_the_file_stands_what_rosbags_writes(ours, theirs):
     assert read_record(ours / "bag_0.mcap") == read_record(theirs / "bag.mcap")
 
 

@@ -154,13 +154,8 @@ class TestTimesOfOneRecord:
             ("Time", "Microseconds", 1e6), ("t", "min", 1 / 60),
         ],
     )  # fmt: skip
-    def test_their_unit_is_in_the_heading(self, heading: str, unit: str, scale: float) -> None:
+    def test_their_unit_is_in_the_heading(self, heading, unit, scale):
         assert self.read_rate(heading, scale * self.SECONDS, unit) == pytest.approx(1e6, rel=1e-8)
-
-    def test_without_a_unit_what_no_contact_is_is_refused(self) -> None:
-        told = r"in s 99 s \(1 s\), in ms 99 ms \(1 ms\), in us 99 us \(1 us\)"
-        with pytest.raises(SignalError, match=f"{told}. Give --time-unit s, ms or us, or --rate"):
-            self.read_rate("X", 1e6 * self.SECONDS)
 
 
 def test_volts_without_a_sensitivity_stay_volts_and_forces_without_a_mass_forces():

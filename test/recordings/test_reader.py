@@ -1,11 +1,9 @@
 """Recordings come back as they were: in file order, from any namespace, however they ended."""
 
-import math
 import tracemalloc
 from pathlib import Path
 
 import mcap.writer
-import numpy as np
 import pytest
 
 from impact_rig.core.errors import FileError
@@ -15,37 +13,6 @@ from impact_rig.recordings.reader import index_hits, read_hit, read_recording
 from impact_rig.recordings.schemas import find_message_definition
 
 OURS = "impact_rig_msgs/msg/"
-
-
-def test_the_setup_comes_back(make_recording):
-    maker = make_recording()
-    maker.add_setup()
-    setup = read_recording(maker.close()).setup
-    assert isinstance(setup, RigSetup)
-    assert setup.samples.names == ("steel, large", "brass")
-    assert setup.samples.get_moving_mass("brass") == 0.253
-    assert math.isnan(setup.samples.find("brass").reference_stiffness)
-    assert (setup.impact_speed, setup.analysis.overload_run, setup.name) == (0.0819, 3, "bench")
-
-
-def test_blocks_come_back_bit_by_bit(make_recording):
-    maker = make_recording()
-    maker.add_setup()
-    extremes = [2**31 - 1, -(2**31), 0]
-    channel = {"counts": extremes, "scale": 0.1, "offset": -0.3, "full_scale": 7.0}
-    maker.add_block(
-        7, first_sample=2**40, hammer=channel, specimen=channel, triggered=False, last=False
-    )
-    recording = read_recording(maker.close())
-    setup, block = recording.events()
-    assert setup == recording.setup
-    assert block.label == HitLabel("brass", record=7, impact=3, attempt=2)
-    assert (block.first_sample, block.sampling_rate) == (2**40, 2.5e6)
-    assert (block.triggered, block.last) == (False, False)
-    assert block.stamp == 1_700_000_000_000_000_250
-    assert block.hammer.output.dtype == np.int32
-    assert block.hammer.output.tolist() == extremes
-    assert (block.hammer.scale, block.hammer.offset, block.hammer.full_scale) == (0.1, -0.3, 7.0)
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
@@ -121,20 +88,6 @@ def test_two_rigs_in_one_file_are_told_apart(make_recording):
     assert [e.label.record for e in chosen.events() if isinstance(e, Block)] == [9]
 
 
-def test_reading_holds_one_chunk_at_a_time(make_recording):
-    maker = make_recording(chunk_size=100_000)
-    maker.add_setup()
-    for record in range(1, 101):
-        maker.add_block(record, points=5000)
-    recording = read_recording(maker.close())
-    tracemalloc.start()
-    for _ in recording.events():
-        pass
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 1_500_000  # of 4 MB; the compiled decoders take half a megabyte
-
-
 @pytest.mark.parametrize(
     ("content", "told"),
     [
@@ -150,13 +103,6 @@ def test_what_is_no_recording_is_named(tmp_path, content, told):
     path.write_bytes(content)
     with pytest.raises(FileError, match=f"session.mcap .*{told}"):
         read_recording(path)
-
-
-def test_no_file_and_a_folder_are_named(tmp_path):
-    with pytest.raises(FileError, match=r"there is no file .*lost\.mcap"):
-        read_recording(tmp_path / "lost.mcap")
-    with pytest.raises(FileError, match="is a folder"):
-        read_recording(tmp_path)
 
 
 def write_foreign(path: Path, profile: str = "ros2", **changes: str) -> None:
@@ -238,8 +184,8 @@ def test_hits_are_found_by_campaign_and_read_as_they_were(make_recording, name):
     assert len(read_hit(recording, second[0])) == 1
 
 
-def test_the_points_of_the_others_stay_on_the_disk(make_recording):
-    points, records = 20_000, 50
+def test_neither_reading_nor_a_look_at_one_hit_holds_more_than_a_chunk(make_recording):
+    points, records = 20_000, 40
     maker = make_recording(compression="none", chunk_size=100_000)
     maker.add_setup()
     for record in range(1, records + 1):
@@ -250,11 +196,13 @@ def test_the_points_of_the_others_stay_on_the_disk(make_recording):
         recording = read_recording(path)
         (hits,) = index_hits(recording)
         read_hit(recording, hits[-1])
+        for _ in recording.events():
+            pass
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
     assert len(hits) == records
-    assert peak < path.stat().st_size / 4
+    assert peak < path.stat().st_size / 4  # the compiled decoders take half a megabyte
 
 
 def test_a_block_that_is_none_is_named(make_recording):

@@ -1,10 +1,10 @@
 """What a damaged recording still holds comes back as it was, and nothing else does."""
 
+import contextlib
 import random
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import mcap.reader
 import mcap.writer
@@ -15,6 +15,7 @@ from rosbags.highlevel import AnyReader
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.contents import inspect_recording
 from impact_rig.recordings.hits import HitState
+from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.recover import name_output, recover_recording
 
 from .damaged import (
@@ -39,7 +40,7 @@ def compression(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-def test_of_a_sound_recording_nothing_is_written(original: Path) -> None:
+def test_of_a_sound_recording_nothing_is_written(original):
     recovery = recover(original)
     assert recovery.output is None
     assert recovery.is_complete
@@ -47,7 +48,7 @@ def test_of_a_sound_recording_nothing_is_written(original: Path) -> None:
     assert set(list_states(recovery).values()) == {HitState.SAVED}
 
 
-def test_a_recovered_recording_is_sound_and_the_same_each_time(original: Path) -> None:
+def test_a_recovered_recording_is_sound_and_the_same_each_time(original):
     damaged = spoil(original, original.read_bytes()[:-3000])
     recovery = recover(damaged)
     assert recovery.output is not None
@@ -63,9 +64,7 @@ def list_cuts(path: Path) -> Iterator[int]:
     yield from (dice.randrange(100, path.stat().st_size) for _ in range(25))
 
 
-def test_cut_off_anywhere_it_keeps_every_chunk_that_is_whole(
-    make_recording: Any, compression: str
-) -> None:
+def test_cut_off_anywhere_it_keeps_every_chunk_that_is_whole(make_recording, compression):
     original = write_original(make_recording, compression=compression)
     content, chunks = original.read_bytes(), find_chunks(original)
     assert len(chunks) == HITS + 1
@@ -81,7 +80,7 @@ def test_cut_off_anywhere_it_keeps_every_chunk_that_is_whole(
         assert damaged.read_bytes() == content[:cut]
 
 
-def test_a_dropped_index_is_made_anew(original: Path) -> None:
+def test_a_dropped_index_is_made_anew(original):
     content = original.read_bytes()
     data_end = content.rindex(b"\x0f" + struct.pack("<Q", 4)) + 13
     footer = b"\x02" + struct.pack("<QQQI", 20, 0, 0, 0)
@@ -93,8 +92,8 @@ def test_a_dropped_index_is_made_anew(original: Path) -> None:
 
 @pytest.mark.parametrize("number", [0, HITS])
 def test_of_an_altered_chunk_nothing_is_taken_and_its_messages_are_counted(
-    make_recording: Any, compression: str, number: int
-) -> None:
+    make_recording, compression, number
+):
     original = write_original(make_recording, compression=compression)
     chunks, content = find_chunks(original), bytearray(original.read_bytes())
     place = chunks[number]
@@ -108,14 +107,11 @@ def test_of_an_altered_chunk_nothing_is_taken_and_its_messages_are_counted(
     assert (damage.start, damage.start + damage.size) == (place.start, place.end)
 
 
-@pytest.mark.parametrize("seed", [1])
-def test_a_flipped_bit_costs_one_chunk_at_most_and_alters_no_message(
-    make_recording: Any, compression: str, seed: int
-) -> None:
+def test_a_flipped_bit_costs_one_chunk_at_most_and_alters_no_message(make_recording, compression):
     original = write_original(make_recording, compression=compression)
     chunks, content = find_chunks(original), original.read_bytes()
     whole = [m for chunk in chunks for m in chunk.messages]
-    dice = random.Random(seed)
+    dice = random.Random(1)
     for _ in range(15):
         spoilt = bytearray(content)
         spoilt[dice.randrange(len(content))] ^= 1 << dice.randrange(8)
@@ -128,7 +124,7 @@ def test_a_flipped_bit_costs_one_chunk_at_most_and_alters_no_message(
         assert not missing or missing in [chunk.messages for chunk in chunks]
 
 
-def test_bytes_between_the_chunks_are_passed_over(original: Path) -> None:
+def test_bytes_between_the_chunks_are_passed_over(original):
     content = original.read_bytes()
     place = find_chunks(original)[2].start
     for junk in (b"\x00" * 700, random.Random(3).randbytes(5000), content[50:900]):
@@ -136,7 +132,7 @@ def test_bytes_between_the_chunks_are_passed_over(original: Path) -> None:
         assert read_recovered(recover(spoil(original, spoilt))) == read_raw(original)
 
 
-def test_a_wrong_length_of_a_chunk_costs_nothing(original: Path) -> None:
+def test_a_wrong_length_of_a_chunk_costs_nothing(original):
     place = find_chunks(original)[2]
     for length in (0, 17, place.end - place.start - 10, 10**6, 2**40, 2**64 - 1):
         content = bytearray(original.read_bytes())
@@ -146,7 +142,7 @@ def test_a_wrong_length_of_a_chunk_costs_nothing(original: Path) -> None:
         assert read_recovered(recovery) == read_raw(original)
 
 
-def test_nothing_is_overwritten(original: Path) -> None:
+def test_nothing_is_overwritten(original):
     damaged = spoil(original, original.read_bytes()[:-3000])
     with pytest.raises(FileError, match="exists already"):
         recover_recording(damaged, original)
@@ -163,14 +159,14 @@ def test_nothing_is_overwritten(original: Path) -> None:
         ),
     ],
 )
-def test_what_is_no_recording_is_named(tmp_path: Path, content: bytes, words: str) -> None:
+def test_what_is_no_recording_is_named(tmp_path, content, words):
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(content)
     with pytest.raises(FileError, match=words):
         recover(damaged)
 
 
-def test_a_chunk_that_swells_beyond_belief_is_left_out(tmp_path: Path) -> None:
+def test_a_chunk_that_swells_beyond_belief_is_left_out(tmp_path):
     damaged = tmp_path / "damaged.mcap"
     with damaged.open("wb") as file:
         writer = mcap.writer.Writer(file)
@@ -188,21 +184,26 @@ def test_a_chunk_that_swells_beyond_belief_is_left_out(tmp_path: Path) -> None:
     assert "claims to hold 70000" in recovery.contents.problems[0]
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_whatever_was_done_to_it_the_result_is_sound(make_recording: Any, seed: int) -> None:
-    kind = ("zstd", "lz4", "none")[seed % 3]
+@pytest.mark.parametrize("kind", ["zstd", "lz4", "none"])
+def test_whatever_was_done_to_it_it_is_read_or_refused_and_what_comes_of_it_is_sound(
+    make_recording, kind
+):
     original = write_original(make_recording, compression=kind)
-    damaged = spoil(original, mutate(original.read_bytes(), seed))
-    try:
-        recovery = recover(damaged)
-    except FileError:
-        assert not damaged.with_name("good.mcap").exists()
-        return
-    if recovery.output is not None:
-        assert len(read_recovered(recovery)) == recovery.written
+    for seed in range(30):
+        damaged = spoil(original, mutate(original.read_bytes(), seed))
+        with contextlib.suppress(FileError):
+            list(read_recording(damaged).events())
+        try:
+            recovery = recover(damaged)
+        except FileError as error:
+            assert str(error).isprintable()  # noqa: PT017
+            assert not damaged.with_name("good.mcap").exists()
+            continue
+        if recovery.output is not None:
+            assert len(read_recovered(recovery)) == recovery.written
 
 
-def test_topics_of_a_lost_first_chunk_are_known_from_the_index(original: Path) -> None:
+def test_topics_of_a_lost_first_chunk_are_known_from_the_index(original):
     content, place = bytearray(original.read_bytes()), find_chunks(original)[1]
     content[place.data_start + 40 : place.end] = bytes(place.end - place.data_start - 40)
     recovery = recover(spoil(original, content))
@@ -211,7 +212,7 @@ def test_topics_of_a_lost_first_chunk_are_known_from_the_index(original: Path) -
     assert list_states(recovery)[2] is HitState.SAVED
 
 
-def test_without_any_description_messages_are_counted_as_lost(make_recording: Any) -> None:
+def test_without_any_description_messages_are_counted_as_lost(make_recording):
     original = write_original(make_recording)
     place, content = find_chunks(original)[1], bytearray(original.read_bytes())
     content[place.data_start + 8 : place.data_start + 60] = bytes(52)
@@ -221,7 +222,7 @@ def test_without_any_description_messages_are_counted_as_lost(make_recording: An
     assert "not described" in " ".join(contents.problems)
 
 
-def test_hits_are_saved_damaged_or_lost(make_recording: Any) -> None:
+def test_hits_are_saved_damaged_or_lost(make_recording):
     maker = make_recording("original.mcap", chunk_size=1)
     maker.add_setup()
     for record in range(1, 6):
@@ -248,7 +249,7 @@ def test_hits_are_saved_damaged_or_lost(make_recording: Any) -> None:
     }
 
 
-def test_a_set_up_that_was_heard_late_holds_for_the_hits_before_it(make_recording: Any) -> None:
+def test_a_set_up_that_was_heard_late_holds_for_the_hits_before_it(make_recording):
     maker = make_recording("original.mcap")
     add_hit(maker, 1)
     maker.add("release", OURS + "HammerRelease", {**label(2), "swing_time": 0.2})
@@ -264,7 +265,7 @@ def test_a_set_up_that_was_heard_late_holds_for_the_hits_before_it(make_recordin
     ]
 
 
-def test_a_release_that_was_called_off_is_no_lost_hit(make_recording: Any) -> None:
+def test_a_release_that_was_called_off_is_no_lost_hit(make_recording):
     maker = make_recording("original.mcap")
     maker.add_setup()
     add_hit(maker, 1)
@@ -273,7 +274,7 @@ def test_a_release_that_was_called_off_is_no_lost_hit(make_recording: Any) -> No
     assert [(hit.record, hit.state.value) for hit in hits] == [(1, "saved")]
 
 
-def test_topics_metadata_and_attachments_are_taken_over(original: Path) -> None:
+def test_topics_metadata_and_attachments_are_taken_over(original):
     recovery = recover(spoil(original, original.read_bytes()[:-3000]))
     assert recovery.output is not None
     with original.open("rb") as one, recovery.output.open("rb") as other:
@@ -292,7 +293,7 @@ def test_topics_metadata_and_attachments_are_taken_over(original: Path) -> None:
         assert records["impact_rig/recovery"]["recovered_from"] == "damaged.mcap"
 
 
-def test_other_libraries_read_what_was_recovered(original: Path) -> None:
+def test_other_libraries_read_what_was_recovered(original):
     from mcap_ros2.reader import read_ros2_messages
 
     recovery = recover(spoil(original, original.read_bytes()[:-3000]))
@@ -307,7 +308,7 @@ def test_other_libraries_read_what_was_recovered(original: Path) -> None:
         ] == [(item.topic, item.log_time, item.data) for item in raw]
 
 
-def test_a_folder_becomes_a_folder_with_its_list(make_recording: Any, tmp_path: Path) -> None:
+def test_a_folder_becomes_a_folder_with_its_list(make_recording, tmp_path):
     folder = tmp_path / "session"
     folder.mkdir()
     one = write_original(make_recording)

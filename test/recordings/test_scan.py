@@ -47,14 +47,6 @@ def describe(channel, message) -> tuple:
     return (channel.topic, message.sequence, message.log_time, message.publish_time, message.data)
 
 
-def read_by_library(path: Path, topics=None, start=None, end=None) -> list[tuple]:
-    with path.open("rb") as file:
-        found = mcap.reader.make_reader(file).iter_messages(
-            topics, starting_at=start, ending_before=end, log_time_order=False
-        )
-        return [describe(channel, message) for _, channel, message in found]
-
-
 def read(path: Path, topics=TOPICS, start=None, end=None) -> list[tuple]:
     found = RecordingSource(path).read_messages(
         lambda channel: channel.topic in topics, start_time=start, end_time=end
@@ -117,11 +109,6 @@ MESSAGES = [(TOPICS[number // 20], number, bytes([number]) * 100) for number in 
 @pytest.fixture(params=[CompressionType.ZSTD, CompressionType.LZ4, CompressionType.NONE])
 def path(request, tmp_path) -> Path:
     return write(tmp_path / "file.mcap", MESSAGES, compression=request.param, chunk_size=1000)
-
-
-@pytest.mark.parametrize(("start", "end"), [(None, None), (25, 45), (0, 1), (59, None), (60, 99)])
-def test_a_range_of_time_is_what_the_library_reads(path, start, end):
-    assert read(path, {"/b", "/c"}, start, end) == read_by_library(path, {"/b", "/c"}, start, end)
 
 
 def read_beside(path):

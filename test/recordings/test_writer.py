@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tracemalloc
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -217,34 +216,6 @@ def test_messages_of_any_size_and_time_are_found_by_their_time(tmp_path, compres
     assert (statistics.message_start_time, statistics.message_end_time) == (min(times), max(times))
 
 
-HITS = 500
-TOPICS = 12
-"""In the chunk of a hit, as a rig has them."""
-
-
-def test_ten_thousand_hits_would_take_little_memory(tmp_path):
-    """Each hit is a chunk, of which the library keeps the index as an object to the end."""
-    definition = find_message_definition("std_msgs/msg/String")
-    with McapWriter(tmp_path / "long.mcap", compression="none") as writer:
-        channels = [writer.add_channel(f"/{number}", definition, ()) for number in range(TOPICS)]
-
-        def measure_growth() -> float:
-            """Return the memory that some hits leave behind, for each of them [byte]."""
-            before = tracemalloc.get_traced_memory()[0]
-            for number in range(HITS):
-                for channel in channels:
-                    writer.add_message(channel, bytes(300), number, number)
-                writer.flush()
-            return (tracemalloc.get_traced_memory()[0] - before) / HITS
-
-        tracemalloc.start()
-        try:
-            measure_growth()
-            assert measure_growth() < 2000.0
-        finally:
-            tracemalloc.stop()
-
-
 @pytest.mark.skipif(shutil.which("rerun") is None, reason="the Rerun viewer is not installed")
 def test_rerun_finds_nothing_wrong_with_it(make):
     recording = make("session.mcap")
@@ -364,20 +335,12 @@ def test_a_finished_recording_takes_no_more(make):
         recording.writer.sync()
 
 
-def test_the_next_file_begins_when_a_hit_is_complete(make):
+@pytest.mark.parametrize("end", ["sync", "flush"], ids=["hits", "stream"])
+def test_the_next_file_begins_when_a_hit_is_complete_and_in_a_stream_with_a_chunk(make, end):
     recording = make(split_size=8000)
     for number in range(1, 8):
         recording.add_hits(number)
-        recording.writer.flush() if number == 1 else recording.writer.sync()
-    recording.writer.close()
-    assert [list_hits(path) for path in recording.writer.files] == [[1, 2, 3], [4, 5, 6], [7]]
-
-
-def test_in_continuous_streaming_the_next_file_begins_with_a_chunk(make):
-    recording = make(split_size=8000)
-    for number in range(1, 8):
-        recording.add_hits(number)
-        recording.writer.flush()
+        getattr(recording.writer, "flush" if number == 1 else end)()
     recording.writer.close()
     assert [list_hits(path) for path in recording.writer.files] == [[1, 2, 3], [4, 5, 6], [7]]
 

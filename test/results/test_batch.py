@@ -38,13 +38,11 @@ def make_campaign(
         (["/one/session.mcap", "/two/session.mcap"], ["one", "two"]),
     ],
 )
-def test_recordings_have_the_shortest_names_that_tell_them_apart(
-    paths: list[str], names: list[str]
-) -> None:
+def test_recordings_have_the_shortest_names_that_tell_them_apart(paths, names):
     assert shorten_paths(list(map(Path, paths))) == names
 
 
-def test_each_row_has_recording_sample_hits_and_values_with_uncertainty() -> None:
+def test_each_row_has_recording_sample_hits_and_values_with_uncertainty():
     (table,) = tabulate_batch(
         [make_campaign("a.mcap", TIMES[0]), make_campaign("b.mcap", TIMES[1])]
     )
@@ -53,14 +51,14 @@ def test_each_row_has_recording_sample_hits_and_values_with_uncertainty() -> Non
     assert table.marked == {0, 1}
 
 
-def test_the_spread_of_three_recordings_is_the_standard_deviation() -> None:
+def test_the_spread_of_three_recordings_is_the_standard_deviation():
     _, table = tabulate_batch([make_campaign(f"{time}.mcap", time) for time in TIMES])
     (row,) = table.rows
     mean, spread = np.mean(TIMES) * 1e6, 100 * np.std(TIMES, ddof=1) / np.mean(TIMES)
     assert row == ("aluminium small", "3", f"{mean:.2f}", f"{spread:.2f}", "15.60", "0.00")
 
 
-def test_campaigns_of_one_recording_are_numbered() -> None:
+def test_campaigns_of_one_recording_are_numbered():
     (table,) = tabulate_batch(
         [make_campaign("a.mcap", TIMES[0]), make_campaign("a.mcap", TIMES[1], 2)]
     )

@@ -6,10 +6,10 @@ from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.session import SessionResults
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.results.campaign import Results, results_from_session
+from impact_rig.results.campaign import results_from_session
 
 
-def test_rejections_come_by_record_with_reasons_and_injected_faults() -> None:
+def test_rejections_come_by_record_with_reasons_and_injected_faults():
     def reject(record: int, *reasons: Reason) -> JudgedHit:
         label = HitLabel("brass small", record, impact=4, attempt=2)
         return JudgedHit(label, tuple(Rejection(reason, "so it is") for reason in reasons))
@@ -28,7 +28,7 @@ def test_rejections_come_by_record_with_reasons_and_injected_faults() -> None:
     assert (second.record, second.injected_faults) == (12, ())
 
 
-def test_traces_stay_in_the_core(results: Results) -> None:
+def test_traces_stay_in_the_core(results):
     assert all(sample.comparisons == () for sample in results.samples)
     models = [model for sample in results.samples for model in sample.identifications]
     assert models

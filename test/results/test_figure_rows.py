@@ -6,11 +6,10 @@ from dataclasses import replace
 import pytest
 
 from impact_rig.core.setup.paper import PUBLISHED_SAMPLES
-from impact_rig.results.campaign import Results
 from impact_rig.results.figure_rows import make_figure_rows, sort_as_figure_5
 
 
-def test_each_sample_has_its_place(results: Results) -> None:
+def test_each_sample_has_its_place(results):
     rows = make_figure_rows(results)
     assert [row.name for row in rows] == [cell.name for cell in PUBLISHED_SAMPLES]
     for row, cell in zip(rows, PUBLISHED_SAMPLES, strict=True):
@@ -22,7 +21,7 @@ def test_each_sample_has_its_place(results: Results) -> None:
         assert row.reference.published == cell
 
 
-def test_every_hit_of_the_mean_is_a_point_around_it(results: Results) -> None:
+def test_every_hit_of_the_mean_is_a_point_around_it(results):
     for row in make_figure_rows(results):
         assert len(row.contact_times) == 2
         assert min(row.contact_times) <= row.contact_time * 1.001
@@ -31,14 +30,14 @@ def test_every_hit_of_the_mean_is_a_point_around_it(results: Results) -> None:
         assert row.mse_hammer_percent < 0.25
 
 
-def test_without_masses_there_is_no_relative_mass(results: Results) -> None:
+def test_without_masses_there_is_no_relative_mass(results):
     setup = replace(results.setup, hammer_mass=math.nan)
     rows = make_figure_rows(replace(results, setup=setup))
     assert all(math.isnan(row.relative_mass) for row in rows)
     assert all(math.isfinite(row.contact_time) for row in rows)
 
 
-def test_samples_without_a_material_are_each_their_own(results: Results) -> None:
+def test_samples_without_a_material_are_each_their_own(results):
     known = results.setup.samples
     samples = replace(
         known, samples=tuple(replace(sample, material="") for sample in known.samples)
@@ -47,7 +46,7 @@ def test_samples_without_a_material_are_each_their_own(results: Results) -> None
     assert [row.material for row in rows] == [row.name for row in rows]
 
 
-def test_the_three_cases_of_figure_5_come_first() -> None:
+def test_the_three_cases_of_figure_5_come_first():
     names = ("aluminium small", "aluminium large", "tin", "brass small")
     assert sort_as_figure_5(names) == ("brass small", "aluminium large", "aluminium small", "tin")
     assert sort_as_figure_5(()) == ()

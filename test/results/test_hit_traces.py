@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
 from impact_rig.results import hit_traces
@@ -58,7 +57,7 @@ def test_a_record_without_its_end_is_dropped_when_the_next_begins():
     assert joined.values.shape == (1, 2)
 
 
-def test_an_endless_record_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch):
+def test_an_endless_record_does_not_fill_the_memory(monkeypatch):
     monkeypatch.setattr(hit_traces, "LARGEST_RECORD", 10)
 
     (joined,) = feed(*(make_block(4 * i, np.zeros(4), last=i == 9) for i in range(10)))

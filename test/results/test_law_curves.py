@@ -33,7 +33,7 @@ def struck():
     return estimate, sample_traces_from_estimate(estimate, mean)
 
 
-def test_the_law_lies_on_the_pulse_and_the_versed_sine_beside_it(struck) -> None:
+def test_the_law_lies_on_the_pulse_and_the_versed_sine_beside_it(struck):
     estimate, traces = struck
     curves = compute_law_curves(estimate.contact_law, traces, PAPER_SETUP)
     peak = curves.measured.max()
@@ -45,7 +45,7 @@ def test_the_law_lies_on_the_pulse_and_the_versed_sine_beside_it(struck) -> None
     assert curves.time[0] == pytest.approx(-curves.time[-1], abs=1e-6)
 
 
-def test_both_loops_hold_the_energy_lost(struck) -> None:
+def test_both_loops_hold_the_energy_lost(struck):
     estimate, traces = struck
     contact = make_nominal_contact(PAPER_SETUP, SAMPLE, 1.5, RESTITUTION)
     lost = contact.equivalent_mass * contact.impact_speed**2 * (1.0 - contact.restitution**2) / 2.0
@@ -55,7 +55,7 @@ def test_both_loops_hold_the_energy_lost(struck) -> None:
     assert curves.indentation.max() == pytest.approx(curves.law_indentation.max(), rel=5e-3)
 
 
-def test_one_trace_has_no_loop_and_no_law_no_curves(struck) -> None:
+def test_one_trace_has_no_loop_and_no_law_no_curves(struck):
     estimate, traces = struck
     alone = replace(traces, mean=traces.mean[:1])
     assert compute_law_curves(estimate.contact_law, alone, PAPER_SETUP).indentation.size == 0

@@ -3,9 +3,7 @@
 import json
 import math
 import stat
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -37,7 +35,7 @@ RESULTS = Results(
 )
 
 
-def test_what_is_written_is_read_again(tmp_path: Path, results: Results) -> None:
+def test_what_is_written_is_read_again(tmp_path, results):
     path = tmp_path / "results.json"
     write_results(path, results)
     found = read_results(path)
@@ -46,14 +44,14 @@ def test_what_is_written_is_read_again(tmp_path: Path, results: Results) -> None
 
 
 @given(value=st.floats(allow_nan=False, allow_infinity=False))
-def test_every_number_comes_back_bit_by_bit(value: float) -> None:
+def test_every_number_comes_back_bit_by_bit(value):
     results = replace(RESULTS, samples=(replace(SAMPLE, stiffness=Quantity(value)),))
     content = json.loads(format_json(results_to_json(results)))
     back = content["samples"][0]["stiffness_n_per_m"]
     assert (back, math.copysign(1, back)) == (value, math.copysign(1, value))
 
 
-def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path: Path) -> None:
+def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path):
     path = tmp_path / "results.json"
     write_results(path, RESULTS)
     content = json.loads(path.read_text())
@@ -89,7 +87,7 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path: Pat
     }  # fmt: skip
 
 
-def test_what_is_not_determined_is_null(tmp_path: Path) -> None:
+def test_what_is_not_determined_is_null(tmp_path):
     path = tmp_path / "results.json"
     write_results(path, RESULTS)
     assert "NaN" not in path.read_text()
@@ -97,7 +95,7 @@ def test_what_is_not_determined_is_null(tmp_path: Path) -> None:
     assert math.isnan(read_results(path).samples[0].stiffness.value)
 
 
-def test_results_are_as_readable_as_any_new_file(tmp_path: Path) -> None:
+def test_results_are_as_readable_as_any_new_file(tmp_path):
     other = tmp_path / "other"
     other.write_text("")
     write_results(tmp_path / "results.json", RESULTS)
@@ -105,9 +103,7 @@ def test_results_are_as_readable_as_any_new_file(tmp_path: Path) -> None:
     assert stat.S_IMODE(mode) == stat.S_IMODE(other.stat().st_mode)
 
 
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
     path = tmp_path / "results.json"
     path.write_text("old")
 
@@ -151,9 +147,7 @@ def _flatten(content: dict[str, Any]) -> None:
         (_flatten, "hits must be a list"),
     ],
 )
-def test_what_is_no_results_file_is_named(
-    tmp_path: Path, spoil: Callable[[dict[str, Any]], None], words: str
-) -> None:
+def test_what_is_no_results_file_is_named(tmp_path, spoil, words):
     path = tmp_path / "results.json"
     content = results_to_json(RESULTS)
     spoil(content)
@@ -164,7 +158,7 @@ def test_what_is_no_results_file_is_named(
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1, 2]", "\0\1\2"])
-def test_other_text_is_refused(tmp_path: Path, text: str) -> None:
+def test_other_text_is_refused(tmp_path, text):
     path = tmp_path / "results.json"
     path.write_text(text)
     with pytest.raises(FileError, match=r"results\.json: is not"):
@@ -181,9 +175,7 @@ def test_other_text_is_refused(tmp_path: Path, text: str) -> None:
     ],
     ids=["digits", "more digits", "deep", "half a letter"],
 )
-def test_what_no_number_text_or_nesting_can_be_is_refused(
-    tmp_path: Path, found: str, written: str, told: str
-) -> None:
+def test_what_no_number_text_or_nesting_can_be_is_refused(tmp_path, found, written, told):
     path = tmp_path / "results.json"
     text = format_json(results_to_json(RESULTS))
     assert found in text
@@ -193,7 +185,7 @@ def test_what_no_number_text_or_nesting_can_be_is_refused(
     assert len(str(caught.value)) < 300
 
 
-def test_json_is_the_same_and_steers_no_terminal() -> None:
+def test_json_is_the_same_and_steers_no_terminal():
     text = "\x9b2J \u202e \x7f \ud800 \x1b é"
     written = format_json({"name": text})
     assert json.loads(written) == {"name": text}
@@ -201,7 +193,7 @@ def test_json_is_the_same_and_steers_no_terminal() -> None:
     assert "é" in written
 
 
-def test_results_of_version_3_are_read(tmp_path: Path) -> None:
+def test_results_of_version_3_are_read(tmp_path):
     path = tmp_path / "results.json"
     content = results_to_json(RESULTS)
     content["format"]["version"] = 3

@@ -56,9 +56,7 @@ def published() -> SampleTraces:
     return gather(Plant.PUBLISHED, with_models=False)
 
 
-def test_the_hammer_s_half_amplitude_points_stand_around_the_middle(
-    published: SampleTraces,
-) -> None:
+def test_the_hammer_s_half_amplitude_points_stand_around_the_middle(published):
     hammer = np.abs(published.mean[0])
     half = published.half_amplitude_width / 2.0
     levels = np.interp([-half, half], published.time, hammer) / hammer.max()
@@ -66,7 +64,7 @@ def test_the_hammer_s_half_amplitude_points_stand_around_the_middle(
     assert levels == pytest.approx([0.5, 0.5], abs=0.01)
 
 
-def test_both_peaks_of_the_decrement_are_maxima_of_the_sample(published: SampleTraces) -> None:
+def test_both_peaks_of_the_decrement_are_maxima_of_the_sample(published):
     sample, time = published.mean[1], published.time
     sign = np.sign(sample[np.argmax(np.abs(sample))])
     first, second = (
@@ -80,7 +78,7 @@ def test_both_peaks_of_the_decrement_are_maxima_of_the_sample(published: SampleT
     assert time[first] < published.contact_time / 2.0 < time[second]
 
 
-def test_models_are_drawn_in_the_scale_of_the_measurement(published: SampleTraces) -> None:
+def test_models_are_drawn_in_the_scale_of_the_measurement(published):
     assert [model.model for model in published.models] == [DRIVEN, PRINTED]
     for model in published.models:
         assert model.traces.shape == published.mean.shape
@@ -89,7 +87,7 @@ def test_models_are_drawn_in_the_scale_of_the_measurement(published: SampleTrace
         )
 
 
-def test_the_fitted_model_is_there_once_it_is_fitted() -> None:
+def test_the_fitted_model_is_there_once_it_is_fitted():
     traces = gather(Plant.DYNAMICS, with_models=True)
     fitted, driven = traces.find_model(IDENTIFIED), traces.find_model(DRIVEN)
     assert fitted is not None
@@ -98,7 +96,7 @@ def test_the_fitted_model_is_there_once_it_is_fitted() -> None:
     assert fitted.mse_sample_percent < driven.mse_sample_percent / 10.0
 
 
-def test_a_hit_lies_in_its_sample_s_time() -> None:
+def test_a_hit_lies_in_its_sample_s_time():
     _, (hit, *_) = strike(Plant.PUBLISHED)
     aligned = align_hit(hit)
     assert aligned is not None
@@ -109,7 +107,7 @@ def test_a_hit_lies_in_its_sample_s_time() -> None:
     assert hammer.max() == pytest.approx(hit.hammer_peak, rel=1e-3)
 
 
-def test_what_has_no_contact_has_no_traces() -> None:
+def test_what_has_no_contact_has_no_traces():
     session, _ = strike(Plant.PUBLISHED)
     estimate, mean = session.estimate_sample(CONTROL), session.compute_mean(CONTROL)
     assert mean is not None

@@ -91,7 +91,7 @@ def make_results(
     return Results(replace(PAPER_SETUP, samples=known), hammer, samples, ())
 
 
-def test_paper_and_measured_stand_side_by_side_with_their_difference() -> None:
+def test_paper_and_measured_stand_side_by_side_with_their_difference():
     sample = SampleEstimate(
         "steel medium",
         10,
@@ -118,7 +118,7 @@ def test_paper_and_measured_stand_side_by_side_with_their_difference() -> None:
     }  # fmt: skip
 
 
-def test_a_difference_beyond_the_uncertainty_is_marked_and_said() -> None:
+def test_a_difference_beyond_the_uncertainty_is_marked_and_said():
     sure, unsure = (
         SampleEstimate(name, 10, 0, Quantity(204.2e-6, expanded=expanded))
         for name, expanded in (("steel medium", 0.99e-6), ("steel small", 34.3e-6))
@@ -133,14 +133,14 @@ def test_a_difference_beyond_the_uncertainty_is_marked_and_said() -> None:
     assert alone.marked == frozenset()
 
 
-def test_the_misprint_is_marked_wherever_its_row_is_shown(results: Results) -> None:
+def test_the_misprint_is_marked_wherever_its_row_is_shown(results):
     tables = tabulate_results(results)[:3]
     assert all(find_row(table, "brass medium")["Sample"] == "brass medium *" for table in tables)
     assert find_row(tables[0], "brass medium")["Paper [µs]"] == "228.00"
     assert any("prints 288.10 µs for brass medium" in note for note in tables[0].notes)
 
 
-def test_samples_of_ones_own_are_held_against_their_references() -> None:
+def test_samples_of_ones_own_are_held_against_their_references():
     known = SampleSet(
         (Sample("brass medium", 0.2, reference_contact_time=2e-4), Sample("zinc", 0.1)), ""
     )
@@ -154,7 +154,7 @@ def test_samples_of_ones_own_are_held_against_their_references() -> None:
     assert "Difference [%]" not in find_row(alone, "zinc")
 
 
-def test_the_best_shape_stands_beside_what_the_versed_sine_leaves() -> None:
+def test_the_best_shape_stands_beside_what_the_versed_sine_leaves():
     (table,) = tabulate_pulse_shapes([SAMPLE])
     row = find_row(table)
     assert (row["Best shape"], row["It leaves [%]"]) == ("half-sine", "0.12")
@@ -165,7 +165,7 @@ def test_the_best_shape_stands_beside_what_the_versed_sine_leaves() -> None:
     assert find_row(table)["Best shape"] == "half-sine ?"
 
 
-def test_free_decay_and_identification_show_values_with_their_uncertainty() -> None:
+def test_free_decay_and_identification_show_values_with_their_uncertainty():
     (decays,) = tabulate_free_decays([SAMPLE])
     assert find_row(decays)["c2, free decay [N s/m]"] == "1180 ± 25"
     assert find_row(decays)["ζ, free decay"] == "0.2512 ± 0.0023"
@@ -176,11 +176,11 @@ def test_free_decay_and_identification_show_values_with_their_uncertainty() -> N
     assert (row["c2, fit [N s/m]"], row["Model"]) == ("1171.0 ± 3.4", "driven")
 
 
-def test_nothing_known_makes_no_table() -> None:
+def test_nothing_known_makes_no_table():
     assert tabulate_checks([SampleEstimate("tin", 0, 3)]) == []
 
 
-def test_a_budget_names_each_source_and_sums_up_what_is_small() -> None:
+def test_a_budget_names_each_source_and_sums_up_what_is_small():
     (table,) = tabulate_budgets("steel medium", SAMPLE)
     assert table.caption == "steel medium: k = 45.0 ± 1.2 MN/m"
     assert table.rows[0] == ("mass of the accelerometer", "B", "0.5", "80.0")
@@ -188,7 +188,7 @@ def test_a_budget_names_each_source_and_sums_up_what_is_small() -> None:
 
 
 @pytest.mark.parametrize(("row", "expected"), [(0, "203.20"), (1, "45.29"), (2, "1170.0")])
-def test_a_sample_by_itself_has_the_values_of_every_method(row: int, expected: str) -> None:
+def test_a_sample_by_itself_has_the_values_of_every_method(row, expected):
     table = tabulate_methods(SAMPLE, find_reference(PAPER_SETUP.samples, "steel medium"))
     assert [column.header for column in table.columns] == [
         "", "paper's method", "free decay", "fit (driven)", "expected",

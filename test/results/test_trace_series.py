@@ -32,7 +32,7 @@ SAMPLE = SampleEstimate(
 RESULTS = Results(PAPER_SETUP, HammerEstimate(), (SAMPLE,), ())
 
 
-def test_each_hit_has_its_row_with_verdict_and_widths() -> None:
+def test_each_hit_has_its_row_with_verdict_and_widths():
     table = tabulate_hits((GOOD, BAD))
     assert table.rows[0] == (
         "hit_1.npy", "200.0 ± 1.2", "accepted", "100.00", "1.590", "versed-sine", "0.3", "512",
@@ -42,12 +42,12 @@ def test_each_hit_has_its_row_with_verdict_and_widths() -> None:
     assert table.marked == {1}
 
 
-def test_folders_are_shown_where_the_names_are_the_same() -> None:
+def test_folders_are_shown_where_the_names_are_the_same():
     table = tabulate_hits((GOOD, FileResults(Origin(IMPORTED, file="other/hit_1.npy"), True, ())))
     assert [row[0] for row in table.rows] == ["lab/hit_1.npy", "other/hit_1.npy"]
 
 
-def test_the_json_has_hits_and_samples_with_null_for_what_is_not_known() -> None:
+def test_the_json_has_hits_and_samples_with_null_for_what_is_not_known():
     content = json.loads(format_json(trace_results_to_json(RESULTS, (GOOD, BAD))))
     assert content["format"] == {"name": "impact-rig trace results", "version": 5}
     assert (content["origin"], content["origin_source"]) == ("imported", "npy file")

@@ -55,12 +55,12 @@ SETUP = replace(
 
 
 @pytest.mark.parametrize("record", [ESTIMATE, SETUP, HammerEstimate(stiffness=STIFFNESS)])
-def test_a_record_comes_back_from_json_as_it_was(record: object) -> None:
+def test_a_record_comes_back_from_json_as_it_was(record):
     content = json.loads(json.dumps(to_json(record), allow_nan=False))
     assert repr(from_json(type(record), content, 4)) == repr(record)
 
 
-def test_json_tells_a_quantity_by_name_and_unit_and_its_budget_beside_it() -> None:
+def test_json_tells_a_quantity_by_name_and_unit_and_its_budget_beside_it():
     content = to_json(ESTIMATE)
     assert content["stiffness_n_per_m"] == 3e6
     assert content["stiffness_u_n_per_m"] == 4e4
@@ -73,7 +73,7 @@ def test_json_tells_a_quantity_by_name_and_unit_and_its_budget_beside_it() -> No
     assert "comparisons" not in content
 
 
-def test_json_of_a_set_up_keeps_its_names() -> None:
+def test_json_of_a_set_up_keeps_its_names():
     assert set(to_json(SETUP)) == {
         "name", "description", "hammer_mass_kg", "hammer_mass_u_kg", "hammer_stiffness_n_per_m",
         "accelerometer_mass_kg", "accelerometer_mass_u_kg", "clock_u", "impact_speed_m_per_s",
@@ -96,7 +96,7 @@ class Grown:
     force: Quantity = field(default=STIFFNESS, metadata=describe("N/m", since=5))
 
 
-def test_what_an_older_file_lacks_takes_its_default() -> None:
+def test_what_an_older_file_lacks_takes_its_default():
     found = from_json(Grown, {"name": "x"}, 4)
     assert math.isnan(found.length)
     assert not found.force.is_known
@@ -107,13 +107,13 @@ def test_what_an_older_file_lacks_takes_its_default() -> None:
             from_json(Grown, content, 5)
 
 
-def test_a_set_up_that_cannot_be_meant_is_refused_with_its_place() -> None:
+def test_a_set_up_that_cannot_be_meant_is_refused_with_its_place():
     content = {**to_json(SETUP), "samples": []}
     with pytest.raises(WireError, match="setup: the sample set is empty"):
         from_json(RigSetup, content, 4, "setup")
 
 
-def test_a_row_has_numbers_and_texts_and_leaves_empty_what_is_not_determined() -> None:
+def test_a_row_has_numbers_and_texts_and_leaves_empty_what_is_not_determined():
     row = to_row(ESTIMATE, "x_")
     assert (row["x_name"], row["x_impacts_accepted"]) == ("tin", "3")
     assert (row["x_stiffness_n_per_m"], row["x_contact_time_u_s"]) == ("3000000.0", "")

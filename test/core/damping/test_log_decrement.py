@@ -1,4 +1,4 @@
-"""Equations (7) and (8) against free decays and Table 4."""
+"""Equations (7) and (8) against free decays."""
 
 import numpy as np
 import pytest
@@ -10,11 +10,9 @@ from impact_rig.core.damping.log_decrement import (
     compute_log_decrement,
     estimate_damping_coefficient,
     estimate_damping_ratio,
-    estimate_damping_ratio_from_coefficient,
     estimate_log_decrement,
 )
 from impact_rig.core.errors import NotDeterminedError, ParameterError
-from impact_rig.core.setup.paper import PUBLISHED_SAMPLES
 
 RATE = 2.5e6
 
@@ -51,16 +49,11 @@ def test_noise_below_the_second_peak_does_little():
     assert peaks.log_decrement == pytest.approx(compute_log_decrement(0.3), abs=0.04)
 
 
-def test_a_second_peak_within_the_noise_is_not_invented():
-    trace = make_decay(0.7)  # U2 = 0.002 U1
-    with pytest.raises(NotDeterminedError, match=r"no second peak .* noise \(5 % of the first\)"):
-        estimate_log_decrement(trace, noise=0.01)
-
-
-@pytest.mark.parametrize("ratio", [1.0, 1.5])
-def test_a_body_that_does_not_swing_has_no_decrement(ratio):
+@pytest.mark.parametrize(("ratio", "noise"), [(0.7, 0.01), (1.0, 1e-6), (1.5, 1e-6)])
+def test_a_second_peak_within_the_noise_is_not_invented(ratio, noise):
+    # Of 0.7, the second peak is 0.002 of the first; the others have none.
     with pytest.raises(NotDeterminedError, match="no second peak stands out of the noise"):
-        estimate_log_decrement(make_decay(ratio), noise=1e-6)
+        estimate_log_decrement(make_decay(ratio), noise=noise)
 
 
 def test_a_wave_that_does_not_decay_has_no_decrement():
@@ -80,22 +73,6 @@ def test_a_critical_damper_gives_a_double_root():
     c = estimate_damping_coefficient(1.0, 45e6, 0.17)
     first, second = np.roots([0.17, c, 45e6])
     assert first == pytest.approx(second, rel=1e-6)
-
-
-def test_table_4_means_the_damping_ratios_that_are_known_of_it():
-    ratios = [
-        estimate_damping_ratio_from_coefficient(
-            cell.damping_coefficient, cell.stiffness, cell.mass + 3e-3
-        )
-        for cell in PUBLISHED_SAMPLES
-    ]
-    assert min(ratios) == pytest.approx(0.17, abs=0.005)
-    assert max(ratios) == pytest.approx(0.48, abs=0.005)
-    hammer = estimate_damping_ratio_from_coefficient(1909, 22.54e6, 0.1)
-    assert hammer == pytest.approx(0.64, abs=0.005)
-    # U1 / U2 from about 3 to 177.
-    assert np.exp(compute_log_decrement(min(ratios))) == pytest.approx(3, abs=0.1)
-    assert np.exp(compute_log_decrement(hammer)) == pytest.approx(177, rel=0.01)
 
 
 def test_impossible_numbers_are_refused():

@@ -11,9 +11,7 @@ from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalErr
 from impact_rig.core.estimation.pulse_shape import (
     PulseShapeEstimate,
     estimate_pulse_shape,
-    fit_pulse,
 )
-from impact_rig.core.estimation.pulse_window import cut_window
 from impact_rig.core.hits.averaging import HitSummary, MeanHit, shift_hit
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import measure_pulse
@@ -106,29 +104,6 @@ def test_noise_moves_neither_contact_time_nor_sides_to_one_side():
         # Within four standard errors; the low-pass itself widens by some 1e-4.
         assert abs(values.mean() - true) < 4 * values.std() / np.sqrt(values.size) + 3e-4 * true
     assert times.std() < 2e-3 * TAU
-
-
-def test_no_other_parameters_leave_less():
-    hammer = low_pass(strike(HALF_SINE, 0.1) / PEAK, CUTOFF, RATE)
-    pulse = measure_pulse(hammer)
-    width = pulse.half_amplitude_width
-    window = cut_window(hammer, pulse, RATE, CUTOFF)
-    fit = fit_pulse(window, VERSED_SINE)
-    points = np.rint(window.time * width + pulse.middle).astype(int)
-    best = np.array([fit.start, fit.duration, fit.asymmetry, fit.amplitude, fit.offset])
-
-    def leave(parameters: FloatArray) -> float:
-        start, duration, asymmetry, amplitude, offset = parameters
-        time = (np.arange(hammer.size) - pulse.middle) / width - start
-        model = compute_pulse(time, duration, VERSED_SINE, asymmetry)
-        left = offset + amplitude * low_pass(model, CUTOFF, RATE)[points] - hammer[points]
-        return float(left @ left)
-
-    for index in range(5):
-        for side in (-1, 1):
-            step = np.zeros(5)
-            step[index] = side * 3e-3
-            assert leave(best + step) > leave(best)
 
 
 def test_a_half_sine_is_warned_of_with_its_contact_time():

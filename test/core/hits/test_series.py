@@ -1,8 +1,6 @@
 """All hits of one sample: which are in the mean, early and late, and what is known of them."""
 
-import gc
 import tempfile
-import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -126,23 +124,6 @@ def test_what_is_told_of_the_spread_is_that_of_the_hits_in_the_mean():
     series = make_series([*hits, make_hit(12, factor=1.5)])
     assert series.contact_time_spread == pytest.approx(np.std(times, ddof=1), rel=1e-12)
     assert np.isnan(make_series(hits[:1]).contact_time_spread)
-
-
-def test_memory_grows_by_less_than_a_kilobyte_a_hit():
-    hits = [make_hit(number) for number in range(50)]
-    series = make_series(hits)
-    gc.collect()
-    tracemalloc.start()
-    try:
-        for number in range(1000):
-            label = HitLabel("steel", number, number)
-            series.add(replace(hits[number % 50], label=label, stamp=10**18 + number))
-        gc.collect()
-        grown = tracemalloc.get_traced_memory()[0]
-    finally:
-        tracemalloc.stop()
-    # Traces of one hit take 5 kB.
-    assert grown < 1000 * 1000
 
 
 def test_a_folder_without_room_for_traces_is_named(monkeypatch, tmp_path):

@@ -16,7 +16,6 @@ from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.hits.second_pulse import (
     Kind,
     SecondPulse,
-    estimate_duration,
     find_second_pulse,
 )
 from impact_rig.core.hits.verdict import (
@@ -255,12 +254,6 @@ def make_pulse(
 
 def find(trace: np.ndarray) -> SecondPulse | None:
     return find_second_pulse(trace, measure_pulse(trace), LEVEL)
-
-
-@pytest.mark.parametrize("shape", PULSE_SHAPES, ids=lambda shape: shape.name)
-def test_the_duration_of_every_shape_is_known_within_five_percent(shape):
-    pulse = measure_pulse(make_pulse(shape=shape))
-    assert estimate_duration(pulse) == pytest.approx(DURATION, rel=0.05)
 
 
 @given(

@@ -2,31 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from impact_rig.core.model.contact_law import ScaledPulses, compute_pulses
 
-
-def integrate(exponent: float, damping: float):
-    """Integrate x'' = -x^n (1 + A x') from first touch to separation."""
-
-    def change(_time, state):
-        return [state[1], -(max(state[0], 0.0) ** exponent) * (1.0 + damping * state[1])]
-
-    def separate(time, state):
-        return state[0] if time > 0.1 else 1.0
-
-    separate.terminal = True
-    return solve_ivp(
-        change,
-        (0.0, 60.0),
-        [0.0, 1.0],
-        method="DOP853",
-        rtol=1e-11,
-        atol=1e-13,
-        events=separate,
-        dense_output=True,
-    )
+from ..struck import collide
 
 
 def compute_one(exponent: float, damping: float) -> ScaledPulses:
@@ -36,7 +15,7 @@ def compute_one(exponent: float, damping: float) -> ScaledPulses:
 @pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0, 3.0])
 @pytest.mark.parametrize("damping", [-0.2, 0.0, 0.1, 0.8, 2.0])
 def test_a_pulse_is_that_of_the_differential_equation(exponent, damping):
-    solution = integrate(exponent, damping)
+    solution = collide(exponent, damping)
     (duration,), ((_, speed),) = solution.t_events[0], solution.y_events[0]
     time = np.linspace(0.0, duration, 1001)
     x, v = solution.sol(time)
@@ -47,12 +26,6 @@ def test_a_pulse_is_that_of_the_differential_equation(exponent, damping):
     assert pulse.largest_compression[0] == pytest.approx(x.max(), rel=1e-5)
     assert pulse.compute_peak_force()[0] == pytest.approx(force.max(), rel=1e-4)
     assert pulse.compute_force(time)[0][0] == pytest.approx(force, abs=1e-5)
-
-
-def test_a_hertz_contact_without_loss_has_the_known_duration():
-    pulse = compute_one(1.5, 0.0)
-    assert pulse.duration[0] == pytest.approx(3.2181, abs=5e-5)
-    assert pulse.restitution[0] == pytest.approx(1.0, abs=1e-7)
 
 
 @pytest.mark.parametrize(

@@ -7,28 +7,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, simulate_impact
+from impact_rig.core.model.impact import ImpactModel, ModelVariant, simulate_impact
 from impact_rig.core.model.sensitivities import compute_sensitivities, list_parameters
 from impact_rig.core.signals.filtering import low_pass
 
+from .test_impact import make_model
+
 RATE = 2.5e6
 COUNT = 2500
-TAU = 203.2e-6
 START = -1e-4 - 0.37 / RATE
 """Between two points, as it always is."""
 FORWARD_ERROR = 2e-6
 """Of a forward difference, over the largest derivative [-]: half a step, 3e-8 of a scale, times
 second derivatives; in points a step in time is some 2e-6."""
-
-
-def make_body(mass: float, stiffness: float, ratio: float) -> Body:
-    return Body(mass, stiffness, 2.0 * ratio * np.sqrt(stiffness * mass))
-
-
-def make_model(first_ratio: float = 0.64, second_ratio: float = 0.3) -> ImpactModel:
-    return ImpactModel(
-        make_body(0.1, 22.54e6, first_ratio), make_body(0.17, 45.29e6, second_ratio), TAU, 0.08, 60
-    )
 
 
 def change(model: ImpactModel, start: float, name: str, by: float) -> tuple[ImpactModel, float]:

@@ -1,4 +1,4 @@
-"""Settings of the analysis: the paper's by default, and what is refused."""
+"""Settings of the analysis: what is refused."""
 
 import math
 
@@ -6,13 +6,6 @@ import pytest
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup.settings import AnalysisSettings
-
-
-def test_the_paper_is_the_default():
-    settings = AnalysisSettings()
-    assert settings.cutoff_frequency == 50e3
-    assert settings.pulse_factor == 2.0
-    assert settings.record_duration == 2e-3
 
 
 @pytest.mark.parametrize(

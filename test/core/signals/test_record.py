@@ -14,23 +14,14 @@ def make_channel(count: int = 4, **changes: float) -> ChannelBlock:
     return ChannelBlock(np.arange(count, dtype=np.int32), **calibration)
 
 
-def test_what_a_block_holds_is_its_own():
+def test_what_blocks_and_traces_hold_is_their_own():
     counts = np.arange(4, dtype=np.int32)
-    channel = ChannelBlock(counts, 0.5, 0.0, 2000.0)
+    held = (ChannelBlock(counts, 0.5, 0.0, 2000.0).output, Trace(counts).acceleration)
     counts[0] = 99
-    assert channel.output[0] == 0
-    with pytest.raises(ValueError, match="read-only"):
-        channel.output[0] = 99
-
-
-def test_what_a_trace_holds_is_its_own():
-    values = np.arange(4)
-    trace = Trace(values)
-    values[0] = 99
-    assert trace.acceleration.dtype == np.float64
-    assert trace.acceleration[0] == 0.0
-    with pytest.raises(ValueError, match="read-only"):
-        trace.acceleration[0] = 99
+    for array, kind in zip(held, (np.int32, np.float64), strict=True):
+        assert (array.dtype, array[0]) == (kind, 0)
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 99
 
 
 @pytest.mark.parametrize("dtype", [np.int16, np.uint8, np.int32])

@@ -61,9 +61,7 @@ def refusal(*words: str):
         (ScpiFault.NONSENSE, "ACQ:SOUR2"),
     ],
 )
-def test_a_wrong_answer_to_any_question_is_named_and_the_next_try_works(
-    rig, fault: ScpiFault, query: str
-) -> None:
+def test_a_wrong_answer_to_any_question_is_named_and_the_next_try_works(rig, fault, query):
     source = rig.make_source(QUICK)
     rig.digitizer.misbehave(fault, query)
     with refusal(re.escape(rig.digitizer.address), WORDS[fault]):
@@ -74,7 +72,7 @@ def test_a_wrong_answer_to_any_question_is_named_and_the_next_try_works(
         assert take_record(rig, again)[0].hammer.output.size == 5000
 
 
-def test_another_instrument_is_named_by_what_it_says_it_is(rig) -> None:
+def test_another_instrument_is_named_by_what_it_says_it_is(rig):
     rig.digitizer.set_identity("RIGOL TECHNOLOGIES,DS1054Z,DS1ZA0,00.04.04")
     with refusal("is 'RIGOL TECHNOLOGIES,DS1054Z", "must contain 'REDPITAYA'"):
         rig.make_source().configure(rig.make_plan())
@@ -83,7 +81,7 @@ def test_another_instrument_is_named_by_what_it_says_it_is(rig) -> None:
     source.close()
 
 
-def test_an_instrument_in_other_hands_is_named(rig) -> None:
+def test_an_instrument_in_other_hands_is_named(rig):
     rig.digitizer.set_busy(is_busy=True)
     with refusal("another program may hold it"):
         rig.make_source().configure(rig.make_plan())
@@ -100,19 +98,19 @@ def test_an_instrument_in_other_hands_is_named(rig) -> None:
         ("a" * 70, "cannot be reached: .*label"),
     ],
 )
-def test_an_address_where_nobody_is_is_named(rig, address: str, words: str) -> None:
+def test_an_address_where_nobody_is_is_named(rig, address, words):
     with refusal(words):
         rig.make_source(QUICK, address).configure(rig.make_plan())
 
 
-def test_an_instrument_without_its_server_is_named(rig) -> None:
+def test_an_instrument_without_its_server_is_named(rig):
     rig.digitizer.unplug()
     with refusal("refuses connections: start its SCPI server"):
         rig.make_source().configure(rig.make_plan())
 
 
 @pytest.mark.parametrize("is_armed", [True, False])
-def test_a_loss_is_noticed_whether_it_is_armed_or_not(rig, is_armed: bool) -> None:
+def test_a_loss_is_noticed_whether_it_is_armed_or_not(rig, is_armed):
     source = rig.make_source()
     source.configure(rig.make_plan())
     if is_armed:
@@ -143,12 +141,12 @@ def serve(answer):
         ("REDPITAYÄ\r\n".encode(), "a line of text should come"),
     ],
 )
-def test_who_says_too_much_is_named(rig, text: bytes, words: str) -> None:
+def test_who_says_too_much_is_named(rig, text, words):
     with serve(lambda line: text if line == "*IDN?" else b"") as address, refusal(words):
         rig.make_source(QUICK, address).configure(rig.make_plan())
 
 
-def test_an_instrument_that_does_not_obey_is_named(rig) -> None:
+def test_an_instrument_that_does_not_obey_is_named(rig):
     def answer(line: str) -> bytes:
         return {"*IDN?": b"RedPitaya 9\n", "ACQ:DEC:FACTOR?": b"64\n"}.get(line, b"")
 
@@ -158,9 +156,7 @@ def test_an_instrument_that_does_not_obey_is_named(rig) -> None:
 
 
 @pytest.mark.parametrize("command", ["ACQ:DEC:FACTOR 64", "ACQ:SOUR2:GAIN HV", "ACQ:RST"])
-def test_settings_that_another_program_has_changed_are_noticed_at_the_next_arming(
-    rig, command: str
-) -> None:
+def test_settings_that_another_program_has_changed_are_noticed_at_the_next_arming(rig, command):
     source = rig.make_source()
     source.configure(rig.make_plan())
     source.arm()
@@ -177,7 +173,7 @@ def test_settings_that_another_program_has_changed_are_noticed_at_the_next_armin
 @pytest.mark.parametrize(
     "block", [b"#0", b"#x12", b"{1,2,3}\n", b"#3ab", b"#9999999999", b"#41000"]
 )
-def test_what_is_no_block_of_the_record_is_named(rig, block: bytes) -> None:
+def test_what_is_no_block_of_the_record_is_named(rig, block):
     rig.digitizer.unplug()
     board = rig.digitizer._board
 
@@ -236,7 +232,7 @@ ANSWERS = st.one_of(
 
 @EXAMPLES
 @given(st.lists(st.tuples(ANSWERS, st.booleans()), min_size=1, max_size=4))
-def test_no_answer_breaks_the_connection_but_in_words(answers) -> None:
+def test_no_answer_breaks_the_connection_but_in_words(answers):
     script = iter(answers)
 
     def answer(_: str) -> tuple[bytes, bool]:
@@ -263,8 +259,8 @@ def test_no_answer_breaks_the_connection_but_in_words(answers) -> None:
     goes_on=st.booleans(),
 )
 def test_a_spoilt_answer_gives_an_error_in_words_or_a_whole_record(
-    place: int, begin: int, length: int, patch: bytes, goes_on: bool
-) -> None:
+    place, begin, length, patch, goes_on
+):
     board = RedPitaya()
     count = 0
 
@@ -293,7 +289,7 @@ def test_a_spoilt_answer_gives_an_error_in_words_or_a_whole_record(
             assert block is None or (block.last and block.hammer.output.size == POINTS)
 
 
-def test_the_same_dialogue_unspoilt_gives_the_record() -> None:
+def test_the_same_dialogue_unspoilt_gives_the_record():
     board = RedPitaya()
 
     def answer(line: str) -> tuple[bytes, bool]:

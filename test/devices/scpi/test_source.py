@@ -40,9 +40,7 @@ def find_crossing(counts: np.ndarray, level: float) -> int:
     return int(np.argmax(counts >= level))
 
 
-def test_each_count_of_a_record_is_that_of_the_input_with_the_trigger_in_its_place(
-    rig, profile
-) -> None:
+def test_each_count_of_a_record_is_that_of_the_input_with_the_trigger_in_its_place(rig, profile):
     source, plan = profile()
     source.configure(plan)
     for _ in range(3):
@@ -59,7 +57,7 @@ def test_each_count_of_a_record_is_that_of_the_input_with_the_trigger_in_its_pla
     source.close()
 
 
-def test_nothing_of_the_record_before_stands_before_the_trigger(rig) -> None:
+def test_nothing_of_the_record_before_stands_before_the_trigger(rig):
     source = rig.make_source()
     source.configure(rig.make_plan(pre_trigger=1e-3))
     for _ in range(3):
@@ -72,7 +70,7 @@ def test_nothing_of_the_record_before_stands_before_the_trigger(rig) -> None:
     source.close()
 
 
-def test_a_hit_without_its_sample_has_the_hammer_alone(rig, profile) -> None:
+def test_a_hit_without_its_sample_has_the_hammer_alone(rig, profile):
     source, plan = profile(numbers={"hammer": "1"}, specimen=None)
     source.configure(plan)
     _, blocks = take_record(rig, source)
@@ -81,7 +79,7 @@ def test_a_hit_without_its_sample_has_the_hammer_alone(rig, profile) -> None:
     source.close()
 
 
-def test_an_input_beyond_its_range_is_flagged_in_its_channel(rig, profile) -> None:
+def test_an_input_beyond_its_range_is_flagged_in_its_channel(rig, profile):
     source, plan = profile()
     source.configure(plan)
     source.arm()
@@ -95,7 +93,7 @@ def test_an_input_beyond_its_range_is_flagged_in_its_channel(rig, profile) -> No
     source.close()
 
 
-def test_the_falling_edge_triggers_where_it_is_asked_for(rig) -> None:
+def test_the_falling_edge_triggers_where_it_is_asked_for(rig):
     hit = rig.make_hit()
     hit = replace(hit, hammer=replace(hit.hammer, scale=-hit.hammer.scale))
     source = rig.make_source()
@@ -111,7 +109,7 @@ def test_the_falling_edge_triggers_where_it_is_asked_for(rig) -> None:
     source.close()
 
 
-def test_a_sensor_that_looks_the_other_way_triggers_on_the_falling_voltage(rig) -> None:
+def test_a_sensor_that_looks_the_other_way_triggers_on_the_falling_voltage(rig):
     hit = rig.make_hit()
     hit = replace(hit, hammer=replace(hit.hammer, scale=-hit.hammer.scale))
     source = rig.make_source()
@@ -123,7 +121,7 @@ def test_a_sensor_that_looks_the_other_way_triggers_on_the_falling_voltage(rig) 
     source.close()
 
 
-def test_the_wide_range_has_larger_counts(rig) -> None:
+def test_the_wide_range_has_larger_counts(rig):
     source = rig.make_source()
     source.configure(rig.make_plan('[source.hammer]\nrange = "20 V"'))
     hit, blocks = take_record(rig, source)
@@ -138,7 +136,7 @@ def test_the_wide_range_has_larger_counts(rig) -> None:
 @pytest.mark.parametrize(
     "points_format", ['format = "ascii"', 'format = "float32"', 'format = "int16"']
 )
-def test_points_may_come_as_volts_in_text_or_numbers_or_as_counts(rig, points_format) -> None:
+def test_points_may_come_as_volts_in_text_or_numbers_or_as_counts(rig, points_format):
     is_counts = "int16" in points_format
     setup = (
         'setup = ["ACQ:RST", "ACQ:DEC:FACTOR 50", "ACQ:TRIG:LEV {level}", "ACQ:TRIG:DLY -3942",'
@@ -163,7 +161,7 @@ def test_points_may_come_as_volts_in_text_or_numbers_or_as_counts(rig, points_fo
     source.close()
 
 
-def test_a_record_of_another_length_is_refused(rig) -> None:
+def test_a_record_of_another_length_is_refused(rig):
     text = (
         'profile = "generic"\nsetup = "ACQ:DATA:FORMAT BIN"\narm = ["ACQ:START", "ACQ:TRIG NOW"]\n'
         'state = "ACQ:TRIG:FILL?"\ncomplete = "1"\nfetch = "ACQ:SOUR1:DATA:LATEST:N? 4999"\n'
@@ -179,7 +177,7 @@ def test_a_record_of_another_length_is_refused(rig) -> None:
     source.close()
 
 
-def test_the_stamp_is_that_of_the_first_point(rig) -> None:
+def test_the_stamp_is_that_of_the_first_point(rig):
     source = rig.make_source()
     source.configure(rig.make_plan())
     before = time.time_ns()
@@ -215,12 +213,12 @@ def test_the_stamp_is_that_of_the_first_point(rig) -> None:
         ('address = "a"\nprofile = "generic"\nboard = "125-14"', "unknown key 'board'"),
     ],
 )
-def test_a_key_is_refused_by_its_line(rig, text: str, words: str) -> None:
+def test_a_key_is_refused_by_its_line(rig, text, words):
     with pytest.raises(ParameterError, match=words):
         ScpiSource(rig.parse(text))
 
 
-def test_the_address_may_leave_its_port_out_and_be_one_of_six(rig) -> None:
+def test_the_address_may_leave_its_port_out_and_be_one_of_six(rig):
     assert parse_address("rp-f0a235.local", 5000) == ("rp-f0a235.local", 5000)
     assert parse_address("10.0.0.1:5025", 5000) == ("10.0.0.1", 5025)
     assert parse_address("[fe80::1]:5025", 5000) == ("fe80::1", 5025)
@@ -247,7 +245,7 @@ def test_the_address_may_leave_its_port_out_and_be_one_of_six(rig) -> None:
         ({"text": '[source.specimen]\nedge = "rising"'}, "line 3: .*unknown key 'edge'"),
     ],
 )  # fmt: skip
-def test_a_plan_that_the_board_cannot_do_is_refused(rig, changes, words: str) -> None:
+def test_a_plan_that_the_board_cannot_do_is_refused(rig, changes, words):
     with pytest.raises(ParameterError, match=words):
         rig.make_source().configure(rig.make_plan(**changes))
 
@@ -271,16 +269,14 @@ GENERIC = (
         ("", 'range = "0 V"\nscale = "1 mV"', "line 3: range"),
     ],
 )
-def test_a_plan_that_lacks_what_a_generic_instrument_needs_is_refused(
-    rig, text: str, channel: str, words: str
-) -> None:
+def test_a_plan_that_lacks_what_a_generic_instrument_needs_is_refused(rig, text, channel, words):
     with pytest.raises(ParameterError, match=words):
         rig.make_source(GENERIC + text).configure(
             rig.make_plan(f"[source.hammer]\n{channel}", {"hammer": "1"})
         )
 
 
-def test_the_example_of_any_other_instrument_is_taken_too(rig) -> None:
+def test_the_example_of_any_other_instrument_is_taken_too(rig):
     lines = ScpiSource.example.partition("by its commands:\n")[2].splitlines()
     table = parse_toml_table("\n".join(line.removeprefix("# ") for line in lines))
     options = table.take_table("source")

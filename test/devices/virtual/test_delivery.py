@@ -38,9 +38,7 @@ def read(stream: VirtualStream, count: int) -> np.ndarray:
 
 @pytest.mark.parametrize("block_size", [700, 1000, 25_000])
 @pytest.mark.parametrize("point", [0, 1234, 3000])
-def test_a_hit_lies_where_it_was_laid_and_changes_nothing_else(
-    block_size: int, point: int
-) -> None:
+def test_a_hit_lies_where_it_was_laid_and_changes_nothing_else(block_size, point):
     hit = strike()
     count = -(-10_000 // block_size)
     quiet = read(VirtualStream(DIGITIZER, block_size, seed=1), count)
@@ -53,7 +51,7 @@ def test_a_hit_lies_where_it_was_laid_and_changes_nothing_else(
     np.testing.assert_array_equal(found, quiet)
 
 
-def test_noise_is_that_of_the_digitizer_and_of_its_seed() -> None:
+def test_noise_is_that_of_the_digitizer_and_of_its_seed():
     hammer, specimen = VirtualStream(DIGITIZER, 25_000, seed=3).noise[0]
     for channel in (hammer, specimen):
         acceleration = channel.scale * channel.output
@@ -68,18 +66,18 @@ def test_noise_is_that_of_the_digitizer_and_of_its_seed() -> None:
     assert not np.array_equal(hammer.output, other.output)
 
 
-def test_long_blocks_take_no_more_memory() -> None:
+def test_long_blocks_take_no_more_memory():
     stream = VirtualStream(DIGITIZER, 500_000, seed=1)
     assert len(stream.noise) * 500_000 <= MOST_NOISE_POINTS
 
 
-def test_a_hit_without_a_trigger_does_not_come() -> None:
+def test_a_hit_without_a_trigger_does_not_come():
     stream = VirtualStream(DIGITIZER, 1000, seed=1)
     stream.lay(strike(Fault.MISSED_TRIGGER), 1000)
     assert not any(stream.has_hit(number) for number in range(10))
 
 
-def test_a_lost_block_is_the_one_in_the_middle_of_its_hit() -> None:
+def test_a_lost_block_is_the_one_in_the_middle_of_its_hit():
     stream = VirtualStream(DIGITIZER, 1000, seed=1)
     stream.lay(strike(Fault.LOST_BLOCK), 1000)
     assert [
@@ -87,14 +85,14 @@ def test_a_lost_block_is_the_one_in_the_middle_of_its_hit() -> None:
     ] == [3]
 
 
-def test_a_hit_is_forgotten_when_the_stream_has_passed_it() -> None:
+def test_a_hit_is_forgotten_when_the_stream_has_passed_it():
     stream = VirtualStream(DIGITIZER, 1000, seed=1)
     stream.lay(strike(), 500)
     assert [number for number in range(10) if stream.has_hit(number)] == [0, 1, 2, 3, 4, 5]
     assert not stream.has_hit(0)
 
 
-def test_a_full_buffer_loses_the_oldest_blocks() -> None:
+def test_a_full_buffer_loses_the_oldest_blocks():
     digitizer = StreamingDigitizer(VirtualRigSettings(), block_size=25_000, depth=3)
     digitizer.arm()
     time.sleep(0.1)  # ten blocks

@@ -18,7 +18,6 @@ from impact_rig.core.model.pulses import (
     HERTZ,
     PULSE_SHAPES,
     VERSED_SINE,
-    PulseShape,
     compute_pulse,
 )
 from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
@@ -45,7 +44,7 @@ def find_damping(body: Body) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("cell", PUBLISHED_SAMPLES, ids=lambda cell: cell.name)
-def test_the_nominal_hit_has_the_papers_numbers(cell) -> None:
+def test_the_nominal_hit_has_the_papers_numbers(cell):
     model = make_nominal_model(PAPER_SETUP, cell.name, 1909.0)
     assert model.contact_time == cell.contact_time
     assert model.hammer.mass == 0.1
@@ -61,7 +60,7 @@ def test_the_nominal_hit_has_the_papers_numbers(cell) -> None:
 
 
 @given(name=names, shape=st.sampled_from([VERSED_SINE, HALF_SINE, HERTZ]))
-def test_the_published_hammer_is_the_pulse_and_a_tail(name: str, shape: PulseShape) -> None:
+def test_the_published_hammer_is_the_pulse_and_a_tail(name, shape):
     model = make_nominal_model(PAPER_SETUP, name, 1909.0)
     physics = HitPhysics(model, shape=shape)
     hammer, _ = simulate_plant(Plant.PUBLISHED, physics, 4 * RATE, 4 * COUNT, START)
@@ -80,9 +79,7 @@ def test_the_published_hammer_is_the_pulse_and_a_tail(name: str, shape: PulseSha
 
 
 @given(name=names, asymmetry=st.floats(-0.3, 0.3))
-def test_the_published_sample_rises_with_the_pulse_and_decays_freely(
-    name: str, asymmetry: float
-) -> None:
+def test_the_published_sample_rises_with_the_pulse_and_decays_freely(name, asymmetry):
     model = make_nominal_model(PAPER_SETUP, name, 1909.0)
     physics = HitPhysics(model, asymmetry=asymmetry)
     _, specimen = simulate_plant(Plant.PUBLISHED, physics, RATE, COUNT, START)
@@ -104,7 +101,7 @@ def test_the_published_sample_rises_with_the_pulse_and_decays_freely(
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.7])
-def test_a_body_that_does_not_swing_just_comes_back(ratio: float) -> None:
+def test_a_body_that_does_not_swing_just_comes_back(ratio):
     model = make_nominal_model(PAPER_SETUP, "steel small", 1909.0)
 
     def damp(body: Body) -> Body:
@@ -127,7 +124,7 @@ def test_a_body_that_does_not_swing_just_comes_back(ratio: float) -> None:
     ("plant", "variant"),
     [(Plant.DYNAMICS, ModelVariant.DRIVEN), (Plant.DYNAMICS_PRINTED, ModelVariant.PRINTED)],
 )
-def test_dynamics_is_the_model_itself(plant: Plant, variant: ModelVariant) -> None:
+def test_dynamics_is_the_model_itself(plant, variant):
     model = make_nominal_model(PAPER_SETUP, "steel medium", 1909.0)
     ours = simulate_plant(plant, HitPhysics(model), RATE, COUNT, START)
     theirs = simulate_impact(model, RATE, COUNT, start=START, variant=variant)
@@ -136,9 +133,7 @@ def test_dynamics_is_the_model_itself(plant: Plant, variant: ModelVariant) -> No
 
 @pytest.mark.parametrize("shape", PULSE_SHAPES, ids=lambda shape: shape.name)
 @pytest.mark.parametrize("ratio", [0.17, 1.0, 1.7])
-def test_the_driven_sample_obeys_its_equation_under_every_pulse(
-    shape: PulseShape, ratio: float
-) -> None:
+def test_the_driven_sample_obeys_its_equation_under_every_pulse(shape, ratio):
     model = make_nominal_model(PAPER_SETUP, "steel small", 1909.0)
     body = model.specimen
     damping = 2 * ratio * math.sqrt(body.mass * body.stiffness)
@@ -169,7 +164,7 @@ def test_the_driven_sample_obeys_its_equation_under_every_pulse(
     np.testing.assert_allclose(specimen, found, rtol=0, atol=1e-6 * peak)
 
 
-def test_a_driven_versed_sine_is_the_closed_form() -> None:
+def test_a_driven_versed_sine_is_the_closed_form():
     model = make_nominal_model(PAPER_SETUP, "brass large", 1909.0)
     ours = simulate_driven(model, VERSED_SINE, RATE, COUNT, START)
     theirs = simulate_impact(model, RATE, COUNT, start=START, variant=ModelVariant.DRIVEN)
@@ -177,7 +172,7 @@ def test_a_driven_versed_sine_is_the_closed_form() -> None:
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-7 * peak)
 
 
-def test_dynamics_takes_every_pulse_and_the_printed_model_its_own() -> None:
+def test_dynamics_takes_every_pulse_and_the_printed_model_its_own():
     model = make_nominal_model(PAPER_SETUP, "steel medium", 1909.0)
     physics = HitPhysics(model, HERTZ)
     hammer, _ = simulate_plant(Plant.DYNAMICS, physics, RATE, COUNT, START)
@@ -189,7 +184,7 @@ def test_dynamics_takes_every_pulse_and_the_printed_model_its_own() -> None:
         check_pulse_shape(Plant.CONTACT, HERTZ)
 
 
-def test_what_the_virtual_rig_cannot_strike_is_named() -> None:
+def test_what_the_virtual_rig_cannot_strike_is_named():
     known = Sample("known", 0.1, "", 200e-6, 20e6, 500.0)
     bare = Sample("bare", 0.1)
     setup = replace(PAPER_SETUP, samples=SampleSet((known, bare), "known"))

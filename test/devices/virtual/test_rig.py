@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from hypothesis import strategies as st
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits.hit import JudgedHit
 from impact_rig.core.hits.reasons import Reason
-from impact_rig.core.model.pulses import HERTZ, PULSE_SHAPES, PulseShape
+from impact_rig.core.model.pulses import HERTZ, PULSE_SHAPES
 from impact_rig.core.session import Session, SessionResults
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.signals.record import HitLabel
@@ -38,9 +37,7 @@ def make_random() -> np.random.Generator:
 
 
 @given(bits=st.integers(4, 24), full_scale=st.floats(1, 1e5), seed=st.integers(0, 99))
-def test_quantisation_is_off_by_half_a_step_at_most(
-    bits: int, full_scale: float, seed: int
-) -> None:
+def test_quantisation_is_off_by_half_a_step_at_most(bits, full_scale, seed):
     settings = DigitizerSettings(bits=bits, noise=0.0, offset=0.0, coupling_frequency=0.0)
     step = compute_scale(full_scale, bits)
     largest = full_scale - step
@@ -51,14 +48,14 @@ def test_quantisation_is_off_by_half_a_step_at_most(
 
 
 @pytest.mark.parametrize("bits", [8, 12, 16])
-def test_what_does_not_fit_stands_at_the_rails(bits: int) -> None:
+def test_what_does_not_fit_stands_at_the_rails(bits):
     settings = DigitizerSettings(bits=bits, noise=0.0, offset=0.0, coupling_frequency=0.0)
     counts = digitize(np.array([-1e9, -101.0, 101.0, 1e9]), 100.0, settings, make_random())
     low, high = -(2 ** (bits - 1)), 2 ** (bits - 1) - 1
     np.testing.assert_array_equal(counts, [low, low, high, high])
 
 
-def test_noise_offset_and_drift_are_parts_of_full_scale() -> None:
+def test_noise_offset_and_drift_are_parts_of_full_scale():
     settings = DigitizerSettings(
         bits=24, noise=1e-3, offset=2e-3, drift=0.1, coupling_frequency=0.0
     )
@@ -72,7 +69,7 @@ def test_noise_offset_and_drift_are_parts_of_full_scale() -> None:
     assert noise.std() == pytest.approx(2.0, rel=0.03)
 
 
-def test_coupling_answers_a_step_as_an_rc_stage_does() -> None:
+def test_coupling_answers_a_step_as_an_rc_stage_does():
     time = np.arange(5000) / 2.5e6
     answer = couple(np.ones(5000), 500.0, 2.5e6)
     # The bilinear design is half a point early: 0.06 % at this corner.
@@ -80,7 +77,7 @@ def test_coupling_answers_a_step_as_an_rc_stage_does() -> None:
 
 
 @pytest.mark.parametrize("frequency", [100.0, 500.0, 5000.0])
-def test_coupling_passes_half_the_power_at_its_corner(frequency: float) -> None:
+def test_coupling_passes_half_the_power_at_its_corner(frequency):
     time = np.arange(200_000) / 2.5e6
     wave = np.sin(2 * np.pi * 500.0 * time)
     answer = couple(wave, frequency, 2.5e6)[100_000:]
@@ -105,7 +102,7 @@ def test_coupling_passes_half_the_power_at_its_corner(frequency: float) -> None:
         ({"trigger_jitter": -1.0}, "trigger jitter is -1.0 s"),
     ],
 )
-def test_an_impossible_digitizer_is_refused(changes: dict[str, Any], message: str) -> None:
+def test_an_impossible_digitizer_is_refused(changes, message):
     with pytest.raises(ParameterError) as error:
         DigitizerSettings(**changes)
     assert message in str(error.value)
@@ -118,13 +115,13 @@ def draw(plan: FaultPlan, label: HitLabel = LABEL, seed: int = 1) -> tuple[Fault
     return plan.draw(label, np.random.default_rng(seed))
 
 
-def test_certainty_brings_every_fault_that_is_asked_for() -> None:
+def test_certainty_brings_every_fault_that_is_asked_for():
     assert draw(FaultPlan(1.0)) == tuple(Fault)
     asked = (Fault.OVERLOAD, Fault.DOUBLE_HIT)
     assert set(draw(FaultPlan(1.0, asked))) == set(asked)
 
 
-def test_each_fault_comes_with_its_probability() -> None:
+def test_each_fault_comes_with_its_probability():
     random = np.random.default_rng(1)
     drawn = [FaultPlan(0.1).draw(LABEL, random) for _ in range(4000)]
     for fault in Fault:
@@ -134,9 +131,7 @@ def test_each_fault_comes_with_its_probability() -> None:
 
 
 @given(probability=st.floats(0, 1), faults=st.sets(st.sampled_from(Fault)))
-def test_a_draw_takes_the_same_from_its_source_whatever_comes(
-    probability: float, faults: set[Fault]
-) -> None:
+def test_a_draw_takes_the_same_from_its_source_whatever_comes(probability, faults):
     # So that what is drawn afterwards does not depend on the plan.
     random, reference = np.random.default_rng(5), np.random.default_rng(5)
     FaultPlan(probability, tuple(faults)).draw(LABEL, random)
@@ -154,7 +149,7 @@ def test_a_draw_takes_the_same_from_its_source_whatever_comes(
         ("", 3, 2, False),
     ],
 )
-def test_an_ordered_fault_comes_once(sample: str, impact: int, attempt: int, comes: bool) -> None:
+def test_an_ordered_fault_comes_once(sample, impact, attempt, comes):
     plan = FaultPlan(scheduled=(ScheduledFault(Fault.WEAK_HIT, impact, sample),))
     label = HitLabel("steel small", record=9, impact=3, attempt=attempt)
     assert draw(plan, label) == ((Fault.WEAK_HIT,) if comes else ())
@@ -168,21 +163,21 @@ def test_an_ordered_fault_comes_once(sample: str, impact: int, attempt: int, com
         ("a/b:c/1:overload", ScheduledFault(Fault.OVERLOAD, 1, "a/b:c")),
     ],
 )
-def test_orders_are_read_from_text(text: str, expected: ScheduledFault) -> None:
+def test_orders_are_read_from_text(text, expected):
     assert scheduled_fault_from_text(text) == expected
 
 
 @pytest.mark.parametrize(
     "text", ["", "3", "double_hit", "x:double_hit", "-1:overload", "1.5:weak"]
 )
-def test_another_form_is_refused_with_an_example(text: str) -> None:
+def test_another_form_is_refused_with_an_example(text):
     with pytest.raises(ParameterError) as error:
         scheduled_fault_from_text(text)
     assert repr(text) in str(error.value)
     assert "for example 3:double_hit" in str(error.value)
 
 
-def test_impossible_orders_are_refused() -> None:
+def test_impossible_orders_are_refused():
     with pytest.raises(ParameterError, match="impact number of a fault is 0: it must lie between"):
         scheduled_fault_from_text("0:overload")
     with pytest.raises(ParameterError, match="unknown fault 'earthquake': the virtual rig knows"):
@@ -219,7 +214,7 @@ class TestHit:
 
     @given(label=labels, seed=st.integers(0, 2**32))
     @settings(max_examples=12)
-    def test_depends_on_seed_and_label_alone(self, label: HitLabel, seed: int) -> None:
+    def test_depends_on_seed_and_label_alone(self, label, seed):
         one = strike(label, seed=seed)
         rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=seed))
         rig.strike(HitLabel(NAMES[0]))
@@ -228,7 +223,7 @@ class TestHit:
         np.testing.assert_array_equal(one.hammer.output, other.hammer.output)
         np.testing.assert_array_equal(one.specimen.output, other.specimen.output)
 
-    def test_scatters_as_it_is_told(self) -> None:
+    def test_scatters_as_it_is_told(self):
         hits = [strike(HitLabel("steel small", impact=i)).model for i in range(1, 401)]
         times = np.array([model.contact_time for model in hits]) / 170.0e-6
         forces = np.array([model.peak_force for model in hits])
@@ -237,7 +232,7 @@ class TestHit:
         assert times.std() == pytest.approx(3e-3, rel=3 / math.sqrt(800))
         assert forces.std() / forces.mean() == pytest.approx(2e-2, rel=3 / math.sqrt(800))
 
-    def test_is_measured_as_it_was_made(self) -> None:
+    def test_is_measured_as_it_was_made(self):
         for name in NAMES:
             hit = strike(HitLabel(name))
             # Two steps of noise: 0.1 % in a single hit's width.
@@ -245,14 +240,14 @@ class TestHit:
 
     @given(label=labels)
     @settings(max_examples=12)
-    def test_stays_the_same_when_faults_are_drawn_beside_it(self, label: HitLabel) -> None:
+    def test_stays_the_same_when_faults_are_drawn_beside_it(self, label):
         plain = strike(label)
         plan = FaultPlan(1.0, (Fault.LOST_BLOCK, Fault.MISSED_TRIGGER))
         faulty = strike(label, faults=plan)
         np.testing.assert_array_equal(faulty.hammer.output, plain.hammer.output)
         assert faulty.model == plain.model
 
-    def test_uses_the_digitizers_range(self) -> None:
+    def test_uses_the_digitizers_range(self):
         for name in NAMES:
             hit = strike(HitLabel(name))
             for channel in (hit.hammer, hit.specimen):
@@ -265,7 +260,7 @@ class TestStream:
 
     @given(size=st.integers(1, 6000))
     @settings(max_examples=30)
-    def test_joins_to_the_record(self, size: int) -> None:
+    def test_joins_to_the_record(self, size):
         hit = strike(HitLabel("steel small"))
         blocks = hit.split(size, stamp=1_000)
         assert [block.last for block in blocks] == [False] * (len(blocks) - 1) + [True]
@@ -278,7 +273,7 @@ class TestStream:
             np.testing.assert_array_equal(joined, getattr(hit, name).output)
 
     @pytest.mark.parametrize("size", [100, 1000, 2500, 4999])
-    def test_lacks_a_lost_block(self, size: int) -> None:
+    def test_lacks_a_lost_block(self, size):
         label = HitLabel("steel small")
         whole = strike(label).split(size, stamp=0)
         lossy = strike(label, faults=FaultPlan(1.0, (Fault.LOST_BLOCK,))).split(size, stamp=0)
@@ -301,23 +296,21 @@ class TestFaults:
 
     @given(label=labels, seed=st.integers(0, 1000))
     @settings(max_examples=12)
-    def test_a_hit_without_one_is_accepted(self, label: HitLabel, seed: int) -> None:
+    def test_a_hit_without_one_is_accepted(self, label, seed):
         assert judge(strike(label, seed=seed)).rejections == ()
 
     @pytest.mark.parametrize("fault", Fault)
     @given(label=labels, seed=st.integers(0, 1000))
     @settings(max_examples=12)
-    def test_each_is_named_by_its_reason_and_no_other(
-        self, fault: Fault, label: HitLabel, seed: int
-    ) -> None:
+    def test_each_is_named_by_its_reason_and_no_other(self, fault, label, seed):
         judged = judge(strike(label, seed=seed, faults=FaultPlan(1.0, (fault,))))
         assert {item.reason for item in judged.rejections} == {REASONS[fault]}
 
     @pytest.mark.parametrize("shape", PULSE_SHAPES, ids=lambda shape: shape.name)
     @pytest.mark.parametrize("plant", [Plant.PUBLISHED, Plant.DYNAMICS])
     def test_the_faintest_and_nearest_double_hit_is_named_for_every_pulse(
-        self, monkeypatch: pytest.MonkeyPatch, plant: Plant, shape: PulseShape
-    ) -> None:
+        self, monkeypatch, plant, shape
+    ):
         monkeypatch.setattr(virtual_rig, "DOUBLE_HEIGHT_RANGE", (0.05, 0.05))
         monkeypatch.setattr(virtual_rig, "DOUBLE_DELAY_RANGE", (1.2, 1.2))
         plan = FaultPlan(1.0, (Fault.DOUBLE_HIT,))
@@ -332,9 +325,7 @@ class TestFaults:
         seed=st.integers(0, 1000),
         faults=st.sets(st.sampled_from(Fault), min_size=2),
     )
-    def test_several_at_once_are_never_accepted_nor_taken_for_another(
-        self, label: HitLabel, seed: int, faults: set[Fault]
-    ) -> None:
+    def test_several_at_once_are_never_accepted_nor_taken_for_another(self, label, seed, faults):
         hit = strike(label, seed=seed, faults=FaultPlan(1.0, tuple(faults)))
         found = {item.reason for item in judge(hit).rejections}
         assert found
@@ -344,7 +335,7 @@ class TestFaults:
             expected.add(Reason.NO_PULSE)
         assert found <= expected
 
-    def test_drift_does_not_change_the_contact_time(self) -> None:
+    def test_drift_does_not_change_the_contact_time(self):
         quiet = VirtualRigSettings()
         drifting = replace(quiet, digitizer=replace(quiet.digitizer, drift=0.01))
         label = HitLabel("steel small")
@@ -366,20 +357,20 @@ class TestFaults:
         ({"hammer_damping": -1.0}, "hammer damping coefficient is -1.0 N s/m"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(changes: dict[str, float], message: str) -> None:
+def test_what_cannot_be_meant_is_refused(changes, message):
     with pytest.raises(ParameterError) as error:
         VirtualRigSettings(**changes)
     assert message in str(error.value)
 
 
-def test_an_unknown_sample_cannot_be_struck() -> None:
+def test_an_unknown_sample_cannot_be_struck():
     with pytest.raises(
         ParameterError, match="unknown sample 'gold': the set has 'aluminium small'"
     ):
         strike(HitLabel("gold"))
 
 
-def test_a_pulse_shape_that_the_plant_cannot_have_is_refused() -> None:
+def test_a_pulse_shape_that_the_plant_cannot_have_is_refused():
     with pytest.raises(ParameterError, match="'Hertz' is not for the plant dynamics_printed"):
         VirtualRigSettings(plant=Plant.DYNAMICS_PRINTED, pulse_shape=HERTZ)
 
@@ -426,13 +417,13 @@ def paper_campaign() -> tuple[SessionResults, list[tuple[VirtualHit, JudgedHit]]
 class TestCampaign:
     """Twelve samples, ten impacts each."""
 
-    def test_gives_the_papers_tables_back(self, paper_campaign) -> None:
+    def test_gives_the_papers_tables_back(self, paper_campaign):
         results, hits = paper_campaign
         check_tables(results)
         assert len(hits) == 120
         assert all(item.impacts_accepted == 10 for item in results.samples)
 
-    def test_with_every_fault_at_ten_percent_rejects_these_hits_and_no_other(self) -> None:
+    def test_with_every_fault_at_ten_percent_rejects_these_hits_and_no_other(self):
         plan = FaultPlan(probability=0.1)
         rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=7, faults=plan))
         results, hits = run_campaign(rig, names=[CONTROL_SAMPLE, "steel small"])
@@ -443,7 +434,7 @@ class TestCampaign:
         assert [judged.label for judged in results.rejected] == rejected
         assert len(rejected) > 4  # of some 38 attempts nearly half are faulty
 
-    def test_on_the_driven_model_finds_its_truth(self) -> None:
+    def test_on_the_driven_model_finds_its_truth(self):
         rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1, plant=Plant.DYNAMICS))
         results, _ = run_campaign(rig, impacts=3)
         for found, cell in zip(results.samples, PUBLISHED_SAMPLES, strict=True):

@@ -17,7 +17,7 @@ from .conftest import HOSTILE
 from .reader import Reader
 
 
-def test_warnings_come_before_everything_else(read: Reader):
+def test_warnings_come_before_everything_else(read):
     titles = [text for tag, text in read.texts if tag == "h2"]
     assert titles[0] == "Warnings"
     assert read.text.index("the recording was never closed") < read.text.index(
@@ -27,7 +27,7 @@ def test_warnings_come_before_everything_else(read: Reader):
         assert text in read.text
 
 
-def test_the_tables_of_the_results_are_there_with_their_marks_and_figures(read: Reader, told: Run):
+def test_the_tables_of_the_results_are_there_with_their_marks_and_figures(read, told):
     for table in tabulate_results(told.campaign.results):
         assert read.find_table(table.caption)[1:] == [list(row) for row in table.rows]
     assert "prints 288.10 µs for brass medium, a misprint" in read.text
@@ -41,7 +41,7 @@ def test_the_tables_of_the_results_are_there_with_their_marks_and_figures(read: 
     assert sum(name.startswith("law-") for name in figures) == drawn
 
 
-def test_the_measurement_can_be_traced_back(read: Reader):
+def test_the_measurement_can_be_traced_back(read):
     for text in (
         "2023-11-14 22:13:20 UTC, for 12.3 s",
         "before/session.mcap",
@@ -62,7 +62,7 @@ def test_the_measurement_can_be_traced_back(read: Reader):
     assert bodies[HOSTILE][-1] == "control sample"
 
 
-def test_the_sensors_stand_with_their_calibration_which_was_too_old_that_day(read: Reader):
+def test_the_sensors_stand_with_their_calibration_which_was_too_old_that_day(read):
     assert read.find_table("Sensors")[1:] == [
         ["hammer", "force", "N", "2.25", "2200", "<i>LW 7", "2022-03-01"],
         ["specimen", "acceleration", "g", "-", "-", "-", "2023-03-01"],
@@ -72,7 +72,7 @@ def test_the_sensors_stand_with_their_calibration_which_was_too_old_that_day(rea
     assert "specimen sensor was calibrated" not in read.text
 
 
-def test_every_hit_left_out_stands_with_its_reason(read: Reader):
+def test_every_hit_left_out_stands_with_its_reason(read):
     (_, row) = read.find_table("Rejected hits: 1")
     assert row[:3] == [HOSTILE, "1.1", "1"]
     assert row[4].startswith("weak: ")
@@ -80,7 +80,7 @@ def test_every_hit_left_out_stands_with_its_reason(read: Reader):
     assert len(read.find_table("Hits in the means: 4")) == 5
 
 
-def test_results_alone_say_what_is_missing_and_where_it_is(told: Run, undrawn: None):
+def test_results_alone_say_what_is_missing_and_where_it_is(told, undrawn):
     campaign = TracedCampaign(told.campaign.results, (), ())
     read = Reader(render_page(make_report([Run("alone", "alone/results.json", campaign)])))
     assert "They hold no traces" in read.text
@@ -89,7 +89,7 @@ def test_results_alone_say_what_is_missing_and_where_it_is(told: Run, undrawn: N
     assert read.find_table(f"{HOSTILE}: τp")
 
 
-def test_without_an_accepted_hit_the_rejections_are_what_is_told(told: Run, undrawn: None):
+def test_without_an_accepted_hit_the_rejections_are_what_is_told(told, undrawn):
     results = told.campaign.results
     hits = tuple(
         replace(hit, accepted=False, reasons=hit.reasons or ("overload: at the rail",))
@@ -105,7 +105,7 @@ def test_without_an_accepted_hit_the_rejections_are_what_is_told(told: Run, undr
     assert not any(caption.startswith("Table") for caption in read.captions)
 
 
-def test_what_no_hit_determines_has_no_table_but_a_word(told: Run, undrawn: None):
+def test_what_no_hit_determines_has_no_table_but_a_word(told, undrawn):
     results = told.campaign.results
     samples = tuple(
         SampleEstimate(sample.name, 2, 0, contact_time=Quantity(1e-4))
@@ -122,7 +122,7 @@ def test_what_no_hit_determines_has_no_table_but_a_word(told: Run, undrawn: None
 
 
 @pytest.mark.parametrize("start", [0, 1_000_000_000])
-def test_a_recording_without_a_date_is_not_of_1970(told: Run, undrawn: None, start: int):
+def test_a_recording_without_a_date_is_not_of_1970(told, undrawn, start):
     provenance = replace(told.provenance, start_time=start, end_time=start, notes=())
     read = Reader(render_page(make_report([replace(told, provenance=provenance)])))
     assert "date not known" in read.text
@@ -130,7 +130,7 @@ def test_a_recording_without_a_date_is_not_of_1970(told: Run, undrawn: None, sta
     assert "1970" not in read.text
 
 
-def test_several_runs_are_compared_before_each_is_told_of(comparison_page: str):
+def test_several_runs_are_compared_before_each_is_told_of(comparison_page):
     read = Reader(comparison_page)
     titles = [text for tag, text in read.texts if tag == "h2"]
     assert titles == [
@@ -144,7 +144,7 @@ def test_several_runs_are_compared_before_each_is_told_of(comparison_page: str):
     assert "after against before" in [text for tag, text in read.texts if tag == "h3"]
 
 
-def test_changes_beyond_their_uncertainty_are_called_so(comparison_page: str):
+def test_changes_beyond_their_uncertainty_are_called_so(comparison_page):
     read = Reader(comparison_page)
     words = set()
     for title in ("Contact time", "Stiffness", "Damping coefficient"):
@@ -154,7 +154,7 @@ def test_changes_beyond_their_uncertainty_are_called_so(comparison_page: str):
     assert words == {"changed", "no change seen"}
 
 
-def test_what_differs_in_the_set_ups_is_listed(told: Run, undrawn: None):
+def test_what_differs_in_the_set_ups_is_listed(told, undrawn):
     results = told.campaign.results
     setup = replace(results.setup, hammer_mass=0.2)
     other = replace(

@@ -10,7 +10,6 @@ import pytest
 from impact_rig.present.report.document import Document, Identifiers, Paragraph, Section
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
-from impact_rig.results.run import Run
 
 from .conftest import HOSTILE, HOSTILE_NOTE
 from .reader import HEADINGS, Reader
@@ -21,14 +20,14 @@ def any_page(request: pytest.FixtureRequest) -> Reader:
     return Reader(request.getfixturevalue(request.param))
 
 
-def test_headings_go_down_one_level_at_a_time_from_a_single_first_one(any_page: Reader):
+def test_headings_go_down_one_level_at_a_time_from_a_single_first_one(any_page):
     levels = [HEADINGS.index(tag) + 1 for tag, _ in any_page.elements if tag in HEADINGS]
     assert levels.count(1) == 1
     assert levels[0] == 1
     assert all(b - a <= 1 for a, b in itertools.pairwise(levels))
 
 
-def test_ids_are_unique_and_every_reference_leads_to_one(any_page: Reader):
+def test_ids_are_unique_and_every_reference_leads_to_one(any_page):
     ids = Counter(attributes["id"] for _, attributes in any_page.elements if "id" in attributes)
     assert max(ids.values()) == 1
     for tag, attributes in any_page.elements:
@@ -39,7 +38,7 @@ def test_ids_are_unique_and_every_reference_leads_to_one(any_page: Reader):
             assert attributes["aria-labelledby"] in ids
 
 
-def test_tables_have_a_caption_a_head_and_cells_that_say_what_they_head(any_page: Reader):
+def test_tables_have_a_caption_a_head_and_cells_that_say_what_they_head(any_page):
     tables = any_page.find("table")
     assert len(tables) == len(any_page.find("caption")) == len(any_page.find("thead")) > 10
     assert all(cell.get("scope") in ("col", "row") for cell in any_page.find("th"))
@@ -49,13 +48,13 @@ def test_tables_have_a_caption_a_head_and_cells_that_say_what_they_head(any_page
         assert len(rows) > 1, caption
 
 
-def test_every_figure_is_described_in_words_with_numbers(any_page: Reader):
+def test_every_figure_is_described_in_words_with_numbers(any_page):
     described = [a["aria-label"] for a in any_page.find("div") if a.get("role") == "img"]
     assert len(described) == len(any_page.find("figure")) >= 6
     assert all(text and re.search(r"\d", text) for text in described)
 
 
-def test_the_page_speaks_of_no_other_place_and_runs_nothing(any_page: Reader, page: str):
+def test_the_page_speaks_of_no_other_place_and_runs_nothing(any_page, page):
     assert not {"script", "iframe", "object", "embed", "img"} & {
         tag for tag, _ in any_page.elements
     }
@@ -70,20 +69,20 @@ def test_the_page_speaks_of_no_other_place_and_runs_nothing(any_page: Reader, pa
     assert "@import" not in style
 
 
-def test_its_language_and_the_way_past_the_contents_are_named(read: Reader):
+def test_its_language_and_the_way_past_the_contents_are_named(read):
     assert read.find("html") == [{"lang": "en"}]
     assert {"class": "skip", "href": "#report"} in read.find("a")
     assert read.find("main") == [{"id": "report"}]
 
 
-def test_names_and_notes_of_files_are_text_and_nothing_else(read: Reader, page: str):
+def test_names_and_notes_of_files_are_text_and_nothing_else(read, page):
     assert HOSTILE in read.text
     assert HOSTILE_NOTE in read.text
     assert "<script" not in page
     assert 'evil.example/x.png"' not in page
 
 
-def test_on_paper_nothing_stays_folded(told: Run, undrawn: None):
+def test_on_paper_nothing_stays_folded(told, undrawn):
     document = make_report([told])
     folded = Reader(render_page(document)).find("details")
     unfolded = Reader(render_page(document, is_unfolded=True)).find("details")

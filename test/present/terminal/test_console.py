@@ -41,7 +41,7 @@ def find_letters(text: str) -> str:
 
 
 @pytest.mark.parametrize("width", [30, 40, 60, 80, 100, 132, 200])
-def test_nothing_is_wider_than_the_terminal_whatever_the_names(width: int) -> None:
+def test_nothing_is_wider_than_the_terminal_whatever_the_names(width):
     text = render(width)
     assert max(map(cell_len, text.splitlines())) <= width
     for number in ("203.20 ± 0.14", "1170.0 ± 7.9"):
@@ -51,13 +51,13 @@ def test_nothing_is_wider_than_the_terminal_whatever_the_names(width: int) -> No
             assert find_letters(words) in find_letters(text)
 
 
-def test_a_terminal_too_narrow_for_the_table_gets_a_line_for_each_cell() -> None:
+def test_a_terminal_too_narrow_for_the_table_gets_a_line_for_each_cell():
     lines = [line.rstrip() for line in render(34).splitlines()]
     assert lines[1:3] == ["aluminium", "  Measured  203.20 ± 0.14"]
     assert lines[3].startswith("  Why       overload: 250")
 
 
-def test_a_column_for_which_there_is_no_room_is_named_and_its_note_left_out() -> None:
+def test_a_column_for_which_there_is_no_room_is_named_and_its_note_left_out():
     narrow, wide = render(60), render(200)
     assert "1.591" in wide
     assert "w10/w50: the widths." in wide
@@ -67,19 +67,17 @@ def test_a_column_for_which_there_is_no_room_is_named_and_its_note_left_out() ->
     assert "A wider terminal shows w10/w50 as well." in narrow
 
 
-def test_words_wrap_before_a_column_of_numbers_is_left_out_for_them() -> None:
+def test_words_wrap_before_a_column_of_numbers_is_left_out_for_them():
     columns = (Column("Why", (WHY,), is_text=True), make_optional("Peak", ("1999",)))
     assert "1999\n" in render(60, columns)
 
 
-def test_an_optional_column_without_a_number_is_nowhere() -> None:
+def test_an_optional_column_without_a_number_is_nowhere():
     for width in (30, 200):
         assert "Spread" not in render(width)
 
 
-def test_what_would_move_the_cursor_is_shown_as_a_mark(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_what_would_move_the_cursor_is_shown_as_a_mark(capsys):
     name = "tin\x1b[2J\x9b1m\u202e"
     console = make_console()
     print_table(console, name, (Column("Sample", (name,), is_text=True), Column("n", ("1",))))
@@ -93,7 +91,7 @@ def test_what_would_move_the_cursor_is_shown_as_a_mark(
     assert text.count("tin�[2J�1m�") == 6
 
 
-def test_paragraphs_and_items_keep_to_lines_that_are_easily_read() -> None:
+def test_paragraphs_and_items_keep_to_lines_that_are_easily_read():
     for width, widest in ((40, 40), (80, 80), (200, 100)):
         console = Console(file=io.StringIO(), width=width)
         print_text(console, WHY * 5)

@@ -43,7 +43,7 @@ def make_sample(name: str, **values: object) -> SampleEstimate:
     return SampleEstimate(name, 10, 2, **values)
 
 
-def test_eighty_columns_are_enough_and_every_name_keeps_its_line(results: Results) -> None:
+def test_eighty_columns_are_enough_and_every_name_keeps_its_line(results):
     text = render(print_results, results)
     assert max(map(len, text.splitlines())) <= 80
     for cell in PUBLISHED_SAMPLES:
@@ -53,8 +53,8 @@ def test_eighty_columns_are_enough_and_every_name_keeps_its_line(results: Result
 
 @pytest.mark.parametrize(("terminal", "no_color"), [(True, ""), (True, "1"), (False, "")])
 def test_a_row_that_stands_out_says_why_and_is_coloured_where_colour_is_wanted(
-    monkeypatch: pytest.MonkeyPatch, terminal: bool, no_color: str
-) -> None:
+    monkeypatch, terminal, no_color
+):
     monkeypatch.setenv("NO_COLOR", no_color)
     sample = make_sample("steel medium", contact_time=Quantity(204.2e-6, expanded=0.99e-6))
     text = render(print_results, make_results(sample), force_terminal=terminal)
@@ -64,7 +64,7 @@ def test_a_row_that_stands_out_says_why_and_is_coloured_where_colour_is_wanted(
     assert terminal or "\x1b" not in text
 
 
-def test_budgets_and_what_the_traces_do_not_determine_are_printed() -> None:
+def test_budgets_and_what_the_traces_do_not_determine_are_printed():
     fitted = FittedModel("driven", True, undetermined=("k2 and c2 only together",))
     budget = (BudgetLine("sampling clock", "B", 1e4, 1.0),)
     stiffness = Quantity(45e6, 1e4, 2e4, budget=budget)
@@ -75,9 +75,7 @@ def test_budgets_and_what_the_traces_do_not_determine_are_printed() -> None:
     assert "steel medium: k = 45.000 ± 0.020 MN/m" in budgets
 
 
-def test_a_rejected_hit_is_listed_with_its_reasons_and_what_was_injected(
-    results: Results,
-) -> None:
+def test_a_rejected_hit_is_listed_with_its_reasons_and_what_was_injected(results):
     rejected = HitResults(
         "steel small", 3, 2, 17, reasons=REASONS, injected_faults=("overload", "weak_hit")
     )
@@ -90,7 +88,7 @@ def test_a_rejected_hit_is_listed_with_its_reasons_and_what_was_injected(
     assert "Injected" not in render(print_results, replace(results, hits=(real,)))
 
 
-def test_what_is_not_determined_is_named_once_with_whom_it_is_about() -> None:
+def test_what_is_not_determined_is_named_once_with_whom_it_is_about():
     note = "k2: not determined without k1"
     samples = [make_sample(name, notes=(note,)) for name in ("steel small", "steel large")]
     other = make_sample("brass small", contact_time=Quantity(1e-4))
@@ -101,7 +99,7 @@ def test_what_is_not_determined_is_named_once_with_whom_it_is_about() -> None:
     assert f"- all samples: {note}" in render(print_results, make_results(*samples))
 
 
-def test_names_and_notes_are_shown_as_they_are() -> None:
+def test_names_and_notes_are_shown_as_they_are():
     name = "[red]alloy :bomb:"
     setup = replace(PAPER_SETUP, samples=SampleSet((Sample(name, 0.1),), ""))
     sample = make_sample(name, notes=("k2: [bold]no",))
@@ -110,7 +108,7 @@ def test_names_and_notes_are_shown_as_they_are() -> None:
     assert "[bold]no" in text
 
 
-def test_plain_traces_are_shown_hit_by_hit_and_their_mean() -> None:
+def test_plain_traces_are_shown_hit_by_hit_and_their_mean():
     hits = (
         FileResults(Origin(IMPORTED, "npy file", "lab/hit_1.npy"), True, ()),
         FileResults(Origin(IMPORTED, "npy file", "lab/hit_2.npy"), False, REASONS),

@@ -196,7 +196,7 @@ def save(folder: Path, name: str, lines: Iterator[str]) -> Path:
 
 
 @pytest.mark.parametrize("name", DIALECTS)
-def test_every_point_is_found_with_its_time_and_unit(tmp_path: Path, name: str) -> None:
+def test_every_point_is_found_with_its_time_and_unit(tmp_path, name):
     file = read_measurement(save(tmp_path, name, DIALECTS[name](PAIRS)))
     assert file.channels[-1].unit == ("" if name in ("lecroy.csv", "labview.lvm") else "V")
     (found,) = map_channels(file, ChannelPlan(SENSOR))
@@ -206,7 +206,7 @@ def test_every_point_is_found_with_its_time_and_unit(tmp_path: Path, name: str) 
     assert found.hammer.scale == pytest.approx(100.0)
 
 
-def test_columns_of_words_are_in_nobodys_way(tmp_path: Path) -> None:
+def test_columns_of_words_are_in_nobodys_way(tmp_path):
     file = read_measurement(save(tmp_path, "logger.csv", write_dates(PAIRS)))
     assert [channel.name for channel in file.channels] == ["Date", "Clock", "Time", "Force"]
     skipped = ChannelPlan(SENSOR, columns=("skip", "skip", "time", "hammer"))
@@ -216,7 +216,7 @@ def test_columns_of_words_are_in_nobodys_way(tmp_path: Path) -> None:
         map_channels(file, used)
 
 
-def test_a_channel_beyond_its_range_is_infinite(tmp_path: Path) -> None:
+def test_a_channel_beyond_its_range_is_infinite(tmp_path):
     lines = [*write_picoscope(PAIRS)]
     lines[150] = lines[150].split(",")[0] + ",-∞"
     file = read_measurement(save(tmp_path, "picoscope.csv", iter(lines)))

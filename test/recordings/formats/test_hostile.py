@@ -1,7 +1,5 @@
 """Whatever a file holds, it is read or refused in a sentence; `bench fuzz` tries thousands."""
 
-from pathlib import Path
-
 import pytest
 from bench import survival
 from bench.damage import mutate
@@ -24,8 +22,8 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_spoilt_files_of_all_formats_are_read_or_refused_in_a_sentence(
-    originals: dict[str, bytes], tmp_path: Path, seed: int, noise: bytes, place: int
-) -> None:
+    originals, tmp_path, seed, noise, place
+):
     for suffix, data in originals.items():
         path = tmp_path / f"spoilt{suffix}"
         spoilt = mutate(data, seed)

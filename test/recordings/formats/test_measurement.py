@@ -64,11 +64,6 @@ def test_a_date_of_a_clock_that_was_never_set_is_none(recorded_at):
     assert MeasuredChannel("a", np.zeros(2), recorded_at=recorded_at).recorded_at == 0
 
 
-@pytest.mark.parametrize("unit", ["m/s^2", "m/s²", "m/s2", "m/s**2", " m/s^2 "])
-def test_units_are_spelled_in_one_way(unit):
-    assert MeasuredChannel("a", np.zeros(2), unit=unit).unit == "m/s^2"
-
-
 @pytest.mark.parametrize(
     ("values", "rate", "start", "told"),
     [

@@ -9,9 +9,7 @@ import pytest
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.formats.registry import read_measurement
 
-
-def read_channels(path):
-    return {channel.name: channel for channel in read_measurement(path).channels}
+from .foreign import read_channels
 
 
 @pytest.mark.parametrize("kind", [np.float64, np.float32, np.int16, np.uint32, ">f8"])

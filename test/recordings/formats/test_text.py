@@ -79,12 +79,6 @@ def test_a_column_may_end_before_the_others_do(tmp_path):
     assert read_columns(path) == [[0.0, 1.0, 2.0], [1.0], [2.0, 3.0], []]
 
 
-def test_what_is_no_finite_number_is_kept(tmp_path):
-    path = tmp_path / "hit.csv"
-    path.write_text("0,nan\n1,-inf\n")
-    assert np.array_equal(read_columns(path)[1], [np.nan, -np.inf], equal_nan=True)
-
-
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
@@ -104,14 +98,6 @@ def test_what_cannot_be_read_is_named(tmp_path, name, content, told):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(FileError, match=f"{name}.*({told})"):
         read_measurement(tmp_path / name)
-
-
-def test_columns_of_words_are_channels_without_points(tmp_path):
-    path = tmp_path / "clock.csv"
-    path.write_text("12:00:00,1\n12:00:01,2\n")
-    clock, values = read_measurement(path).channels
-    assert (clock.values.size, clock.flaw) == (0, "line 1: '12:00:00' is no number")
-    assert values.values.tolist() == [1.0, 2.0]
 
 
 @pytest.mark.parametrize("much", [1000, 1 << 20], ids=["in a file", "in memory"])
@@ -135,7 +121,7 @@ def test_a_file_of_many_pieces_is_the_same_as_its_parts(tmp_path, monkeypatch, m
     ("name", "content"),
     [
         ("heading.csv", "time," + "a (" * 70_000 + "\n" + "0,1\n1,2\n"),
-        ("wide.csv", "\t".join(["1.5"] * 50_000) + "\n"),
+        ("wide.csv", "\t".join(["1.5"] * 20_000) + "\n"),
         ("word.csv", "x" * 5_000_000),
     ],
 )

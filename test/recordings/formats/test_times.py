@@ -70,9 +70,7 @@ def read_rate(path: Path, **given: object) -> float:
 
 @formats
 @pytest.mark.parametrize(("unit", "scale"), SCALES.items())
-def test_the_unit_of_times_is_stated_given_or_asked_for(
-    tmp_path: Path, name: str, unit: str, scale: float
-) -> None:
+def test_the_unit_of_times_is_stated_given_or_asked_for(tmp_path, name, unit, scale):
     path = tmp_path / name
     WRITERS[name](path, f"time_{unit}", scale * SECONDS)
     assert read_rate(path) == pytest.approx(1e6, rel=1e-8)
@@ -88,7 +86,7 @@ def test_the_unit_of_times_is_stated_given_or_asked_for(
 
 
 @pytest.mark.parametrize("name", [name for name in WRITERS if name != "hit.uff"])
-def test_counted_samples_and_rounded_times_need_a_rate(tmp_path: Path, name: str) -> None:
+def test_counted_samples_and_rounded_times_need_a_rate(tmp_path, name):
     path = tmp_path / name
     for heading, times, told in (
         ("samples", np.arange(2000.0), "'samples' counts samples: give their rate"),
@@ -101,7 +99,7 @@ def test_counted_samples_and_rounded_times_need_a_rate(tmp_path: Path, name: str
         path.unlink()
 
 
-def test_a_step_without_a_unit_is_asked_for_it_too(tmp_path: Path) -> None:
+def test_a_step_without_a_unit_is_asked_for_it_too(tmp_path):
     path = tmp_path / "hit.mat"
     savemat(path, {"dt": 1e-3, "force": PULSE})
     with pytest.raises(SignalError, match="in ms 99 us"):

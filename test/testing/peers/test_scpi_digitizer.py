@@ -66,7 +66,7 @@ def make_ramp(sign: int = 1):
     return replace(hit, hammer=ramp, specimen=ramp, sampling_rate=1e6)
 
 
-def test_what_it_does_not_understand_has_no_answer(terminal: Terminal) -> None:
+def test_what_it_does_not_understand_has_no_answer(terminal):
     terminal.say("ACQ:NONSENSE?", "ACQ:SOUR3:GAIN?", "ACQ:DEC:FACTOR 12", "ACQ:DEC:FACTOR x")
     assert terminal.ask("ACQ:DEC:FACTOR?") == "1"
     terminal.say("ACQ:SOUR1:GAIN XV", "ACQ:SOUR2:GAIN HV")
@@ -76,8 +76,8 @@ def test_what_it_does_not_understand_has_no_answer(terminal: Terminal) -> None:
 @pytest.mark.parametrize(("edge", "sign"), [("PE", 1), ("NE", -1)])
 @pytest.mark.parametrize(("channel", "sensitivity"), [(1, 1e-3), (2, 2e-3)])
 def test_the_trigger_is_the_first_point_beyond_its_level(
-    digitizer, terminal: Terminal, edge: str, sign: int, channel: int, sensitivity: float
-) -> None:
+    digitizer, terminal, edge, sign, channel, sensitivity
+):
     terminal.say("ACQ:DEC:FACTOR 125", "ACQ:DATA:UNITS RAW", f"ACQ:TRIG:LEV {sign * 0.1} V")
     # 100 points after the trigger.
     terminal.say("ACQ:TRIG:DLY -8092", "ACQ:START", f"ACQ:TRIG CH{channel}_{edge}")
@@ -95,13 +95,13 @@ def test_the_trigger_is_the_first_point_beyond_its_level(
     assert values == pytest.approx(counts, abs=0.5)
 
 
-def test_a_signal_that_never_was_below_the_level_does_not_trigger(digitizer, terminal) -> None:
+def test_a_signal_that_never_was_below_the_level_does_not_trigger(digitizer, terminal):
     terminal.say("ACQ:DEC:FACTOR 125", "ACQ:TRIG:LEV -0.098", "ACQ:START", "ACQ:TRIG CH1_PE")
     terminal.ask("*OPC?")
     assert digitizer.feed(make_ramp()) is None
 
 
-def test_it_vanishes_and_comes_back_where_it_was(digitizer, terminal) -> None:
+def test_it_vanishes_and_comes_back_where_it_was(digitizer, terminal):
     assert terminal.ask("*OPC?") == "1"
     terminal.say("ACQ:DEC:FACTOR 64")
     assert terminal.ask("ACQ:DEC:F?") == "64"
