@@ -87,9 +87,6 @@ def test_a_key_that_cannot_be_meant_is_named_with_its_line(keys, word):
         GpioHolder(read_options(keys))
 
 
-pytest.importorskip("gpiod", reason="the extra `gpio` is not installed")
-
-
 class GpioBench(HolderBench):
     """A chip that the kernel simulates: no line of a real one is switched by a test."""
 
@@ -97,8 +94,6 @@ class GpioBench(HolderBench):
         return GpioHolder
 
     def make_holder(self):
-        import gpiod
-
         for path in sorted(Path("/dev").glob("gpiochip*")):
             with gpiod.Chip(str(path)) as chip:
                 is_simulated = chip.get_info().label.startswith("gpio-sim")

@@ -30,24 +30,9 @@ released_answer = "RELEASED"
 ANSWERING = {"four-byte": "answers = true", "text": TEXT}
 
 
-class Observer:
-    """Waits for what the board does."""
-
-    def __init__(self) -> None:
-        self.releases = threading.Semaphore(0)
-
-    def wait(self) -> bool:
-        return self.releases.acquire(timeout=PATIENCE)
-
-
 @pytest.fixture
-def observer() -> Observer:
-    return Observer()
-
-
-@pytest.fixture
-def board(observer: Observer) -> Iterator[SerialRelayPeer]:
-    peer = SerialRelayPeer(observer.releases.release)
+def board() -> Iterator[SerialRelayPeer]:
+    peer = SerialRelayPeer(lambda: None)
     peer.start()
     yield peer
     peer.stop()
@@ -85,8 +70,9 @@ def test_frames_are_those_of_the_boards_manual(channel, operation, frame):
     assert make_frame(channel, operation).hex() == frame
 
 
-def test_a_magnet_that_holds_while_the_relay_is_on_is_switched_on(observer):
-    board = SerialRelayPeer(observer.releases.release, holds_on=True)
+def test_a_magnet_that_holds_while_the_relay_is_on_is_switched_on():
+    released = threading.Event()
+    board = SerialRelayPeer(released.set, holds_on=True)
     board.start()
     try:
         assert not board.is_holding
@@ -94,7 +80,7 @@ def test_a_magnet_that_holds_while_the_relay_is_on_is_switched_on(observer):
         holder.configure()
         assert board.is_holding
         holder.release()
-        assert observer.wait()
+        assert released.wait(PATIENCE)
         holder.close()
     finally:
         board.stop()
@@ -275,12 +261,4 @@ class TestSerialRelayThatAnswers(TestSerialRelay):
 
 
 class TestSerialRelayWithText(TestSerialRelay):
-    keys = """
-        protocol = "text"
-        hold_command = "HOLD"
-        release_command = "RELEASE"
-        answer = "OK"
-        query_command = "STATE?"
-        holding_answer = "HOLDING"
-        released_answer = "RELEASED"
-    """
+    keys = TEXT

@@ -12,7 +12,7 @@ from impact_rig.core.model.pulses import HALF_SINE
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.protocols import HammerlessSource, SourceChannel
+from impact_rig.devices.protocols import SourceChannel
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.drivers import (
     VirtualHolder,
@@ -59,10 +59,6 @@ def read_until(source, condition):
         if block is not None:
             blocks.append(block)
     return blocks
-
-
-def test_it_is_told_when_the_hammer_strikes():
-    assert isinstance(make_source(), HammerlessSource)
 
 
 def test_a_record_is_that_of_the_seed():
