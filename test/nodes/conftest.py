@@ -7,12 +7,15 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
-from types import TracebackType
+from pathlib import Path, PurePosixPath
+from types import ModuleType, TracebackType
 from typing import Any, Self
 
 import pytest
 import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -21,12 +24,23 @@ from rclpy.task import Future
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.nodes.executor import make_executor, spin_until
-from impact_rig.nodes.interfaces import NOT_YET, SETUP, Topic
+from impact_rig.nodes.interfaces import NOT_YET, RECORD_STORED, RECORDER_STATE, SETUP, Topic
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
+from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.rig_node import RESEND_PERIOD, RigNode
 
 PATIENCE = 120.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""
+
+
+QUICK = {
+    "campaign_hits.ENABLE_PERIOD": 0.1,
+    "hammer.WATCH_PERIOD": 0.1,
+    "recorder.HEALTH_PERIOD": 0.1,
+    "recorder_run.DISCOVERY_PERIOD": 0.05,
+    "rig_node.DIAGNOSTIC_PERIOD": 0.1,
+}
+"""How often nodes look at what they look at now and then [s]: else tests wait for a second."""
 
 
 def wait_until(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
@@ -137,9 +151,8 @@ class Harness:
 
     def listen(self, topic: Topic, namespace: str = "") -> Collector:
         collector = Collector()
-        self.peer.create_subscription(
-            topic.type, f"{namespace}/{topic.name}", collector.take, topic.qos
-        )
+        name = str(PurePosixPath("/", namespace, topic.name))
+        self.peer.create_subscription(topic.type, name, collector.take, topic.qos)
         return collector
 
     def advertise(self, topic: Topic) -> Any:
@@ -164,6 +177,27 @@ class Harness:
             if answers.has_come(RESEND_PERIOD):
                 return answers.messages[0]
         raise AssertionError(f"{name} does not answer")
+
+    def change_state(self, node: str, *transitions: str) -> None:
+        """Lead a node through transitions, as `ros2 lifecycle set` does."""
+        for name in transitions:
+            transition = Transition(id=getattr(Transition, f"TRANSITION_{name.upper()}"))
+            request = ChangeState.Request(transition=transition)
+            assert self.call(ChangeState, f"{node}/change_state", request).success
+
+    def set_parameter(self, node: str, name: str, value: Any) -> str:
+        """Set a parameter as `ros2 param set` does; return why it was refused, or nothing."""
+        parameter = Parameter(name, value=value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
+        (result,) = self.call(SetParameters, f"{node}/set_parameters", request).results
+        assert result.successful != bool(result.reason)
+        return str(result.reason)
+
+    def ask_until(self, word: str, ask: Callable[[], Any]) -> list[Any]:
+        """Ask until a message has a word; return all answers."""
+        answers = [ask()]
+        self.wait_until(lambda: word in answers[-1].message or answers.append(ask()))
+        return answers
 
     def ask(self, kind: Any, name: str, request: Any) -> Any:
         """Call a service, again while it answers "not yet", and return its answer."""
@@ -250,5 +284,47 @@ def ros_domain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]
 def harness(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Harness]:
     """Return a place to run nodes in."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    for name, period in QUICK.items():
+        monkeypatch.setattr(f"impact_rig.nodes.{name}", period)
     with Harness(ros_domain) as started:
         yield started
+
+
+@pytest.fixture
+def recorder(
+    harness: Harness, tmp_path: Path
+) -> Callable[..., tuple[Collector, Collector, RecorderNode]]:
+    """Return a function that starts a recorder; it returns what it says, and the node."""
+
+    def start(**parameters: Any) -> tuple[Collector, Collector, RecorderNode]:
+        namespace = parameters.get("namespace", "")
+        states = harness.listen(RECORDER_STATE, namespace)
+        stored = harness.listen(RECORD_STORED, namespace)
+        output = str(tmp_path / "session.mcap")
+        node = harness.add(RecorderNode, **{"output": output, "required_topics": "", **parameters})
+        states.wait(lambda messages: messages[-1].recording)
+        return states, stored, node
+
+    return start
+
+
+class Clock:
+    """A clock that only moves when it is told to."""
+
+    now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def move_clock(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Clock]:
+    """Return a function that gives modules a clock of the test's."""
+
+    def give(*modules: ModuleType) -> Clock:
+        clock = Clock()
+        for module in modules:
+            monkeypatch.setattr(module, "time", clock)
+        return clock
+
+    return give

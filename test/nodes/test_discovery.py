@@ -188,10 +188,3 @@ def test_the_one_that_has_just_become_free_is_rarely_the_next():
             numbers.append(number)
     # All alike by chance: once in a hundred to the nineteenth.
     assert len(set(numbers)) > 1
-
-
-def test_an_error_in_the_block_stays_what_it_is():
-    with pytest.raises(OSError, match="mine"), reserve_domain():
-        raise OSError("mine")
-    with reserve_domain():
-        pass

@@ -39,22 +39,6 @@ def add(gate, blocks):
         gate.add_block(block)
 
 
-def test_everything_passes_at_once_while_nobody_records():
-    gate, blocks = StorageGate(), make_blocks(1)
-    add(gate, blocks)
-    assert list(gate.pass_on()) == blocks
-    assert not gate.describe_obstacle()
-
-
-def test_a_record_waits_until_it_is_stored(gate):
-    blocks = make_blocks(17)
-    add(gate, blocks)
-    assert not list(gate.pass_on())
-    assert gate.describe_obstacle() == "the recorder has not said that record 17 is stored"
-    assert tell(gate, blocks) == ""
-    assert list(gate.pass_on()) == blocks
-
-
 def test_the_recorder_may_be_faster_than_the_blocks(gate):
     blocks = make_blocks(17)
     tell(gate, blocks)
@@ -72,11 +56,6 @@ def test_a_set_up_keeps_its_place_among_the_blocks(gate):
     assert list(gate.pass_on()) == [*first, setup]
     tell(gate, second)
     assert list(gate.pass_on()) == second
-
-
-def test_a_set_up_alone_does_not_wait(gate):
-    gate.add_setup(RigSetup(name="rig"))
-    assert [item.name for item in gate.pass_on()] == ["rig"]
 
 
 def test_a_long_record_passes_in_parts(gate):

@@ -4,7 +4,7 @@ import signal
 import threading
 
 import pytest
-from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState, RecordStored
+from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState
 from impact_rig_msgs.srv import Release
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -15,7 +15,6 @@ from impact_rig.nodes.hammer import LONGEST_PAUSE, HammerNode
 from impact_rig.nodes.rig_state import ACCELEROMETER, RECORDER
 
 HIT = {"record": 4, "sample": "steel small", "impact": 2, "attempt": 1}
-NEXT = AcquisitionState(state=AcquisitionState.ARMED, record=5, sample="steel small")
 ARMED = AcquisitionState(state=AcquisitionState.ARMED, record=4, sample="steel small")
 
 
@@ -112,25 +111,6 @@ def test_the_normal_end_of_an_arming_is_no_loss(rig, harness):
     assert rig.states.messages[-1].armed
 
 
-def test_a_stop_lasts_until_it_is_reset_and_the_hammer_is_armed_anew(rig):
-    rig.start()
-    assert rig.call(interfaces.EMERGENCY_STOP).success
-    state = rig.wait(lambda item: item.disarmed_by == HammerState.EMERGENCY_STOP)
-    assert not state.armed
-    assert "hammer/reset" in rig.call(interfaces.ARM_HAMMER).message
-    assert "hammer/reset" in rig.release().message
-    answer = rig.call(interfaces.RESET_HAMMER)
-    assert answer.success
-    assert answer.message == (
-        "the emergency stop is ended; the hammer is not armed: call hammer/arm first"
-    )
-    assert "not armed" in rig.release().message
-    assert rig.call(interfaces.ARM_HAMMER).success
-    answer = rig.call(interfaces.RESET_HAMMER)
-    assert answer.message == "there was no emergency stop; the hammer is armed"
-    assert rig.release().success
-
-
 def test_a_stop_works_in_every_state_of_the_node_and_outlasts_it(rig, harness):
     rig.hammer = node = harness.add(HammerNode, autostart=False)
     assert rig.call(interfaces.EMERGENCY_STOP).success
@@ -143,18 +123,6 @@ def test_a_stop_works_in_every_state_of_the_node_and_outlasts_it(rig, harness):
         " hammer/arm"
     )
     assert "not active" in rig.call(interfaces.ARM_HAMMER).message
-
-
-def test_where_returns_are_confirmed_the_hammer_stays_away_until_somebody_says_so(rig):
-    rig.start(confirm_return=True)
-    assert rig.release().success
-    rig.wait(lambda item: item.state == HammerState.AWAY)
-    assert "hammer/confirm_held" in rig.release(record=5).message
-    assert rig.call(interfaces.CONFIRM_HELD).success
-    rig.acquisition.publish(NEXT)
-    rig.stored.publish(RecordStored(record=4, complete=True))
-    assert rig.release(record=5).success
-    assert [item.record for item in rig.releases.wait_for_count(2)] == [4, 5]
 
 
 @pytest.fixture

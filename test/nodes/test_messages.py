@@ -29,6 +29,8 @@ from impact_rig.recordings.messages import (
 )
 from impact_rig.results.wire import fill_message, from_message, list_fields
 
+from ..results.test_wire import SETUP
+
 VALUES = {
     float: st.floats(allow_nan=False),
     int: st.integers(0, 2**32 - 1),
@@ -36,24 +38,8 @@ VALUES = {
     bool: st.booleans(),
 }
 CHECKED = {
-    Sample: st.just(Sample("tin", 0.01, "metal", 2e-4, 3e6, 4.0, 1e-3)),
-    Sensor: st.just(
-        Sensor(
-            "hammer",
-            "force",
-            "N",
-            2.25e-3,
-            2200.0,
-            "SN 7",
-            "2026-03-01",
-            0.01,
-            7e4,
-            2e3,
-            0.03,
-            0.5,
-            0.1,
-        )
-    ),
+    Sample: st.just(SETUP.samples.samples[0]),
+    Sensor: st.just(SETUP.sensors[0]),
     AnalysisSettings: st.just(AnalysisSettings(7e4, 1.8, 1e-4, 3e-3, keep_hits=12)),
     RigSetup: st.just(replace(PAPER_SETUP, hammer_stiffness=2e7, description="on the bench")),
 }

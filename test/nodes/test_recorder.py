@@ -1,29 +1,37 @@
-"""The recorder writes every message of every topic, and always leaves a sound file."""
+"""The recorder writes every message of every topic, and always leaves a sound file.
 
+It tells where it comes from: versions, notes, parameters, attached files.
+"""
+
+import json
 import signal
 from array import array
+from contextlib import suppress
 from pathlib import Path
 
 import mcap.reader
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from impact_rig_msgs.msg import (
-    AccelerationBlock,
-    RecorderState,
-    RigSetup,
-)
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
+import numpy as np
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticStatus
+from impact_rig_msgs.msg import AccelerationBlock, RigSetup
+from mcap.exceptions import McapError
+from mcap.records import Metadata
+from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
 
+from impact_rig import __version__
 from impact_rig.core.errors import FileError
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.recordings.source import RecordingSource
 
 COUNT = 20
+PARAMETERS = "impact_rig/parameters"
 OWN_TOPICS = (interfaces.RECORDER_STATE, interfaces.RECORD_STORED)
 """What the recorder itself has to say."""
 
@@ -56,20 +64,6 @@ def make_block(record: int, points: int = 5000) -> AccelerationBlock:
     return block
 
 
-def wait_for_state(states, condition) -> RecorderState:
-    """Return the recorder's latest state, once it is as it should be."""
-    return states.wait(lambda messages: bool(messages) and condition(messages[-1]))[-1]
-
-
-def start(harness, tmp_path, **parameters):
-    """Start a recorder; return it with its states, once it records."""
-    states = harness.listen(interfaces.RECORDER_STATE, parameters.get("namespace", ""))
-    output = str(tmp_path / "run" / "session.mcap")
-    node = harness.add(RecorderNode, **{"output": output, "required_topics": "", **parameters})
-    wait_for_state(states, lambda state: state.recording)
-    return node, states
-
-
 def test_it_calls_itself_recording_once_the_required_topics_are_connected(harness, tmp_path):
     states = harness.listen(interfaces.RECORDER_STATE)
     harness.add(
@@ -77,17 +71,11 @@ def test_it_calls_itself_recording_once_the_required_topics_are_connected(harnes
         output=str(tmp_path / "session.mcap"),
         required_topics="acceleration, impact",
     )
-    state = wait_for_state(states, lambda state: "acceleration, impact" in state.message)
+    state = states.wait(lambda got: "acceleration, impact" in got[-1].message)[-1]
     assert not state.recording
     harness.advertise(interfaces.ACCELERATION)
     harness.advertise(interfaces.IMPACT)
-    wait_for_state(states, lambda state: state.recording)
-
-
-def stop(harness) -> None:
-    """Deactivate the recorder, as an operator would."""
-    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
-    assert harness.call(ChangeState, "recorder/change_state", request).success
+    states.wait(lambda got: got[-1].recording)
 
 
 def publish(harness, publisher, *messages, acknowledged: bool = True) -> None:
@@ -108,10 +96,10 @@ def count_on_disk(path: Path, topic: str) -> int:
     )
 
 
-def test_other_libraries_read_all_messages_of_all_topics(harness, tmp_path):
+def test_other_libraries_read_all_messages_of_all_topics(harness, recorder, tmp_path):
     # Latched before the recorder starts.
     harness.advertise(interfaces.SETUP).publish(RigSetup(name="early"))
-    node, _ = start(harness, tmp_path, chunk_size=50_000)
+    _, _, node = recorder(chunk_size=50_000)
     blocks = [make_block(record) for record in range(COUNT)]
     publish(harness, harness.advertise(interfaces.ACCELERATION), *blocks)
     for topic in interfaces.RECORDED_TOPICS:
@@ -119,9 +107,9 @@ def test_other_libraries_read_all_messages_of_all_topics(harness, tmp_path):
             publish(harness, harness.advertise(topic), topic.type())
     harness.wait_until(lambda: node.count_messages("/recorder/stored") == COUNT)
     harness.wait_until(lambda: node.count_messages("/setup") == 1)
-    stop(harness)
+    harness.change_state("recorder", "deactivate")
 
-    path = tmp_path / "run" / "session.mcap"
+    path = tmp_path / "session.mcap"
     names = {f"/{topic.name}" for topic in interfaces.RECORDED_TOPICS}
     for messages in (read_by_mcap_ros2(path), read_by_rosbags(path)):
         assert names <= set(messages)
@@ -134,8 +122,8 @@ def test_other_libraries_read_all_messages_of_all_topics(harness, tmp_path):
         assert [item.record for item in messages["/recorder/stored"]] == list(range(COUNT))
 
 
-def test_further_topics_below_the_namespace_are_discovered(harness, tmp_path):
-    node, _ = start(harness, tmp_path, namespace="/hall")
+def test_further_topics_below_the_namespace_are_discovered(harness, recorder, tmp_path):
+    _, _, node = recorder(namespace="/hall")
     inside, outside, hidden = (
         harness.peer.create_publisher(String, name, 10)
         for name in ("/hall/notes", "/elsewhere/notes", "/hall/_hidden/notes")
@@ -154,10 +142,9 @@ def test_further_topics_below_the_namespace_are_discovered(harness, tmp_path):
     assert outside.get_subscription_count() == hidden.get_subscription_count() == 0
     for topic in ("/hall/notes", "/hall/name", "/rosout"):
         harness.wait_until(lambda topic=topic: node.count_messages(topic) > 0)
-    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
-    assert harness.call(ChangeState, "/hall/recorder/change_state", request).success
+    harness.change_state("/hall/recorder", "deactivate")
 
-    path = tmp_path / "run" / "session.mcap"
+    path = tmp_path / "session.mcap"
     messages = read_by_rosbags(path)
     assert [item.data for item in messages["/hall/notes"]] == ["hello"]
     assert [item.data for item in messages["/hall/name"]] == ["bench 3"]
@@ -173,14 +160,14 @@ def test_further_topics_below_the_namespace_are_discovered(harness, tmp_path):
     assert metadata["/hall/notes"]["topic_type_hash"] == str(info.topic_type_hash)
 
 
-def test_times_are_those_of_the_middleware(harness, tmp_path):
-    start(harness, tmp_path)
+def test_times_are_those_of_the_middleware(harness, recorder, tmp_path):
+    recorder()
     publisher = harness.advertise(interfaces.ACCELERATION)
     before = harness.peer.get_clock().now().nanoseconds
     publish(harness, publisher, make_block(1), make_block(2))
     after = harness.peer.get_clock().now().nanoseconds
-    stop(harness)
-    with (tmp_path / "run" / "session.mcap").open("rb") as file:
+    harness.change_state("recorder", "deactivate")
+    with (tmp_path / "session.mcap").open("rb") as file:
         messages = [
             item for *_, item in mcap.reader.make_reader(file).iter_messages(["/acceleration"])
         ]
@@ -189,21 +176,22 @@ def test_times_are_those_of_the_middleware(harness, tmp_path):
     assert [item.sequence for item in messages] == [0, 1]
 
 
-def test_every_activation_gets_a_file_of_its_own(harness, tmp_path):
-    _, states = start(harness, tmp_path)
-    stop(harness)
-    wait_for_state(states, lambda state: state.message == "closed")
-    path = tmp_path / "run" / "session.mcap"
+def test_every_activation_gets_a_file_of_its_own(harness, recorder, tmp_path):
+    states, *_ = recorder()
+    harness.change_state("recorder", "deactivate")
+    states.wait(lambda got: got[-1].message == "closed")
+    path = tmp_path / "session.mcap"
     content = path.read_bytes()
-    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVATE))
-    assert harness.call(ChangeState, "recorder/change_state", request).success
-    wait_for_state(states, lambda state: state.uri == str(path.with_name("session-2.mcap")))
+    harness.change_state("recorder", "activate")
+    states.wait(lambda got: got[-1].uri == str(path.with_name("session-2.mcap")))
     assert path.read_bytes() == content
 
 
-def test_without_a_name_the_file_gets_the_time_of_the_run(harness, tmp_path, monkeypatch):
+def test_without_a_name_the_file_gets_the_time_of_the_run(
+    harness, recorder, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
-    _, states = start(harness, tmp_path, output="")
+    states, *_ = recorder(output="")
     path = Path(states.messages[-1].uri)
     assert path.is_file()
     assert path.parent.parent == tmp_path / "runs"
@@ -228,11 +216,10 @@ def test_what_cannot_be_recorded_is_refused_in_one_sentence(harness):
 
 
 def test_a_failing_disk_is_told_to_everybody_and_keeps_what_was_written(
-    harness, tmp_path, monkeypatch
+    harness, recorder, tmp_path, monkeypatch
 ):
-    node, states = start(harness, tmp_path, chunk_size=1000, compression="none")
-    diagnostics = harness.make_collector()
-    harness.peer.create_subscription(DiagnosticArray, "/diagnostics", diagnostics.take, 10)
+    states, _, node = recorder(chunk_size=1000, compression="none")
+    diagnostics = harness.listen(interfaces.DIAGNOSTICS)
     publisher = harness.advertise(interfaces.ACCELERATION)
     publish(harness, publisher, make_block(1))
     harness.wait_until(lambda: node.count_messages("/acceleration") == 1)
@@ -243,24 +230,26 @@ def test_a_failing_disk_is_told_to_everybody_and_keeps_what_was_written(
     monkeypatch.setattr("impact_rig.recordings.new_file.DiskFile.plan", fail)
     publish(harness, publisher, make_block(2))
 
-    state = wait_for_state(states, lambda state: not state.recording)
+    state = states.wait(lambda got: not got[-1].recording)[-1]
     assert "disk full" in state.message
     errors = diagnostics.wait(
         lambda messages: any(item.status[0].level == DiagnosticStatus.ERROR for item in messages)
     )
     assert "disk full" in errors[-1].status[0].message
-    blocks = read_by_rosbags(tmp_path / "run" / "session.mcap")["/acceleration"]
+    blocks = read_by_rosbags(tmp_path / "session.mcap")["/acceleration"]
     assert [block.record for block in blocks] == [1]
 
 
-def test_a_recording_that_somebody_deletes_is_missed_with_the_next_hit(harness, tmp_path):
-    node, states = start(harness, tmp_path)
+def test_a_recording_that_somebody_deletes_is_missed_with_the_next_hit(
+    harness, recorder, tmp_path
+):
+    states, _, node = recorder()
     publisher = harness.advertise(interfaces.ACCELERATION)
     publish(harness, publisher, make_block(1))
     harness.wait_until(lambda: node.count_messages("/acceleration") == 1)
-    (tmp_path / "run" / "session.mcap").unlink()
+    (tmp_path / "session.mcap").unlink()
     publish(harness, publisher, make_block(2))
-    state = wait_for_state(states, lambda state: not state.recording)
+    state = states.wait(lambda got: not got[-1].recording)[-1]
     assert "session.mcap was deleted while it was written" in state.message
 
 
@@ -268,14 +257,84 @@ def test_a_signal_leaves_a_sound_recording(harness, start_process, tmp_path):
     states = harness.listen(interfaces.RECORDER_STATE)
     path = tmp_path / "session.mcap"
     process = start_process("recorder", output=str(path), flush_period=0.01, required_topics="''")
-    wait_for_state(states, lambda state: state.recording)
+    states.wait(lambda got: got[-1].recording)
     blocks = [make_block(record) for record in range(COUNT)]
     publish(harness, harness.advertise(interfaces.ACCELERATION), *blocks, acknowledged=False)
     harness.wait_until(lambda: count_on_disk(path, "/acceleration") == COUNT)
     process.send_signal(signal.SIGTERM)
     assert process.wait() == 0
-    wait_for_state(states, lambda state: state.message == "closed")
+    states.wait(lambda got: got[-1].message == "closed")
     for read in (read_by_rosbags, read_by_mcap_ros2):
         assert [item.record for item in read(path)["/acceleration"]] == list(range(COUNT))
     assert not RecordingSource(path).warnings
     assert "Traceback" not in process.output
+
+
+@pytest.fixture
+def metadata(tmp_path):
+    """Return a function that reads all metadata of one name, also while the file grows."""
+
+    def read(name):
+        found = []
+        with (tmp_path / "session.mcap").open("rb") as stream, suppress(McapError):
+            found.extend(
+                record.metadata
+                for record in StreamReader(stream).records
+                if isinstance(record, Metadata) and record.name == name
+            )
+        return found
+
+    return read
+
+
+def test_software_and_notes_go_into_the_file_and_notes_may_change(harness, recorder, metadata):
+    recorder(notes="bench 3")
+    assert not harness.set_parameter("recorder", "notes", "bench 3, new tip, 21 °C")
+    harness.change_state("recorder", "deactivate")
+    first, second = metadata("impact_rig")
+    assert first["software_version"] == __version__
+    assert json.loads(first["libraries"])["numpy"] == np.__version__
+    assert first["notes"] == "bench 3"
+    assert second["notes"] == "bench 3, new tip, 21 °C"
+
+
+def test_the_parameters_of_all_nodes_go_into_the_file_and_again_when_they_change(
+    harness, recorder, metadata
+):
+    recorder(compression="lz4")
+    harness.add(HammerNode, swing_time=0.3)
+
+    def find_swing_time():
+        texts = [item["/hammer"] for item in metadata(PARAMETERS) if "/hammer" in item]
+        return yaml.safe_load(texts[-1])["swing_time"] if texts else None
+
+    harness.wait_until(lambda: find_swing_time() == 0.3)
+    assert not harness.set_parameter("hammer", "swing_time", 0.4)
+    harness.wait_until(lambda: find_swing_time() == 0.4)
+    own = yaml.safe_load(metadata(PARAMETERS)[-1]["/recorder"])
+    assert own["compression"] == "lz4"
+
+
+def test_files_are_attached_and_what_an_operator_says_is_recorded(harness, recorder, tmp_path):
+    rig_file = tmp_path / "my, own rig.toml"
+    rig_file.write_text("name = 'bench 3'", "utf-8")
+    recorder(attachments=str(rig_file))
+    notes = harness.advertise(interfaces.NOTE)
+    harness.wait_until(lambda: notes.get_subscription_count() > 0)
+    notes.publish(String(data="the tip is loose"))
+    assert notes.wait_for_all_acked()
+    harness.change_state("recorder", "deactivate")
+    with (tmp_path / "session.mcap").open("rb") as stream:
+        (attachment,) = mcap.reader.make_reader(stream).iter_attachments()
+    assert (attachment.name, attachment.media_type) == (rig_file.name, "application/toml")
+    assert attachment.data == rig_file.read_bytes()
+    (said,) = read_by_rosbags(tmp_path / "session.mcap")["/note"]
+    assert said.data == "the tip is loose"
+
+
+def test_a_recorder_that_is_not_started_says_so_to_those_who_would_wait_for_it(harness):
+    states = harness.listen(interfaces.RECORDER_STATE)
+    harness.add(RecorderNode, autostart=False)
+    (state,) = states.wait_for_count(1)
+    assert (state.recording, state.waiting) == (False, False)
+    assert "not active" in state.message

@@ -6,18 +6,17 @@ from array import array
 from pathlib import Path
 
 import mcap.reader
-import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, HammerRelease, StreamBlock
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
-from rosbags.highlevel import AnyReader
 from std_msgs.msg import Empty
 
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.recordings.source import open_source
+
+from .test_recorder import read_by_rosbags
 
 POINTS = 1000
 
@@ -34,21 +33,6 @@ def make_blocks(record, count=3, *, without=(), ends=True):
         block.hammer.counts = block.specimen.counts = array("i", range(POINTS))
         blocks.append(block)
     return blocks
-
-
-@pytest.fixture
-def recorder(harness, tmp_path):
-    """Return a function that starts a recorder; it returns what it says, and the node."""
-
-    def start(**parameters):
-        states = harness.listen(interfaces.RECORDER_STATE)
-        stored = harness.listen(interfaces.RECORD_STORED)
-        output = str(tmp_path / "session.mcap")
-        node = harness.add(RecorderNode, **{"output": output, "required_topics": "", **parameters})
-        states.wait(lambda messages: messages and messages[-1].recording)
-        return states, stored, node
-
-    return start
 
 
 def connect(harness, topic=interfaces.ACCELERATION):
@@ -233,12 +217,7 @@ def test_a_full_disk_ends_the_recording_cleanly_and_says_so(
         )
     assert "full" in states.messages[-1].message
     path = tmp_path / "session.mcap"
-    with AnyReader([path]) as reader:
-        records = [
-            reader.deserialize(data, connection.msgtype).record
-            for connection, _, data in reader.messages()
-            if connection.topic == "/acceleration"
-        ]
+    records = [block.record for block in read_by_rosbags(path)["/acceleration"]]
     # All that was called stored, and perhaps the beginning of the next.
     whole = [number for number in sorted(set(records)) if records.count(number) in (3, 100)]
     assert {word.record for word in stored.messages} <= set(whole)
@@ -288,13 +267,8 @@ def test_the_running_stream_is_recorded_when_asked_for_and_its_gaps_are_counted(
     assert {item.key: item.value for item in values}["stream blocks"] == "4"
     harness.close(node)
     path = tmp_path / "session.mcap"
-    with AnyReader([path]) as reader:
-        starts = [
-            reader.deserialize(data, connection.msgtype).first_sample
-            for connection, _, data in reader.messages()
-            if connection.topic == "/acceleration/stream"
-        ]
-    assert starts == [0, POINTS, 4 * POINTS, 7 * POINTS]
+    stream = read_by_rosbags(path)["/acceleration/stream"]
+    assert [block.first_sample for block in stream] == [0, POINTS, 4 * POINTS, 7 * POINTS]
     (health,) = read_metadata(path)["impact_rig/health"]
     assert (health["stream_blocks"], health["stream_gaps"]) == ("4", "2")
     assert (health["stream_missing_points"], health["gaps"]) == ("4000", "0")
@@ -315,8 +289,7 @@ def test_the_running_stream_is_left_alone_unless_asked_for(harness, recorder, tm
     publish(connect(harness), make_blocks(1))
     stored.wait_for_count(1)
     harness.close(node)
-    with AnyReader([tmp_path / "session.mcap"]) as reader:
-        topics = set(reader.topics)
+    topics = read_by_rosbags(tmp_path / "session.mcap")
     assert "/acceleration" in topics
     assert not {topic for topic in topics if "stream" in topic}
 

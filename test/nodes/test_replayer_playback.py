@@ -13,18 +13,8 @@ TICK = 1e-4
 
 
 @pytest.fixture
-def clock(monkeypatch):
-    """Return a clock that the test moves on."""
-
-    class Clock:
-        now = 100.0
-
-        def monotonic(self):
-            return self.now
-
-    moved = Clock()
-    monkeypatch.setattr(replayer_playback, "time", moved)
-    return moved
+def clock(move_clock):
+    return move_clock(replayer_playback)
 
 
 def wait(pace, clock, position, step=0.1):

@@ -195,19 +195,8 @@ def test_a_view_that_goes_nowhere_fails_to_configure_and_says_what_to_set(harnes
 
 
 @pytest.fixture
-def clock(monkeypatch):
-    """Return a clock that only moves when it is told to."""
-
-    class Clock:
-        now = 100.0
-
-        def monotonic(self):
-            return self.now
-
-    made = Clock()
-    monkeypatch.setattr(visualizer, "time", made)
-    monkeypatch.setattr(rig_node, "time", made)
-    return made
+def clock(move_clock):
+    return move_clock(visualizer, rig_node)
 
 
 def say(name, message="active", level=DiagnosticStatus.OK, **values):

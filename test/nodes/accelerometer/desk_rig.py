@@ -27,8 +27,8 @@ sensitivity = "10 mV/g"
 """
 
 
-def arm(harness):
-    request = Arm.Request(sample=SAMPLE, impact=1, attempt=1)
+def arm(harness, sample=SAMPLE, impact=1):
+    request = Arm.Request(sample=sample, impact=impact, attempt=1)
     return harness.ask(Arm, interfaces.ARM_ACCELEROMETER, request)
 
 

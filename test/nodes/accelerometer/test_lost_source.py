@@ -3,17 +3,13 @@
 import threading
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from impact_rig_msgs.msg import AcquisitionState
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 
 from .desk_rig import arm, make_record, wait_for_release, wait_for_state
-
-DIAGNOSTICS = interfaces.Topic("diagnostics", DiagnosticArray, interfaces.ACCELERATION.qos)
 
 
 def test_a_device_that_is_lost_is_named_and_comes_back_as_often_as_it_goes(
@@ -74,9 +70,7 @@ def test_a_device_that_is_lost_while_the_hammer_swings_leaves_one_empty_block(
     assert (block.record, block.triggered, block.last) == (record, False, True)
     release(record, latest_contact=60.0)
     desk.plug()
-    for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
-        request = ChangeState.Request(transition=Transition(id=transition))
-        assert harness.call(ChangeState, "accelerometer/change_state", request).success
+    harness.change_state("accelerometer", "configure", "activate")
     release(arm(harness).record)
     assert [item.record for item in blocks.wait_for_count(2)] == [record, record + 1]
 
@@ -117,7 +111,7 @@ def test_a_device_that_goes_while_nothing_is_armed_is_missed_and_comes_back(
 
 
 def test_a_device_that_is_not_there_at_first_is_waited_for(harness, desk, rig, states):
-    seen = harness.listen(DIAGNOSTICS)
+    seen = harness.listen(interfaces.DIAGNOSTICS)
     desk.unplug()
     node = rig()
     wait_for_state(states, AcquisitionState.FAULT, "the digitizer on the desk is gone")

@@ -4,10 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs.msg import AcquisitionState
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
@@ -15,11 +12,9 @@ from impact_rig.recordings.messages import block_from_msg
 
 from .desk_rig import arm, make_record, wait_for_release, wait_for_state
 
-DIAGNOSTICS = interfaces.Topic("diagnostics", DiagnosticArray, interfaces.ACCELERATION.qos)
-
 
 def test_a_running_stream_passes_gaps_on_and_counts_them(harness, desk, rig):
-    seen = harness.listen(DIAGNOSTICS)
+    seen = harness.listen(interfaces.DIAGNOSTICS)
     stream = harness.listen(interfaces.make_stream_topic(400))
     node = rig(mode="continuous", stream_block_size=2500)
     record = replace(make_record(), last=False)
@@ -69,8 +64,7 @@ def test_a_hit_that_the_end_of_the_stream_cuts_off_is_rejected_at_once(
         desk.unplug()
         wait_for_state(states, AcquisitionState.FAULT)
     else:
-        request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
-        assert harness.call(ChangeState, "accelerometer/change_state", request).success
+        harness.change_state("accelerometer", "deactivate")
     (verdict,) = impacts.wait_for_count(1)
     assert (verdict.record, verdict.accepted) == (record, False)
     assert verdict.reasons[0].startswith("gap:")

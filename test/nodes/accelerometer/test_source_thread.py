@@ -1,5 +1,6 @@
 """The thread that owns a source, without ROS around it."""
 
+import contextlib
 import queue
 
 import numpy as np
@@ -61,46 +62,41 @@ def arming():
     return Arming(HitLabel("steel small"))
 
 
-def test_an_arming_is_known_to_be_read_before_a_verdict_can_follow(arming):
-    arming.release(PATIENCE)
-    output, ended = NotingOutput(arming), queue.SimpleQueue()
+@contextlib.contextmanager
+def run_thread(source, output, events):
+    """Run the thread of a source; what ends, and what fails, is an event."""
     thread = SourceThread(
-        TwoBlockSource(),
+        source,
         output,
         is_continuous=False,
         patience=PATIENCE,
         on_armed=lambda _: None,
-        on_ended=lambda _, why: ended.put(why),
-        on_failed=ended.put,
+        on_ended=lambda arming, why: events.put((arming.is_read, why)),
+        on_failed=events.put,
     )
     thread.start()
     try:
-        thread.arm(arming)
-        assert ended.get(timeout=PATIENCE) == COMPLETE
+        yield thread
     finally:
         assert thread.stop()
+
+
+def test_an_arming_is_known_to_be_read_before_a_verdict_can_follow(arming):
+    arming.release(PATIENCE)
+    output, events = NotingOutput(arming), queue.SimpleQueue()
+    with run_thread(TwoBlockSource(), output, events) as thread:
+        thread.arm(arming)
+        assert events.get(timeout=PATIENCE) == (True, COMPLETE)
     assert output.noted == [(False, False), (True, True)]
 
 
 def test_an_arming_without_an_impact_is_read_when_its_time_is_over(arming):
     arming.release(0.0)
-    source, ended = TwoBlockSource(), queue.SimpleQueue()
+    source, events = TwoBlockSource(), queue.SimpleQueue()
     source.arm = lambda: None
-    thread = SourceThread(
-        source,
-        NotingOutput(arming),
-        is_continuous=False,
-        patience=PATIENCE,
-        on_armed=lambda _: None,
-        on_ended=lambda ended_arming, _: ended.put(ended_arming.is_read),
-        on_failed=ended.put,
-    )
-    thread.start()
-    try:
+    with run_thread(source, NotingOutput(arming), events) as thread:
         thread.arm(arming)
-        assert ended.get(timeout=PATIENCE) is True
-    finally:
-        assert thread.stop()
+        assert events.get(timeout=PATIENCE)[0] is True
 
 
 def test_a_source_is_asked_whether_it_is_there_only_while_nothing_is_armed(arming, monkeypatch):
@@ -110,17 +106,7 @@ def test_a_source_is_asked_whether_it_is_there_only_while_nothing_is_armed(armin
     source.arm = lambda: events.put("armed")
     source.read = lambda timeout: events.put("read")
     source.disarm = lambda: events.put("disarmed")
-    thread = SourceThread(
-        source,
-        NotingOutput(arming),
-        is_continuous=False,
-        patience=PATIENCE,
-        on_armed=lambda _: None,
-        on_ended=lambda *_: None,
-        on_failed=events.put,
-    )
-    thread.start()
-    try:
+    with run_thread(source, NotingOutput(arming), events) as thread:
         assert events.get(timeout=PATIENCE) == "asked"
         thread.arm(arming)
         wait_for(events, "armed")
@@ -128,8 +114,6 @@ def test_a_source_is_asked_whether_it_is_there_only_while_nothing_is_armed(armin
         arming.release(0.0)
         wait_for(events, "disarmed")
         wait_for(events, "asked")
-    finally:
-        assert thread.stop()
     assert while_armed == {"read"}
 
 
