@@ -369,6 +369,7 @@ class Striker:
         self._setup_stamp: Any = None
         self._is_armed_in_vain = False
         self._was_interrupted = False
+        self._was_unanswered = False
         self._arm = node.create_client(Arm, interfaces.ARM_ACCELEROMETER)
         self._disarm = node.create_client(Trigger, interfaces.DISARM_ACCELEROMETER)
         self._set_angle = node.create_client(SetAngle, interfaces.SET_ANGLE)
@@ -379,6 +380,7 @@ class Striker:
         """Forget the campaign before; from now on verdicts under this set-up count."""
         self.recording = ""
         self._setup_stamp = setup_stamp
+        self._was_unanswered = False
         for memory in (self._verdicts, self._unjudged):
             memory.clear()
 
@@ -411,8 +413,9 @@ class Striker:
         Raises
         ------
         InterruptedHitError
-            If something was lost, and no verdict will come; the accelerometers are disarmed, so
-            that no later release falls into this record.
+            If something was lost, and no verdict will come, or if none came though nothing is
+            lost, and this for the first time in a row; the accelerometers are disarmed, so that
+            no later release falls into this record.
         CancelledError
             If the client asked for it.
         DeviceError
@@ -479,6 +482,7 @@ class Striker:
 
     def _take_verdict(self, record: int) -> Impact:
         """Return the verdict on a record, and forget the record: long campaigns have many."""
+        self._was_unanswered = False
         self._unjudged.remove(record)
         return self._verdicts.pop(record)
 
@@ -578,7 +582,10 @@ class Striker:
         progress.check_cancel()
         cause = self._explain_silence(record, timeout)
         is_lost = self._rig.is_lost(record, self.recording) or is_lost_since(self._rig, losses)
-        if is_lost and not self._rig.describe_end_of_recording(self.recording):
+        is_stored = not self.recording or self._rig.is_stored(record)
+        may_strike_again = is_lost or (is_stored and not self._was_unanswered)
+        self._was_unanswered = self._was_unanswered or not is_lost
+        if may_strike_again and not self._rig.describe_end_of_recording(self.recording):
             raise InterruptedHitError(cause)
         raise DeviceError(cause)
 

@@ -127,9 +127,9 @@ class EstimatorNode(RigNode):
         self._gate.add_block(message)
         self._work_off()
 
-    def _take_stream_block(self, message: StreamBlock) -> None:
+    def _take_stream_block(self, message: StreamBlock, behind: int) -> None:
         if self.is_active:
-            self._cutting.feed(message)
+            self._cutting.feed(message, behind)
 
     def _take_stored(self, message: RecordStored) -> None:
         self._warn(self._gate.add_stored(message))

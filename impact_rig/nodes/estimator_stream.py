@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from impact_rig_msgs.msg import StreamBlock
@@ -15,7 +16,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.executor import SpinningThread, accept_message_info
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import block_to_msg
-from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RateMeter, RigNode
+from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, REPLAY_AGE, RateMeter, RigNode
 from impact_rig.recordings.messages import block_from_msg, stamp_from_msg
 
 WARNING_TIME = 10 * DIAGNOSTIC_PERIOD
@@ -56,8 +57,16 @@ class StreamCutting:
         """Cut by other settings from the next block on, if they are others."""
         self._settings = settings
 
-    def feed(self, message: StreamBlock) -> None:
+    def feed(self, message: StreamBlock, behind: int = 0) -> None:
         """Take the next block of the stream, and publish the impact that it completes.
+
+        Parameters
+        ----------
+        message : StreamBlock
+            The block.
+        behind : int
+            How far the clock by which it is dated is behind this one [ns]. Where nobody would take
+            it for news any more, its impact is dated by this clock.
 
         Raises
         ------
@@ -66,13 +75,13 @@ class StreamCutting:
             comes at once.
         """
         try:
-            self._feed(message)
+            self._feed(message, behind if behind > REPLAY_AGE else 0)
         except RigError as error:
             problem, self._problem = self._problem, str(error)
             if problem != self._problem:
                 raise
 
-    def _feed(self, message: StreamBlock) -> None:
+    def _feed(self, message: StreamBlock, delay: int) -> None:
         if self._publisher is None:
             self._publisher = self._node.advertise(interfaces.ACCELERATION)
         settings, cutter = self._settings, self._cutter
@@ -85,7 +94,7 @@ class StreamCutting:
         duration = block.hammer.output.size / block.sampling_rate
         self._due = math.inf if block.ends_stream else time.monotonic() + duration
         for cut in cutter.feed(block):
-            self._publisher.publish(block_to_msg(cut))
+            self._publisher.publish(block_to_msg(replace(cut, stamp=cut.stamp + delay)))
         missing = cutter.flow.missing_points
         if missing > self._missing:
             if time.monotonic() - self._lost_at > WARNING_TIME:
@@ -134,10 +143,11 @@ class StreamListener:
     topic : Topic
         Of which no more messages wait than its depth.
     take : callable
-        Called with each message, in this thread.
+        Called, in this thread, with each message and how far its publisher's clock is behind this
+        one [ns].
     """
 
-    def __init__(self, node: RigNode, topic: Topic, take: Callable[[Any], None]) -> None:
+    def __init__(self, node: RigNode, topic: Topic, take: Callable[[Any, int], None]) -> None:
         self._node = node
         self._topic = topic
         self._take = take
@@ -166,7 +176,8 @@ class StreamListener:
         stamp = stamp_from_msg(message.header.stamp)
         if self._spinning.is_stopped or self._node.is_played_again(self._topic, info, stamp):
             return
+        behind = (info["received_timestamp"] or 0) - (info["source_timestamp"] or 0)
         try:
-            self._take(message)
+            self._take(message, behind)
         except RigError as error:
             self._node.report_fault(f"{self._topic.name}: {error}")

@@ -343,10 +343,11 @@ class RigNode(LifecycleNode):
         return False
 
     def note_refusal(self, topic: str) -> None:
-        """Hear that a publisher of a topic is none of the rig's nodes; say so, by its name."""
-        if not self._refused:
-            self.run_once_after(NAMING_TIME, self._name_refused)
-        self._refused.add(self.resolve_topic_name(topic))
+        """Hear that a publisher of a topic is none of the rig's nodes; say so; in any thread."""
+        name = self.resolve_topic_name(topic)
+        if name not in self._refused:
+            self._refused.add(name)
+            self.run_soon(lambda: self.run_once_after(NAMING_TIME, self._name_refused))
 
     def _name_refused(self) -> None:
         topics: dict[str, list[str]] = {}

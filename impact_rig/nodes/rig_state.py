@@ -114,7 +114,7 @@ class RigMember:
         if self._alive > 1:
             return (
                 f"{self._alive} {self.name} nodes are up in this ROS domain and namespace: stop"
-                " one rig, or give it another ROS_DOMAIN_ID or namespace"
+                " one rig (or the replay of one), or give it another ROS_DOMAIN_ID or namespace"
             )
         return f"the {self.name}'s device is lost: {self.state.message}" if self.is_faulty else ""
 

@@ -3,7 +3,13 @@
 import pytest
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import AcquisitionState, HammerState, Impact, RecorderState
+from impact_rig_msgs.msg import (
+    AcquisitionState,
+    HammerState,
+    Impact,
+    RecorderState,
+    RecordStored,
+)
 from impact_rig_msgs.srv import Arm, Release
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -15,6 +21,7 @@ from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
+from impact_rig.nodes.recorder import RecorderNode
 
 from .campaigns import begin, make_client, start_rig
 
@@ -344,3 +351,26 @@ def test_a_recorder_that_stops_in_a_pause_ends_the_campaign(harness):
     recorder.publish(RecorderState(uri="a.mcap", message="the disk is full"))
     result = harness.wait(handle.get_result_async()).result
     assert result.message == "the recorder has stopped: the disk is full"
+
+
+def test_a_hit_without_a_verdict_is_struck_again_and_the_second_in_a_row_ends_it(
+    harness, tmp_path
+):
+    client = start_rig(harness, campaign={"verdict_timeout": 1.5})
+    harness.add(RecorderNode, output=str(tmp_path / "session.mcap"))
+    forger = harness.peer.create_publisher(
+        RecordStored, interfaces.RECORD_STORED.name, interfaces.RECORD_STORED.leased_qos
+    )
+    harness.wait_until(lambda: forger.get_subscription_count() >= 2)  # campaign and estimator
+    for record in (2, *range(4, 20)):  # are never whole for the estimator
+        forged = RecordStored(record=record, blocks=0, complete=True)
+        forged.header.stamp.sec = 2_000_000_000
+        forger.publish(forged)
+    handle, feedback = begin(harness, client, samples=["steel small"], impacts=MANY)
+    answer = harness.wait(handle.get_result_async())
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert answer.result.message.startswith("no verdict on record ")
+    assert [hit.record for hit in answer.result.accepted] == [1, 3]
+    paused = [message.message for message in feedback.messages if message.phase == PAUSED]
+    assert "no verdict on record 2 came within 1.5 s" in paused
+    assert answer.result.message not in paused

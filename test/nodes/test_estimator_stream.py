@@ -15,8 +15,10 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.estimator_stream import StreamCutting
 from impact_rig.nodes.messages import fill_block, setup_to_msg, stamp_to_msg
+from impact_rig.recordings.messages import stamp_from_msg
 
 RATE, SIZE = 1e6, 1000
+HOUR = 3_600_000_000_000
 ARMING = HitLabel("steel small", record=4)
 
 
@@ -83,6 +85,17 @@ def test_an_impact_is_published_as_a_block_of_its_arming(cutting, publisher):
     figures = cutting.describe()
     assert (figures["stream blocks"], figures["stream gaps"]) == (6, 0)
     assert cutting.describe_warning() == ""
+
+
+@pytest.mark.parametrize(("behind", "shift"), [(HOUR, HOUR), (-HOUR, 0), (1_000_000, 0)])
+def test_an_impact_is_dated_by_this_clock_where_that_of_its_stream_is_far_behind(
+    cutting, publisher, behind, shift
+):
+    cutting.use_settings(AnalysisSettings())
+    for number in range(6):
+        cutting.feed(make_block(number, impact=number == 2), behind)
+    (block,) = publisher.published
+    assert stamp_from_msg(block.header.stamp) == 1_900_000 + shift
 
 
 def test_lost_points_are_counted_and_warned_of(cutting):

@@ -3,12 +3,14 @@
 import os
 
 import pytest
+from impact_rig_msgs.msg import StreamBlock
 from rcl_interfaces.msg import Log
 
 from impact_rig.configuration.node_claim import claim_node
 from impact_rig.configuration.processes import TAKE_REPLAYS
 from impact_rig.core.signals.record import Block
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.recordings.reader import read_recording
@@ -56,6 +58,23 @@ def test_a_live_campaign_and_its_recording_hold_its_own_hits_alone(harness, tmp_
     assert {
         item.label.sample for item in read_recording(new).events() if isinstance(item, Block)
     } == {"steel small"}
+
+
+def test_a_stream_is_named_and_not_searched(harness):
+    estimator = harness.add(EstimatorNode, **LIVE)
+    told = harness.make_collector()
+    harness.peer.create_subscription(Log, "/rosout", told.take, 100)
+    player = harness.peer.create_publisher(
+        StreamBlock, interfaces.STREAM.name, interfaces.STREAM.leased_qos
+    )
+    harness.wait_until(player.get_subscription_count)
+    message = StreamBlock(sampling_rate=1e6)
+    message.header.stamp.sec = 1
+    for _ in range(100):
+        player.publish(message)
+    told.wait(lambda logs: any("/peer publishes /acceleration/stream" in log.msg for log in logs))
+    assert "stream blocks" not in estimator.diagnose()
+    assert estimator.fault == ""
 
 
 def test_a_replay_into_a_rig_of_this_computer_is_refused(harness, ros_domain, monkeypatch):
