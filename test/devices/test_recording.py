@@ -17,11 +17,7 @@ from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.signals.record import Block, HitLabel
 from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
-from impact_rig.devices.protocols import (
-    AcquisitionPlan,
-    HammerlessSource,
-    SourceChannel,
-)
+from impact_rig.devices.protocols import AcquisitionPlan, HammerlessSource, SourceChannel
 from impact_rig.devices.recording import RecordingSource
 from impact_rig.devices.virtual.rig import (
     FaultPlan,

@@ -19,11 +19,7 @@ from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
 from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
-from impact_rig.devices.sound import (
-    SoundSource,
-    compute_count_scale,
-    load_port_audio,
-)
+from impact_rig.devices.sound import SoundSource, compute_count_scale, load_port_audio
 from impact_rig.devices.virtual.rig import DigitizerSettings, VirtualRig, VirtualRigSettings
 from impact_rig.testing.contract import (
     AccelerationSourceContract,

@@ -9,11 +9,7 @@ from impact_rig_msgs.srv import GetResults
 from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.virtual.rig import (
-    DigitizerSettings,
-    VirtualRig,
-    VirtualRigSettings,
-)
+from impact_rig.devices.virtual.rig import DigitizerSettings, VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg

@@ -21,12 +21,7 @@ from impact_rig.core.signals.record import HitLabel
 from impact_rig.nodes import messages, result_messages
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.result_messages import record_to_msg
-from impact_rig.recordings.messages import (
-    BLOCK_TYPE,
-    STREAM_TYPE,
-    read_block_head,
-    setup_from_msg,
-)
+from impact_rig.recordings.messages import BLOCK_TYPE, STREAM_TYPE, read_block_head, setup_from_msg
 from impact_rig.results.wire import fill_message, from_message, list_fields
 
 from ..results.test_wire import SETUP

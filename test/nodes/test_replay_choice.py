@@ -13,10 +13,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.nodes.topics import name_type
-from impact_rig.recordings.schemas import (
-    MessageDefinition,
-    find_message_definition,
-)
+from impact_rig.recordings.schemas import MessageDefinition, find_message_definition
 from impact_rig.recordings.source import RecordingSource
 from impact_rig.recordings.writer import McapWriter
 

@@ -2,12 +2,7 @@
 
 import pytest
 
-from impact_rig.recordings.qos import (
-    OfferedQos,
-    choose_qos,
-    format_offered_qos,
-    parse_offered_qos,
-)
+from impact_rig.recordings.qos import OfferedQos, choose_qos, format_offered_qos, parse_offered_qos
 
 LATCHED = OfferedQos("reliable", "transient_local", "keep_last", 16)
 BEST_EFFORT = OfferedQos("best_effort", "volatile", "unknown", 0, lifespan=10_000_000_250)

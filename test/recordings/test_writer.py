@@ -22,10 +22,7 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.recordings import new_file
 from impact_rig.recordings.new_file import ROOM_FOR_ENDING
 from impact_rig.recordings.qos import OfferedQos
-from impact_rig.recordings.schemas import (
-    MessageDefinition,
-    find_message_definition,
-)
+from impact_rig.recordings.schemas import MessageDefinition, find_message_definition
 from impact_rig.recordings.source import RecordingSource
 from impact_rig.recordings.writer import COMPRESSIONS, McapWriter, RecordingWriter
 

@@ -9,12 +9,7 @@ import pytest
 from impact_rig.core.errors import DeviceError
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.core.signals.record import Block, ChannelBlock
-from impact_rig.devices.protocols import (
-    Acquisition,
-    AcquisitionPlan,
-    HolderState,
-    SourceChannel,
-)
+from impact_rig.devices.protocols import Acquisition, AcquisitionPlan, HolderState, SourceChannel
 from impact_rig.testing import contract as source_contract
 from impact_rig.testing.contract import (
     AccelerationSourceContract,

@@ -27,17 +27,7 @@ from impact_rig.core.signals.record import FloatArray, HitLabel
 from impact_rig.core.uncertainty.propagation import RigNumbers, make_gains
 from impact_rig.core.uncertainty.results import make_input
 
-from ..struck import (
-    COUNT,
-    HAMMER,
-    RATE,
-    SAMPLE,
-    SPEED,
-    START,
-    Impact,
-    collide,
-    find_loss,
-)
+from ..struck import COUNT, HAMMER, RATE, SAMPLE, SPEED, START, Impact, collide, find_loss
 
 CUTOFF = 50e3
 BOTH = HAMMER * SAMPLE / (HAMMER + SAMPLE)

@@ -8,10 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
-from impact_rig.core.estimation.pulse_shape import (
-    PulseShapeEstimate,
-    estimate_pulse_shape,
-)
+from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate, estimate_pulse_shape
 from impact_rig.core.hits.averaging import HitSummary, MeanHit, shift_hit
 from impact_rig.core.hits.hit import FilteredHit
 from impact_rig.core.hits.pulse_width import measure_pulse

@@ -5,10 +5,7 @@ import pytest
 from scipy.stats import linregress
 
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.estimation.size_exponent import (
-    compute_size_residual,
-    estimate_size_exponent,
-)
+from impact_rig.core.estimation.size_exponent import compute_size_residual, estimate_size_exponent
 
 MASSES = [0.02, 0.04, 0.05, 0.07]
 

@@ -9,11 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import median_abs_deviation
 
 from impact_rig.core.hits.hit import FilteredHit, JudgedHit
-from impact_rig.core.hits.outliers import (
-    ENDLESS_THRESHOLD,
-    SortedFigures,
-    compute_threshold,
-)
+from impact_rig.core.hits.outliers import ENDLESS_THRESHOLD, SortedFigures, compute_threshold
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.hits.reasons import Reason, Rejection
 from impact_rig.core.hits.series import HitSeries, Selection

@@ -13,17 +13,8 @@ from hypothesis import strategies as st
 from impact_rig.core.hits.clipping import find_longest_rail_run
 from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.hits.reasons import Reason, Rejection
-from impact_rig.core.hits.second_pulse import (
-    Kind,
-    SecondPulse,
-    find_second_pulse,
-)
-from impact_rig.core.hits.verdict import (
-    check_channels,
-    check_pulse,
-    check_stream,
-    check_strength,
-)
+from impact_rig.core.hits.second_pulse import Kind, SecondPulse, find_second_pulse
+from impact_rig.core.hits.verdict import check_channels, check_pulse, check_stream, check_strength
 from impact_rig.core.model.pulses import PULSE_SHAPES, VERSED_SINE, PulseShape, compute_pulse
 from impact_rig.core.setup.settings import AnalysisSettings
 from impact_rig.core.signals.record import Record, Trace

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.identification.identifiability import (
-    check_independence,
-    find_undetermined,
-)
+from impact_rig.core.identification.identifiability import check_independence, find_undetermined
 
 NAMES = ("tau_p", "k2", "c2")
 SCALES = np.array([2e-4, 45e6, 1200.0])

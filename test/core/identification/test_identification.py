@@ -16,11 +16,7 @@ from impact_rig.core.identification.cramer_rao import CramerRaoBound, compute_mo
 from impact_rig.core.identification.identification import Identification, identify_model
 from impact_rig.core.identification.starting_values import StartingValues
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant, simulate_impact
-from impact_rig.core.setup.paper import (
-    HAMMER_DAMPING_COEFFICIENT,
-    PAPER_SETUP,
-    PUBLISHED_SAMPLES,
-)
+from impact_rig.core.setup.paper import HAMMER_DAMPING_COEFFICIENT, PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.setup.sensors import CHANNELS, Sensor
 from impact_rig.core.signals.filtering import low_pass

@@ -22,9 +22,7 @@ from impact_rig.core.hits.pulse_width import measure_pulse
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.uncertainty.contact import (
-    estimate_hit_contact_time,
-)
+from impact_rig.core.uncertainty.contact import estimate_hit_contact_time
 
 RATE = 2.5e6
 SETUP = replace(PAPER_SETUP, analysis=replace(PAPER_SETUP.analysis, cutoff_frequency=0.0))

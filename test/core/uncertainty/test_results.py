@@ -11,11 +11,7 @@ from numpy.testing import assert_allclose
 from impact_rig.core.arithmetic import UncertainNumber
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.uncertainty.results import (
-    compute_quantity,
-    make_ensemble,
-    make_input,
-)
+from impact_rig.core.uncertainty.results import compute_quantity, make_ensemble, make_input
 
 VOLTAGE = [5.007, 4.994, 5.005, 4.990, 4.999]
 CURRENT = [19.663e-3, 19.639e-3, 19.640e-3, 19.685e-3, 19.678e-3]

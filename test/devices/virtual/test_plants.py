@@ -13,13 +13,7 @@ from scipy.signal import find_peaks
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model.impact import Body, ModelVariant, simulate_impact
-from impact_rig.core.model.pulses import (
-    HALF_SINE,
-    HERTZ,
-    PULSE_SHAPES,
-    VERSED_SINE,
-    compute_pulse,
-)
+from impact_rig.core.model.pulses import HALF_SINE, HERTZ, PULSE_SHAPES, VERSED_SINE, compute_pulse
 from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.setup.samples import Sample, SampleSet
 from impact_rig.devices.virtual.choices import Plant

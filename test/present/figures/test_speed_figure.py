@@ -45,8 +45,13 @@ def results():
     return Results(setup, HammerEstimate(), samples, (), exponents)
 
 
-def test_each_series_is_a_point_on_a_straight_line(results, read):
-    panels = read(draw_speed_figure(results))
+@pytest.fixture(scope="module")
+def figure(results):
+    return draw_speed_figure(results)
+
+
+def test_each_series_is_a_point_on_a_straight_line(figure, read):
+    panels = read(figure)
     assert len(panels) == 3
     for panel, exponent in zip(panels, (-0.2, 1.2, 0.0), strict=True):
         assert panel.list_parts("point-") == ["point-1", "point-2"]
@@ -57,8 +62,7 @@ def test_each_series_is_a_point_on_a_straight_line(results, read):
         assert np.sign(-slopes[0]) == np.sign(exponent)
 
 
-def test_the_words_have_the_exponents(results):
-    figure = draw_speed_figure(results)
+def test_the_words_have_the_exponents(figure):
     assert "steel small: τ as v^-0.200" in figure.alternative
     assert "Fmax as v^1.200" in figure.alternative
 

@@ -10,11 +10,7 @@ import pytest
 from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.core.setup.sensors import Sensor
 from impact_rig.devices.virtual.choices import Fault, Plant
-from impact_rig.devices.virtual.rig import (
-    FaultPlan,
-    ScheduledFault,
-    VirtualRigSettings,
-)
+from impact_rig.devices.virtual.rig import FaultPlan, ScheduledFault, VirtualRigSettings
 from impact_rig.present.figures.markup import ReportFigure, make_missing_figure
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.pdf import BROWSERS

@@ -168,9 +168,8 @@ def write_view() -> Callable[..., None]:
 
 @pytest.fixture(scope="session")
 def campaign(trace: Trace) -> TracedCampaign:
-    """Return the paper's campaign, ten hits a sample, with its traces; no model is fitted."""
-    names = PAPER_SETUP.samples.names
-    return trace((name, impact) for name in names for impact in range(1, 11))
+    """Return the paper's campaign, two hits a sample, with its traces; no model is fitted."""
+    return trace((name, impact) for name in PAPER_SETUP.samples.names for impact in (1, 2))
 
 
 @pytest.fixture

@@ -14,15 +14,7 @@ from impact_rig.present.rerun.addresses import make_viewer_address
 from impact_rig.present.rerun.connection import History
 from impact_rig.present.rerun.destination import QUEUE_LENGTH, QUEUE_SIZE
 
-from .onlookers import (
-    NOISE,
-    PATIENCE,
-    Notices,
-    find_free_port,
-    has_hit,
-    show_noise,
-    wait_until,
-)
+from .onlookers import NOISE, PATIENCE, Notices, find_free_port, has_hit, show_noise, wait_until
 
 pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 

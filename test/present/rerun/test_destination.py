@@ -1,20 +1,11 @@
 """A destination shows everything in order, or drops it and says so; nobody waits for it."""
 
 import threading
-import time
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.present.rerun.destination import (
-    QUEUE_LENGTH,
-    QUEUE_SIZE,
-    StreamDestination,
-)
+from impact_rig.present.rerun.destination import QUEUE_LENGTH, QUEUE_SIZE, StreamDestination
 
-PATIENCE = 60.0
-
-
-def fail(text):
-    raise AssertionError(text)
+from .onlookers import PATIENCE, fail, wait_until
 
 
 class StubbornStream:
@@ -32,11 +23,17 @@ class StubbornStream:
         pass
 
 
-def test_a_destination_that_is_behind_drops_views_and_counts_them():
-    stream, done = StubbornStream(), []
-    destination = StreamDestination("slow", stream, 0.0, fail)
+def open_stuck(period=0.0):
+    """Return a destination that hangs at its first view, and its stream."""
+    stream = StubbornStream()
+    destination = StreamDestination("slow", stream, period, fail)
     destination.put(lambda _: None)
     assert stream.reached.wait(PATIENCE)
+    return destination, stream
+
+
+def test_a_destination_that_is_behind_drops_views_and_counts_them():
+    (destination, stream), done = open_stuck(), []
     for i in range(QUEUE_LENGTH + 5):
         destination.put(lambda _, i=i: done.append(i))
     stream.let_go.set()
@@ -51,10 +48,7 @@ def test_what_is_replaced_before_it_is_shown_is_not_shown_and_the_last_one_alway
     stream.let_go.set()
     destination = StreamDestination("file", stream, 3600.0, fail)
     destination.put(lambda _: done.append("first"), key="table")
-    deadline = time.monotonic() + PATIENCE
-    while not done:
-        assert time.monotonic() < deadline
-        threading.Event().wait(0.001)
+    wait_until(lambda: done)
     for text in ("second", "third"):
         destination.put(lambda _, text=text: done.append(text), key="table")
     destination.put(lambda _: done.append("other"), key="other")
@@ -65,10 +59,7 @@ def test_what_is_replaced_before_it_is_shown_is_not_shown_and_the_last_one_alway
 
 
 def test_large_views_are_dropped_before_they_take_the_memory():
-    stream, done = StubbornStream(), []
-    destination = StreamDestination("slow", stream, 0.0, fail)
-    destination.put(lambda _: None)
-    assert stream.reached.wait(PATIENCE)
+    (destination, stream), done = open_stuck(), []
     for i in range(3):
         destination.put(lambda _, i=i: done.append(i), QUEUE_SIZE // 2)
     stream.let_go.set()
@@ -78,10 +69,7 @@ def test_large_views_are_dropped_before_they_take_the_memory():
 
 
 def test_a_campaign_begins_after_the_last_word_on_the_one_before():
-    stream, done = StubbornStream(), []
-    destination = StreamDestination("file", stream, 3600.0, fail)
-    destination.put(lambda _: None)
-    assert stream.reached.wait(PATIENCE)
+    (destination, stream), done = open_stuck(3600.0), []
     destination.put(lambda _: done.append("old table"), key="table")
     destination.begin(lambda _: done.append("set-up"))
     destination.put(lambda _: done.append("new table"), key="table")

@@ -41,13 +41,6 @@ def test_who_is_not_well_stands_first():
     assert text.index("b: error") < text.index("a: ok") < text.index("c\\_d: ok")
 
 
-def test_a_view_of_a_file_says_that_health_is_not_in_it(record, campaign):
-    view = record(lambda log: log.log_campaign(campaign))
-
-    (text,) = view.find_static("/health/now", "TextDocument:text")
-    assert "No node has said how it is doing." in text
-
-
 def test_bytes_are_read_as_gigabytes(record):
     node = NodeHealth("recorder", values=(("free space", "31250000000"), ("file", "a.mcap")))
 

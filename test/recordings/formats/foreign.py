@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from impact_rig.recordings.formats.registry import (
-    read_measurement,
-)
+from impact_rig.recordings.formats.registry import read_measurement
 
 RATE = 51200.0
 TRACE = np.sin(np.arange(40) / 3) / 3

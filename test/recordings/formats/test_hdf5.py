@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.formats.registry import (
-    read_measurement,
-)
+from impact_rig.recordings.formats.registry import read_measurement
 
 from .foreign import RATE, TRACE, describe, read_channels
 

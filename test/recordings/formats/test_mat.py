@@ -6,9 +6,7 @@ import pytest
 import scipy.io
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.formats.registry import (
-    read_measurement,
-)
+from impact_rig.recordings.formats.registry import read_measurement
 
 from .foreign import RATE, TRACE, describe, read_channels
 

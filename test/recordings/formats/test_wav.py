@@ -8,9 +8,7 @@ import pytest
 from scipy.io import wavfile
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.formats.registry import (
-    read_measurement,
-)
+from impact_rig.recordings.formats.registry import read_measurement
 
 from .foreign import TRACE, describe, read_channels
 
