@@ -40,9 +40,9 @@ def make_client(harness, namespace="") -> Any:
     return client
 
 
-def run(harness, client, *, follow=None, **goal) -> Any:
+def run(harness, client, **goal) -> Any:
     """Run a campaign to its end; return what it answers."""
-    handle = harness.wait(client.send_goal_async(RunCampaign.Goal(**goal), follow))
+    handle, _ = begin(harness, client, **goal)
     return harness.wait(handle.get_result_async())
 
 

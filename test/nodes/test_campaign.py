@@ -23,26 +23,18 @@ def start(harness):
 
 
 def test_every_sample_gets_its_hits_and_its_numbers(harness, start):
-    feedback = harness.make_collector()
-    answer = run(
-        harness,
-        start(),
-        samples=["steel small", CONTROL_SAMPLE],
-        impacts=3,
-        follow=lambda message: feedback.take(message.feedback),
-    )
+    names = ["steel small", CONTROL_SAMPLE]
+    handle, feedback = begin(harness, start(), samples=names, impacts=3)
+    answer = harness.wait(handle.get_result_async())
     assert answer.status == GoalStatus.STATUS_SUCCEEDED
     assert answer.result.success
     by_name = {item.name: item for item in answer.result.samples}
-    assert {name: item.impacts_accepted for name, item in by_name.items()} == {
-        "steel small": 3,
-        CONTROL_SAMPLE: 3,
-    }
+    assert {name: by_name[name].impacts_accepted for name in by_name} == dict.fromkeys(names, 3)
     # Table 3, with three hits of 0.3 % scatter.
     assert by_name["steel small"].stiffness.value == pytest.approx(29.18e6, rel=0.05)
     assert answer.result.hammer.stiffness.value == pytest.approx(22.54e6, rel=0.02)
     steps = [(item.sample, item.impact) for item in feedback.messages if item.impact]
-    assert steps == [(name, i) for name in ("steel small", CONTROL_SAMPLE) for i in (1, 2, 3)]
+    assert steps == [(name, i) for name in names for i in (1, 2, 3)]
 
 
 def test_works_in_a_namespace(harness, start):
@@ -160,13 +152,8 @@ def test_an_estimator_that_begins_anew_does_not_pass_for_one_that_knows_all_hits
 
 
 def test_cancelling_ends_it_with_the_hammer_disarmed(harness, start):
-    feedback = harness.make_collector()
-    client = start()
     states = harness.listen(interfaces.HAMMER_STATE)
-    goal = RunCampaign.Goal(impacts=1000)
-    handle = harness.wait(
-        client.send_goal_async(goal, lambda message: feedback.take(message.feedback))
-    )
+    handle, feedback = begin(harness, start(), impacts=1000)
     feedback.wait(lambda got: got[-1:] and got[-1].impact >= 2)
 
     harness.wait(handle.cancel_goal_async())
@@ -210,8 +197,7 @@ def test_a_recorder_that_stops_ends_the_campaign_at_once_with_its_reason(harness
     releases = harness.listen(interfaces.RELEASE)
     client = start(campaign={"verdict_timeout": 3600.0})
     begin_recording(harness, recorder)
-    goal = RunCampaign.Goal(samples=["steel small"], impacts=1)
-    handle = harness.wait(client.send_goal_async(goal))
+    handle, _ = begin(harness, client, samples=["steel small"], impacts=1)
     releases.wait_for_count(1)
     recorder.publish(RecorderState(uri="a.mcap", message="the disk is full"))
     answer = harness.wait(handle.get_result_async())

@@ -33,8 +33,12 @@ FOR_GOOD = {"reconnect_period": 0.0}
 """A lost device stays away until the test brings it back."""
 
 
-def wait_for_hit(feedback, number):
-    feedback.wait(lambda got: got[-1:] and got[-1].impact >= number)
+def strike_on(harness, **parameters):
+    """Start a rig and a campaign without end; return handle and feedback after the first hit."""
+    client = start_rig(harness, **parameters)
+    handle, feedback = begin(harness, client, samples=["steel small"], impacts=MANY)
+    feedback.wait(lambda got: got[-1].impact >= 1)
+    return handle, feedback
 
 
 def wait_for_phase(feedback, phase, word=""):
@@ -69,8 +73,7 @@ def check_that_no_hit_is_double_or_missing(result):
 
 
 def test_a_hammer_that_a_person_disarms_is_armed_by_a_person(harness):
-    handle, feedback = begin(harness, start_rig(harness), samples=["steel small"], impacts=MANY)
-    wait_for_hit(feedback, 1)
+    handle, feedback = strike_on(harness)
     harness.call(Trigger, interfaces.DISARM_HAMMER)
     message = wait_for_phase(feedback, PAUSED, "to go on")
     assert "disarmed by the operator" in message
@@ -106,9 +109,7 @@ def bring_back(harness, kind):
     ],
 )
 def test_a_device_that_was_lost_and_is_back_is_used_again(harness, kind, word):
-    client = start_rig(harness, hammer=FOR_GOOD, **FOR_GOOD)
-    handle, feedback = begin(harness, client, samples=["steel small"], impacts=MANY)
-    wait_for_hit(feedback, 1)
+    handle, feedback = strike_on(harness, hammer=FOR_GOOD, **FOR_GOOD)
     lose(harness, kind)
     wait_for_phase(feedback, PAUSED, word)
     bring_back(harness, kind)
@@ -129,8 +130,7 @@ def test_a_node_that_was_deactivated_and_is_active_again_is_used_again(
 ):
     # Within one process a state is there at once.
     monkeypatch.setattr("impact_rig.nodes.campaign_hits.STATE_TIMEOUT", 0.5)
-    handle, feedback = begin(harness, start_rig(harness), samples=["steel small"], impacts=MANY)
-    wait_for_hit(feedback, 1)
+    handle, feedback = strike_on(harness)
     node = find_node(harness, kind)
     harness.run(node.trigger_deactivate)
     if not is_short:
@@ -141,8 +141,7 @@ def test_a_node_that_was_deactivated_and_is_active_again_is_used_again(
 
 
 def test_a_hammer_node_that_was_deactivated_is_activated_and_armed_by_a_person(harness):
-    handle, feedback = begin(harness, start_rig(harness), samples=["steel small"], impacts=MANY)
-    wait_for_hit(feedback, 1)
+    handle, feedback = strike_on(harness)
     node = find_node(harness, HammerNode)
     harness.run(node.trigger_deactivate)
     wait_for_phase(
@@ -183,8 +182,7 @@ def test_a_hit_that_a_loss_has_spoiled_is_struck_again_and_not_held_against_the_
 
 
 def test_an_emergency_stop_is_ended_by_a_person_only(harness):
-    handle, feedback = begin(harness, start_rig(harness), samples=["steel small"], impacts=MANY)
-    wait_for_hit(feedback, 1)
+    handle, feedback = strike_on(harness)
     harness.call(Trigger, interfaces.EMERGENCY_STOP)
     message = wait_for_phase(feedback, PAUSED, "emergency stop:")
     assert "hammer/reset" in message
@@ -199,9 +197,7 @@ def test_an_emergency_stop_is_ended_by_a_person_only(harness):
 
 
 def test_a_loss_does_not_arm_a_hammer_that_a_person_has_disarmed(harness):
-    client = start_rig(harness, hammer=FOR_GOOD)
-    handle, feedback = begin(harness, client, samples=["steel small"], impacts=MANY)
-    wait_for_hit(feedback, 1)
+    handle, feedback = strike_on(harness, hammer=FOR_GOOD)
     harness.call(Trigger, interfaces.DISARM_HAMMER)
     wait_for_phase(feedback, PAUSED, "disarmed by the operator")
     heard = harness.listen(interfaces.HAMMER_STATE)
@@ -223,9 +219,7 @@ def test_a_hammer_that_is_put_back_by_hand_is_waited_for(harness):
 
 
 def test_a_pause_that_takes_too_long_ends_the_campaign_with_its_reason(harness):
-    client = start_rig(harness, campaign={"pause_timeout": 0.05})
-    handle, feedback = begin(harness, client, samples=["steel small"], impacts=MANY)
-    wait_for_hit(feedback, 1)
+    handle, _ = strike_on(harness, campaign={"pause_timeout": 0.05})
     harness.call(Trigger, interfaces.DISARM_HAMMER)
     answer = harness.wait(handle.get_result_async())
     assert answer.status == GoalStatus.STATUS_ABORTED

@@ -39,14 +39,21 @@ def feed(harness, publisher, blocks):
         publisher.publish(block_to_msg(block))
 
 
-def test_estimates_equal_the_core_bit_for_bit(harness):
-    harness.add(EstimatorNode)
+@pytest.fixture
+def estimator(harness):
+    """Return an estimator that knows the set-up, a publisher of blocks, and the verdicts."""
+    node = harness.add(EstimatorNode)
     impacts = harness.listen(interfaces.IMPACT)
-    estimates = harness.listen(interfaces.ESTIMATE)
     harness.advertise(interfaces.SETUP).publish(SETUP)
+    return node, harness.advertise(interfaces.ACCELERATION), impacts
+
+
+def test_estimates_equal_the_core_bit_for_bit(harness, estimator):
+    _, publisher, impacts = estimator
+    estimates = harness.listen(interfaces.ESTIMATE)
     blocks = make_blocks("steel small", 2) + make_blocks(CONTROL_SAMPLE, 2, first_record=3)
 
-    feed(harness, harness.advertise(interfaces.ACCELERATION), blocks)
+    feed(harness, publisher, blocks)
 
     impacts.wait_for_count(4)
     estimates.wait(
@@ -145,11 +152,9 @@ def test_all_that_is_found_names_the_set_up_it_was_found_under(harness):
             assert found.setup_stamp == setup.header.stamp
 
 
-def test_the_numbers_come_first_and_once_more_with_what_stands_beside_them(harness):
-    harness.add(EstimatorNode)
+def test_the_numbers_come_first_and_once_more_with_what_stands_beside_them(harness, estimator):
     estimates = harness.listen(interfaces.ESTIMATE)
-    harness.advertise(interfaces.SETUP).publish(SETUP)
-    feed(harness, harness.advertise(interfaces.ACCELERATION), make_blocks(CONTROL_SAMPLE, 1))
+    feed(harness, estimator[1], make_blocks(CONTROL_SAMPLE, 1))
     numbers, checked = estimates.wait_for_count(2)
     for name in ("contact_time", "stiffness", "damping_coefficient"):
         assert repr(getattr(numbers, name)) == repr(getattr(checked, name))
@@ -158,25 +163,19 @@ def test_the_numbers_come_first_and_once_more_with_what_stands_beside_them(harne
     assert (numbers.pulse_shape.fits, bool(checked.pulse_shape.fits)) == ([], True)
 
 
-def test_what_the_control_sample_changes_follows_once_and_behind_its_hits(harness):
-    harness.add(EstimatorNode)
-    impacts = harness.listen(interfaces.IMPACT)
+def test_what_the_control_sample_changes_follows_once_and_behind_its_hits(harness, estimator):
+    _, publisher, impacts = estimator
     estimates = harness.listen(interfaces.ESTIMATE)
-    harness.advertise(interfaces.SETUP).publish(SETUP)
     others = ("steel small", "brass small", "bronze small")
     blocks = [
         block
         for number, sample in enumerate(others, start=1)
         for block in make_blocks(sample, 1, first_record=number)
     ]
-    feed(harness, harness.advertise(interfaces.ACCELERATION), blocks)
+    feed(harness, publisher, blocks)
     estimates.wait_for_count(2 * len(others))
     # Faster than from hit to hit on any rig: none of the hits waits for another sample.
-    feed(
-        harness,
-        harness.advertise(interfaces.ACCELERATION),
-        make_blocks(CONTROL_SAMPLE, 4, first_record=4),
-    )
+    feed(harness, publisher, make_blocks(CONTROL_SAMPLE, 4, first_record=4))
     found = estimates.wait(
         lambda got: len(got) > 12 and sorted(item.name for item in got[-3:]) == sorted(others)
     )
@@ -201,11 +200,8 @@ def test_blocks_that_come_before_the_set_up_wait_for_it(harness):
     assert impact.accepted
 
 
-def test_a_verdict_comes_even_if_its_hit_cannot_be_averaged_with_the_others(harness):
-    node = harness.add(EstimatorNode)
-    impacts = harness.listen(interfaces.IMPACT)
-    harness.advertise(interfaces.SETUP).publish(SETUP)
-    publisher = harness.advertise(interfaces.ACCELERATION)
+def test_a_verdict_comes_even_if_its_hit_cannot_be_averaged_with_the_others(harness, estimator):
+    node, publisher, impacts = estimator
     feed(harness, publisher, make_blocks(CONTROL_SAMPLE, 1))
     slower = VirtualRigSettings(digitizer=DigitizerSettings(sampling_rate=1.25e6))
     hit = VirtualRig(PAPER_SETUP, slower).strike(HitLabel(CONTROL_SAMPLE, record=2, impact=2))
@@ -215,11 +211,8 @@ def test_a_verdict_comes_even_if_its_hit_cannot_be_averaged_with_the_others(harn
     harness.wait_until(lambda: "cannot be averaged" in node.fault)
 
 
-def test_a_block_that_cannot_be_meant_is_named_and_the_next_ones_are_judged(harness):
-    node = harness.add(EstimatorNode)
-    impacts = harness.listen(interfaces.IMPACT)
-    harness.advertise(interfaces.SETUP).publish(SETUP)
-    publisher = harness.advertise(interfaces.ACCELERATION)
+def test_a_block_that_cannot_be_meant_is_named_and_the_next_ones_are_judged(harness, estimator):
+    node, publisher, impacts = estimator
     bad = block_to_msg(make_blocks("steel small", 1)[0])
     bad.sampling_rate = -1.0
     harness.wait_until(lambda: publisher.get_subscription_count() >= 1)
@@ -240,15 +233,12 @@ def tell_stored(publisher, blocks):
 
 
 @pytest.fixture
-def recorded(harness):
+def recorded(harness, estimator):
     """Return an estimator, publishers of blocks and of a recorder's words, and the verdicts."""
-    node = harness.add(EstimatorNode)
-    impacts = harness.listen(interfaces.IMPACT)
-    harness.advertise(interfaces.SETUP).publish(SETUP)
+    node, blocks, impacts = estimator
     states = harness.advertise(interfaces.RECORDER_STATE)
     states.publish(RecorderState(recording=True, uri=URI))
     stored = harness.advertise(interfaces.RECORD_STORED)
-    blocks = harness.advertise(interfaces.ACCELERATION)
     harness.wait_until(lambda: states.get_subscription_count() > 0)
     assert states.wait_for_all_acked()
     return node, blocks, states, stored, impacts

@@ -1,10 +1,10 @@
-"""What takes the operator's enable, and what never lets the hammer go."""
+"""The hammer goes only when its hit can be recorded; what takes the operator's enable."""
 
 import signal
 import threading
 
 import pytest
-from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState
+from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState, RecordStored
 from impact_rig_msgs.srv import Release
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -15,7 +15,11 @@ from impact_rig.nodes.hammer import LONGEST_PAUSE, HammerNode
 from impact_rig.nodes.rig_state import ACCELEROMETER, RECORDER
 
 HIT = {"record": 4, "sample": "steel small", "impact": 2, "attempt": 1}
-ARMED = AcquisitionState(state=AcquisitionState.ARMED, record=4, sample="steel small")
+ARMED, OTHER = (
+    AcquisitionState(state=AcquisitionState.ARMED, record=record, sample="steel small")
+    for record in (4, 3)
+)
+RECORDING = RecorderState(recording=True, uri="a.mcap")
 
 
 class Rig:
@@ -30,13 +34,14 @@ class Rig:
         self.releases = harness.listen(interfaces.RELEASE)
         self.hammer = None
 
-    def start(self, **parameters):
+    def start(self, *, arming=ARMED, recorder=RECORDING, arm=True, **parameters):
         """Start the hammer node, ready and armed."""
         self.hammer = self._harness.add(HammerNode, **{"swing_time": 0.01, **parameters})
-        self.acquisition.publish(ARMED)
-        self.recorder.publish(RecorderState(recording=True, uri="a.mcap"))
+        self.acquisition.publish(arming)
+        self.recorder.publish(recorder)
         self._harness.wait_until(self.has_heard)
-        assert self.call(interfaces.ARM_HAMMER).success
+        if arm:
+            assert self.call(interfaces.ARM_HAMMER).success
 
     def has_heard(self):
         """Whether the hammer has heard of accelerometers and recorder."""
@@ -46,7 +51,12 @@ class Rig:
     def call(self, name):
         return self._harness.call(Trigger, name)
 
+    def ask(self, **changes):
+        request = Release.Request(**{**HIT, **changes})
+        return self._harness.call(Release, interfaces.RELEASE_HAMMER, request)
+
     def release(self, **changes):
+        """Ask again while the hammer has not heard of the rest of the rig."""
         request = Release.Request(**{**HIT, **changes})
         return self._harness.ask(Release, interfaces.RELEASE_HAMMER, request)
 
@@ -62,6 +72,84 @@ class Rig:
 @pytest.fixture
 def rig(harness):
     return Rig(harness)
+
+
+def test_the_hammer_goes_when_armed_held_recorded_and_the_accelerometers_are_armed_for_this_hit(
+    rig,
+):
+    rig.start()
+    answer = rig.release()
+    assert answer.success, answer.message
+    assert answer.recording == "a.mcap"
+    (command,) = rig.releases.wait_for_count(1)
+    assert (command.record, command.sample, command.impact, command.swing_time) == (
+        4, "steel small", 2, 0.01,
+    )  # fmt: skip
+    seen = rig.states.wait(lambda messages: messages[-1].message == "back in the holder")
+    assert [item.state for item in seen][-2:] == [HammerState.SWINGING, HammerState.HELD]
+
+
+@pytest.mark.parametrize(
+    ("ready", "word"),
+    [
+        ({"arm": False}, "not armed: call hammer/arm"),
+        ({"arming": OTHER}, "armed for record 3"),
+        ({"recorder": RecorderState(message="disk full")}, "disk full"),
+    ],
+)
+def test_the_hammer_refuses_with_the_reason(rig, ready, word):
+    rig.start(**ready)
+    answer = rig.ask()
+    assert not answer.success
+    assert word in answer.message
+    assert not rig.releases.messages
+
+
+def test_the_hammer_says_not_yet_while_the_accelerometers_are_silent(rig, harness):
+    harness.add(HammerNode)
+    assert rig.call(interfaces.ARM_HAMMER).success
+    answer = rig.ask()
+    assert not answer.success
+    assert answer.message.startswith(interfaces.NOT_YET)
+    assert "accelerometers are not armed" in answer.message
+
+
+def test_the_hammer_says_not_yet_while_a_recorder_looks_for_its_topics(rig):
+    rig.start(recorder=RecorderState(waiting=True, uri="a.mcap", message="waiting for topics"))
+    answer = rig.ask()
+    assert answer.message.startswith(interfaces.NOT_YET)
+    assert "waiting for topics" in answer.message
+    rig.recorder.publish(RECORDING)
+    assert rig.release().success
+
+
+@pytest.fixture
+def struck(rig):
+    """Return a rig that has struck record 4 and is ready for record 5."""
+    rig.start()
+    assert rig.release().success
+    rig.wait(lambda item: item.message == "back in the holder")
+    rig.acquisition.publish(
+        AcquisitionState(state=AcquisitionState.ARMED, record=5, sample="steel small")
+    )
+    return rig
+
+
+def test_the_hammer_does_not_go_again_before_the_record_is_stored(struck, harness):
+    struck.stored.publish(RecordStored(record=3, complete=True))
+    struck.stored.publish(RecordStored(record=4, complete=False))
+    word = "has not said that record 4 is stored"
+    answers = harness.ask_until(word, lambda: struck.ask(record=5))
+    assert all(answer.message.startswith(interfaces.NOT_YET) for answer in answers)
+    struck.stored.publish(RecordStored(record=4, complete=True))
+    assert struck.release(record=5).success
+
+
+def test_a_record_that_a_new_recording_cannot_store_any_more_is_not_waited_for(struck):
+    struck.recorder.publish(RecorderState(recording=True, uri="b.mcap"))
+    answer = struck.release(record=5)
+    assert answer.success, answer.message
+    assert answer.recording == "b.mcap"
 
 
 def test_accelerometers_that_report_a_fault_disarm_the_hammer_until_they_are_back(rig):

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 from impact_rig_msgs.action import RunCampaign
-from mcap.exceptions import McapError
-from mcap.records import Channel, Message
-from mcap.stream_reader import StreamReader
-from mcap_ros2.decoder import DecoderFactory
+from impact_rig_msgs.msg import AccelerationBlock
 from rclpy.action import ActionClient
+from rclpy.serialization import deserialize_message
 
 from impact_rig.nodes import interfaces
+
+from ..recordings.text_recordings import read_by_stream
 
 RIG = {
     "hammer": {"swing_time": 0.001},
@@ -31,24 +31,14 @@ START_PATIENCE = 60.0
 
 def find_whole_records(path: Path) -> set[int]:
     """Return the records whose every point is in a file without an end, by another library."""
-    schemas, channels, points, whole = {}, {}, {}, set()
-    with path.open("rb") as stream:
-        try:
-            for record in StreamReader(stream).records:
-                if isinstance(record, Channel):
-                    channels[record.id] = record
-                elif not isinstance(record, Message):
-                    if hasattr(record, "encoding"):
-                        schemas[record.id] = record
-                elif (channel := channels[record.channel_id]).topic == "/acceleration":
-                    decode = DecoderFactory().decoder_for("cdr", schemas[channel.schema_id])
-                    block = decode(record.data)
-                    assert block.first_sample == points.get(block.record, 0)
-                    points[block.record] = block.first_sample + len(block.hammer.counts)
-                    if block.last:
-                        whole.add(block.record)
-        except McapError:  # the end is missing
-            pass
+    points, whole = {}, set()
+    for topic, message in read_by_stream(path):
+        if topic == "/acceleration":
+            block = deserialize_message(message.data, AccelerationBlock)
+            assert block.first_sample == points.get(block.record, 0)
+            points[block.record] = block.first_sample + len(block.hammer.counts)
+            if block.last:
+                whole.add(block.record)
     return whole
 
 

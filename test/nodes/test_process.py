@@ -109,9 +109,7 @@ def test_a_node_ends_when_its_launcher_is_killed(start, tmp_path, monkeypatch):
     launcher = subprocess.Popen(["sleep", "1000"])
     monkeypatch.setenv(LAUNCHER, str(launcher.pid))
     process = start("recorder", f"output:={path}")
-    for line in process.stderr:
-        if "recording to" in line:
-            break
+    assert any("recording to" in line for line in process.stderr)
     launcher.kill()
     process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
@@ -122,9 +120,7 @@ def test_a_node_ends_when_its_launcher_is_killed(start, tmp_path, monkeypatch):
 def test_signals_while_a_node_ends_change_nothing(start, tmp_path):
     path = tmp_path / "session.mcap"
     process = start("recorder", f"output:={path}")
-    for line in process.stderr:
-        if "recording to" in line:
-            break
+    assert any("recording to" in line for line in process.stderr)
     # As an impatient operator does, from the first that ends it to the last that finds nobody.
     numbers = itertools.cycle([signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
     while process.poll() is None:
@@ -201,9 +197,7 @@ raise SystemExit(code)
 
 def test_a_signal_ends_a_node_quietly_that_still_imports(start):
     process = start("hammer", options=("-X", "importtime"))
-    for line in process.stderr:
-        if line.split()[-1:] == ["rclpy.constants"]:
-            break
+    assert any(line.split()[-1:] == ["rclpy.constants"] for line in process.stderr)
     process.send_signal(signal.SIGINT)
     output, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0

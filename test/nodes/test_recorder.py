@@ -11,7 +11,6 @@ from pathlib import Path
 
 import mcap.reader
 import numpy as np
-import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from impact_rig_msgs.msg import AccelerationBlock, RigSetup
@@ -29,6 +28,8 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.recordings.source import RecordingSource
+
+from ..recordings.text_recordings import read_by_stream
 
 COUNT = 20
 PARAMETERS = "impact_rig/parameters"
@@ -89,11 +90,21 @@ def publish(harness, publisher, *messages, acknowledged: bool = True) -> None:
     assert not acknowledged or publisher.wait_for_all_acked()
 
 
-def count_on_disk(path: Path, topic: str) -> int:
-    """Return how many messages of a topic can be read from an unfinished file."""
-    return sum(
-        1 for _ in RecordingSource(path).read_messages(lambda channel: channel.topic == topic)
-    )
+def count_whole_messages(path: Path, topic: str) -> int:
+    """Return how many messages of a topic are in an unfinished file, by another library."""
+    return sum(name == topic for name, _ in read_by_stream(path))
+
+
+def read_metadata(path: Path, name: str) -> list[dict[str, str]]:
+    """Return all metadata of one name, also while the file grows."""
+    found = []
+    with path.open("rb") as stream, suppress(McapError):
+        found.extend(
+            record.metadata
+            for record in StreamReader(stream).records
+            if isinstance(record, Metadata) and record.name == name
+        )
+    return found
 
 
 def test_other_libraries_read_all_messages_of_all_topics(harness, recorder, tmp_path):
@@ -260,7 +271,7 @@ def test_a_signal_leaves_a_sound_recording(harness, start_process, tmp_path):
     states.wait(lambda got: got[-1].recording)
     blocks = [make_block(record) for record in range(COUNT)]
     publish(harness, harness.advertise(interfaces.ACCELERATION), *blocks, acknowledged=False)
-    harness.wait_until(lambda: count_on_disk(path, "/acceleration") == COUNT)
+    harness.wait_until(lambda: count_whole_messages(path, "/acceleration") == COUNT)
     process.send_signal(signal.SIGTERM)
     assert process.wait() == 0
     states.wait(lambda got: got[-1].message == "closed")
@@ -270,28 +281,11 @@ def test_a_signal_leaves_a_sound_recording(harness, start_process, tmp_path):
     assert "Traceback" not in process.output
 
 
-@pytest.fixture
-def metadata(tmp_path):
-    """Return a function that reads all metadata of one name, also while the file grows."""
-
-    def read(name):
-        found = []
-        with (tmp_path / "session.mcap").open("rb") as stream, suppress(McapError):
-            found.extend(
-                record.metadata
-                for record in StreamReader(stream).records
-                if isinstance(record, Metadata) and record.name == name
-            )
-        return found
-
-    return read
-
-
-def test_software_and_notes_go_into_the_file_and_notes_may_change(harness, recorder, metadata):
+def test_software_and_notes_go_into_the_file_and_notes_may_change(harness, recorder, tmp_path):
     recorder(notes="bench 3")
     assert not harness.set_parameter("recorder", "notes", "bench 3, new tip, 21 °C")
     harness.change_state("recorder", "deactivate")
-    first, second = metadata("impact_rig")
+    first, second = read_metadata(tmp_path / "session.mcap", "impact_rig")
     assert first["software_version"] == __version__
     assert json.loads(first["libraries"])["numpy"] == np.__version__
     assert first["notes"] == "bench 3"
@@ -299,19 +293,20 @@ def test_software_and_notes_go_into_the_file_and_notes_may_change(harness, recor
 
 
 def test_the_parameters_of_all_nodes_go_into_the_file_and_again_when_they_change(
-    harness, recorder, metadata
+    harness, recorder, tmp_path
 ):
+    path = tmp_path / "session.mcap"
     recorder(compression="lz4")
     harness.add(HammerNode, swing_time=0.3)
 
     def find_swing_time():
-        texts = [item["/hammer"] for item in metadata(PARAMETERS) if "/hammer" in item]
+        texts = [item["/hammer"] for item in read_metadata(path, PARAMETERS) if "/hammer" in item]
         return yaml.safe_load(texts[-1])["swing_time"] if texts else None
 
     harness.wait_until(lambda: find_swing_time() == 0.3)
     assert not harness.set_parameter("hammer", "swing_time", 0.4)
     harness.wait_until(lambda: find_swing_time() == 0.4)
-    own = yaml.safe_load(metadata(PARAMETERS)[-1]["/recorder"])
+    own = yaml.safe_load(read_metadata(path, PARAMETERS)[-1]["/recorder"])
     assert own["compression"] == "lz4"
 
 

@@ -3,20 +3,15 @@
 import shutil
 import threading
 from array import array
-from pathlib import Path
 
-import mcap.reader
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, HammerRelease, StreamBlock
-from mcap.exceptions import McapError
-from mcap.records import Channel, Message
-from mcap.stream_reader import StreamReader
 from std_msgs.msg import Empty
 
 from impact_rig.nodes import interfaces
 from impact_rig.recordings.source import open_source
 
-from .test_recorder import read_by_rosbags
+from .test_recorder import count_whole_messages, read_by_rosbags, read_metadata
 
 POINTS = 1000
 
@@ -46,39 +41,12 @@ def publish(publisher, messages):
         publisher.publish(message)
 
 
-def count_whole_messages(path: Path, topic: str) -> int:
-    """Return how many messages of a topic are in an unfinished file, by another library."""
-    names, count = {}, 0
-    with path.open("rb") as stream:
-        try:
-            for record in StreamReader(stream).records:
-                if isinstance(record, Channel):
-                    names[record.id] = record.topic
-                elif isinstance(record, Message):
-                    count += names[record.channel_id] == topic
-        except McapError:  # the end is missing
-            return count
-    return count
+def is_warned(diagnostics):
+    return diagnostics[-1].status[0].level == DiagnosticStatus.WARN
 
 
-def read_metadata(path: Path) -> dict[str, list[dict[str, str]]]:
-    found: dict[str, list[dict[str, str]]] = {}
-    with path.open("rb") as stream:
-        for record in mcap.reader.make_reader(stream).iter_metadata():
-            found.setdefault(record.name, []).append(record.metadata)
-    return found
-
-
-def listen_to_diagnostics(harness):
-    """Return what the recorder's diagnostics say."""
-    diagnostics = harness.make_collector()
-
-    def take(message):
-        if message.status[0].name == "/recorder":
-            diagnostics.take(message.status[0])
-
-    harness.peer.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
-    return diagnostics
+def list_values(diagnostics):
+    return [(item.key, item.value) for item in diagnostics.status[0].values]
 
 
 def test_every_record_is_on_the_disk_when_the_recorder_says_so(harness, recorder, tmp_path):
@@ -100,7 +68,7 @@ def test_every_record_is_on_the_disk_when_the_recorder_says_so(harness, recorder
 
 def test_what_records_lack_is_told_counted_and_kept_in_the_file(harness, recorder, tmp_path):
     states, stored, _ = recorder()
-    diagnostics = listen_to_diagnostics(harness)
+    diagnostics = harness.listen(interfaces.DIAGNOSTICS)
     publisher = connect(harness)
     publish(publisher, [*make_blocks(1, 5, without={1, 3}), *make_blocks(2)])
     first, second = stored.wait_for_count(2)
@@ -109,9 +77,9 @@ def test_what_records_lack_is_told_counted_and_kept_in_the_file(harness, recorde
     warned = states.wait(lambda messages: messages[-1].message.startswith("warning:"))[-1]
     assert warned.recording
     assert (warned.gaps, warned.missing_points) == (2, 2 * POINTS)
-    status = diagnostics.wait(lambda got: got and got[-1].level == DiagnosticStatus.WARN)[-1]
-    assert "2 gaps, 2000 points are missing" in status.message
-    assert {item.key: item.value for item in status.values}["gaps"] == "2"
+    told = diagnostics.wait(is_warned)[-1]
+    assert "2 gaps, 2000 points are missing" in told.status[0].message
+    assert ("gaps", "2") in list_values(told)
 
 
 def test_an_arming_that_ends_without_its_last_block_is_stored_as_it_is(
@@ -189,12 +157,12 @@ def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder, monke
 def test_a_disk_that_is_nearly_full_is_warned_of(harness, recorder):
     free = shutil.disk_usage("/").free
     states, _, _ = recorder(low_space_warning=1000 * free)
-    diagnostics = listen_to_diagnostics(harness)
+    diagnostics = harness.listen(interfaces.DIAGNOSTICS)
     state = states.wait(lambda messages: messages[-1].message.startswith("warning:"))[-1]
     assert "may still be written to the disk" in state.message
     assert state.recording
     assert 0 < state.free_space < 1000 * free
-    diagnostics.wait(lambda got: got and got[-1].level == DiagnosticStatus.WARN)
+    diagnostics.wait(is_warned)
 
 
 def test_a_full_disk_ends_the_recording_cleanly_and_says_so(
@@ -221,7 +189,7 @@ def test_a_full_disk_ends_the_recording_cleanly_and_says_so(
     # All that was called stored, and perhaps the beginning of the next.
     whole = [number for number in sorted(set(records)) if records.count(number) in (3, 100)]
     assert {word.record for word in stored.messages} <= set(whole)
-    (health,) = read_metadata(path)["impact_rig/health"]
+    (health,) = read_metadata(path, "impact_rig/health")
     assert health["reason"] == "disk full"
 
 
@@ -238,10 +206,10 @@ def test_every_file_of_a_split_recording_says_how_it_ended(harness, recorder, tm
     harness.close(node)
     files = open_source(tmp_path / "session").files
     assert len(files) > 2
-    metadata = [read_metadata(file) for file in files]
-    reasons = [[item["reason"] for item in one["impact_rig/health"]] for one in metadata]
+    told = [read_metadata(file, "impact_rig/health") for file in files]
+    reasons = [[item["reason"] for item in one] for one in told]
     assert reasons == [["split"]] * (len(files) - 1) + [["closed"]]
-    assert all(one["impact_rig"][-1]["software_version"] for one in metadata)
+    assert all(read_metadata(file, "impact_rig")[-1]["software_version"] for file in files)
 
 
 def make_stream(*starts):
@@ -256,20 +224,18 @@ def test_the_running_stream_is_recorded_when_asked_for_and_its_gaps_are_counted(
     harness, recorder, tmp_path
 ):
     states, _, node = recorder(record_stream=True)
-    diagnostics = listen_to_diagnostics(harness)
+    diagnostics = harness.listen(interfaces.DIAGNOSTICS)
     publish(connect(harness, interfaces.STREAM), make_stream(0, POINTS, 4 * POINTS, 7 * POINTS))
     warned = states.wait(lambda messages: messages[-1].message.startswith("warning:"))[-1]
     assert (warned.gaps, warned.missing_points) == (2, 4 * POINTS)
     assert "the stream has 2 gaps, 4000 points are missing" in warned.message
-    values = diagnostics.wait(
-        lambda got: got and any(v.key == "stream gaps" and v.value == "2" for v in got[-1].values)
-    )[-1].values
-    assert {item.key: item.value for item in values}["stream blocks"] == "4"
+    told = diagnostics.wait(lambda got: ("stream gaps", "2") in list_values(got[-1]))[-1]
+    assert ("stream blocks", "4") in list_values(told)
     harness.close(node)
     path = tmp_path / "session.mcap"
     stream = read_by_rosbags(path)["/acceleration/stream"]
     assert [block.first_sample for block in stream] == [0, POINTS, 4 * POINTS, 7 * POINTS]
-    (health,) = read_metadata(path)["impact_rig/health"]
+    (health,) = read_metadata(path, "impact_rig/health")
     assert (health["stream_blocks"], health["stream_gaps"]) == ("4", "2")
     assert (health["stream_missing_points"], health["gaps"]) == ("4000", "0")
     assert 0.0 < float(health["stream_longest_lag"]) < 60.0

@@ -9,13 +9,6 @@ from lifecycle_msgs.msg import State
 
 from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.signals.record import HitLabel
-from impact_rig.devices.virtual.choices import Fault
-from impact_rig.devices.virtual.rig import (
-    FaultPlan,
-    ScheduledFault,
-    VirtualRig,
-    VirtualRigSettings,
-)
 from impact_rig.nodes import interfaces, rig_node, visualizer
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
@@ -23,16 +16,15 @@ from impact_rig.nodes.rig_node import RateMeter
 from impact_rig.nodes.visualizer import SILENCE, RigHealth, VisualizerNode
 from impact_rig.present.rerun.health import Level
 
+from .test_visualizer_campaign import RIG
+
 pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 
 SETUP = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
-FAULTS = FaultPlan(scheduled=(ScheduledFault(Fault.WEAK_HIT, 2),))
 
 
 def strike(record, impact):
-    """Hit the control sample; the second impact is a weak one."""
-    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(faults=FAULTS))
-    return rig.strike(HitLabel(CONTROL_SAMPLE, record=record, impact=impact))
+    return RIG.strike(HitLabel(CONTROL_SAMPLE, record=record, impact=impact))
 
 
 @pytest.fixture

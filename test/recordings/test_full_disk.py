@@ -6,16 +6,15 @@ import subprocess
 from pathlib import Path
 
 import mcap.reader
-import mcap.stream_reader
 import pytest
 import yaml
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.new_file import ROOM_FOR_ENDING, DiskFullError
-from impact_rig.recordings.schemas import MessageDefinition
 from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 
-TEXT = MessageDefinition("std_msgs/msg/String", "string data\n")
+from .text_recordings import TEXT, read_by_stream
+
 BLOCK = bytes(20_000)
 DISK_SIZE = ROOM_FOR_ENDING + (3 << 20)
 
@@ -127,15 +126,7 @@ def test_a_disk_filled_by_others_in_mid_chunk_costs_that_chunk_alone(disk):
     writer.close()
     assert writer.closed
 
-    with writer.path.open("rb") as file:
-        times = []
-        with contextlib.suppress(mcap.exceptions.EndOfFile):
-            times.extend(
-                record.log_time
-                for record in mcap.stream_reader.StreamReader(file, validate_crcs=True).records
-                if type(record).__name__ == "Message"
-            )
-    assert times == list(range(10))
+    assert [message.log_time for _, message in read_by_stream(writer.path)] == list(range(10))
 
 
 def test_a_disk_that_is_full_at_the_beginning_is_said_so(disk):

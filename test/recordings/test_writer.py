@@ -248,7 +248,8 @@ def test_after_kill_9_everything_synced_is_in_the_files(tmp_path, name, split_si
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
     assert done.returncode == -signal.SIGKILL, done.stderr
     files = sorted((tmp_path / name).glob("*.mcap")) or [tmp_path / name]
-    hits = [data for path in files for data in read_by_stream(path) if HIT in data]
+    found = [message.data for path in files for _, message in read_by_stream(path)]
+    hits = [data for data in found if HIT in data]
     assert hits == [encode(b"%d " % number + HIT) for number in (1, 2, 3)]
     if name == "bag":
         text = (tmp_path / name / "metadata.yaml").read_text()

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import mcap.reader
 import mcap.stream_reader
+from mcap.records import Channel, Message
 from mcap_ros2.decoder import DecoderFactory
 
 from impact_rig.recordings.qos import OfferedQos
@@ -54,15 +55,15 @@ def read_by_mcap(path: Path) -> list:
     ]
 
 
-def read_by_stream(path: Path) -> list[bytes]:
-    """Return the messages of a file that may have no end, by a reader that needs none."""
-    messages = []
-    with path.open("rb") as file, contextlib.suppress(mcap.exceptions.EndOfFile):
-        messages.extend(
-            record.data
-            for record in mcap.stream_reader.StreamReader(file, validate_crcs=True).records
-            if type(record).__name__ == "Message"
-        )
+def read_by_stream(path: Path) -> list[tuple[str, Message]]:
+    """Return each topic and message of a file without an end, by a reader that needs none."""
+    topics, messages = {}, []
+    with path.open("rb") as file, contextlib.suppress(mcap.exceptions.McapError):
+        for record in mcap.stream_reader.StreamReader(file, validate_crcs=True).records:
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message):
+                messages.append((topics[record.channel_id], record))
     return messages
 
 
