@@ -2,21 +2,22 @@
 
 import csv
 import json
-import os
 import shutil
-import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
-from impact_rig.cli.study import PARTS
+from impact_rig.cli.study import PARTS, command
+from impact_rig.study import cases
 from impact_rig.study.cases import Part
 
+from .pseudo_terminal import find_widest
+
 Run = Callable[..., Any]
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_the_parts_of_the_help_are_those_of_the_study() -> None:
@@ -24,26 +25,31 @@ def test_the_parts_of_the_help_are_those_of_the_study() -> None:
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """Run a small study by the script that is on the path; return its folder and what it told.
+def small() -> Iterator[None]:
+    """Leave little of what is varied, so that a study is small."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("NOISES", "BITS", "SAMPLING_RATES", "DAMPING_RATIOS"):
+            patch.setattr(cases, name, ())
+        for name in ("PULSE_SHAPES", "LAWS", "NOISE_LEVELS"):
+            patch.setattr(cases, name, getattr(cases, name)[1:2])
+        yield
 
-    The processes that it starts import the file that started their parent: it must not start
-    the command once more.
-    """
+
+@pytest.fixture(scope="module")
+def study(small: None, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Run a small study; return its folder and what it told."""
     folder = tmp_path_factory.mktemp("studies") / "small"
-    done = subprocess.run(
-        [str(shutil.which("impact-rig")), "study", "--campaigns", "1", "--output", str(folder)],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "80"},
-        check=False,
-    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", "80")
+        done = CliRunner().invoke(
+            command, ["--campaigns", "1", "--jobs", "1", "--output", str(folder)]
+        )
     return folder, done
 
 
 def test_tables_and_goals_fit_a_terminal(study: Any) -> None:
     folder, done = study
-    assert done.returncode == 0  # though one campaign reaches no coverage goal
+    assert done.exit_code == 0, done.stderr  # though one campaign reaches no coverage goal
     text = " ".join(done.stdout.split())
     for words in (
         "Coverage of the 95 % intervals",
@@ -58,6 +64,7 @@ def test_tables_and_goals_fit_a_terminal(study: Any) -> None:
     ):
         assert words in text
     assert done.stderr.startswith(f"in {folder}: study.json")
+    assert find_widest(done.stdout) <= 80
 
 
 def test_a_study_that_goes_on_has_all_in_json_and_files_and_without_matplotlib_no_figure(
