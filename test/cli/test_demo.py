@@ -14,9 +14,12 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from impact_rig.configuration.rig_file import read_template
+from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
+from impact_rig.results.results_file import format_json, results_to_json
 
 PATIENCE = 120.0
 """How long a demo may take before the test fails [s]."""
+SAMPLES = ("steel small", "aluminium large")
 
 
 def start_rig_command(*arguments, folder, **options):
@@ -83,7 +86,7 @@ def demo(tmp_path_factory):
     """Run one small demo with two faults, for the tests that look at what it left."""
     folder = tmp_path_factory.mktemp("demo")
     code, output, errors = run_rig_command(
-        "demo", "--samples", "steel small", "aluminium large", "--impacts", "3", "--seed", "7",
+        "demo", "--samples", *SAMPLES, "--impacts", "3", "--seed", "7",
         "--faults", "0.2", "--output", "run", folder=folder,
     )  # fmt: skip
     assert code == 0, errors
@@ -118,29 +121,39 @@ def test_the_analysis_of_the_recording_gives_the_same_results_bit_for_bit(demo, 
     assert all(hit["reasons"] and hit["injected_faults"] for hit in rejections)
 
 
-def test_the_same_seed_gives_the_same_however_it_is_recorded_and_whatever_a_viewer_does(
-    demo, viewer
-):
+def test_the_numbers_are_those_of_the_virtual_rig_struck_in_one_process(demo, record, tmp_path):
     folder, _, _ = demo
+    settings = VirtualRigSettings(seed=7, faults=FaultPlan(0.2))
+    struck = record(tmp_path / "session.mcap", settings, SAMPLES, 3)
+    assert (folder / "results.json").read_text("utf-8") == format_json(
+        results_to_json(struck.results)
+    )
+
+
+def test_a_contact_law_stands_beside_the_truth_at_every_angle_whatever_a_viewer_does(
+    tmp_path, run, viewer
+):
+    """Recorded in another way than by default, as well."""
     process = start_rig_command(
-        "demo", "--samples", "steel small", "aluminium large", "--impacts", "3", "--seed", "7",
-        "--faults", "0.2", "--output", "again", "--bag", "--compression", "lz4",
-        "--notes", "bench 3", "--viewer", viewer.address, folder=folder,
+        "demo", "--plant", "contact", "--samples", *SAMPLES, "--angles", "3.7,10",
+        "--impacts", "2", "--seed", "7", "--output", "run", "--bag", "--compression", "lz4",
+        "--notes", "bench 3", "--viewer", viewer.address, folder=tmp_path,
     )  # fmt: skip
     told = []
     for line in process.stderr:
         told.append(line)
-        if "sample 1 of 2" in line:
+        if "sample 1 of 4" in line:
             viewer.send_signal(signal.SIGSTOP)
-        if "sample 2 of 2" in line:
+        if "sample 3 of 4" in line:
             viewer.kill()
             break
-    _, errors = process.communicate(timeout=PATIENCE)
+    output, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, errors
-    assert (folder / "again" / "results.json").read_bytes() == (
-        folder / "results.json"
-    ).read_bytes()
-    bag = folder / "again" / "session"
+    folder = tmp_path / "run"
+    check_contact_law(output, json.loads((folder / "results.json").read_text("utf-8")))
+    outcome = run("analyze", folder, "--json")
+    assert outcome.stdout == (folder / "results.json").read_text("utf-8")
+    bag = folder / "session"
     assert f"recording: {bag}" in "".join(told) + errors
     assert (bag / "metadata.yaml").is_file()
     with (bag / "session_0.mcap").open("rb") as stream:
@@ -149,24 +162,17 @@ def test_the_same_seed_gives_the_same_however_it_is_recorded_and_whatever_a_view
         chunks = reader.get_summary().chunk_indexes
     assert origin[-1].metadata["notes"] == "bench 3"
     assert {chunk.compression for chunk in chunks} == {"lz4"}
-    log = (folder / "again" / "nodes.log").read_text("utf-8")
+    log = (folder / "nodes.log").read_text("utf-8")
     # The second where the host is so busy that the visualizer comes up after the kill.
     assert "is gone or takes no data" in log or "no viewer answers" in log
-    assert (folder / "again" / "session.rrd").stat().st_size > 0
+    assert (folder / "session.rrd").stat().st_size > 0
 
 
-def test_a_contact_law_stands_beside_the_truth_at_every_angle(tmp_path, run):
-    code, output, errors = run_rig_command(
-        "demo", "--plant", "contact", "--samples", "steel small", "aluminium large",
-        "--angles", "3.7,10", "--impacts", "2", "--seed", "7", "--output", "run",
-        folder=tmp_path,
-    )  # fmt: skip
-    assert code == 0, errors
+def check_contact_law(output, results):
     tables, truth = output.split("Contact law against the truth")
     assert "τp, paper" in truth
     assert "Contact over impact speed" in tables
     assert "Contact over impact speed, the truth" in truth
-    results = json.loads((tmp_path / "run" / "results.json").read_text("utf-8"))
     samples = {sample["name"]: sample for sample in results["samples"]}
     bodies, angles = ("aluminium large", "steel small"), ("3.7°", "10°")
     assert list(samples) == [f"{body} {angle}" for body in bodies for angle in angles]
@@ -180,8 +186,6 @@ def test_a_contact_law_stands_beside_the_truth_at_every_angle(tmp_path, run):
     # Hertz, drawn out by a loss that grows with the speed.
     assert -0.20 < exponents["steel small"]["duration"] < -0.17
     assert 1.15 < exponents["steel small"]["peak_force"] < 1.20
-    outcome = run("analyze", tmp_path / "run" / "session.mcap", "--json")
-    assert json.loads(outcome.stdout) == results
 
 
 @pytest.mark.parametrize("read", [read_with_rosbags, read_with_mcap_ros2])
