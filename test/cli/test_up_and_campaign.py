@@ -67,6 +67,8 @@ def rig(start):
     process = start(
         "up", "--rig-file", "rig.toml", "--output", "run", "--respawn", "--no-visualizer",
         "--namespace", "rig7", "--set", "hammer.swing_time=0.2",
+        # For so long a verdict is waited for that died with its estimator.
+        "--set", "campaign.verdict_timeout=4.0",
     )  # fmt: skip
     started = []
     for line in process.stdout:
@@ -83,7 +85,7 @@ CAMPAIGN = ("campaign", "--namespace", "rig7")
 
 
 def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
-    rig, start, environment
+    rig, start, environment, run, monkeypatch
 ):
     # Whoever closes the terminal leaves no hammer swinging behind, and the rig to others.
     left = start(*CAMPAIGN, "--impacts", "1000")
@@ -91,18 +93,11 @@ def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
     left.send_signal(signal.SIGHUP)
     left.communicate(timeout=PATIENCE)
     assert left.returncode == EXIT_INTERRUPTED
-    words = ("--samples", "aluminium large", "--impacts", "2", "--json")
-    done = subprocess.run(
-        [sys.executable, "-m", "impact_rig.cli.main", *CAMPAIGN, *words, "--notes", "21 °C"],
-        cwd=start.folder,
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    monkeypatch.setenv("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
+    monkeypatch.chdir(start.folder)
+    words = ("--samples", "aluminium large", "--impacts", "2", "--json", "--notes", "21 °C")
+    done = run(*CAMPAIGN, *words)
+    assert done.exit_code == 0, done.stderr
     results = json.loads(done.stdout)
     assert results["samples"][0]["impacts_accepted"] == 2
     assert json.loads((start.folder / "run" / "results.json").read_text("utf-8")) == results
@@ -122,7 +117,7 @@ def find_node(rig, name):
 
 def test_nodes_that_die_are_started_again_and_the_campaign_has_every_hit(rig, start):
     campaign = start(
-        *CAMPAIGN, "--samples", "steel small", "--impacts", "12", "--output", "results"
+        *CAMPAIGN, "--samples", "steel small", "--impacts", "6", "--output", "results"
     )
     told = []
 
@@ -141,7 +136,7 @@ def test_nodes_that_die_are_started_again_and_the_campaign_has_every_hit(rig, st
     rest = campaign.communicate(timeout=PATIENCE)[0]
     assert campaign.returncode == 0, "".join([*told, rest])
     hits = json.loads((start.folder / "results" / "results.json").read_text("utf-8"))["hits"]
-    assert [hit["impact"] for hit in hits if hit["accepted"]] == list(range(1, 13))
+    assert [hit["impact"] for hit in hits if hit["accepted"]] == list(range(1, 7))
     assert len({hit["record"] for hit in hits}) == len(hits)
     rig.send_signal(signal.SIGINT)
     rig.communicate(timeout=PATIENCE)
