@@ -15,11 +15,9 @@ from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from .processes import COMMAND_LINE, Bench, TalkingProcess
 
 SAMPLES = ("steel small", "aluminium large")
-IMPACTS = 15
-"""Enough for the cycles: one to three hits lie between two of them."""
+IMPACTS = 8
+"""Enough for both devices: one to three hits lie between one unplugged and the next."""
 SEED = 7
-CYCLES = 2
-"""How often each device is unplugged."""
 QUANTITIES = {
     "contact_time": "s",
     "stiffness": "n_per_m",
@@ -67,13 +65,12 @@ def mount(campaign, bench, sample, start):
 
 
 def unplug_each(campaign, bench):
-    """Unplug each device in turn, once a hit has come since it was plugged in."""
+    """Unplug each device in turn, once a hit has come since the other was plugged in."""
     struck = told = 0
-    for cycle in range(2 * CYCLES):
-        device = ("scpi", "relay")[cycle % 2]
+    for device, reason in REASONS.items():
         bench.wait_for('"triggered": true', struck)
         bench.do(f"unplug {device}")
-        told = campaign.wait_for(REASONS[device], told)
+        told = campaign.wait_for(reason, told)
         struck = len(bench.output)
         bench.do(f"plug {device}")
         told = campaign.wait_for("it goes on", told)

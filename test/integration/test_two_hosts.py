@@ -8,7 +8,7 @@ from rosbags.highlevel import AnyReader
 from .hosts import make_two_hosts, plug_in_cable, pull_cable
 from .processes import COMMAND_LINE, TalkingProcess
 
-IMPACTS = 10
+IMPACTS = 6
 AT_THE_DEVICES = ("hammer", "accelerometer")
 AT_THE_DESK = ("estimator", "recorder", "campaign")
 
