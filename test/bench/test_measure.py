@@ -3,12 +3,10 @@
 import itertools
 from pathlib import Path
 
-import numpy as np
 import pytest
-from mcap.reader import make_reader
 
 from bench import campaigns, measure
-from bench.campaigns import COMPRESSIONS, Campaign, Campaigns, compress_anew
+from bench.campaigns import Campaign, Campaigns
 from bench.measure import (
     Bench,
     Extent,
@@ -21,13 +19,6 @@ from bench.measure import (
 )  # fmt: skip
 from bench.results import Change, compare_figure
 from impact_rig.core.errors import RigError
-
-
-def test_the_spread_is_between_the_quartiles() -> None:
-    values = (3.0, 1.0, 2.0, 10.0, 4.0, 2.5)
-    figure = Figure("time", values)
-    assert figure.median == np.median(values)
-    assert figure.quartiles == pytest.approx(np.percentile(values, [25, 75]))
 
 
 @pytest.mark.parametrize(
@@ -117,25 +108,6 @@ def test_a_part_that_cannot_be_run_costs_no_other() -> None:
         "lacks: Python finds no module 'rclpy': see `impact-rig doctor`",
     )
     assert [figure.name for figure in results.missed] == ["bad"]
-
-
-def read_all(path: Path) -> list[tuple[str, int, bytes]]:
-    with path.open("rb") as file:
-        return [
-            (channel.topic, message.log_time, message.data)
-            for _, channel, message in make_reader(file).iter_messages()
-        ]
-
-
-@pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_another_compression_holds_the_same_messages(
-    recording: Path, tmp_path: Path, compression: str
-) -> None:
-    path = compress_anew(recording, tmp_path / "copy.mcap", compression)
-    assert read_all(path) == read_all(recording)
-    with path.open("rb") as file:
-        chunks = make_reader(file).get_summary().chunk_indexes
-    assert {chunk.compression for chunk in chunks} == {compression.replace("none", "")}
 
 
 def test_a_campaign_is_run_once_for_all_parts(

@@ -17,6 +17,7 @@ def test_every_node_is_looked_at_early_and_late(
 ) -> None:
     pytest.importorskip("rclpy", reason="the nodes need ROS 2")
     monkeypatch.setattr(memory, "EARLY_HITS", 1)
+    monkeypatch.setattr(memory, "FURTHER_HITS", 1)
     looks: list[set[str]] = []
     read = memory.read_memory
 

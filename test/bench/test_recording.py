@@ -6,7 +6,7 @@ from typing import Any
 from mcap.reader import make_reader
 
 from bench import recording as recording_part
-from bench.campaigns import COMPRESSIONS
+from bench.campaigns import COMPRESSIONS, compress_anew
 from bench.measure import Bench
 
 
@@ -36,11 +36,18 @@ def test_both_writers_are_compared_in_each_compression(bench: Bench, monkeypatch
     assert list(bench.folder.iterdir()) == []
 
 
-def test_both_writers_write_the_same_messages(tmp_path: Path) -> None:
-    compression = "lz4"
+def test_both_writers_write_the_same_messages_and_another_compression_holds_them(
+    tmp_path: Path,
+) -> None:
     ours, bare = tmp_path / "ours.mcap", tmp_path / "bare.mcap"
     messages = [bytes([number]) * 8 for number in range(20)]
-    recording_part.write_as_recorder(ours, messages, compression)
-    recording_part.write_bare(bare, messages, compression)
+    recording_part.write_as_recorder(ours, messages, "lz4")
+    recording_part.write_bare(bare, messages, "lz4")
     assert read_all(ours) == read_all(bare)
     assert [data for _, _, data in read_all(ours)] == messages
+    for compression in COMPRESSIONS:
+        other = compress_anew(ours, tmp_path / f"{compression}.mcap", compression)
+        assert read_all(other) == read_all(ours)
+        with other.open("rb") as file:
+            chunks = make_reader(file).get_summary().chunk_indexes
+        assert {chunk.compression for chunk in chunks} == {compression.replace("none", "")}

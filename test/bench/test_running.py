@@ -3,15 +3,12 @@
 from pathlib import Path
 from typing import Any
 
-import pytest
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from bench import running
-from bench.measure import Bench
 from bench.running import Chain
 
-MILLI = 1_000_000
 DEFINITIONS = {
     "/release": "uint32 record\nstring sample\nfloat64 swing_time",
     "/acceleration": "uint32 record\nbool last",
@@ -61,19 +58,3 @@ def test_each_hit_is_followed_from_release_to_estimate(tmp_path: Path) -> None:
         ],
     )
     assert running.read_chains(path) == [Chain(1100, 1300, 1400, 1500, 1700)]
-
-
-def make_chain(start: int, whole: int) -> Chain:
-    return Chain(start, start + 1 * MILLI, start + 3 * MILLI, start + 6 * MILLI, start + whole)
-
-
-def test_steps_add_up_to_the_whole(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    chains = [make_chain(number * 100 * MILLI, 10 * MILLI) for number in range(98)]
-    chains += [make_chain(10**10, 50 * MILLI)] * 2
-    monkeypatch.setattr(running, "read_chains", lambda _: chains)
-    whole, tail, *steps = running.measure_latency(bench)
-    assert (len(whole.values), whole.median, whole.is_reached) == (200, 10.0, True)
-    assert (tail.median, tail.is_reached) == (50.0, False)
-    assert [figure.median for figure in steps] == [1.0, 2.0, 3.0, 4.0]
-    assert str(whole.goal) == "at most 15"
-    assert str(tail.goal) == "at most 40"

@@ -107,7 +107,7 @@ def test_a_crash_and_a_hang_are_told_by_their_seed_and_the_rest_is_read(
         return start([sys.executable, tmp_path / "process.py", *command[-2:]], **options)
 
     monkeypatch.setattr(survival.subprocess, "Popen", start_other)
-    monkeypatch.setattr(survival, "TIME_LIMIT", 3.0)
+    monkeypatch.setattr(survival, "TIME_LIMIT", 2.0)
     monkeypatch.setattr(survival, "write_files", lambda _: 0)
     faults, _, _, reads, _ = survival.measure_fuzz(bench)
     assert faults.values == (1.0,)

@@ -134,9 +134,12 @@ def test_a_library_that_is_missing_is_named_with_the_way_to_get_it() -> None:
 
 
 def test_a_search_without_end_is_ended_and_the_others_are_heard() -> None:
-    # Generous: of the two that search, only the endless one ever takes so long.
-    source, holder = survey_drivers("hanging", timeout=5.0)
-    assert source.trouble == "its search for devices did not come to an end"
+    # Both begin at once: on a busy computer the one that ends may take longer than a second.
+    for timeout in (1.0, 5.0, 25.0):
+        source, holder = survey_drivers("hanging", timeout=timeout)
+        assert source.trouble == "its search for devices did not come to an end"
+        if not holder.trouble:
+            break
     assert holder.trouble == ""
     assert len(holder.devices) == 2
 

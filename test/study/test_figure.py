@@ -34,12 +34,11 @@ def make_results(parts, figure):
     return StudyResults(Configuration(parts), rows=rows)
 
 
-def test_what_was_found_is_drawn_the_same_each_time_and_what_was_not_does_no_harm():
-    found = draw_figure(make_results((Part.COVERAGE, Part.EFFICIENCY), 0.95))
-    assert found["png"].startswith(PNG_SIGNATURE)
-    assert ET.fromstring(found["svg"]).tag.endswith("svg")
+def test_what_was_not_determined_does_no_harm_and_is_drawn_the_same_each_time():
     undetermined = make_results((Part.COVERAGE, Part.EFFICIENCY), math.nan)
-    assert draw_figure(undetermined) == draw_figure(undetermined) != found
+    drawn = draw_figure(undetermined)
+    assert drawn["png"].startswith(PNG_SIGNATURE)
+    assert drawn == draw_figure(undetermined)
 
 
 def test_each_axis_of_the_bias_has_its_column_of_quantities():
