@@ -1,8 +1,5 @@
 """What the tests of the bench measure with: little, quickly."""
 
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from bench.campaigns import Campaign, Campaigns
@@ -19,7 +16,7 @@ TIME = 1_700_000_000_000_000_000
 
 
 @pytest.fixture(scope="session")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recording(tmp_path_factory):
     """Return a recording of three hits, each in a chunk of its own."""
     path = tmp_path_factory.mktemp("campaign") / "session.mcap"
     encoder, rig = MessageEncoder(), VirtualRig(PAPER_SETUP, VirtualRigSettings())
@@ -37,15 +34,15 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class OneCampaign(Campaigns):
     """A campaign that there is already, in place of any number of them."""
 
-    def __init__(self, recording: Path) -> None:
+    def __init__(self, recording):
         self._campaign = Campaign(recording, 1.5)
 
-    def take(self, count: int, *_: Any) -> tuple[Campaign, ...]:
+    def take(self, count, *_):
         return (self._campaign,) * count
 
 
 @pytest.fixture
-def bench(tmp_path: Path, recording: Path) -> Bench:
+def bench(tmp_path, recording):
     """Return what a part works with."""
     extent = Extent(demos=2, seconds=1.0, hits=2, kills=1, mutations=6, repeats=2)
     return Bench(tmp_path, extent, OneCampaign(recording), lambda *_: None)

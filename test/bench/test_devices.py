@@ -3,12 +3,9 @@
 import pytest
 
 from bench import devices
-from bench.measure import Bench
 
 
-def test_records_are_timed_from_the_instrument_to_an_observer(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_records_are_timed_from_the_instrument_to_an_observer(bench, monkeypatch):
     pytest.importorskip("rclpy", reason="the nodes need ROS 2")
     monkeypatch.setattr(devices, "HITS", 2)
     monkeypatch.setattr(devices, "WARM_UP", 1)

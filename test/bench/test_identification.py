@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from bench import identification
-from bench.measure import Bench
 from impact_rig.core.identification.identification import identify_model
 from impact_rig.core.identification.measured_model import MeasuredModel
 from impact_rig.core.model.impact import ModelVariant
@@ -15,7 +14,7 @@ from impact_rig.core.setup.paper import PAPER_SETUP
 VALUES = np.array([203e-6, 201e-6, 45e6, 1170.0, -120.0, -0.9, 3.0, -2.0])
 
 
-def test_the_integrated_model_is_the_closed_form() -> None:
+def test_the_integrated_model_is_the_closed_form():
     closed, integrated = (
         kind(ModelVariant.DRIVEN, 0.1, 0.17, 0.08, 1e6, 2000, 50e3)
         for kind in (MeasuredModel, identification.IntegratedModel)
@@ -32,9 +31,7 @@ def test_the_integrated_model_is_the_closed_form() -> None:
             np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-4 * np.abs(theirs).max())
 
 
-def test_both_fits_end_at_the_same_place_and_are_timed(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_both_fits_end_at_the_same_place_and_are_timed(bench, monkeypatch):
     mean = identification.strike_once()
     found = identify_model(mean, PAPER_SETUP, identification.SAMPLE)
     expected = [found.find(name) for name in identification.COMPARED]

@@ -8,7 +8,6 @@ import pytest
 from bench import campaigns, measure
 from bench.campaigns import Campaign, Campaigns
 from bench.measure import (
-    Bench,
     Extent,
     Figure,
     Part,
@@ -32,13 +31,11 @@ from impact_rig.core.errors import RigError
         (None, 1.0, None),
     ],
 )
-def test_the_median_decides_whether_a_goal_is_reached(
-    goal: object, value: float, is_reached: bool | None
-) -> None:
+def test_the_median_decides_whether_a_goal_is_reached(goal, value, is_reached):
     assert Figure("ratio", (value,), goal=goal).is_reached is is_reached
 
 
-def test_each_side_is_first_in_every_second_turn_after_a_call_that_does_not_count() -> None:
+def test_each_side_is_first_in_every_second_turn_after_a_call_that_does_not_count():
     called: list[str] = []
     ticks = itertools.count()
     ours, peers = compare_times(
@@ -67,32 +64,29 @@ def test_each_side_is_first_in_every_second_turn_after_a_call_that_does_not_coun
     ],
 )
 def test_a_change_is_that_of_the_median_and_more_than_chance_where_quartiles_do_not_meet(
-    now: tuple[float, ...],
-    before: tuple[float, ...],
-    percent: float,
-    is_beyond_spread: bool | None,
-) -> None:
+    now, before, percent, is_beyond_spread
+):
     change = compare_figure(Figure("time", now), Figure("time", before))
     assert change == Change(pytest.approx(percent), is_beyond_spread)
 
 
-def measure_well(bench: Bench) -> tuple[Figure, ...]:
+def measure_well(bench):
     assert not list(bench.folder.iterdir())
     (bench.folder / "left.behind").touch()
     bench.report(1, 2)
     return (Figure("good", (1.0,), goal=at_most(2)), Figure("bad", (3.0,), goal=at_most(2)))
 
 
-def fail(_: Bench) -> tuple[Figure, ...]:
+def fail(_):
     raise RigError("it cannot be measured here")
 
 
-def miss(_: Bench) -> tuple[Figure, ...]:
+def miss(_):
     raise ModuleNotFoundError("No module", name="rclpy")
 
 
 @pytest.fixture
-def parts(monkeypatch: pytest.MonkeyPatch) -> None:
+def parts(monkeypatch):
     functions = {"well": measure_well, "fails": fail, "lacks": miss}
     monkeypatch.setattr(
         measure, "load_part", lambda name: Part(name, f"Title of {name}", functions[name], 1.0)
@@ -100,7 +94,7 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("parts")
-def test_a_part_that_cannot_be_run_costs_no_other() -> None:
+def test_a_part_that_cannot_be_run_costs_no_other():
     results = run_parts(["fails", "lacks", "well"], Extent(), lambda *_: None)
     assert [len(part.figures) for part in results.parts] == [0, 0, 2]
     assert results.errors == (
@@ -110,12 +104,10 @@ def test_a_part_that_cannot_be_run_costs_no_other() -> None:
     assert [figure.name for figure in results.missed] == ["bad"]
 
 
-def test_a_campaign_is_run_once_for_all_parts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_campaign_is_run_once_for_all_parts(tmp_path, monkeypatch):
     folders: list[Path] = []
 
-    def run(folder: Path, _: object) -> Campaign:
+    def run(folder, _):
         folders.append(folder)
         if len(folders) == 2:
             raise RigError("the rig does not strike")

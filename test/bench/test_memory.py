@@ -1,27 +1,23 @@
 """The parts `series` and `memory`: hits are judged, and every node of a real rig is looked at."""
 
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
 from bench import memory
-from bench.measure import Bench
 from impact_rig.core.session import Session
 
 NODES = {"hammer", "accelerometer", "estimator", "campaign", "recorder", "visualizer"}
 
 
-def test_every_node_is_looked_at_early_and_late(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_node_is_looked_at_early_and_late(bench, monkeypatch):
     pytest.importorskip("rclpy", reason="the nodes need ROS 2")
     monkeypatch.setattr(memory, "EARLY_HITS", 1)
     monkeypatch.setattr(memory, "FURTHER_HITS", 1)
     looks: list[set[str]] = []
     read = memory.read_memory
 
-    def read_again(processes: Any) -> dict[str, float]:
+    def read_again(processes):
         looks.append(set(processes))
         return read(processes)
 
@@ -36,7 +32,7 @@ def test_every_node_is_looked_at_early_and_late(
     assert {share.split()[0] for share in cost.note.split(", ")} == NODES
 
 
-def test_the_cost_of_a_hit_is_that_of_all_nodes_from_look_to_look() -> None:
+def test_the_cost_of_a_hit_is_that_of_all_nodes_from_look_to_look():
     cost = memory.compute_hit_cost(
         [
             (100, {"hammer": 5.0, "recorder": 7.0}),
@@ -49,13 +45,11 @@ def test_the_cost_of_a_hit_is_that_of_all_nodes_from_look_to_look() -> None:
     assert cost.unit == "ms"
 
 
-def test_every_hit_is_judged_and_the_first_and_last_are_estimated(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_hit_is_judged_and_the_first_and_last_are_estimated(bench, monkeypatch):
     asked: list[int] = []
     original = Session.estimate_numbers
 
-    def watch(session: Session, name: str) -> object:
+    def watch(session, name):
         estimate = original(session, name)
         asked.append(estimate.impacts_accepted + estimate.impacts_rejected)
         return estimate

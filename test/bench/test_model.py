@@ -7,7 +7,6 @@ import pytest
 from scipy.linalg import expm
 
 from bench import model
-from bench.measure import Bench
 from impact_rig.core.estimation.law_fit import fit_law
 from impact_rig.core.model.impact import Body, ImpactModel, ModelVariant
 from impact_rig.core.session import Session
@@ -18,7 +17,7 @@ from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 
 
-def test_the_integrator_solves_a_free_oscillator() -> None:
+def test_the_integrator_solves_a_free_oscillator():
     # Without a force, and long after a very short contact, the hammer is left alone.
     hammer = Body(0.1, 2e7, 300.0)
     impact = ImpactModel(hammer, Body(0.2, 4e7, 500.0), 1e-9, 0.1, 0.0)
@@ -30,15 +29,13 @@ def test_the_integrator_solves_a_free_oscillator() -> None:
 
 
 @pytest.mark.parametrize("variant", ModelVariant)
-def test_closed_form_and_integrator_agree(variant: ModelVariant) -> None:
+def test_closed_form_and_integrator_agree(variant):
     for impact in model.make_models(3, seed=1):
         # Between its steps the integrator interpolates worse than it steps.
         assert 0.0 < model.compute_difference(impact, variant) < 1e-7
 
 
-def test_both_variants_are_measured_against_every_peer(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_both_variants_are_measured_against_every_peer(bench, monkeypatch):
     monkeypatch.setattr(model, "BATCH", 5)
     monkeypatch.setattr(model, "COUNT", 1000)
     monkeypatch.setattr(model, "CALLS", 2)
@@ -49,7 +46,7 @@ def test_both_variants_are_measured_against_every_peer(
     assert all(math.isfinite(value) for figure in figures for value in figure.values)
 
 
-def test_the_peer_filters_as_the_analysis_does() -> None:
+def test_the_peer_filters_as_the_analysis_does():
     (blocks,) = model.strike_hits(1)
     traces = model.read_traces(blocks)
     (found,) = model.filter_all([traces], model.design_sections())
@@ -57,7 +54,7 @@ def test_the_peer_filters_as_the_analysis_does() -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
-def test_the_time_of_a_hit_and_its_ratio_are_measured(bench: Bench) -> None:
+def test_the_time_of_a_hit_and_its_ratio_are_measured(bench):
     ratio, time, law, gain = model.measure_hit(bench)
     assert str(ratio.goal) == "at most 2"
     assert (str(time.goal), time.unit) == ("at most 1", "ms")
@@ -68,7 +65,7 @@ def test_the_time_of_a_hit_and_its_ratio_are_measured(bench: Bench) -> None:
     assert gain.median > 10.0
 
 
-def test_the_general_fit_of_a_contact_law_has_the_same_minimum() -> None:
+def test_the_general_fit_of_a_contact_law_has_the_same_minimum():
     rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(plant=Plant.CONTACT))
     session = Session(PAPER_SETUP)
     for block in rig.strike(HitLabel("steel medium")).split(5000, 0):

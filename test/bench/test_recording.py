@@ -1,16 +1,12 @@
 """The parts `write`, `read` and `batch`, on little."""
 
-from pathlib import Path
-from typing import Any
-
 from mcap.reader import make_reader
 
 from bench import recording as recording_part
 from bench.campaigns import COMPRESSIONS, compress_anew
-from bench.measure import Bench
 
 
-def read_all(path: Path) -> list[tuple[str, int, bytes]]:
+def read_all(path):
     with path.open("rb") as file:
         return [
             (channel.topic, message.log_time, message.data)
@@ -18,7 +14,7 @@ def read_all(path: Path) -> list[tuple[str, int, bytes]]:
         ]
 
 
-def test_reading_is_compared_in_each_compression(bench: Bench) -> None:
+def test_reading_is_compared_in_each_compression(bench):
     figures = list(recording_part.measure_reading(bench))
     assert [figure.name.split(",")[0] for figure in figures] == list(COMPRESSIONS)
     for figure in figures:
@@ -26,7 +22,7 @@ def test_reading_is_compared_in_each_compression(bench: Bench) -> None:
         assert str(figure.goal) == "at most 2"
 
 
-def test_both_writers_are_compared_in_each_compression(bench: Bench, monkeypatch: Any) -> None:
+def test_both_writers_are_compared_in_each_compression(bench, monkeypatch):
     monkeypatch.setattr(recording_part, "MESSAGES", 20)
     figures = list(recording_part.measure_writing(bench))
     assert [figure.name.split(",")[0] for figure in figures] == list(COMPRESSIONS)
@@ -36,9 +32,7 @@ def test_both_writers_are_compared_in_each_compression(bench: Bench, monkeypatch
     assert list(bench.folder.iterdir()) == []
 
 
-def test_both_writers_write_the_same_messages_and_another_compression_holds_them(
-    tmp_path: Path,
-) -> None:
+def test_both_writers_write_the_same_messages_and_another_compression_holds_them(tmp_path):
     ours, bare = tmp_path / "ours.mcap", tmp_path / "bare.mcap"
     messages = [bytes([number]) * 8 for number in range(20)]
     recording_part.write_as_recorder(ours, messages, "lz4")

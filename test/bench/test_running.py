@@ -1,8 +1,5 @@
 """The parts `start`, `demo`, `latency` and `stop`, on little, and what processes tell."""
 
-from pathlib import Path
-from typing import Any
-
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -19,7 +16,7 @@ DEFINITIONS = {
 """The fields that matter, of messages of these topics."""
 
 
-def write_messages(path: Path, messages: list[tuple[str, int, dict[str, Any]]]) -> None:
+def write_messages(path, messages):
     """Write messages as topic, publish time and fields, in this order."""
     store = get_typestore(Stores.EMPTY)
     names = {topic: f"test/msg/T{number}" for number, topic in enumerate(DEFINITIONS)}
@@ -39,7 +36,7 @@ def write_messages(path: Path, messages: list[tuple[str, int, dict[str, Any]]]) 
         writer.finish()
 
 
-def test_each_hit_is_followed_from_release_to_estimate(tmp_path: Path) -> None:
+def test_each_hit_is_followed_from_release_to_estimate(tmp_path):
     path = tmp_path / "session.mcap"
     write_messages(
         path,

@@ -1,20 +1,19 @@
 """The part `stream`: real processes stream, and what is lost is counted wherever it is lost."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from bench import stream
-from bench.stream import StreamRun, read_flow
+from bench.stream import read_flow
 
 BLOCKS = "/acceleration/stream"
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> StreamRun:
+def run(tmp_path_factory):
     """Return a stream that is slow enough for any computer."""
     pytest.importorskip("rclpy", reason="the nodes need ROS 2")
     with pytest.MonkeyPatch.context() as patch:
@@ -22,7 +21,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> StreamRun:
         return stream.run_stream(tmp_path_factory.mktemp("run"), sampling_rate=1e6, seconds=1.5)
 
 
-def test_a_slow_stream_reaches_estimator_and_recorder_whole(run: StreamRun) -> None:
+def test_a_slow_stream_reaches_estimator_and_recorder_whole(run):
     flow = read_flow(run.recording, run.begin, run.end)
     assert (flow.lost, flow.missed) == (0, 0)
     assert flow.blocks > 1
@@ -31,7 +30,7 @@ def test_a_slow_stream_reaches_estimator_and_recorder_whole(run: StreamRun) -> N
     assert all(0.0 < share < 2.0 for share in run.shares.values())
 
 
-def test_a_block_that_is_missing_is_counted(run: StreamRun, tmp_path: Path) -> None:
+def test_a_block_that_is_missing_is_counted(run, tmp_path):
     whole = read_flow(run.recording, run.begin, run.end)
     with run.recording.open("rb") as file, (tmp_path / "stream.mcap").open("wb") as copy:
         writer, channels, blocks = Writer(copy), {}, 0

@@ -7,7 +7,6 @@ import struct
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -15,12 +14,11 @@ from mcap.writer import CompressionType, Writer
 
 from bench import damage, survival
 from bench.damage import mutate
-from bench.measure import Bench
 from impact_rig.core.errors import FileError
 
 
 @pytest.fixture
-def plain(tmp_path) -> bytes:
+def plain(tmp_path):
     path = tmp_path / "file.mcap"
     with path.open("wb") as file:
         writer = Writer(file, chunk_size=200, compression=CompressionType.NONE)
@@ -51,7 +49,7 @@ def test_every_way_changes_a_recording_and_bears_any_other_bytes(plain, way):
         way(bytearray(other), random.Random(1))
 
 
-def test_damaged_recordings_are_all_read_in_all_ways(bench: Bench, tmp_path: Path) -> None:
+def test_damaged_recordings_are_all_read_in_all_ways(bench, tmp_path):
     (tmp_path / "count").mkdir()
     few = replace(bench, extent=replace(bench.extent, mutations=2))
     faults, number, _, *ways, memory = survival.measure_fuzz(few)
@@ -71,8 +69,8 @@ def test_damaged_recordings_are_all_read_in_all_ways(bench: Bench, tmp_path: Pat
         (struct.error("unpack"), "error: unpack"),
     ],
 )
-def test_what_is_no_refusal_in_words_is_a_fault(error: Any, outcome: str) -> None:
-    def operate(_: Path) -> None:
+def test_what_is_no_refusal_in_words_is_a_fault(error, outcome):
+    def operate(_):
         if error is not None:
             raise error
 
@@ -94,16 +92,12 @@ for seed in range(first, first + count):
     ("fault", "words"), [("os.abort()", "ended by itself"), ("time.sleep(60)", "no end within")]
 )
 def test_a_crash_and_a_hang_are_told_by_their_seed_and_the_rest_is_read(
-    bench: Bench,
-    monkeypatch: Any,
-    tmp_path: Path,
-    fault: str,
-    words: str,
-) -> None:
+    bench, monkeypatch, tmp_path, fault, words
+):
     (tmp_path / "process.py").write_text(PROCESS.format(fault=fault))
     start = survival.subprocess.Popen
 
-    def start_other(command: list[str], **options: Any) -> Any:
+    def start_other(command, **options):
         return start([sys.executable, tmp_path / "process.py", *command[-2:]], **options)
 
     monkeypatch.setattr(survival.subprocess, "Popen", start_other)
@@ -116,9 +110,7 @@ def test_a_crash_and_a_hang_are_told_by_their_seed_and_the_rest_is_read(
     assert reads.values == (5.0,)
 
 
-def test_the_verdicts_of_a_killed_recording_are_those_of_its_whole_hits(
-    recording: Path, tmp_path: Path
-) -> None:
+def test_the_verdicts_of_a_killed_recording_are_those_of_its_whole_hits(recording, tmp_path):
     whole = survival.recover_verdicts(recording)
     assert list(whole) == [1, 2, 3]
     content = recording.read_bytes()
@@ -143,7 +135,7 @@ def test_the_verdicts_of_a_killed_recording_are_those_of_its_whole_hits(
         (None, False),
     ],
 )
-def test_verdicts_are_compared_bit_by_bit(other: Any, is_same: bool) -> None:
+def test_verdicts_are_compared_bit_by_bit(other, is_same):
     assert survival.Verdict(True, 2e-4).is_same(other) is is_same
     unknown = survival.Verdict(False, math.nan)
     assert unknown.is_same(survival.Verdict(**json.loads(json.dumps(vars(unknown)))))

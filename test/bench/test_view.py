@@ -1,24 +1,19 @@
 """The part `view`: both sides log the same traces, and commands are timed to their file."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from bench import view
-from bench.measure import Bench
 from impact_rig.analysis.recording_analysis import analyze_recording
 
 HITS, CHANNELS = 3, 2
 """Of the recording."""
 
 
-def test_the_view_is_compared_with_bare_calls_and_commands_are_timed(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_view_is_compared_with_bare_calls_and_commands_are_timed(bench, monkeypatch):
     called: list[tuple[str, str]] = []
 
-    def run(name: str, recording: Path, output: Path) -> float:
+    def run(name, recording, output):
         assert recording.exists()
         called.append((name, output.suffix))
         return 1.5
@@ -34,7 +29,7 @@ def test_the_view_is_compared_with_bare_calls_and_commands_are_timed(
     assert 0.01 < size.median < 15.0
 
 
-def test_bare_calls_write_the_traces_of_every_hit(recording: Path, tmp_path: Path) -> None:
+def test_bare_calls_write_the_traces_of_every_hit(recording, tmp_path):
     rerun = pytest.importorskip("rerun")
     traced = analyze_recording(recording, keep_traces=True, with_models=False).campaigns
     traces = view.gather_traces(traced)

@@ -2,7 +2,6 @@
 
 import functools
 import itertools
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +10,6 @@ import pytest
 from impact_rig.cli.main import cli
 from impact_rig.core.session import Session
 from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.samples import RigSetup
 from impact_rig.core.signals.record import HitLabel
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
 from impact_rig.recordings.qos import OfferedQos
@@ -30,13 +28,11 @@ class Outcome:
 
 
 @pytest.fixture
-def run(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., Outcome]:
+def run(capsys, monkeypatch):
     """Return a function that calls `impact-rig` with arguments, on a terminal of 80 columns."""
     monkeypatch.setenv("COLUMNS", "80")
 
-    def call(*words: object) -> Outcome:
+    def call(*words):
         capsys.readouterr()
         with pytest.raises(SystemExit) as end:
             cli([str(word) for word in words], prog_name="impact-rig")
@@ -56,16 +52,16 @@ class RecordedCampaign:
 class _Recorder:
     """Writes ROS messages as the recorder node does."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path):
         self.writer = McapWriter(path)
         self._time = 1_700_000_000_000_000_000
 
     @functools.cache  # noqa: B019 - lives as long as the test
-    def _add_channel(self, topic: str, type_name: str) -> int:
+    def _add_channel(self, topic, type_name):
         definition = find_message_definition(f"impact_rig_msgs/msg/{type_name}")
         return self.writer.add_channel(topic, definition, (OfferedQos(),))
 
-    def add(self, topic: str, message: object) -> None:
+    def add(self, topic, message):
         from rclpy.serialization import serialize_message
 
         channel = self._add_channel(topic, type(message).__name__)
@@ -73,15 +69,7 @@ class _Recorder:
         self.writer.add_message(channel, serialize_message(message), self._time, self._time)
 
 
-def record_campaigns(
-    path: Path,
-    settings: VirtualRigSettings,
-    samples: Sequence[str],
-    impacts: int,
-    *,
-    setup: RigSetup = PAPER_SETUP,
-    campaigns: int = 1,
-) -> RecordedCampaign:
+def record_campaigns(path, settings, samples, impacts, *, setup=PAPER_SETUP, campaigns=1):
     """Strike and record; return the results of the last campaign."""
     from impact_rig.nodes import messages
 
@@ -112,7 +100,7 @@ STRUCK = ("aluminium large", "steel small", "brass medium")
 
 
 @pytest.fixture(scope="session")
-def campaign(tmp_path_factory: pytest.TempPathFactory) -> RecordedCampaign:
+def campaign(tmp_path_factory):
     """Return a campaign on three of the paper's samples, recorded, with faults."""
     folder = tmp_path_factory.mktemp("run")
     settings = VirtualRigSettings(seed=7, faults=FaultPlan(0.1))
@@ -120,7 +108,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> RecordedCampaign:
 
 
 @pytest.fixture(scope="session")
-def struck(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def struck(tmp_path_factory):
     """Return a recording of four samples, three hits each, the last one rejected: no estimates.
 
     Each hit is a chunk of its own, as the recorder writes it.
@@ -149,6 +137,6 @@ def struck(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def record() -> Callable[..., RecordedCampaign]:
+def record():
     """Return the function that strikes and records."""
     return record_campaigns

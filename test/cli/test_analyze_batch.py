@@ -8,9 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import psutil
 import pytest
@@ -18,15 +16,13 @@ import pytest
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import results_to_json
 
-Run = Callable[..., Any]
-
 SAMPLES = ("steel small",)
 PATIENCE = 60.0
 """How long anything may take before a test fails [s]."""
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory, record: Callable[..., Any]) -> list[Any]:
+def runs(tmp_path_factory, record):
     """Return three recordings, each in the folder of its run."""
     folder = tmp_path_factory.mktemp("runs")
     recorded = []
@@ -39,13 +35,13 @@ def runs(tmp_path_factory: pytest.TempPathFactory, record: Callable[..., Any]) -
 
 
 @pytest.fixture
-def folders(runs: list[Any]) -> list[Path]:
+def folders(runs):
     """Return the folders of the runs, the last first."""
     return [recorded.path.parent for recorded in reversed(runs)]
 
 
 @pytest.fixture
-def expected(runs: list[Any]) -> list[Any]:
+def expected(runs):
     """Return the JSON for `folders`: what each live run found."""
     return [
         {
@@ -58,7 +54,7 @@ def expected(runs: list[Any]) -> list[Any]:
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Any:
+def cluster():
     """Return a Dask cluster of somebody else."""
     from distributed import LocalCluster
 
@@ -68,9 +64,7 @@ def cluster() -> Any:
         yield running
 
 
-def test_workers_without_the_software_are_refused(
-    run: Run, folders: list[Path], tmp_path: Path
-) -> None:
+def test_workers_without_the_software_are_refused(run, folders, tmp_path):
     script = tmp_path / "cluster.py"
     script.write_text(
         "import sys\n"
@@ -91,9 +85,7 @@ def test_workers_without_the_software_are_refused(
     assert "install the same version on every worker" in line
 
 
-def test_each_recording_gives_what_its_live_run_found_in_the_order_given(
-    run: Run, folders: list[Path], expected: list[Any]
-) -> None:
+def test_each_recording_gives_what_its_live_run_found_in_the_order_given(run, folders, expected):
     outcome = run("analyze", *folders, "--json", "--workers", 1)
     assert outcome.exit_code == 0
     assert json.loads(outcome.stdout) == expected
@@ -101,8 +93,8 @@ def test_each_recording_gives_what_its_live_run_found_in_the_order_given(
 
 
 def test_a_cluster_that_is_there_already_gives_the_same(
-    run: Run, folders: list[Path], expected: list[Any], cluster: Any, monkeypatch: Any
-) -> None:
+    run, folders, expected, cluster, monkeypatch
+):
     # Paths that are relative here mean nothing to workers elsewhere.
     monkeypatch.chdir(folders[0].parent)
     names = [folder.name for folder in folders]
@@ -114,8 +106,8 @@ def test_a_cluster_that_is_there_already_gives_the_same(
 
 
 def test_broken_and_repeated_recordings_are_named_and_the_others_analyzed(
-    run: Run, folders: list[Path], expected: list[Any], tmp_path: Path
-) -> None:
+    run, folders, expected, tmp_path
+):
     bad, empty, copy = (tmp_path / name for name in ("bad.mcap", "empty", "copy.mcap"))
     bad.write_bytes((folders[0] / "session.mcap").read_bytes()[:1000])
     empty.mkdir()
@@ -135,8 +127,8 @@ def test_broken_and_repeated_recordings_are_named_and_the_others_analyzed(
 
 
 def test_without_dask_one_after_the_other_makes_a_table_with_the_spread_between_them(
-    run: Run, folders: list[Path], monkeypatch: Any
-) -> None:
+    run, folders, monkeypatch
+):
     for name in ("distributed", "dask", "impact_rig.analysis.dask_workers"):
         monkeypatch.setitem(sys.modules, name, None)
     outcome = run("analyze", *folders, "--workers", 2)
@@ -149,9 +141,7 @@ def test_without_dask_one_after_the_other_makes_a_table_with_the_spread_between_
     assert "Between the recordings" in outcome.stdout
 
 
-def test_a_scheduler_that_is_not_there_is_one_sentence_soon(
-    run: Run, folders: list[Path], monkeypatch: Any
-) -> None:
+def test_a_scheduler_that_is_not_there_is_one_sentence_soon(run, folders, monkeypatch):
     address = "tcp://127.0.0.1:1"
     monkeypatch.setattr("impact_rig.analysis.dask_workers.CONNECT_TIMEOUT", 0.5)
     started = time.monotonic()
@@ -177,9 +167,7 @@ class DeadlyTask:
 """In place of a recording; what is called deadly kills its worker each time."""
 
 
-def test_a_recording_that_kills_its_worker_costs_no_other(
-    tmp_path: Path, monkeypatch: Any
-) -> None:
+def test_a_recording_that_kills_its_worker_costs_no_other(tmp_path, monkeypatch):
     from impact_rig.analysis.dask_workers import run_on_workers, start_workers
 
     (tmp_path / "deadly_task.py").write_text(DEADLY_TASK)
@@ -195,7 +183,7 @@ def test_a_recording_that_kills_its_worker_costs_no_other(
     assert sorted(reported) == ["a", "b", "deadly"]
 
 
-def test_ctrl_c_ends_all_processes_at_once(runs: list[Any], tmp_path: Path) -> None:
+def test_ctrl_c_ends_all_processes_at_once(runs, tmp_path):
     # Bytes missing at the end make different recordings of one.
     paths = [tmp_path / f"{number}.mcap" for number in range(10)]
     for number, path in enumerate(paths):
@@ -226,15 +214,13 @@ def test_ctrl_c_ends_all_processes_at_once(runs: list[Any], tmp_path: Path) -> N
         (["--sample", "steel"], "a recording explains itself"),
     ],
 )
-def test_what_means_nothing_for_many_recordings_is_refused(
-    run: Run, folders: list[Path], words: list[str], message: str
-) -> None:
+def test_what_means_nothing_for_many_recordings_is_refused(run, folders, words, message):
     outcome = run("analyze", *folders, *words)
     assert outcome.exit_code == 2
     assert message in outcome.stderr
 
 
-def test_an_impossible_setting_is_told_once(run: Run, folders: list[Path]) -> None:
+def test_an_impossible_setting_is_told_once(run, folders):
     outcome = run("analyze", *folders, "--pulse-factor", -1, "--workers", 1)
     assert outcome.exit_code == 2
     assert outcome.stderr.count("error: ") == 1

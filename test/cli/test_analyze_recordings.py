@@ -5,9 +5,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rich.console import Console
@@ -20,14 +18,10 @@ from impact_rig.results.results_file import format_json, results_to_json
 
 from .conftest import STRUCK
 
-Run = Callable[..., Any]
-
 SAMPLES = ("steel small", "aluminium large")
 
 
-def test_the_json_of_a_run_s_folder_is_that_of_the_live_run_also_without_ros(
-    campaign: Any,
-) -> None:
+def test_the_json_of_a_run_s_folder_is_that_of_the_live_run_also_without_ros(campaign):
     # -S -E would hide everything else too: forbid just rclpy, as if it were not installed.
     code = (
         "import sys; sys.modules['rclpy'] = None; sys.modules['impact_rig_msgs'] = None;"
@@ -59,7 +53,7 @@ def test_the_json_of_a_run_s_folder_is_that_of_the_live_run_also_without_ros(
     assert all(item["injected_faults"] for item in content["hits"] if not item["accepted"])
 
 
-def test_the_tables_show_paper_beside_measured(run: Run, campaign: Any) -> None:
+def test_the_tables_show_paper_beside_measured(run, campaign):
     outcome = run("analyze", campaign.path)
     assert outcome.exit_code == 0
     for title in ("Table 2", "Table 3", "Table 4", "Model against measurement", "Rejected hits"):
@@ -68,9 +62,7 @@ def test_the_tables_show_paper_beside_measured(run: Run, campaign: Any) -> None:
     assert max(map(len, outcome.stdout.splitlines())) <= 80
 
 
-def test_two_campaigns_in_one_recording_are_kept_apart(
-    run: Run, record: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_two_campaigns_in_one_recording_are_kept_apart(run, record, tmp_path):
     settings = VirtualRigSettings(seed=3)
     recorded = record(tmp_path / "two.mcap", settings, SAMPLES[1:], 1, campaigns=2)
     first, second = json.loads(run("analyze", recorded.path, "--json").stdout)
@@ -79,7 +71,7 @@ def test_two_campaigns_in_one_recording_are_kept_apart(
     assert "campaign 2" in " ".join(run("analyze", recorded.path).stdout.split())
 
 
-def test_settings_of_the_command_line_replace_the_recorded_ones(run: Run, campaign: Any) -> None:
+def test_settings_of_the_command_line_replace_the_recorded_ones(run, campaign):
     words = ("--pulse-factor", 1.5, "--exponent", 1.5)
     content = json.loads(run("analyze", campaign.path, "--json", *words).stdout)
     for sample, recorded in zip(content["samples"], campaign.results.samples, strict=True):
@@ -100,9 +92,7 @@ def test_settings_of_the_command_line_replace_the_recorded_ones(run: Run, campai
         pytest.param(None, "there is no file", id="missing"),
     ],
 )
-def test_what_is_no_recording_is_named_in_one_sentence(
-    run: Run, tmp_path: Path, content: bytes | None, words: str
-) -> None:
+def test_what_is_no_recording_is_named_in_one_sentence(run, tmp_path, content, words):
     path = tmp_path / "session.mcap"
     if content is not None:
         path.write_bytes(content)
@@ -115,19 +105,19 @@ def test_what_is_no_recording_is_named_in_one_sentence(
     assert words.lower() in outcome.stderr.lower()
 
 
-def test_options_of_plain_traces_are_refused_for_recordings(run: Run, campaign: Any) -> None:
+def test_options_of_plain_traces_are_refused_for_recordings(run, campaign):
     outcome = run("analyze", campaign.path, "--hammer-mass", "100g")
     assert outcome.exit_code == 2
     assert "--hammer-mass is for plain traces" in outcome.stderr
 
 
-def test_recordings_and_traces_are_not_mixed(run: Run, campaign: Any) -> None:
+def test_recordings_and_traces_are_not_mixed(run, campaign):
     outcome = run("analyze", campaign.path, "hit.npy")
     assert outcome.exit_code == 2
     assert "analyze them apart" in outcome.stderr
 
 
-def find_rejections(content: Any) -> dict[int, list[str]]:
+def find_rejections(content):
     return {
         hit["record"]: [reason.split(":")[0] for reason in hit["reasons"]]
         for hit in content["hits"]
@@ -135,7 +125,7 @@ def find_rejections(content: Any) -> dict[int, list[str]]:
     }
 
 
-def test_a_person_accepts_and_rejects_hits_by_number_or_place(run: Run, campaign: Any) -> None:
+def test_a_person_accepts_and_rejects_hits_by_number_or_place(run, campaign):
     before = campaign.results.rejections
     (double, *_) = [
         hit for hit in before if [item.split(":")[0] for item in hit.reasons] == ["double_hit"]
@@ -159,13 +149,13 @@ def test_a_person_accepts_and_rejects_hits_by_number_or_place(run: Run, campaign
     assert others <= rejections.keys()
 
 
-def test_hits_are_named_in_one_recording_at_a_time(run: Run, campaign: Any) -> None:
+def test_hits_are_named_in_one_recording_at_a_time(run, campaign):
     outcome = run("analyze", campaign.path, "other.mcap", "--reject", 1)
     assert outcome.exit_code == 2
     assert "analyze recordings one by one" in outcome.stderr
 
 
-def follow(patience: float, monkeypatch: pytest.MonkeyPatch) -> str:
+def follow(patience, monkeypatch):
     monkeypatch.setattr(analyze, "PATIENCE", patience)
     console = Console(file=io.StringIO(), force_terminal=True, width=100, color_system=None)
     with AnalysisProgress(console, Path("runs/session.mcap")) as bar:
@@ -181,9 +171,7 @@ def follow(patience: float, monkeypatch: pytest.MonkeyPatch) -> str:
     return text
 
 
-def test_reading_is_told_in_megabytes_and_estimating_in_samples(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_reading_is_told_in_megabytes_and_estimating_in_samples(monkeypatch):
     text = follow(0.0, monkeypatch)
     assert "reading runs/session.mcap" in text
     assert "1 of 80 MB" in text

@@ -1,27 +1,21 @@
 """A results file on the command line: its tables once more, without its recording."""
 
 import json
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 
-from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import write_results
-
-Run = Callable[..., Any]
 
 
 @pytest.fixture
-def path(tmp_path: Path, results: Results) -> Path:
+def path(tmp_path, results):
     """Return a results file of the paper's campaign."""
     path = tmp_path / "results.json"
     write_results(path, results)
     return path
 
 
-def test_the_tables_of_a_results_file_are_shown(run: Run, path: Path, results: Results) -> None:
+def test_the_tables_of_a_results_file_are_shown(run, path, results):
     outcome = run("analyze", path)
     assert outcome.exit_code == 0
     value = results.samples[0].contact_time.value * 1e6
@@ -30,7 +24,7 @@ def test_the_tables_of_a_results_file_are_shown(run: Run, path: Path, results: R
     assert "below 0.05 %" not in outcome.stdout
 
 
-def test_budgets_and_json_are_there_as_well(run: Run, path: Path) -> None:
+def test_budgets_and_json_are_there_as_well(run, path):
     assert "Source" in run("analyze", path, "--budget").stdout
     assert json.loads(run("analyze", path, "--json").stdout) == json.loads(path.read_text("utf-8"))
 
@@ -44,18 +38,14 @@ def test_budgets_and_json_are_there_as_well(run: Run, path: Path) -> None:
         (("hit.npy",), "it is shown alone"),
     ],
 )
-def test_what_a_results_file_has_no_use_for_is_refused(
-    run: Run, path: Path, words: tuple[str, ...], sentence: str
-) -> None:
+def test_what_a_results_file_has_no_use_for_is_refused(run, path, words, sentence):
     outcome = run("analyze", path, *words)
     assert outcome.exit_code == 2
     assert sentence in outcome.stderr
     assert outcome.stdout == ""
 
 
-def test_another_json_file_and_a_newer_one_are_one_sentence(
-    run: Run, path: Path, tmp_path: Path
-) -> None:
+def test_another_json_file_and_a_newer_one_are_one_sentence(run, path, tmp_path):
     other = tmp_path / "other.json"
     other.write_text("{}", "utf-8")
     assert "is not a results file" in run("analyze", other).stderr

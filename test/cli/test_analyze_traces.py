@@ -1,21 +1,17 @@
 """`impact-rig analyze` on plain traces of other laboratories."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-
-Run = Callable[..., Any]
 
 RATE = 1e6
 CONTACT_TIME = 200e-6
 REAL_HITS = Path(__file__).parents[1] / "data" / "pyfrf_hammer"
 
 
-def make_pulse(contact_time: float = CONTACT_TIME, peak: float = 500.0) -> np.ndarray:
+def make_pulse(contact_time=CONTACT_TIME, peak=500.0):
     """Return rows of time, hammer (a versed-sine) and sample (a decaying oscillation)."""
     time = np.arange(2000) / RATE
     since = time - 300e-6
@@ -26,10 +22,10 @@ def make_pulse(contact_time: float = CONTACT_TIME, peak: float = 500.0) -> np.nd
 
 
 @pytest.fixture
-def save(tmp_path: Path) -> Callable[..., Path]:
+def save(tmp_path):
     """Return a function that saves rows as a trace file."""
 
-    def write(name: str, rows: np.ndarray) -> Path:
+    def write(name, rows):
         path = tmp_path / name
         if path.suffix == ".npy":
             np.save(path, rows)
@@ -40,12 +36,12 @@ def save(tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
-def read_json(outcome: Any) -> Any:
+def read_json(outcome):
     assert outcome.exit_code == 0, outcome.stderr
     return json.loads(outcome.stdout)
 
 
-def test_real_hits_are_accepted_with_the_widths_that_their_readme_states(run: Run) -> None:
+def test_real_hits_are_accepted_with_the_widths_that_their_readme_states(run):
     files = sorted(REAL_HITS.glob("*.npy"))
     content = read_json(run("analyze", "--cutoff", "off", "--json", *files))
     assert [hit["accepted"] for hit in content["hits"]] == [True] * len(files)
@@ -56,7 +52,7 @@ def test_real_hits_are_accepted_with_the_widths_that_their_readme_states(run: Ru
     assert "do not tell it, 6 may; sample faster" in " ".join(sample["contact_law"]["notes"])
 
 
-def test_alike_bodies_give_both_stiffnesses(run: Run, save: Callable[..., Path]) -> None:
+def test_alike_bodies_give_both_stiffnesses(run, save):
     words = ("--cutoff", "off", "--hammer-mass", "100g", "--sample-mass", "97 g")
     words += ("--accelerometer-mass", "3 g", "--control", "--json")
     content = read_json(run("analyze", *words, save("hit.npy", make_pulse())))
@@ -66,9 +62,7 @@ def test_alike_bodies_give_both_stiffnesses(run: Run, save: Callable[..., Path])
     assert content["samples"][0]["stiffness_n_per_m"] == pytest.approx(stiffness, rel=1e-3)
 
 
-def test_a_known_hammer_gives_the_stiffness_of_any_sample(
-    run: Run, save: Callable[..., Path]
-) -> None:
+def test_a_known_hammer_gives_the_stiffness_of_any_sample(run, save):
     words = ("--cutoff", "off", "--hammer-mass", "0.1", "--sample-mass", "0.1", "--json")
     words += ("--hammer-stiffness", "20 MN/m")
     content = read_json(run("analyze", *words, save("hit.npy", make_pulse())))
@@ -80,9 +74,7 @@ def test_a_known_hammer_gives_the_stiffness_of_any_sample(
     assert content["samples"][0]["log_decrement"] == pytest.approx(0.8, abs=0.02)
 
 
-def test_a_rig_file_gives_masses_and_settings(
-    run: Run, save: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_a_rig_file_gives_masses_and_settings(run, save, tmp_path):
     rig = tmp_path / "rig.toml"
     rig.write_text(
         """
@@ -114,7 +106,7 @@ def test_a_rig_file_gives_masses_and_settings(
     assert "unknown sample 'tin'" in unknown.stderr
 
 
-def test_the_mean_is_of_the_accepted_hits_alone(run: Run, save: Callable[..., Path]) -> None:
+def test_the_mean_is_of_the_accepted_hits_alone(run, save):
     good = [save(f"hit_{i}.npy", make_pulse(CONTACT_TIME + i * 1e-6)) for i in range(3)]
     clipped = make_pulse()
     clipped[1] = np.minimum(clipped[1], 300.0)
@@ -128,7 +120,7 @@ def test_the_mean_is_of_the_accepted_hits_alone(run: Run, save: Callable[..., Pa
     assert sample["contact_time_spread_s"] == pytest.approx(1e-6, rel=0.02)
 
 
-def test_how_alike_the_hammer_struck_is_told(run: Run, save: Callable[..., Path]) -> None:
+def test_how_alike_the_hammer_struck_is_told(run, save):
     hits = [save(f"hit_{i}.npy", make_pulse(peak=peak)) for i, peak in enumerate((90, 100, 110))]
     (sample,) = read_json(run("analyze", "--cutoff", "off", "--json", *hits))["samples"]
     assert sample["hammer_peak_spread_percent"] == pytest.approx(10.0, rel=1e-3)
@@ -137,9 +129,7 @@ def test_how_alike_the_hammer_struck_is_told(run: Run, save: Callable[..., Path]
     assert "0.00 3 0 10.00" in shown
 
 
-def test_a_file_that_cannot_be_used_does_not_spoil_the_others(
-    run: Run, save: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_a_file_that_cannot_be_used_does_not_spoil_the_others(run, save, tmp_path):
     outcome = run("analyze", "--json", tmp_path / "absent.npy", save("good.npy", make_pulse()))
     assert outcome.exit_code == 2
     (error,) = (line for line in outcome.stderr.splitlines() if not line.startswith("warning"))
@@ -147,7 +137,7 @@ def test_a_file_that_cannot_be_used_does_not_spoil_the_others(
     assert [hit["accepted"] for hit in json.loads(outcome.stdout)["hits"]] == [True]
 
 
-def _with_noise_only() -> np.ndarray:
+def _with_noise_only():
     rows = make_pulse()[:2]
     rows[1] = np.random.default_rng(1).normal(size=rows.shape[1])
     return rows
@@ -172,9 +162,7 @@ def _with_noise_only() -> np.ndarray:
         pytest.param(make_pulse(), ("--rig-file", "none.toml"), "none.toml", id="no rig file"),
     ],
 )
-def test_bad_input_gets_one_sentence(
-    run: Run, save: Callable[..., Path], rows: np.ndarray, words: tuple[str, ...], sentence: str
-) -> None:
+def test_bad_input_gets_one_sentence(run, save, rows, words, sentence):
     outcome = run("analyze", *words, save("hit.npy", rows))
     assert outcome.exit_code == 2
     assert outcome.stdout == ""
@@ -183,9 +171,7 @@ def test_bad_input_gets_one_sentence(
     assert sentence in outcome.stderr
 
 
-def test_a_dead_channel_is_a_bad_hit_and_no_hit_is_an_error(
-    run: Run, save: Callable[..., Path]
-) -> None:
+def test_a_dead_channel_is_a_bad_hit_and_no_hit_is_an_error(run, save):
     rows = make_pulse()
     rows[1] = 0.0
     outcome = run("analyze", save("hit.npy", rows))
@@ -200,7 +186,7 @@ REAL_SHOCKS = REAL_HITS.parent / "repeat_shock"
 SHOCK_OPTIONS = ("--cutoff", "off", "--columns", "time,hammer", "--hammer-unit", "g", "--json")
 
 
-def test_a_real_clipped_shock_is_rejected_with_the_rail_that_its_readme_states(run: Run) -> None:
+def test_a_real_clipped_shock_is_rejected_with_the_rail_that_its_readme_states(run):
     # It rings down from the rail as far as the first peak, which makes it no double hit. Three
     # equal points stand at the upper rail, seven at the lower one.
     outcome = run("analyze", *SHOCK_OPTIONS, REAL_SHOCKS / "acc_pcb_a1_start.txt")
@@ -210,11 +196,11 @@ def test_a_real_clipped_shock_is_rejected_with_the_rail_that_its_readme_states(r
     ]
 
 
-def save_series(save: Callable[..., Path], peaks: list[float]) -> list[Path]:
+def save_series(save, peaks):
     return [save(f"hit_{i}.npy", make_pulse(peak=peak)) for i, peak in enumerate(peaks, 1)]
 
 
-def find_reasons(content: Any) -> dict[str, list[str]]:
+def find_reasons(content):
     return {
         Path(hit["file"]).name: [reason.split(":")[0] for reason in hit["reasons"]]
         for hit in content["hits"]
@@ -222,20 +208,20 @@ def find_reasons(content: Any) -> dict[str, list[str]]:
     }
 
 
-def test_a_hit_unlike_the_others_is_left_out(run: Run, save: Callable[..., Path]) -> None:
+def test_a_hit_unlike_the_others_is_left_out(run, save):
     files = save_series(save, [500.0, 501.0, 250.0, 502.0, 499.0, 498.0, 500.5, 501.5])
     content = read_json(run("analyze", "--json", *files))
     assert find_reasons(content) == {"hit_3.npy": ["inconsistent"]}
     assert content["samples"][0]["impacts_accepted"] == 7
 
 
-def test_of_more_hits_the_most_consistent_are_kept(run: Run, save: Callable[..., Path]) -> None:
+def test_of_more_hits_the_most_consistent_are_kept(run, save):
     files = save_series(save, [500.0, 501.0, 530.0, 502.0])
     content = read_json(run("analyze", "--json", "--keep", 3, *files))
     assert find_reasons(content) == {"hit_3.npy": ["surplus"]}
 
 
-def test_a_person_goes_before_the_verdict(run: Run, save: Callable[..., Path]) -> None:
+def test_a_person_goes_before_the_verdict(run, save):
     double = make_pulse()
     double[1] += np.roll(0.5 * double[1], 400)
     files = [*save_series(save, [500.0, 501.0]), save("double.npy", double)]
@@ -253,7 +239,7 @@ def test_a_person_goes_before_the_verdict(run: Run, save: Callable[..., Path]) -
     )
 
 
-def test_the_level_of_a_double_hit_can_be_changed(run: Run, save: Callable[..., Path]) -> None:
+def test_the_level_of_a_double_hit_can_be_changed(run, save):
     rows = make_pulse()
     rows[1] += np.roll(0.3 * rows[1], 400)
     path = save("hit.npy", rows)
@@ -270,9 +256,7 @@ def test_the_level_of_a_double_hit_can_be_changed(run: Run, save: Callable[..., 
         (["--accept", "flat.npy"], "flat.npy cannot be accepted by hand"),
     ],
 )
-def test_a_word_that_makes_no_sense_is_named(
-    run: Run, save: Callable[..., Path], words: list[str], message: str
-) -> None:
+def test_a_word_that_makes_no_sense_is_named(run, save, words, message):
     flat = make_pulse()
     flat[1:] = 0.0
     outcome = run("analyze", *words, save("hit.npy", make_pulse()), save("flat.npy", flat))
@@ -297,15 +281,7 @@ class TestTheChannelsUnit:
             (("--hammer-sensitivity", "450 N/V", "--hammer-mass", "1"), "N", 225e3, 225e3),
         ],
     )
-    def test_names_the_peak(
-        self,
-        run: Run,
-        save: Callable[..., Path],
-        words: tuple[str, ...],
-        unit: str,
-        peak: float,
-        acceleration: float | None,
-    ) -> None:
+    def test_names_the_peak(self, run, save, words, unit, peak, acceleration):
         file = save("hit.npy", make_pulse()[:2])
         (hit,) = read_json(run("analyze", "--json", "--cutoff", "off", *words, file))["hits"]
         assert hit["measured_unit"] == unit
@@ -314,9 +290,7 @@ class TestTheChannelsUnit:
         assert found == (acceleration and pytest.approx(acceleration, rel=0.02))
 
 
-def test_a_folder_of_measured_files_says_how_to_name_them(
-    run: Run, save: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_a_folder_of_measured_files_says_how_to_name_them(run, save, tmp_path):
     save("hit.csv", make_pulse())
     outcome = run("analyze", tmp_path)
     assert outcome.exit_code == 2

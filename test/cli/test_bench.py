@@ -1,28 +1,23 @@
 """`impact-rig bench`."""
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 from bench import PARTS
 from bench import measure as bench_run
-from bench.measure import Bench, Extent, Figure, Part, at_most
+from bench.measure import Extent, Figure, Part, at_most
 
 from impact_rig.core.errors import FileError, RigError
 
-Run = Callable[..., Any]
-
 
 @pytest.fixture
-def measure(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Any], None]:
+def measure(monkeypatch):
     """Return a function that lets all parts give some figures, or an error."""
 
-    def replace(**outcomes: Any) -> None:
-        def load(name: str) -> Part:
-            def give(_: Bench) -> tuple[Figure, ...]:
+    def replace(**outcomes):
+        def load(name):
+            def give(_):
                 if isinstance(outcomes[name], RigError):
                     raise outcomes[name]
                 return (outcomes[name],)
@@ -39,17 +34,17 @@ BAD = Figure("lost", (3.0,), "blocks", at_most(0))
 FREE = Figure("speed", (1234.5,), "MB/s")
 
 
-def test_the_parts_are_listed(run: Run) -> None:
+def test_the_parts_are_listed(run):
     lines = run("bench", "--list").stdout.splitlines()
     assert [line.split()[0] for line in lines] == list(PARTS)
     assert all(float(line.split()[1]) > 0.0 for line in lines)
 
 
-def test_all_parts_together_take_five_minutes() -> None:
+def test_all_parts_together_take_five_minutes():
     assert sum(bench_run.load_part(name).seconds for name in PARTS) <= 300.0
 
 
-def test_reached_goals_are_exit_code_zero(run: Run, measure: Callable[..., None]) -> None:
+def test_reached_goals_are_exit_code_zero(run, measure):
     measure(read=GOOD, write=FREE)
     outcome = run("bench", "read", "write")
     assert outcome.exit_code == 0
@@ -60,16 +55,14 @@ def test_reached_goals_are_exit_code_zero(run: Run, measure: Callable[..., None]
     assert "write: Title of write" in outcome.stderr
 
 
-def test_a_missed_goal_is_exit_code_one(run: Run, measure: Callable[..., None]) -> None:
+def test_a_missed_goal_is_exit_code_one(run, measure):
     measure(stream=BAD)
     outcome = run("bench", "stream")
     assert outcome.exit_code == 1
     assert "MISSED" in outcome.stdout
 
 
-def test_what_cannot_be_measured_is_exit_code_two_and_costs_no_other(
-    run: Run, measure: Callable[..., None]
-) -> None:
+def test_what_cannot_be_measured_is_exit_code_two_and_costs_no_other(run, measure):
     measure(kill=RigError("the rig does not strike"), read=BAD)
     outcome = run("bench", "kill", "read")
     assert outcome.exit_code == 2
@@ -77,7 +70,7 @@ def test_what_cannot_be_measured_is_exit_code_two_and_costs_no_other(
     assert "lost" in outcome.stdout
 
 
-def test_the_json_has_every_measurement(run: Run, measure: Callable[..., None]) -> None:
+def test_the_json_has_every_measurement(run, measure):
     measure(read=GOOD)
     content = json.loads(run("bench", "read", "--json").stdout)
     assert content["machine"]["cores"] >= 1
@@ -88,9 +81,7 @@ def test_the_json_has_every_measurement(run: Run, measure: Callable[..., None]) 
     assert (figure["median"], figure["goal"], figure["reached"]) == (1.6, "at most 2", True)
 
 
-def test_all_parts_have_a_limit_together(
-    run: Run, measure: Callable[..., None], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_all_parts_have_a_limit_together(run, measure, monkeypatch):
     measure(**dict.fromkeys(PARTS, GOOD))
     outcome = run("bench")
     assert outcome.exit_code == 0
@@ -102,9 +93,7 @@ def test_all_parts_have_a_limit_together(
     assert json.loads(outcome.stdout)["whole"]["reached"] is False
 
 
-def test_an_earlier_bench_is_compared_with(
-    run: Run, measure: Callable[..., None], tmp_path: Path
-) -> None:
+def test_an_earlier_bench_is_compared_with(run, measure, tmp_path):
     earlier = tmp_path / "bench.json"
     measure(read=GOOD, write=FREE)
     earlier.write_text(run("bench", "read", "write", "--json").stdout)
@@ -134,8 +123,8 @@ def test_an_earlier_bench_is_compared_with(
     ],
 )
 def test_what_is_no_bench_is_refused_before_anything_is_measured(
-    run: Run, measure: Callable[..., None], tmp_path: Path, text: str | None, words: str
-) -> None:
+    run, measure, tmp_path, text, words
+):
     measure()  # A part that were run would fail.
     earlier = tmp_path / "bench.json"
     if text is not None:
@@ -145,7 +134,7 @@ def test_what_is_no_bench_is_refused_before_anything_is_measured(
     assert f"error: bench {earlier}: {words}" in outcome.stderr
 
 
-def test_where_the_benchmarks_are_not_installed_it_is_said_where_they_are(tmp_path: Path) -> None:
+def test_where_the_benchmarks_are_not_installed_it_is_said_where_they_are(tmp_path):
     from impact_rig.cli.bench import load_command
 
     with pytest.raises(FileError, match=r"launch_scripts/rig\.py bench"):

@@ -7,10 +7,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self
 
 import numpy as np
 import pytest
@@ -25,7 +23,6 @@ from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.writer import McapWriter
 from impact_rig.testing.peers.scpi_digitizer import ScpiDigitizer
 
-Run = Callable[..., Any]
 G = 9.80665
 DAY = "2023-11-14"
 STAMP = 1_700_000_000_000_000_000
@@ -56,7 +53,7 @@ FORCE = 'quantity = "force"\nsensitivity = "2.25 mV/N"'
 
 
 @pytest.fixture(autouse=True)
-def zone(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def zone(monkeypatch):
     """Let the day be that of universal time."""
     monkeypatch.setenv("TZ", "UTC")
     time.tzset()
@@ -65,13 +62,13 @@ def zone(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     time.tzset()
 
 
-def write_rig(folder: Path, hammer: str = ACCELERATION, address: str = "127.0.0.1:1") -> Path:
+def write_rig(folder, hammer=ACCELERATION, address="127.0.0.1:1"):
     path = folder / "rig.toml"
     path.write_text(RIG.format(hammer=hammer, address=address))
     return path
 
 
-def make_pulses(number: int, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+def make_pulses(number, ratio):
     """Return a versed-sine in both channels [m/s^2], with noise of 0.1 % of 1000 m/s^2."""
     rng = np.random.default_rng(number)
     time = np.arange(5000) / RATE - 0.4e-3
@@ -81,7 +78,7 @@ def make_pulses(number: int, ratio: float) -> tuple[np.ndarray, np.ndarray]:
     return tuple(scale * height * pulse + rng.normal(0.0, 1.0, 5000) for scale in (1.0, ratio))
 
 
-def record(path: Path, ratio: float, *, sensors: tuple[Sensor, ...] = (), hits: int = 8) -> Path:
+def record(path, ratio, *, sensors=(), hits=8):
     """Record hits whose specimen trace is `ratio` times the hammer's."""
     encoder = MessageEncoder()
     setup = replace(PAPER_SETUP, sensors=sensors)
@@ -100,7 +97,7 @@ def record(path: Path, ratio: float, *, sensors: tuple[Sensor, ...] = (), hits: 
     return path
 
 
-def test_back_to_back_the_sensor_under_test_takes_the_ratio(run: Run, tmp_path: Path) -> None:
+def test_back_to_back_the_sensor_under_test_takes_the_ratio(run, tmp_path):
     path = write_rig(tmp_path)
     recording = record(tmp_path / "hits.mcap", ratio=1.04)
     outcome = run("calibrate", path, "--back-to-back", "--sensor", "specimen",
@@ -119,7 +116,7 @@ def test_back_to_back_the_sensor_under_test_takes_the_ratio(run: Run, tmp_path: 
     assert dated == f"calibration_date = {DAY}"
 
 
-def test_the_reference_may_be_either_sensor_and_all_is_in_json(run: Run, tmp_path: Path) -> None:
+def test_the_reference_may_be_either_sensor_and_all_is_in_json(run, tmp_path):
     recording = record(tmp_path / "hits.mcap", ratio=1.04)
     outcome = run("calibrate", write_rig(tmp_path), "--back-to-back", "--sensor", "hammer",
                   "--recording", recording, "--output", tmp_path / "new.toml",
@@ -133,9 +130,7 @@ def test_the_reference_may_be_either_sensor_and_all_is_in_json(run: Run, tmp_pat
     assert Path(content["file"]).exists()
 
 
-def test_a_body_of_known_mass_gives_the_force_sensors_sensitivity(
-    run: Run, tmp_path: Path
-) -> None:
+def test_a_body_of_known_mass_gives_the_force_sensors_sensitivity(run, tmp_path):
     # Force as recorded is 0.1 kg times the hammer's trace; the body of 0.2 kg is accelerated by
     # 0.52 of that trace: true is 0.104 kg times it, so the sensor gives 4 % too little.
     path = write_rig(tmp_path, FORCE)
@@ -154,7 +149,7 @@ def test_a_body_of_known_mass_gives_the_force_sensors_sensitivity(
     assert "mass of the hammer" not in sources
 
 
-def test_nothing_is_ever_overwritten(run: Run, tmp_path: Path) -> None:
+def test_nothing_is_ever_overwritten(run, tmp_path):
     recording = record(tmp_path / "hits.mcap", ratio=1.0)
     words = ("calibrate", write_rig(tmp_path), "--back-to-back", "--sensor", "hammer",
              "--recording", recording)  # fmt: skip
@@ -166,7 +161,7 @@ def test_nothing_is_ever_overwritten(run: Run, tmp_path: Path) -> None:
     assert (tmp_path / f"rig-{DAY}.toml").read_bytes() == first
 
 
-def test_traces_that_do_not_show_the_same_give_no_sensitivity(run: Run, tmp_path: Path) -> None:
+def test_traces_that_do_not_show_the_same_give_no_sensitivity(run, tmp_path):
     rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
     path = tmp_path / "hits.mcap"
     encoder = MessageEncoder()
@@ -203,15 +198,13 @@ def test_traces_that_do_not_show_the_same_give_no_sensitivity(run: Run, tmp_path
         (("--known-mass", "1 s"), "which is no kg"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(
-    run: Run, tmp_path: Path, words: tuple[str, ...], told: str
-) -> None:
+def test_what_cannot_be_meant_is_refused(run, tmp_path, words, told):
     outcome = run("calibrate", write_rig(tmp_path), *words)
     assert outcome.exit_code == 2
     assert told in outcome.stderr
 
 
-def test_a_sensor_without_a_sensitivity_is_refused(run: Run, tmp_path: Path) -> None:
+def test_a_sensor_without_a_sensitivity_is_refused(run, tmp_path):
     outcome = run("calibrate", write_rig(tmp_path, 'unit = "g"'), "--known-mass", "1 kg")
     assert outcome.exit_code == 2
     assert "[source.hammer] has no sensitivity" in outcome.stderr
@@ -228,23 +221,23 @@ class Striker:
         After so many, the digitizer is unplugged.
     """
 
-    def __init__(self, strikes: int = 1_000_000) -> None:
+    def __init__(self, strikes=1_000_000):
         self._left = strikes
         self.digitizer = ScpiDigitizer(0.005 / G, 0.0052 / G)
         self._is_over = threading.Event()
         self._thread = threading.Thread(target=self._strike)
 
-    def __enter__(self) -> Self:
+    def __enter__(self):
         self.digitizer.plug()
         self._thread.start()
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         self._is_over.set()
         self._thread.join()
         self.digitizer.unplug()
 
-    def _strike(self) -> None:
+    def _strike(self):
         number = 0
         while not self._is_over.wait(0.02):
             number += 1
@@ -264,7 +257,7 @@ class Striker:
                 return
 
 
-def test_hits_are_struck_on_a_real_instrument_over_tcp(run: Run, tmp_path: Path) -> None:
+def test_hits_are_struck_on_a_real_instrument_over_tcp(run, tmp_path):
     with Striker() as striker:
         path = write_rig(tmp_path, address=striker.digitizer.address)
         outcome = run("calibrate", path, "--back-to-back", "--sensor", "specimen", "--hits", 4,
@@ -277,7 +270,7 @@ def test_hits_are_struck_on_a_real_instrument_over_tcp(run: Run, tmp_path: Path)
     assert outcome.stderr.splitlines()[-1].startswith("4 of 4: ratio 1.0")
 
 
-def test_a_device_that_is_lost_takes_no_hit_with_it(run: Run, tmp_path: Path) -> None:
+def test_a_device_that_is_lost_takes_no_hit_with_it(run, tmp_path):
     with Striker(strikes=5) as striker:
         path = write_rig(tmp_path, address=striker.digitizer.address)
         outcome = run("calibrate", path, "--back-to-back", "--sensor", "specimen", "--hits", 9,
@@ -289,7 +282,7 @@ def test_a_device_that_is_lost_takes_no_hit_with_it(run: Run, tmp_path: Path) ->
         assert (outcome.exit_code, striker.digitizer.address in outcome.stderr) == (2, True)
 
 
-def test_ctrl_c_keeps_the_hits_that_were_struck(tmp_path: Path) -> None:
+def test_ctrl_c_keeps_the_hits_that_were_struck(tmp_path):
     words = (sys.executable, "-m", "impact_rig.cli.main", "calibrate")
     with Striker() as striker:
         path = write_rig(tmp_path, address=striker.digitizer.address)

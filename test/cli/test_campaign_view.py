@@ -32,7 +32,7 @@ def make_feedback(
     )  # fmt: skip
 
 
-def follow(*feedbacks, width=100, is_terminal=True) -> list[str]:
+def follow(*feedbacks, width=100, is_terminal=True):
     """Return what was shown after each feedback; the bar is drawn by hand, not by the clock."""
     console = Console(
         file=io.StringIO(), width=width, force_terminal=is_terminal, color_system=None,

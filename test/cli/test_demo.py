@@ -6,7 +6,6 @@ import signal
 import socket
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
@@ -41,7 +40,7 @@ def run_rig_command(*arguments, folder):
     return process.returncode, output, errors
 
 
-def read_with_mcap_ros2(path: Path) -> dict[str, int]:
+def read_with_mcap_ros2(path):
     counts: dict[str, int] = {}
     with path.open("rb") as stream:
         for _, channel, _, message in make_reader(
@@ -52,7 +51,7 @@ def read_with_mcap_ros2(path: Path) -> dict[str, int]:
     return counts
 
 
-def read_with_rosbags(path: Path) -> dict[str, int]:
+def read_with_rosbags(path):
     counts: dict[str, int] = {}
     with AnyReader([path]) as reader:
         for connection, _, data in reader.messages():

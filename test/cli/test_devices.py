@@ -1,9 +1,7 @@
 """`impact-rig devices`: drivers and what they find, one driver, and the devices of a rig file."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -78,7 +76,7 @@ SOURCES = ("good", "crashing", "hanging", "failing", "bare", "silent")
 
 
 @pytest.fixture
-def foreign_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def foreign_package(tmp_path, monkeypatch):
     """Install the package for this process and those that it starts."""
     folder = tmp_path / "site"
     info = folder / "bench_drivers-1.0.dist-info"
@@ -101,7 +99,7 @@ def foreign_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 pytestmark = pytest.mark.usefixtures("foreign_package")
 
 
-def test_a_driver_of_another_package_is_found_with_its_devices() -> None:
+def test_a_driver_of_another_package_is_found_with_its_devices():
     source, holder = survey_drivers("good")
     assert (source.kind, holder.kind) == ("source", "holder")
     assert (source.name, source.package) == ("good", "bench-drivers")
@@ -120,20 +118,20 @@ def test_a_driver_of_another_package_is_found_with_its_devices() -> None:
         ("gone", "driver 'gone' of bench-drivers cannot be loaded"),
     ],
 )
-def test_what_keeps_a_driver_from_searching_is_told(name: str, told: str) -> None:
+def test_what_keeps_a_driver_from_searching_is_told(name, told):
     (driver,) = survey_drivers(name)
     assert told in driver.trouble
     assert driver.devices == ()
 
 
-def test_a_library_that_is_missing_is_named_with_the_way_to_get_it() -> None:
+def test_a_library_that_is_missing_is_named_with_the_way_to_get_it():
     (driver,) = survey_drivers("bare")
     assert "'serial" in driver.trouble
     assert "is not installed" in driver.trouble
     assert driver.advice == 'pip install "pyserial"; all else works without it'
 
 
-def test_a_search_without_end_is_ended_and_the_others_are_heard() -> None:
+def test_a_search_without_end_is_ended_and_the_others_are_heard():
     # Both begin at once: on a busy computer the one that ends may take longer than a second.
     for timeout in (1.0, 5.0, 25.0):
         source, holder = survey_drivers("hanging", timeout=timeout)
@@ -144,7 +142,6 @@ def test_a_search_without_end_is_ended_and_the_others_are_heard() -> None:
     assert len(holder.devices) == 2
 
 
-Run = Callable[..., Any]
 RIG = """\
 [hammer]
 mass = "0.1 kg"
@@ -165,13 +162,13 @@ driver = "good"
 """
 
 
-def write_rig(folder: Path, text: str = RIG) -> Path:
+def write_rig(folder, text=RIG):
     path = folder / "rig.toml"
     path.write_text(text)
     return path
 
 
-def test_one_driver_is_shown_with_a_table_to_copy(run: Run) -> None:
+def test_one_driver_is_shown_with_a_table_to_copy(run):
     outcome = run("devices", "good")
     assert outcome.exit_code == 0
     assert "good, a source of bench-drivers" in outcome.stdout
@@ -179,14 +176,14 @@ def test_one_driver_is_shown_with_a_table_to_copy(run: Run) -> None:
     assert '[source]\ndriver = "good"\nport = 7   # its own key\n' in outcome.stdout
 
 
-def test_a_driver_that_is_not_there_is_named_with_those_that_are(run: Run) -> None:
+def test_a_driver_that_is_not_there_is_named_with_those_that_are(run):
     outcome = run("devices", "god")
     assert outcome.exit_code == 2
     assert "there is no driver 'god': installed are" in outcome.stderr
     assert "good" in outcome.stderr
 
 
-def test_the_list_fits_a_terminal_and_names_what_is_not_ready(run: Run) -> None:
+def test_the_list_fits_a_terminal_and_names_what_is_not_ready(run):
     site = Path.cwd() / "site" / "bench_drivers-1.0.dist-info" / "entry_points.txt"
     site.write_text(site.read_text().replace("hanging = bench_drivers:Hanging\n", ""))
     outcome = run("devices")
@@ -197,15 +194,13 @@ def test_the_list_fits_a_terminal_and_names_what_is_not_ready(run: Run) -> None:
     assert "here digitizer 3000" in text
 
 
-def test_json_has_the_driver_as_it_is(run: Run) -> None:
+def test_json_has_the_driver_as_it_is(run):
     (silent,) = json.loads(run("devices", "silent", "--json").stdout)
     assert silent["trouble"] == "the vendor's service is not running: start it"
     assert (silent["kind"], silent["package"]) == ("source", "bench-drivers")
 
 
-def test_a_check_opens_both_devices_says_what_they_are_and_closes_them(
-    run: Run, tmp_path: Path
-) -> None:
+def test_a_check_opens_both_devices_says_what_they_are_and_closes_them(run, tmp_path):
     outcome = run("devices", "--check", write_rig(tmp_path))
     assert outcome.exit_code == 0
     text = " ".join(outcome.stdout.split())
@@ -229,8 +224,8 @@ def test_a_check_opens_both_devices_says_what_they_are_and_closes_them(
     ],
 )
 def test_what_is_wrong_with_one_device_is_told_and_the_other_is_tried_all_the_same(
-    run: Run, tmp_path: Path, old: str, new: str, told: str
-) -> None:
+    run, tmp_path, old, new, told
+):
     outcome = run("devices", "--check", write_rig(tmp_path, RIG.replace(old, new)))
     assert outcome.exit_code == 1
     # Lines end in the middle of a long path.
@@ -239,7 +234,7 @@ def test_what_is_wrong_with_one_device_is_told_and_the_other_is_tried_all_the_sa
         assert part.replace(" ", "") in text
 
 
-def test_a_holder_that_does_not_hold_is_a_fault(run: Run, tmp_path: Path) -> None:
+def test_a_holder_that_does_not_hold_is_a_fault(run, tmp_path):
     path = write_rig(tmp_path, RIG + "port = 6\n")
     outcome = run("devices", "--check", path, "--json")
     assert outcome.exit_code == 1
@@ -251,7 +246,7 @@ def test_a_holder_that_does_not_hold_is_a_fault(run: Run, tmp_path: Path) -> Non
     assert len(content["warnings"]) == 1
 
 
-def test_a_real_check_holds_the_hammer_and_never_lets_it_go(run: Run, tmp_path: Path) -> None:
+def test_a_real_check_holds_the_hammer_and_never_lets_it_go(run, tmp_path):
     pytest.importorskip("serial", reason="the extra `serial` is not installed")
     released = []
     digitizer = ScpiDigitizer(5e-4, 5e-4)
@@ -283,7 +278,7 @@ def test_a_real_check_holds_the_hammer_and_never_lets_it_go(run: Run, tmp_path: 
     assert released == []
 
 
-def test_options_that_contradict_each_other_are_refused(run: Run, tmp_path: Path) -> None:
+def test_options_that_contradict_each_other_are_refused(run, tmp_path):
     outcome = run("devices", "--continuous")
     assert (outcome.exit_code, "is for --check" in outcome.stderr) == (2, True)
     outcome = run("devices", "good", "--check", write_rig(tmp_path))

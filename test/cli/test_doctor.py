@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -21,20 +20,20 @@ from impact_rig.cli.libraries import Library
 
 
 @pytest.fixture
-def shelf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def shelf(tmp_path, monkeypatch):
     """Return a folder whose modules Python finds."""
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     return tmp_path
 
 
-def test_what_loads_is_shown_with_its_version() -> None:
+def test_what_loads_is_shown_with_its_version():
     (finding,) = check_libraries([Library("numpy", "numpy", "all", (1, 26))])
     assert finding.status is Status.OK
     assert finding.text[0].isdigit()
 
 
 @pytest.mark.parametrize(("is_needed", "status"), [(True, "fault"), (False, "warning")])
-def test_what_is_missing_matters_as_much_as_it_is_needed(is_needed: bool, status: str) -> None:
+def test_what_is_missing_matters_as_much_as_it_is_needed(is_needed, status):
     library = Library("absent_here", "absent-here", "the view", is_needed=is_needed)
     (finding,) = check_libraries([library])
     assert finding.status.value == status
@@ -50,9 +49,7 @@ def test_what_is_missing_matters_as_much_as_it_is_needed(is_needed: bool, status
         ("import os; os._exit(102)", "102"),
     ],
 )
-def test_what_does_not_load_is_a_fault_with_the_reason(
-    shelf: Path, code: str, reason: str
-) -> None:
+def test_what_does_not_load_is_a_fault_with_the_reason(shelf, code, reason):
     (shelf / "broken_here.py").write_text(code)
     (finding,) = check_libraries([Library("broken_here", "broken-here", "all")])
     assert finding.status is Status.FAULT
@@ -60,7 +57,7 @@ def test_what_does_not_load_is_a_fault_with_the_reason(
     assert reason in finding.text
 
 
-def test_another_distribution_is_a_fault() -> None:
+def test_another_distribution_is_a_fault():
     finding = check_distribution({"ROS_DISTRO": "humble"})
     assert finding.status is Status.FAULT
     assert "humble" in finding.text
@@ -77,7 +74,7 @@ def test_another_distribution_is_a_fault() -> None:
         ("lab", Status.FAULT),
     ],
 )
-def test_domains_are_whole_numbers_that_leave_room_for_ports(domain: str, status: Status) -> None:
+def test_domains_are_whole_numbers_that_leave_room_for_ports(domain, status):
     finding = check_domain({"ROS_DOMAIN_ID": domain})
     assert finding.status is status
     assert bool(finding.advice) == (status is not Status.OK)
@@ -93,7 +90,7 @@ def test_domains_are_whole_numbers_that_leave_room_for_ports(domain: str, status
         ({"ROS_LOCALHOST_ONLY": "1"}, Status.WARNING),
     ],
 )
-def test_discovery_must_reach_this_host(environment: dict[str, str], status: Status) -> None:
+def test_discovery_must_reach_this_host(environment, status):
     finding = check_discovery(environment)
     assert finding.status is status
     assert bool(finding.advice) == (status is not Status.OK)
@@ -102,9 +99,7 @@ def test_discovery_must_reach_this_host(environment: dict[str, str], status: Sta
 @pytest.mark.parametrize(
     ("free", "status"), [(5e9, Status.OK), (1e9, Status.WARNING), (5e7, Status.FAULT)]
 )
-def test_a_campaign_needs_room(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free: float, status: Status
-) -> None:
+def test_a_campaign_needs_room(tmp_path, monkeypatch, free, status):
     usage = SimpleNamespace(free=free, total=1e10)
     monkeypatch.setattr(doctor.shutil, "disk_usage", lambda _: usage)
     finding = doctor.check_disk(tmp_path)
@@ -112,9 +107,7 @@ def test_a_campaign_needs_room(
     assert bool(finding.advice) == (status is not Status.OK)
 
 
-def test_shared_memory_may_be_absent_or_small(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_shared_memory_may_be_absent_or_small(tmp_path, monkeypatch):
     assert doctor.check_shared_memory(tmp_path / "absent").status is Status.WARNING
     assert doctor.check_shared_memory(tmp_path).status is Status.OK
     usage = SimpleNamespace(free=1e6, total=6.4e7)
@@ -125,7 +118,7 @@ def test_shared_memory_may_be_absent_or_small(
 
 
 @pytest.fixture(scope="module")
-def report() -> subprocess.CompletedProcess[str]:
+def report():
     """Return what it says here."""
     return subprocess.run(
         [sys.executable, "-m", "impact_rig.cli.main", "doctor", "--json"],
@@ -136,7 +129,7 @@ def report() -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_this_installation_is_healthy(report: subprocess.CompletedProcess[str]) -> None:
+def test_this_installation_is_healthy(report):
     content = json.loads(report.stdout)
     faults = [item for item in content["findings"] if item["status"] == "fault"]
     assert faults == []
@@ -144,13 +137,13 @@ def test_this_installation_is_healthy(report: subprocess.CompletedProcess[str]) 
     assert report.returncode == 0
 
 
-def test_two_processes_really_talk(report: subprocess.CompletedProcess[str]) -> None:
+def test_two_processes_really_talk(report):
     found = {item["name"]: item for item in json.loads(report.stdout)["findings"]}
     assert found["two processes"]["text"].startswith("hear each other")
     assert found["middleware"]["text"].startswith("rmw_")
 
 
-def test_a_middleware_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_middleware_that_is_not_there_is_named(monkeypatch):
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_of_nobody")
     (finding,) = check_conversation()
     assert finding.status is Status.FAULT
@@ -158,9 +151,7 @@ def test_a_middleware_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch
     assert "RMW_IMPLEMENTATION must name an installed one" in finding.advice
 
 
-def test_without_ros_it_says_so_and_still_reports_the_rest(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_ros_it_says_so_and_still_reports_the_rest(monkeypatch):
     monkeypatch.setattr(doctor.util, "find_spec", lambda _: None)
     for finding in (check_distribution({}), *check_conversation()):
         assert finding.status is Status.FAULT

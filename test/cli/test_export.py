@@ -1,25 +1,22 @@
 """`impact-rig export`: what other tools read is what the recording holds, bit by bit."""
 
 import csv
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from impact_rig.core.signals.record import Block, FloatArray
+from impact_rig.core.signals.record import Block
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings, scheduled_fault_from_text
 from impact_rig.recordings.formats.registry import WRITABLE, read_measurement
 from impact_rig.recordings.reader import read_recording
 from impact_rig.results.results_file import format_json, results_to_json
 
-Run = Callable[..., Any]
 REAL_HITS = sorted((Path(__file__).parents[1] / "data" / "pyfrf_hammer").glob("*.npy"))
 
 
 @pytest.fixture(scope="module")
-def recorded(record: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
+def recorded(record, tmp_path_factory):
     """Return a campaign of two samples with faulty hits among the good ones."""
     path = tmp_path_factory.mktemp("export") / "session.mcap"
     ordered = ("steel small/1:double_hit", "aluminium large/2:missed_trigger")
@@ -28,7 +25,7 @@ def recorded(record: Callable[..., Any], tmp_path_factory: pytest.TempPathFactor
     return record(path, settings, ("aluminium large", "steel small"), 2)
 
 
-def read_accelerations(path: Path) -> list[tuple[float, FloatArray, FloatArray]]:
+def read_accelerations(path):
     """Return rate and both channels of each hit of a recording [m/s^2]."""
     found = []
     for block in read_recording(path).events():
@@ -42,7 +39,7 @@ def read_accelerations(path: Path) -> list[tuple[float, FloatArray, FloatArray]]
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".uff"])
-def test_import_export_import_keeps_every_value(run: Run, tmp_path: Path, suffix: str) -> None:
+def test_import_export_import_keeps_every_value(run, tmp_path, suffix):
     first, again = tmp_path / "first.mcap", tmp_path / "again.mcap"
     units = ("--hammer-unit", "N", "--hammer-mass", "0.3", "--sample-unit", "g")
     assert run("import", *REAL_HITS, "-o", first, "--cutoff", "off", *units).exit_code == 0
@@ -61,9 +58,7 @@ def test_import_export_import_keeps_every_value(run: Run, tmp_path: Path, suffix
         assert [values.tobytes() for values in found] == [values.tobytes() for values in sent]
 
 
-def test_one_file_holds_hits_and_means_under_names_that_tell(
-    run: Run, recorded: Any, tmp_path: Path
-) -> None:
+def test_one_file_holds_hits_and_means_under_names_that_tell(run, recorded, tmp_path):
     output = tmp_path / "session.mat"
     outcome = run("export", recorded.path, "-o", output, "--accepted-only")
     assert outcome.exit_code == 0, outcome.stderr
@@ -75,9 +70,7 @@ def test_one_file_holds_hits_and_means_under_names_that_tell(
     assert {channel.sampling_rate for channel in channels.values()} == {2.5e6}
 
 
-def test_the_means_are_those_that_the_results_were_estimated_from(
-    run: Run, recorded: Any, tmp_path: Path
-) -> None:
+def test_the_means_are_those_that_the_results_were_estimated_from(run, recorded, tmp_path):
     output = tmp_path / "means.csv"
     words = ("--what", "means", "--samples", "steel small")
     assert run("export", recorded.path, "-o", output, *words).exit_code == 0
@@ -91,9 +84,7 @@ def test_the_means_are_those_that_the_results_were_estimated_from(
     assert abs(time[np.abs(hammer.values).argmax()]) < 0.1 * sample.contact_time.value
 
 
-def test_hits_are_exported_as_recorded_or_filtered(
-    run: Run, recorded: Any, tmp_path: Path
-) -> None:
+def test_hits_are_exported_as_recorded_or_filtered(run, recorded, tmp_path):
     raw, filtered = tmp_path / "raw.csv", tmp_path / "filtered.csv"
     words = ("--accepted-only", "--samples", "steel small")
     assert run("export", recorded.path, "-o", raw, *words).exit_code == 0
@@ -107,7 +98,7 @@ def test_hits_are_exported_as_recorded_or_filtered(
         assert np.abs(other.values).max() == pytest.approx(np.abs(one.values).max(), rel=0.2)
 
 
-def test_single_hits_are_chosen_by_name(run: Run, recorded: Any, tmp_path: Path) -> None:
+def test_single_hits_are_chosen_by_name(run, recorded, tmp_path):
     for number, words in enumerate((["1"], ["steel small/2", "1"])):
         output = tmp_path / f"{number}.csv"
         chosen = [word for name in words for word in ("--hits", name)]
@@ -118,8 +109,8 @@ def test_single_hits_are_chosen_by_name(run: Run, recorded: Any, tmp_path: Path)
 
 
 def test_results_are_those_of_the_live_run_and_keep_every_digit_in_columns(
-    run: Run, recorded: Any, tmp_path: Path
-) -> None:
+    run, recorded, tmp_path
+):
     content = results_to_json(recorded.results)
     assert run("export", recorded.path, "-o", tmp_path / "results.json").exit_code == 0
     assert (tmp_path / "results.json").read_text("utf-8") == format_json(content)
@@ -139,9 +130,7 @@ def test_results_are_those_of_the_live_run_and_keep_every_digit_in_columns(
         assert float(row["hammer_stiffness_n_per_m"]) == content["hammer"]["stiffness_n_per_m"]
 
 
-def test_several_campaigns_are_told_apart(
-    run: Run, record: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_several_campaigns_are_told_apart(run, record, tmp_path):
     path = tmp_path / "twice.mcap"
     record(path, VirtualRigSettings(seed=1), ("steel small",), 1, campaigns=2)
     assert run("export", path, "-o", tmp_path / "twice.csv").exit_code == 0
@@ -166,13 +155,8 @@ def test_several_campaigns_are_told_apart(
     ],
 )  # fmt: skip
 def test_what_cannot_be_meant_gets_one_sentence_and_leaves_nothing(
-    run: Run,
-    recorded: Any,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    words: list[str],
-    told: str,
-) -> None:
+    run, recorded, tmp_path, monkeypatch, words, told
+):
     monkeypatch.chdir(tmp_path)
     outcome = run("export", recorded.path, *words)
     assert outcome.exit_code == 2
@@ -180,7 +164,7 @@ def test_what_cannot_be_meant_gets_one_sentence_and_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_nothing_is_overwritten(run: Run, recorded: Any, tmp_path: Path) -> None:
+def test_nothing_is_overwritten(run, recorded, tmp_path):
     split = ("--one-file-per-hit", "--format", "csv", "--hits", "1")
     for words in (
         ["-o", tmp_path / "x.csv"],
@@ -194,9 +178,7 @@ def test_nothing_is_overwritten(run: Run, recorded: Any, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("suffix", WRITABLE)
-def test_what_was_simulated_stays_so_through_export_and_import(
-    run: Run, recorded: Any, tmp_path: Path, suffix: str
-) -> None:
+def test_what_was_simulated_stays_so_through_export_and_import(run, recorded, tmp_path, suffix):
     file = tmp_path / f"hit{suffix}"
     assert run("export", recorded.path, "-o", file, "--hits", "1").exit_code == 0
     assert {item.origin for item in read_measurement(file).channels} == {

@@ -2,10 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -16,20 +13,17 @@ from impact_rig.results.results_file import write_results
 from impact_rig.simulators.check import find_obstacle
 from impact_rig.simulators.parameters import ENGINES
 
-Run = Callable[..., Any]
 SAMPLE = "steel small"
 
 
 @pytest.fixture(scope="module")
-def recorded(record: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
+def recorded(record, tmp_path_factory):
     """Return a campaign of one sample of steel: 158 us, n = 3/2, e = 0.95."""
     path = tmp_path_factory.mktemp("contact") / "session.mcap"
     return record(path, VirtualRigSettings(plant=Plant.CONTACT, seed=7), (SAMPLE,), 3)
 
 
-def test_a_recording_and_its_results_give_the_same_files(
-    run: Run, recorded: Any, tmp_path: Path
-) -> None:
+def test_a_recording_and_its_results_give_the_same_files(run, recorded, tmp_path):
     write_results(tmp_path / "results.json", recorded.results)
     for folder, source in (("a", recorded.path), ("b", tmp_path / "results.json")):
         done = run("export", source, "--for", "all", "-o", tmp_path / folder)
@@ -42,9 +36,7 @@ def test_a_recording_and_its_results_give_the_same_files(
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
-def test_what_is_exported_is_what_the_virtual_rig_struck_with(
-    run: Run, recorded: Any, tmp_path: Path
-) -> None:
+def test_what_is_exported_is_what_the_virtual_rig_struck_with(run, recorded, tmp_path):
     output = tmp_path / "steel.sdf"
     assert run("export", recorded.path, "--for", "drake", "-o", output).exit_code == 0
     assert "Origin of the hits: simulated (virtual rig, plant contact)." in output.read_text()
@@ -58,7 +50,7 @@ def test_what_is_exported_is_what_the_virtual_rig_struck_with(
     assert properties["point_contact_stiffness"] == pytest.approx(2.0 * 1.471e7, rel=0.02)
 
 
-def test_other_masses_and_speeds(run: Run, recorded: Any, tmp_path: Path) -> None:
+def test_other_masses_and_speeds(run, recorded, tmp_path):
     words = ("--sample", SAMPLE, "--for", "adams", "--hammer", "1 kg", "-o", tmp_path / "x.adm")
     assert run("export", recorded.path, *words).exit_code == 0
     assert "Bodies: 1000.00 g and 59.32 g" in (tmp_path / "x.adm").read_text("utf-8")
@@ -69,9 +61,7 @@ def test_other_masses_and_speeds(run: Run, recorded: Any, tmp_path: Path) -> Non
     assert not (tmp_path / "y.adm").exists()
 
 
-def test_speeds_that_were_measured_make_a_range(
-    run: Run, record: Any, recorded: Any, tmp_path: Path
-) -> None:
+def test_speeds_that_were_measured_make_a_range(run, record, recorded, tmp_path):
     setup = replace(PAPER_SETUP, impact_speed=0.16)
     settings = VirtualRigSettings(plant=Plant.CONTACT, seed=7)
     fast = record(tmp_path / "fast.mcap", settings, (SAMPLE,), 3, setup=setup)
@@ -87,7 +77,7 @@ def test_speeds_that_were_measured_make_a_range(
     assert fast_one / slow == pytest.approx((160.0 / 81.9) ** 0.4, rel=0.02)
 
 
-def test_the_simulators_that_are_there_strike(run: Run, recorded: Any, tmp_path: Path) -> None:
+def test_the_simulators_that_are_there_strike(run, recorded, tmp_path):
     there = [name for name, engine in ENGINES.items() if not find_obstacle(engine)]
     if not there:
         pytest.skip("no simulator is installed: pip install mujoco")
@@ -119,8 +109,8 @@ def test_the_simulators_that_are_there_strike(run: Run, recorded: Any, tmp_path:
     ],
 )
 def test_what_cannot_be_is_refused_in_a_sentence(
-    run: Run, recorded: Any, tmp_path: Path, monkeypatch: Any, words: Any, sentence: str
-) -> None:
+    run, recorded, tmp_path, monkeypatch, words, sentence
+):
     monkeypatch.chdir(tmp_path)
     done = run("export", recorded.path, *words)
     assert done.exit_code != 0

@@ -2,10 +2,8 @@
 
 import json
 import re
-from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ import pytest
 from impact_rig.core.signals.record import Block
 from impact_rig.recordings.reader import read_recording
 
-Run = Callable[..., Any]
 DATA = Path(__file__).parents[1] / "data"
 REAL_HITS = sorted((DATA / "pyfrf_hammer").glob("*.npy"))
 REAL_SHOCKS = sorted((DATA / "repeat_shock").glob("acc_base*.txt"))
@@ -22,10 +19,10 @@ ACCELERATION = ("--hammer-unit", "m/s^2")
 
 
 @pytest.fixture
-def save(tmp_path: Path) -> Callable[..., Path]:
+def save(tmp_path):
     """Return a function that saves rows of a versed-sine, sampled at 1 MHz, as a file."""
 
-    def write(name: str, contact_time: float = 200e-6, peak: float = 500.0) -> Path:
+    def write(name, contact_time=200e-6, peak=500.0):
         time = np.arange(2000) / 1e6
         since = time - 300e-6
         inside = (since > 0) & (since < contact_time)
@@ -42,11 +39,11 @@ def save(tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
-def read_blocks(path: Path) -> list[Block]:
+def read_blocks(path):
     return [event for event in read_recording(path).events() if isinstance(event, Block)]
 
 
-def read_json(outcome: Any) -> Any:
+def read_json(outcome):
     assert outcome.exit_code == 0, outcome.stderr
     return json.loads(outcome.stdout)
 
@@ -64,8 +61,8 @@ def read_json(outcome: Any) -> Any:
     ],
 )
 def test_real_hits_give_the_same_numbers_from_the_recording_as_from_their_files(
-    run: Run, tmp_path: Path, files: list[Path], words: list[str]
-) -> None:
+    run, tmp_path, files, words
+):
     output = tmp_path / "hits.mcap"
     assert run("import", *files, "-o", output, *SLOW, *words).exit_code == 0
     recorded = read_json(run("analyze", "--json", output))
@@ -77,9 +74,7 @@ def test_real_hits_give_the_same_numbers_from_the_recording_as_from_their_files(
     assert recorded["hammer"]["stiffness_n_per_m"] == direct["hammer"]["stiffness_n_per_m"]
 
 
-def test_the_recording_has_the_date_of_its_file_and_so_has_what_is_exported_of_it(
-    run: Run, tmp_path: Path
-) -> None:
+def test_the_recording_has_the_date_of_its_file_and_so_has_what_is_exported_of_it(run, tmp_path):
     output, again = tmp_path / "shock.mcap", tmp_path / "again.mcap"
     shock = DATA / "repeat_shock" / "Test_001_shock.lvm"
     assert run("import", shock, "-o", output, *SLOW).exit_code == 0
@@ -95,9 +90,7 @@ def test_the_recording_has_the_date_of_its_file_and_so_has_what_is_exported_of_i
         again.unlink()
 
 
-def test_a_files_number_is_its_hits_record(
-    run: Run, save: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_a_files_number_is_its_hits_record(run, save, tmp_path):
     files = [save("b.npy"), save("a.npy", 210e-6)]
     output = tmp_path / "hits.mcap"
     words = ("-o", output, "--sample", "brass", "--sample-unit", "g")
@@ -116,9 +109,7 @@ def test_a_files_number_is_its_hits_record(
     assert found["contact_time_s"] == pytest.approx(210e-6, rel=0.02)
 
 
-def test_a_file_of_channels_holds_what_options_do_and_they_go_before_it(
-    run: Run, save: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_a_file_of_channels_holds_what_options_do_and_they_go_before_it(run, save, tmp_path):
     template = run("import", "--template")
     assert '[hammer]\nchannel = "Acceleration_0"' in template.stdout
     path, bench = save("hit.npy"), tmp_path / "bench.toml"
@@ -148,9 +139,7 @@ def test_a_file_of_channels_holds_what_options_do_and_they_go_before_it(
     assert np.array_equal(block.hammer.output, np.load(path)[2])
 
 
-def test_good_files_are_imported_whatever_the_others_are(
-    run: Run, save: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_good_files_are_imported_whatever_the_others_are(run, save, tmp_path):
     good = save("good.npy")
     flat = save("flat.npy", peak=0.0)
     (tmp_path / "damaged.npy").write_bytes(good.read_bytes()[:1000])
@@ -190,8 +179,8 @@ def test_good_files_are_imported_whatever_the_others_are(
     ],
 )
 def test_what_cannot_be_meant_gets_one_sentence_and_leaves_nothing(
-    run: Run, save: Callable[..., Path], tmp_path: Path, words: list[str], told: str
-) -> None:
+    run, save, tmp_path, words, told
+):
     outcome = run("import", save("hit.npy"), "-o", tmp_path / "hits.mcap", *words)
     assert outcome.exit_code == 2
     assert told in outcome.stderr
@@ -200,8 +189,8 @@ def test_what_cannot_be_meant_gets_one_sentence_and_leaves_nothing(
 
 
 def test_a_low_pass_is_left_out_and_said_so_where_the_sampling_is_too_slow_unless_asked_for(
-    run: Run, tmp_path: Path
-) -> None:
+    run, tmp_path
+):
     output = tmp_path / "usual.mcap"
     outcome = run("import", *REAL_HITS, "-o", output, *ACCELERATION)
     assert outcome.exit_code == 0
@@ -215,8 +204,8 @@ def test_a_low_pass_is_left_out_and_said_so_where_the_sampling_is_too_slow_unles
 
 
 def test_an_imported_hit_keeps_its_file_and_nothing_that_nobody_measured_is_told(
-    run: Run, save: Callable[..., Path], tmp_path: Path
-) -> None:
+    run, save, tmp_path
+):
     files = [save(f"hit_{number}.npy", 200e-6 + number * 1e-7) for number in range(5)]
     recording, page = tmp_path / "hits.mcap", tmp_path / "hits.html"
     masses = ("--hammer-mass", "100 g", "--sample-mass", "100 g", "--control")
@@ -244,9 +233,7 @@ def test_an_imported_hit_keeps_its_file_and_nothing_that_nobody_measured_is_told
         assert words not in text, words
 
 
-def test_settings_of_the_analysis_are_kept_by_the_recording(
-    run: Run, save: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_settings_of_the_analysis_are_kept_by_the_recording(run, save, tmp_path):
     output = tmp_path / "hits.mcap"
     words = ("--double-hit-level", "0.3", "--double-hit-window", "2 ms", "--polarity", "auto")
     words += ("--exponent", "1.5", "--keep", "5", "--hammer-mass", "1")
@@ -256,9 +243,7 @@ def test_settings_of_the_analysis_are_kept_by_the_recording(
     assert (found.turns_polarity, found.contact_exponent, found.keep_hits) == (True, 1.5, 5)
 
 
-def test_peaks_of_a_force_hammer_are_in_newtons_wherever_they_are_shown(
-    run: Run, save: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_peaks_of_a_force_hammer_are_in_newtons_wherever_they_are_shown(run, save, tmp_path):
     files, output = [save(f"hit_{k}.csv", peak=500.0 + k) for k in range(3)], tmp_path / "h.mcap"
     words = ("--hammer-mass", "200 g")
     assert run("import", *files, "-o", output, *words).exit_code == 0

@@ -1,10 +1,7 @@
 """`impact-rig info`: what a recording holds, and whether it is sound, at a glance."""
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import mcap.writer
 
@@ -17,12 +14,11 @@ from impact_rig.recordings.writer import McapWriter
 
 from .conftest import record_campaigns
 
-Run = Callable[..., Any]
 TEXT = MessageDefinition("std_msgs/msg/String", "string data\n", "")
 HELLO = b"\x00\x01\x00\x00\x06\x00\x00\x00hello\x00"
 
 
-def write_notes(path: Path, topic: str = "/chatter", **options: Any) -> Path:
+def write_notes(path, topic="/chatter", **options):
     """Write a recording without a rig: five texts and what a recorder adds."""
     with McapWriter(path, **options) as writer:
         channel = writer.add_channel(topic, TEXT, (OfferedQos(),))
@@ -41,7 +37,7 @@ def write_notes(path: Path, topic: str = "/chatter", **options: Any) -> Path:
     return path
 
 
-def test_the_first_line_is_the_verdict(run: Run, struck: Path) -> None:
+def test_the_first_line_is_the_verdict(run, struck):
     outcome = run("info", struck)
     assert (outcome.exit_code, outcome.stderr) == (0, "")
     assert outcome.stdout.splitlines()[0] == "sound: 4 samples, 8 hits accepted, 4 rejected"
@@ -51,7 +47,7 @@ def test_the_first_line_is_the_verdict(run: Run, struck: Path) -> None:
         assert words in outcome.stdout
 
 
-def test_losses_that_only_the_health_record_tells_are_told(run: Run, tmp_path: Path) -> None:
+def test_losses_that_only_the_health_record_tells_are_told(run, tmp_path):
     path = tmp_path / "notes.mcap"
     with McapWriter(path) as writer:
         writer.add_message(writer.add_channel("/chatter", TEXT, (OfferedQos(),)), HELLO, 1, 1)
@@ -61,7 +57,7 @@ def test_losses_that_only_the_health_record_tells_are_told(run: Run, tmp_path: P
     assert json.loads(run("info", path, "--json").stdout)["messages_lost_on_the_way"] == 1
 
 
-def test_json_has_every_hit_and_topic(run: Run, struck: Path) -> None:
+def test_json_has_every_hit_and_topic(run, struck):
     content = json.loads(run("info", struck.parent, "--json").stdout)  # of the run
     assert content["sound"] is True
     assert {hit["state"] for hit in content["hits"]} == {"saved"}
@@ -73,9 +69,7 @@ def test_json_has_every_hit_and_topic(run: Run, struck: Path) -> None:
     assert content["files"][0]["has_index"]
 
 
-def test_a_cut_off_recording_is_damaged_and_says_what_helps(
-    run: Run, struck: Path, tmp_path: Path
-) -> None:
+def test_a_cut_off_recording_is_damaged_and_says_what_helps(run, struck, tmp_path):
     path = tmp_path / "cut.mcap"
     path.write_bytes(struck.read_bytes()[:-20_000])
     outcome = run("info", path)
@@ -86,7 +80,7 @@ def test_a_cut_off_recording_is_damaged_and_says_what_helps(
     assert "last record is cut off" in text
 
 
-def test_recordings_of_other_systems_are_shown_topic_by_topic(run: Run, tmp_path: Path) -> None:
+def test_recordings_of_other_systems_are_shown_topic_by_topic(run, tmp_path):
     outcome = run("info", write_notes(tmp_path / "other.mcap", library="somebody else"))
     assert outcome.exit_code == 0
     assert outcome.stdout.splitlines()[0] == "sound: 5 messages, no hit"
@@ -94,7 +88,7 @@ def test_recordings_of_other_systems_are_shown_topic_by_topic(run: Run, tmp_path
     assert "2.0" in outcome.stdout
 
 
-def test_what_a_recorder_noted_is_shown(run: Run, tmp_path: Path) -> None:
+def test_what_a_recorder_noted_is_shown(run, tmp_path):
     path = write_notes(tmp_path / "notes.mcap", topic="/lab/note")
     text = run("info", path, "--parameters").stdout
     for words in (
@@ -110,7 +104,7 @@ def test_what_a_recorder_noted_is_shown(run: Run, tmp_path: Path) -> None:
     assert [note["text"] for note in notes] == ["hello"] * 5
 
 
-def test_attachments_are_extracted_and_lead_nowhere_else(run: Run, tmp_path: Path) -> None:
+def test_attachments_are_extracted_and_lead_nowhere_else(run, tmp_path):
     path, folder = write_notes(tmp_path / "a.mcap"), tmp_path / "deep" / "er"
     outcome = run("info", path, "--extract", folder)
     assert outcome.exit_code == 0
@@ -127,7 +121,7 @@ def test_attachments_are_extracted_and_lead_nowhere_else(run: Run, tmp_path: Pat
     assert (again.exit_code, "exists already" in again.stderr) == (2, True)
 
 
-def test_one_bad_file_does_not_hide_the_others(run: Run, struck: Path, tmp_path: Path) -> None:
+def test_one_bad_file_does_not_hide_the_others(run, struck, tmp_path):
     bad = tmp_path / "bad.mcap"
     bad.write_bytes(b"\x00" * 1000)
     outcome = run("info", bad, tmp_path / "none.mcap", struck, "--json")
@@ -136,7 +130,7 @@ def test_one_bad_file_does_not_hide_the_others(run: Run, struck: Path, tmp_path:
     assert len(json.loads(outcome.stdout)) == 1
 
 
-def test_a_recording_of_another_profile_is_refused(run: Run, tmp_path: Path) -> None:
+def test_a_recording_of_another_profile_is_refused(run, tmp_path):
     path = tmp_path / "proto.mcap"
     with path.open("wb") as file:
         writer = mcap.writer.Writer(file)
@@ -150,7 +144,7 @@ def test_a_recording_of_another_profile_is_refused(run: Run, tmp_path: Path) -> 
     assert len(outcome.stderr.splitlines()) == 1
 
 
-def test_a_running_stream_is_named_with_what_it_lacks(run: Run, tmp_path: Path) -> None:
+def test_a_running_stream_is_named_with_what_it_lacks(run, tmp_path):
     from array import array
 
     from impact_rig_msgs.msg import StreamBlock
@@ -181,9 +175,7 @@ def test_a_running_stream_is_named_with_what_it_lacks(run: Run, tmp_path: Path) 
     ]
 
 
-def test_the_sensors_are_told_of_and_calibrations_that_were_too_old(
-    run: Run, tmp_path: Path
-) -> None:
+def test_the_sensors_are_told_of_and_calibrations_that_were_too_old(run, tmp_path):
     sensors = (
         Sensor("hammer", "force", "N", 2.25e-3, 2200.0, "LW 7", "2022-03-01"),
         Sensor("specimen", "acceleration", "g", 0.01),

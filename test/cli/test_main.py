@@ -6,9 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import click
 import pytest
@@ -18,11 +16,10 @@ from impact_rig.cli import main
 from impact_rig.core.errors import ParameterError
 from impact_rig.nodes.discovery import reserve_domain
 
-Run = Callable[..., Any]
 MODULE = (sys.executable, "-m", "impact_rig.cli.main")
 
 
-def test_the_help_names_every_command_and_shows_examples(run: Run) -> None:
+def test_the_help_names_every_command_and_shows_examples(run):
     outcome = run("--help")
     assert outcome.exit_code == 0
     for name in ("demo", "up", "campaign", "analyze", "paper", "doctor"):
@@ -32,14 +29,14 @@ def test_the_help_names_every_command_and_shows_examples(run: Run) -> None:
 
 
 @pytest.mark.parametrize("name", main.COMMANDS)
-def test_every_command_has_help_with_examples(run: Run, name: str) -> None:
+def test_every_command_has_help_with_examples(run, name):
     outcome = run(name, "--help")
     assert outcome.exit_code == 0
     assert "Examples:" in outcome.stdout
     assert max(map(len, outcome.stdout.splitlines())) <= 100
 
 
-def test_the_help_loads_nothing_heavy() -> None:
+def test_the_help_loads_nothing_heavy():
     code = (
         "import sys; from impact_rig.cli import main\n"
         "try: main.cli(['--help'])\n"
@@ -50,8 +47,8 @@ def test_the_help_loads_nothing_heavy() -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_the_help_is_there_at_once() -> None:
-    def measure() -> float:
+def test_the_help_is_there_at_once():
+    def measure():
         before = os.times()
         subprocess.run([*MODULE, "--help"], capture_output=True, check=True)
         after = os.times()
@@ -64,13 +61,13 @@ def test_the_help_is_there_at_once() -> None:
     assert min(measure() for _ in range(3)) < 0.3
 
 
-def test_the_version_is_that_of_the_package(run: Run) -> None:
+def test_the_version_is_that_of_the_package(run):
     outcome = run("--version")
     assert outcome.exit_code == 0
     assert impact_rig.__version__ in outcome.stdout
 
 
-def test_an_unknown_command_is_refused(run: Run) -> None:
+def test_an_unknown_command_is_refused(run):
     outcome = run("anneal")
     assert outcome.exit_code == 2
     assert "No such command 'anneal'" in outcome.stderr
@@ -86,11 +83,9 @@ def test_an_unknown_command_is_refused(run: Run) -> None:
         (OSError(errno.ENOSPC, "No space left"), 2, "error: No space left\n"),
     ],
 )
-def test_what_a_command_raises_ends_in_one_line(
-    run: Run, monkeypatch: pytest.MonkeyPatch, raised: BaseException, code: int, words: str
-) -> None:
+def test_what_a_command_raises_ends_in_one_line(run, monkeypatch, raised, code, words):
     @click.command()
-    def broken() -> None:
+    def broken():
         raise raised
 
     monkeypatch.setattr(main.RigGroup, "get_command", lambda *_: broken)
@@ -101,9 +96,9 @@ def test_what_a_command_raises_ends_in_one_line(
     assert outcome.stderr.startswith(words)
 
 
-def test_a_bug_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bug_of_ours_is_not_hidden(monkeypatch):
     @click.command()
-    def broken() -> None:
+    def broken():
         raise ModuleNotFoundError("No module named 'impact_rig.cor'", name="impact_rig.cor")
 
     monkeypatch.setattr(main.RigGroup, "get_command", lambda *_: broken)
@@ -111,7 +106,7 @@ def test_a_bug_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
         main.cli(["demo"])
 
 
-def test_ctrl_c_ends_without_a_traceback() -> None:
+def test_ctrl_c_ends_without_a_traceback():
     code = (
         "import click, signal; from impact_rig.cli import main\n"
         "@click.command()\n"
@@ -130,13 +125,11 @@ def test_ctrl_c_ends_without_a_traceback() -> None:
     assert (process.returncode, output, errors) == (130, "", "")
 
 
-def test_a_prompt_that_nobody_can_answer_is_an_error(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_prompt_that_nobody_can_answer_is_an_error(run, monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.StringIO(""))
 
     @click.command()
-    def ask() -> None:
+    def ask():
         click.prompt("Mount the sample", err=True)
 
     monkeypatch.setattr(main.RigGroup, "get_command", lambda *_: ask)
@@ -145,7 +138,7 @@ def test_a_prompt_that_nobody_can_answer_is_an_error(
     assert outcome.stderr.splitlines()[-1] == "error: input ended while an answer was awaited"
 
 
-def test_a_terminal_without_greek_letters_gets_no_traceback() -> None:
+def test_a_terminal_without_greek_letters_gets_no_traceback():
     code = (
         "import click; from impact_rig.cli import main\n"
         "main.RigGroup.get_command = lambda *_: click.Command('a', callback=lambda: print('τp'))\n"
@@ -160,7 +153,7 @@ def test_a_terminal_without_greek_letters_gets_no_traceback() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, b"?p\n", b"")
 
 
-def test_what_the_middleware_prints_does_not_get_into_the_output(tmp_path: Path) -> None:
+def test_what_the_middleware_prints_does_not_get_into_the_output(tmp_path):
     code = (
         "import click, rclpy; from impact_rig.cli import main\n"
         "def work():\n"
@@ -184,7 +177,7 @@ def test_what_the_middleware_prints_does_not_get_into_the_output(tmp_path: Path)
     assert "broken.xml" in done.stderr
 
 
-def test_output_to_a_full_disk_ends_in_a_sentence() -> None:
+def test_output_to_a_full_disk_ends_in_a_sentence():
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [*MODULE, "paper", "--json"],
@@ -198,7 +191,7 @@ def test_output_to_a_full_disk_ends_in_a_sentence() -> None:
 
 
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-"])
-def test_a_stream_that_is_closed_is_as_good_as_the_null_device(closed: str) -> None:
+def test_a_stream_that_is_closed_is_as_good_as_the_null_device(closed):
     code = (
         "import click; from impact_rig.cli import main\n"
         "def ask(): print(click.prompt('Mount the sample', err=True))\n"
@@ -206,7 +199,7 @@ def test_a_stream_that_is_closed_is_as_good_as_the_null_device(closed: str) -> N
         "main.main()"
     )
 
-    def run(redirection: str) -> tuple[int, str, str]:
+    def run(redirection):
         words = ["sh", "-c", f'"$@" {redirection}', "sh", sys.executable, "-c", code, "demo"]
         done = subprocess.run(words, input="done\n", capture_output=True, text=True, check=False)
         return done.returncode, done.stdout, done.stderr

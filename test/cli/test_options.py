@@ -9,22 +9,22 @@ from impact_rig.core.errors import ParameterError
 
 
 @pytest.mark.parametrize("text", ["0.1", "100g", "100 g", "1e5 mg"])
-def test_a_mass_is_read_with_its_unit_or_in_kilograms(text: str) -> None:
+def test_a_mass_is_read_with_its_unit_or_in_kilograms(text):
     assert make_quantity("kg", "100 g").convert(text, None, None) == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("text", ["100 m", "heavy", "", "100 gg"])
-def test_what_is_no_mass_is_refused_with_an_example(text: str) -> None:
+def test_what_is_no_mass_is_refused_with_an_example(text):
     with pytest.raises(ParameterError, match='"100 g"'):
         make_quantity("kg", "100 g").convert(text, None, None)
 
 
 @pytest.mark.parametrize(("text", "value"), [("off", 0.0), ("50 kHz", 5e4), ("1000", 1e3)])
-def test_a_cutoff_can_be_off(text: str, value: float) -> None:
+def test_a_cutoff_can_be_off(text, value):
     assert CUTOFF.convert(text, None, None) == pytest.approx(value)
 
 
-def test_angles_are_degrees_between_commas() -> None:
+def test_angles_are_degrees_between_commas():
     assert parse_angles("--angles", "5, 10,22.5") == pytest.approx(
         tuple(map(math.radians, (5.0, 10.0, 22.5)))
     )
@@ -42,6 +42,6 @@ def test_angles_are_degrees_between_commas() -> None:
         ("5,10,5", "release angle 5° is given twice"),
     ],
 )
-def test_angles_that_cannot_be_meant_are_named(text: str, told: str) -> None:
+def test_angles_that_cannot_be_meant_are_named(text, told):
     with pytest.raises(ParameterError, match=told):
         parse_angles("--angles", text)

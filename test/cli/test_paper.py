@@ -1,15 +1,11 @@
 """`impact-rig paper`."""
 
 import json
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
-Run = Callable[..., Any]
 
-
-def test_the_last_line_counts_the_cells_that_agree(run: Run) -> None:
+def test_the_last_line_counts_the_cells_that_agree(run):
     outcome = run("paper")
     assert outcome.exit_code == 0
     closing = " ".join(outcome.stdout.split())
@@ -20,7 +16,7 @@ def test_the_last_line_counts_the_cells_that_agree(run: Run) -> None:
     assert max(map(len, outcome.stdout.splitlines())) <= 80
 
 
-def test_the_json_holds_the_same(run: Run) -> None:
+def test_the_json_holds_the_same(run):
     content = json.loads(run("paper", "--json").stdout)
     assert content["cells_within_0_1_percent"] == 10
     assert content["cells_within_0_5_percent"] == 11
@@ -29,7 +25,7 @@ def test_the_json_holds_the_same(run: Run) -> None:
     assert content["sizes"][-1]["exponent"] == pytest.approx(0.390, abs=5e-4)
 
 
-def test_the_size_exponent_is_shown_for_each_material_and_for_all(run: Run) -> None:
+def test_the_size_exponent_is_shown_for_each_material_and_for_all(run):
     lines = run("paper").stdout.splitlines()
     assert next(line for line in lines if line.startswith("all ")).split() == [
         *("all", "0.390", "0.012"),

@@ -31,11 +31,11 @@ print("the end")
 """
 
 
-def make_words(title: str = "steel small", steps: int = 30) -> list[str]:
+def make_words(title="steel small", steps=30):
     return [sys.executable, "-c", PROGRAM, title, str(steps)]
 
 
-def test_the_bar_fits_shows_its_figures_whole_and_goes_and_what_is_told_meanwhile_stays() -> None:
+def test_the_bar_fits_shows_its_figures_whole_and_goes_and_what_is_told_meanwhile_stays():
     title = "鋼 steel of a long name"
     with open_terminal(make_words(title), 60) as terminal:
         assert terminal.finish() == 0
@@ -49,7 +49,7 @@ def test_the_bar_fits_shows_its_figures_whole_and_goes_and_what_is_told_meanwhil
     assert terminal.raw.rindex(SHOW_CURSOR) > terminal.raw.rindex(HIDE_CURSOR)
 
 
-def play(raw: str) -> list[str]:
+def play(raw):
     """Return the lines that a terminal shows in the end: what rich uses of its language."""
     lines, row, column = [""], 0, 0
     for piece in re.findall(r"\x1b\[[0-9;?]*[a-zA-Z]|\r|\n|[^\x1b\r\n]+", raw):
@@ -69,7 +69,7 @@ def play(raw: str) -> list[str]:
     return [line for line in lines if line.strip()]
 
 
-def test_a_terminal_made_narrower_is_filled_no_further_and_ctrl_c_leaves_it_as_it_was() -> None:
+def test_a_terminal_made_narrower_is_filled_no_further_and_ctrl_c_leaves_it_as_it_was():
     with open_terminal(make_words(steps=10_000), 120) as terminal:
         terminal.read_until(lambda raw: raw.count(STATUS) > 1)
         terminal.resize(44)
@@ -87,7 +87,7 @@ def test_a_terminal_made_narrower_is_filled_no_further_and_ctrl_c_leaves_it_as_i
 STATUS = "last hit"
 
 
-def test_a_pipe_gets_no_bar_even_if_it_is_to_be_coloured(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pipe_gets_no_bar_even_if_it_is_to_be_coloured(monkeypatch):
     for name in ("FORCE_COLOR", "TTY_COMPATIBLE"):
         monkeypatch.setenv(name, "1")
     done = subprocess.run(make_words(), capture_output=True, text=True, check=True)
@@ -106,11 +106,11 @@ def test_a_pipe_gets_no_bar_even_if_it_is_to_be_coloured(monkeypatch: pytest.Mon
         (5400.0, "1.5 h left"),
     ],
 )
-def test_the_time_left_is_as_exact_as_anybody_wants_it(seconds: float, words: str) -> None:
+def test_the_time_left_is_as_exact_as_anybody_wants_it(seconds, words):
     assert format_time_left(seconds) == words
 
 
-def test_a_restarted_bar_counts_from_nought() -> None:
+def test_a_restarted_bar_counts_from_nought():
     console = Console(file=io.StringIO(), force_terminal=True, width=80)
     with ProgressBar(console, "reading", MofNCompleteColumn(), TimeLeft(), total=9) as bar:
         bar.update(completed=9)

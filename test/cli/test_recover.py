@@ -2,9 +2,6 @@
 
 import json
 import os
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -12,18 +9,16 @@ from mcap.reader import make_reader
 from impact_rig.core.signals.record import Block
 from impact_rig.recordings.reader import read_recording
 
-Run = Callable[..., Any]
-
 
 @pytest.fixture
-def damaged(struck: Path, tmp_path: Path) -> Path:
+def damaged(struck, tmp_path):
     """Return a campaign whose last 20 kB never reached the disk."""
     path = tmp_path / "session.mcap"
     path.write_bytes(struck.read_bytes()[:-20_000])
     return path
 
 
-def test_the_recovered_recording_lies_beside_and_can_be_read(run: Run, damaged: Path) -> None:
+def test_the_recovered_recording_lies_beside_and_can_be_read(run, damaged):
     before = damaged.read_bytes()
     outcome = run("recover", damaged)
     assert (outcome.exit_code, outcome.stderr) == (1, "")
@@ -43,9 +38,7 @@ def test_the_recovered_recording_lies_beside_and_can_be_read(run: Run, damaged: 
     assert run("recover", damaged).exit_code == 2
 
 
-def test_json_tells_what_was_lost_by_topic_and_by_hit(
-    run: Run, struck: Path, tmp_path: Path
-) -> None:
+def test_json_tells_what_was_lost_by_topic_and_by_hit(run, struck, tmp_path):
     spoilt, damaged = bytearray(struck.read_bytes()), tmp_path / "session.mcap"
     with struck.open("rb") as file:
         chunk = make_reader(file).get_summary().chunk_indexes[5]
@@ -68,7 +61,7 @@ def test_json_tells_what_was_lost_by_topic_and_by_hit(
     }
 
 
-def test_several_are_recovered_one_by_one(run: Run, damaged: Path, struck: Path) -> None:
+def test_several_are_recovered_one_by_one(run, damaged, struck):
     other = damaged.with_name("other.mcap")
     other.write_bytes(b"")
     outcome = run("recover", damaged, other, struck)
@@ -79,10 +72,8 @@ def test_several_are_recovered_one_by_one(run: Run, damaged: Path, struck: Path)
     assert (refused.exit_code, "--output" in refused.stderr) == (2, True)
 
 
-def test_a_full_disk_leaves_nothing_behind(
-    run: Run, damaged: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(_: int) -> None:
+def test_a_full_disk_leaves_nothing_behind(run, damaged, monkeypatch):
+    def refuse(_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", refuse)

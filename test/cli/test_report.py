@@ -3,24 +3,21 @@
 import json
 import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRigSettings
-from impact_rig.present.figures.markup import ReportFigure, make_missing_figure
+from impact_rig.present.figures.markup import make_missing_figure
 from impact_rig.present.report.pdf import BROWSERS
 from impact_rig.results.results_file import write_results
 
-Run = Callable[..., Any]
 SAMPLES = ("aluminium large", "brass medium")
 
 
 @pytest.fixture(scope="module")
-def recorded(record: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(record, tmp_path_factory):
     """Return the folder of a run of two samples, two hits each."""
     folder = tmp_path_factory.mktemp("runs") / "monday"
     folder.mkdir()
@@ -31,16 +28,16 @@ def recorded(record: Callable[..., Any], tmp_path_factory: pytest.TempPathFactor
 
 
 @pytest.fixture
-def folder(recorded: Path, tmp_path: Path) -> Path:
+def folder(recorded, tmp_path):
     """Return a copy of it that a test may write into."""
     return Path(shutil.copytree(recorded, tmp_path / "monday"))
 
 
 @pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def undrawn(monkeypatch):
     """Leave the figures out: drawing them takes its time, and they have tests of their own."""
 
-    def miss(*values: object) -> tuple[ReportFigure, ...]:
+    def miss(*values):
         return tuple(make_missing_figure(str(n), "A figure", "Not here.") for n in range(4))
 
     report = "impact_rig.present.report"
@@ -49,7 +46,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(f"{report}.comparison.draw_comparison_figure", miss)
 
 
-def make_newer(folder: Path) -> Path:
+def make_newer(folder):
     """Make results.json one of a later version, and take the recording away."""
     (folder / "session.mcap").unlink()
     path = folder / "results.json"
@@ -59,11 +56,11 @@ def make_newer(folder: Path) -> Path:
     return path
 
 
-def read_text(path: Path) -> str:
+def read_text(path):
     return path.read_text(encoding="utf-8")
 
 
-def test_the_report_of_a_run_lies_in_its_folder_and_is_never_overwritten(run: Run, folder: Path):
+def test_the_report_of_a_run_lies_in_its_folder_and_is_never_overwritten(run, folder):
     outcome = run("report", folder)
     assert (outcome.exit_code, outcome.stdout) == (0, "")
     path = folder / "report.html"
@@ -85,7 +82,7 @@ def test_the_report_of_a_run_lies_in_its_folder_and_is_never_overwritten(run: Ru
     assert other.read_bytes() == path.read_bytes()
 
 
-def test_simulators_have_a_chapter_when_asked_for(run: Run, undrawn: None, folder: Path):
+def test_simulators_have_a_chapter_when_asked_for(run, undrawn, folder):
     (folder / "session.mcap").unlink()
     assert run("report", folder, "--simulators").exit_code == 0
     text = read_text(folder / "report.html")
@@ -94,7 +91,7 @@ def test_simulators_have_a_chapter_when_asked_for(run: Run, undrawn: None, folde
 
 
 def test_a_run_that_cannot_be_read_does_not_keep_others_from_being_reported(
-    run: Run, undrawn: None, folder: Path, tmp_path: Path
+    run, undrawn, folder, tmp_path
 ):
     newer = make_newer(Path(shutil.copytree(folder, tmp_path / "newer")))
     out = tmp_path / "both.html"
@@ -109,7 +106,7 @@ def test_a_run_that_cannot_be_read_does_not_keep_others_from_being_reported(
     assert "Comparison" not in text
 
 
-def test_results_that_contradict_themselves_are_refused_in_one_sentence(run: Run, folder: Path):
+def test_results_that_contradict_themselves_are_refused_in_one_sentence(run, folder):
     (folder / "session.mcap").unlink()
     path = folder / "results.json"
     path.write_text(path.read_text().replace('"name": "brass medium"', '"name": "other"', 1))
@@ -119,7 +116,7 @@ def test_results_that_contradict_themselves_are_refused_in_one_sentence(run: Run
     assert "brass medium" in outcome.stderr
 
 
-def test_nothing_is_written_if_no_run_can_be_read(run: Run, folder: Path, tmp_path: Path):
+def test_nothing_is_written_if_no_run_can_be_read(run, folder, tmp_path):
     newer = make_newer(folder)
     out = tmp_path / "none.html"
     outcome = run("report", newer, "-o", out)
@@ -132,9 +129,7 @@ def test_nothing_is_written_if_no_run_can_be_read(run: Run, folder: Path, tmp_pa
     )
 
 
-def test_a_recording_that_is_lost_is_told_of_by_the_results_beside_it(
-    run: Run, undrawn: None, folder: Path
-):
+def test_a_recording_that_is_lost_is_told_of_by_the_results_beside_it(run, undrawn, folder):
     (folder / "session.mcap").write_bytes(b"\x89MCAP0\r\nlost")
     outcome = run("report", folder)
     assert outcome.exit_code == 0
@@ -143,9 +138,7 @@ def test_a_recording_that_is_lost_is_told_of_by_the_results_beside_it(
     assert "Table 2." in text
 
 
-def test_several_runs_are_compared_here(
-    run: Run, undrawn: None, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_several_runs_are_compared_here(run, undrawn, folder, tmp_path, monkeypatch):
     later = Path(shutil.copytree(folder, tmp_path / "tuesday"))
     (later / "session.mcap").unlink()
     here = tmp_path / "here"
@@ -159,9 +152,7 @@ def test_several_runs_are_compared_here(
     assert "Run 2: tuesday" in text
 
 
-def test_every_campaign_of_a_recording_has_its_part(
-    run: Run, undrawn: None, record: Callable[..., Any], tmp_path: Path
-):
+def test_every_campaign_of_a_recording_has_its_part(run, undrawn, record, tmp_path):
     path = tmp_path / "two.mcap"
     record(path, VirtualRigSettings(), ("aluminium large",), 2, campaigns=2)
     assert run("report", path).exit_code == 0
@@ -170,9 +161,7 @@ def test_every_campaign_of_a_recording_has_its_part(
     assert text.count("0.9765625") == 2  # each has its calibration
 
 
-def test_without_a_browser_the_html_is_written_all_the_same(
-    run: Run, undrawn: None, folder: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_without_a_browser_the_html_is_written_all_the_same(run, undrawn, folder, monkeypatch):
     monkeypatch.setenv("PATH", str(folder))
     outcome = run("report", folder, "--pdf")
     assert outcome.exit_code == 2
@@ -181,7 +170,7 @@ def test_without_a_browser_the_html_is_written_all_the_same(
     assert not (folder / "report.pdf").exists()
 
 
-def test_the_pdf_lies_beside_the_html(run: Run, undrawn: None, folder: Path):
+def test_the_pdf_lies_beside_the_html(run, undrawn, folder):
     if not any(map(shutil.which, BROWSERS)):
         pytest.skip("no browser prints the PDF: on Debian, apt-get install chromium")
     outcome = run("report", folder, "--pdf", "-o", folder / "for you.html")
@@ -198,7 +187,7 @@ def test_the_pdf_lies_beside_the_html(run: Run, undrawn: None, folder: Path):
     ]
 
 
-def test_what_cannot_be_written_is_refused_before_anything_is_read(run: Run, folder: Path):
+def test_what_cannot_be_written_is_refused_before_anything_is_read(run, folder):
     (folder / "report.pdf").write_text("precious")
     outcome = run("report", folder, "--pdf")
     assert outcome.exit_code == 2

@@ -4,9 +4,7 @@ import csv
 import json
 import shutil
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -17,15 +15,13 @@ from impact_rig.study.cases import Part
 
 from .pseudo_terminal import find_widest
 
-Run = Callable[..., Any]
 
-
-def test_the_parts_of_the_help_are_those_of_the_study() -> None:
+def test_the_parts_of_the_help_are_those_of_the_study():
     assert tuple(part.value for part in Part) == PARTS
 
 
 @pytest.fixture(scope="module")
-def small() -> Iterator[None]:
+def small():
     """Leave little of what is varied, so that a study is small."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("NOISES", "BITS", "SAMPLING_RATES", "DAMPING_RATIOS"):
@@ -36,7 +32,7 @@ def small() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def study(small: None, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def study(small, tmp_path_factory):
     """Run a small study; return its folder and what it told."""
     folder = tmp_path_factory.mktemp("studies") / "small"
     with pytest.MonkeyPatch.context() as patch:
@@ -47,7 +43,7 @@ def study(small: None, tmp_path_factory: pytest.TempPathFactory) -> Any:
     return folder, done
 
 
-def test_tables_and_goals_fit_a_terminal(study: Any) -> None:
+def test_tables_and_goals_fit_a_terminal(study):
     folder, done = study
     assert done.exit_code == 0, done.stderr  # though one campaign reaches no coverage goal
     text = " ".join(done.stdout.split())
@@ -68,8 +64,8 @@ def test_tables_and_goals_fit_a_terminal(study: Any) -> None:
 
 
 def test_a_study_that_goes_on_has_all_in_json_and_files_and_without_matplotlib_no_figure(
-    run: Run, study: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    run, study, tmp_path, monkeypatch
+):
     drawn = {path.name for path in study[0].iterdir()}
     folder = Path(shutil.copytree(study[0], tmp_path / "copy"))
     for path in folder.glob("study.*"):
@@ -106,7 +102,7 @@ def test_a_study_that_goes_on_has_all_in_json_and_files_and_without_matplotlib_n
     assert float(rows[0]["bias_percent"]) == content["rows"][0]["bias_percent"]
 
 
-def test_the_folder_of_another_study_is_refused(run: Run, study: Any) -> None:
+def test_the_folder_of_another_study_is_refused(run, study):
     folder, _ = study
     outcome = run("study", "--output", folder, "--campaigns", 3)
     assert outcome.exit_code == 2
@@ -125,9 +121,7 @@ def test_the_folder_of_another_study_is_refused(run: Run, study: Any) -> None:
         (("--quick", "--campaigns", 3), "--quick and --campaigns exclude each other"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(
-    run: Run, tmp_path: Path, words: tuple[object, ...], message: str
-) -> None:
+def test_what_cannot_be_meant_is_refused(run, tmp_path, words, message):
     outcome = run("study", *words, "--output", tmp_path / "new")
     assert outcome.exit_code == 2
     assert message in outcome.stderr

@@ -6,12 +6,10 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import format_json, results_to_json
 
 from .pseudo_terminal import ESCAPE, find_widest, open_terminal
@@ -58,12 +56,12 @@ NAMES = {
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("widths")
 
 
 @pytest.fixture
-def commands(folder: Path, results: Results) -> dict[str, list[str]]:
+def commands(folder, results):
     """Return commands without ROS that print tables of all kinds."""
     hits = tuple(
         replace(hit, accepted=False, reasons=REASONS, injected_faults=("overload", "double_hit"))
@@ -92,25 +90,23 @@ def commands(folder: Path, results: Results) -> dict[str, list[str]]:
     }
 
 
-def find_numbers(text: str) -> set[str]:
+def find_numbers(text):
     return set(NUMBER.findall(text))
 
 
-def make_words(commands: dict[str, list[str]], *widths: int) -> list[str]:
+def make_words(commands, *widths):
     """Return a program that runs all commands one after the other; 0: in a pipe."""
     return [sys.executable, "-c", PROGRAM, json.dumps(widths), json.dumps([*commands.values()])]
 
 
-def run_in_pipe(words: list[str]) -> str:
+def run_in_pipe(words):
     variables = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
     done = subprocess.run(words, capture_output=True, text=True, check=True, env=variables)
     assert "\x1b" not in done.stderr
     return done.stdout
 
 
-def test_every_table_fits_every_terminal_and_shows_whole_numbers(
-    commands: dict[str, list[str]],
-) -> None:
+def test_every_table_fits_every_terminal_and_shows_whole_numbers(commands):
     piped = dict(zip(commands, run_in_pipe(make_words(commands, 0)).split("\f"), strict=False))
     check_pipe(piped["budget"])
     with open_terminal(make_words(commands, *WIDTHS)) as terminal:
@@ -126,7 +122,7 @@ def test_every_table_fits_every_terminal_and_shows_whole_numbers(
             assert find_numbers(page) <= find_numbers(whole), (name, columns)
 
 
-def check_pipe(text: str) -> None:
+def check_pipe(text):
     """Hold that tables in a pipe are plain, and as wide as they need."""
     lines = text.splitlines()
     for name in NAMES.values():
@@ -137,11 +133,11 @@ def check_pipe(text: str) -> None:
     assert "\x1b" not in text
 
 
-def make_table_words(*environments: dict[str, str]) -> list[str]:
+def make_table_words(*environments):
     return [sys.executable, "-c", TABLE % (environments,)]
 
 
-def test_colour_is_for_terminals_and_says_nothing_alone() -> None:
+def test_colour_is_for_terminals_and_says_nothing_alone():
     xterm = {"TERM": "xterm-256color"}
     shown = ({**xterm}, {**xterm, "NO_COLOR": "1"}, {"TERM": "dumb"})
     with open_terminal(make_table_words(*shown)) as terminal:

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -10,7 +9,7 @@ from impact_rig.nodes.discovery import reserve_domain
 
 
 @pytest.fixture(scope="module")
-def make_environment() -> Iterator[Callable[[], dict[str, str]]]:
+def make_environment():
     """Return a function that makes the environment of processes that meet nobody else."""
     with contextlib.ExitStack() as domains:
         yield lambda: {

@@ -4,7 +4,6 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,7 +17,7 @@ PATIENCE = 60.0
 
 
 @pytest.fixture
-def copy(tmp_path: Path) -> Workspace:
+def copy(tmp_path):
     """Return a copy of all that the set-up looks at, on a machine without ROS 2."""
     for name in ("launch_scripts", "msg_config"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -28,7 +27,7 @@ def copy(tmp_path: Path) -> Workspace:
 
 
 @pytest.fixture
-def fresh(copy: Workspace) -> Workspace:
+def fresh(copy):
     """Return a copy in which every step claims to be done."""
     for step in copy.steps.values():
         step.stamp.parent.mkdir(parents=True, exist_ok=True)
@@ -37,20 +36,18 @@ def fresh(copy: Workspace) -> Workspace:
 
 
 @pytest.fixture
-def environment() -> dict[str, str]:
+def environment():
     """Return the environment of a terminal in which no ROS 2 is sourced."""
     return {name: value for name, value in os.environ.items() if name != "ROS_DISTRO"}
 
 
 @pytest.fixture
-def start_rig(
-    copy: Workspace, environment: dict[str, str]
-) -> Callable[..., "subprocess.Popen[str]"]:
+def start_rig(copy, environment):
     """Return a function that starts the copy's rig.py."""
     if workspace.find_wheel_problem():
         pytest.skip("ROS 2 has no wheels for this machine")
 
-    def start(*arguments: str, **variables: str) -> "subprocess.Popen[str]":
+    def start(*arguments, **variables):
         return subprocess.Popen(
             [sys.executable, str(copy.root / "launch_scripts" / "rig.py"), *arguments],
             env={**environment, **variables},
@@ -63,10 +60,10 @@ def start_rig(
 
 
 @pytest.fixture
-def run_rig(start_rig: Callable[..., "subprocess.Popen[str]"]) -> Callable[..., SimpleNamespace]:
+def run_rig(start_rig):
     """Return a function that runs the copy's rig.py to its end."""
 
-    def run(*arguments: str, **variables: str) -> SimpleNamespace:
+    def run(*arguments, **variables):
         process = start_rig(*arguments, **variables)
         output, errors = process.communicate(timeout=PATIENCE)
         return SimpleNamespace(code=process.returncode, output=output, errors=errors)

@@ -11,13 +11,13 @@ FOLDER = Path(__file__).resolve().parent.parent.parent / "launch_scripts"
 LAUNCH_FILES = sorted(FOLDER.glob("*.launch.py"))
 
 
-def list_arguments(path: Path) -> dict[str, set[str]]:
+def list_arguments(path):
     """Return the declared launch arguments with the keywords each is declared with."""
     calls = (node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if is_argument(node))
     return {call.args[0].value: {word.arg for word in call.keywords} for call in calls}
 
 
-def is_argument(node: ast.AST) -> bool:
+def is_argument(node):
     return (
         isinstance(node, ast.Call)
         and isinstance(node.func, ast.Name)
@@ -25,7 +25,7 @@ def is_argument(node: ast.AST) -> bool:
     )
 
 
-def list_read_arguments(path: Path) -> set[str]:
+def list_read_arguments(path):
     """Return the launch arguments whose values are used."""
     return {
         node.args[0].value

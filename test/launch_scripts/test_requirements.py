@@ -12,14 +12,14 @@ HASHED_PIN = re.compile(
 )
 
 
-def normalize(pin: str) -> str:
+def normalize(pin):
     """Return a pin with the name as package indexes have it."""
     name, _, version = pin.partition("==")
     return f"{re.sub(r'[-_.]+', '-', name).lower()}=={version}"
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.txt")), ids=lambda path: path.stem)
-def test_every_pin_is_locked_with_a_hash(path: Path) -> None:
+def test_every_pin_is_locked_with_a_hash(path):
     chosen = [normalize(pin) for pin in PIN.findall(path.read_text("utf-8"))]
     locked = (FOLDER / "locked" / path.name).read_text("utf-8")
     assert chosen

@@ -13,7 +13,7 @@ import rig
 SCRIPT = Path(rig.__file__)
 
 
-def find_old_python() -> str | None:
+def find_old_python():
     """Return a Python older than rig.py wants, if this machine has one that starts."""
     for name in (f"python3.{minor}" for minor in range(6, 11)):
         path = shutil.which(name)
@@ -25,7 +25,7 @@ def find_old_python() -> str | None:
     return None
 
 
-def write_command(folder: Path, name: str, script: str) -> None:
+def write_command(folder, name, script):
     path = folder / name
     path.write_text(f"#!/bin/sh\n{script}\n")
     path.chmod(0o755)

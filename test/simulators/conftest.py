@@ -1,7 +1,6 @@
 """Contacts whose law is known, and a sight of engines that need not be installed."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +9,10 @@ from scipy.integrate import solve_ivp
 
 from impact_rig.simulators.check import find_obstacle
 from impact_rig.simulators.contact import Contact, MeasuredContacts
-from impact_rig.simulators.parameters import ENGINES, Parameters, compute_parameters
+from impact_rig.simulators.parameters import ENGINES, compute_parameters
 
 
-def make_contact(*, exponent: float = 1.5, damping: float = 2.03, **changes: float) -> Contact:
+def make_contact(*, exponent=1.5, damping=2.03, **changes):
     """Return 100 g on 105.38 g at 81.9 mm/s for 212 us, with e = 0.9 where nothing is said."""
     values = {
         "hammer_mass": 0.1,
@@ -28,7 +27,7 @@ def make_contact(*, exponent: float = 1.5, damping: float = 2.03, **changes: flo
     return Contact("steel", exponent=exponent, damping=damping, **values).at_speed(values["speed"])
 
 
-def integrate(force: Callable[[float, float], float], contact: Contact) -> Contact:
+def integrate(force, contact):
     """Return the contact as DOP853 has it, of a force [N] over indentation [m] and speed [m/s]."""
 
     def move(_, state):
@@ -63,24 +62,24 @@ def integrate(force: Callable[[float, float], float], contact: Contact) -> Conta
 
 
 @pytest.fixture
-def contact() -> Contact:
+def contact():
     return make_contact()
 
 
 @pytest.fixture
-def find() -> Callable[..., Parameters]:
+def find():
     """Return the function that finds an engine's parameters of one contact."""
     return lambda engine, contact: compute_parameters(
         ENGINES[engine], MeasuredContacts((contact,))
     )
 
 
-def skip_without(engine: str) -> None:
+def skip_without(engine):
     """Skip a test where an engine is not installed."""
     if find_obstacle(ENGINES[engine]):
         pytest.skip(f"{engine} is missing: pip install {ENGINES[engine].package}")
 
 
 @pytest.fixture
-def need() -> Callable[[str], None]:
+def need():
     return skip_without

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from scipy.optimize import brentq
 
-from impact_rig.simulators.contact import Contact, MeasuredContacts
+from impact_rig.simulators.contact import MeasuredContacts
 from impact_rig.simulators.parameters import ENGINES, IMPEDANCE, compute_parameters
 
 from .conftest import integrate, make_contact
@@ -15,10 +15,8 @@ from .conftest import integrate, make_contact
 Force = Callable[[float, float], float]
 
 
-def make_mujoco_force(
-    contact: Contact, stiffness: float, damping: float, d0: float, width: float, power: float
-) -> Force:
-    def force(x: float, v: float) -> float:
+def make_mujoco_force(contact, stiffness, damping, d0, width, power):
+    def force(x, v):
         d = d0 + (IMPEDANCE - d0) * (1.0 - (1.0 - min(x / width, 1.0)) ** power)
         b, k = damping / IMPEDANCE, stiffness * d / IMPEDANCE**2
         return contact.equivalent_mass * d * (k * x + b * v)
@@ -26,29 +24,27 @@ def make_mujoco_force(
     return force
 
 
-def make_drake_force(
-    _: Contact, point_contact_stiffness: float, hunt_crossley_dissipation: float
-) -> Force:
+def make_drake_force(_, point_contact_stiffness, hunt_crossley_dissipation):
     k = point_contact_stiffness**2 / (2.0 * point_contact_stiffness)
     return lambda x, v: k * x * (1.0 + hunt_crossley_dissipation * v)
 
 
-def make_series_force(_: Contact, stiffness: float, damping: float) -> Force:
+def make_series_force(_, stiffness, damping):
     return lambda x, v: x / (2.0 / stiffness) + (damping + damping) * v
 
 
-def make_chrono_force(contact: Contact, kn: float, gn: float) -> Force:
+def make_chrono_force(contact, kn, gn):
     if contact.exponent < 1.25:
         return lambda x, v: kn * x + contact.equivalent_mass * gn * v
     return lambda x, v: math.sqrt(x) * kn * x + math.sqrt(x) * gn * v
 
 
-def make_adams_force(_: Contact, k: float, e: float, cmax: float, d: float) -> Force:
-    def step(x: float, begin: float, low: float, end: float, high: float) -> float:
+def make_adams_force(_, k, e, cmax, d):
+    def step(x, begin, low, end, high):
         part = min(max((x - begin) / (end - begin), 0.0), 1.0)
         return low + (high - low) * part**2 * (3.0 - 2.0 * part)
 
-    def force(x: float, v: float) -> float:
+    def force(x, v):
         gap, rate = 1.0 - 1e3 * x, -1e3 * v  # IMPACT's x and x1 = 1, in mm
         if gap >= 1.0:
             return 0.0
@@ -67,12 +63,12 @@ FORCES: dict[str, Callable[..., Force]] = {
 }
 
 
-def make_force(parameters) -> Force:
+def make_force(parameters):
     """Return the force of an engine, its parameters in the order of its documentation."""
     return FORCES[parameters.engine.name](parameters.contact, *list_numbers(parameters).values())
 
 
-def list_numbers(parameters) -> dict[str, float]:
+def list_numbers(parameters):
     return {name: value.value for name, value in parameters.values.items()}
 
 
@@ -108,7 +104,7 @@ def test_what_is_said_of_other_speeds_is_what_the_equation_says(find, engine, ra
 def test_a_spring_and_a_damper_have_their_closed_form(find, contact):
     """Schwager and Poeschel, Granular Matter 9 (2007) 465: e and duration without a pull."""
 
-    def compute_restitution(ratio: float) -> float:
+    def compute_restitution(ratio):
         return math.exp(-ratio / math.sqrt(1 - ratio**2) * (math.pi - 2.0 * math.asin(ratio)))
 
     ratio = brentq(lambda z: compute_restitution(z) - contact.restitution, 0.0, 0.9)

@@ -19,12 +19,12 @@ FORMATS = [(engine, suffix) for engine, suffixes in SUFFIXES.items() for suffix 
 HOSTILE = "a --> b\n\x00'''\"</sdf>&"
 
 
-def read_tags(text: str, *names: str) -> list[float]:
+def read_tags(text, *names):
     root = ET.fromstring(text)
     return [float(item.text or item.get("value")) for name in names for item in root.iter(name)]
 
 
-def read_xml(engine: str, suffix: str, text: str) -> list[float]:
+def read_xml(engine, suffix, text):
     if engine == "mujoco":
         geom = ET.fromstring(text).find("default/default/geom")
         d0, dwidth, width, midpoint, power = map(float, geom.get("solimp").split())
@@ -39,7 +39,7 @@ def read_xml(engine: str, suffix: str, text: str) -> list[float]:
     return found[:: len(found) // 2]  # both bodies of a world
 
 
-def read_python(engine: str, text: str) -> list[float]:
+def read_python(engine, text):
     tree = ast.parse(text)
     if engine == "pybullet":
         return list(ast.literal_eval(tree.body[-1].value).values())
@@ -52,7 +52,7 @@ def read_python(engine: str, text: str) -> list[float]:
     ]
 
 
-def read_numbers(engine: str, suffix: str, text: str) -> list[float]:
+def read_numbers(engine, suffix, text):
     if suffix in {".xml", ".sdf", ".urdf"}:
         return read_xml(engine, suffix, text)
     if suffix == ".py":

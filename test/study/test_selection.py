@@ -23,7 +23,7 @@ from impact_rig.study.selection import (
 SAMPLES = len(PAPER_SETUP.samples.names)
 
 
-def judge(rejected: tuple[Reason, ...] = (), corrected: tuple[Reason, ...] = ()) -> JudgedHit:
+def judge(rejected=(), corrected=()):
     against, findings = (
         tuple(Rejection(reason, "in words") for reason in reasons)
         for reasons in (rejected, corrected)
@@ -31,7 +31,7 @@ def judge(rejected: tuple[Reason, ...] = (), corrected: tuple[Reason, ...] = ())
     return JudgedHit(HitLabel("steel"), against, findings=findings)
 
 
-def test_a_fault_counts_as_found_for_the_right_reason_only() -> None:
+def test_a_fault_counts_as_found_for_the_right_reason_only():
     small, medium, large = (STEP.name(size) for size in STEP.sizes[:3])
     count = count_faulty(
         STEP,
@@ -45,13 +45,13 @@ def test_a_fault_counts_as_found_for_the_right_reason_only() -> None:
     assert count.detected == {small: 0, medium: 1, large: 1}
 
 
-def test_a_good_hit_that_is_left_out_is_counted_with_its_reason() -> None:
+def test_a_good_hit_that_is_left_out_is_counted_with_its_reason():
     count = count_good(10, (judge(rejected=(Reason.INCONSISTENT, Reason.DOUBLE_HIT)),))
     assert (count.good, count.good_rejected) == (10, 1)
     assert count.false_reasons == {"inconsistent": 1, "double_hit": 1}
 
 
-def test_counts_add_up_and_survive_json() -> None:
+def test_counts_add_up_and_survive_json():
     first = SelectionCount(5, 1, {"one": 2}, {"one": 2}, {"weak": 1})
     second = SelectionCount(7, 0, {"one": 1, "other": 4}, {"one": 0, "other": 3}, {})
     total = first + SelectionCount(**second.to_json())
@@ -60,7 +60,7 @@ def test_counts_add_up_and_survive_json() -> None:
     )
 
 
-def test_every_fault_is_asked_for_from_a_size_on_and_tried_below_it() -> None:
+def test_every_fault_is_asked_for_from_a_size_on_and_tried_below_it():
     for fault in FAULTS:
         asked = [fault.name(size) in ASKED for size in fault.sizes]
         assert asked == sorted(asked)
@@ -70,7 +70,7 @@ def test_every_fault_is_asked_for_from_a_size_on_and_tried_below_it() -> None:
 
 
 @pytest.mark.parametrize("number", range(len(FAULTS) + 1))
-def test_what_is_asked_for_is_found_and_good_hits_stay(number: int) -> None:
+def test_what_is_asked_for_is_found_and_good_hits_stay(number):
     found = sum(
         (simulate_series(PAPER_SETUP, (2,), number * SAMPLES + i) for i in range(3)),
         SelectionCount(),
