@@ -164,17 +164,19 @@ class StreamListener:
         qos = node.choose_qos(topic, topic.qos)
         take = accept_message_info(self._take_reporting)
         self._listener.create_subscription(topic.type, name, take, qos)
+        self._is_stopped = False  # a message may be taken before the next line is done
         self._spinning = SpinningThread(self._listener, "stream")
 
     def stop(self) -> None:
         """Take no more; safe to call twice."""
-        if not self._spinning.is_stopped:
+        if not self._is_stopped:
+            self._is_stopped = True
             self._spinning.stop()
             self._listener.destroy_node()
 
     def _take_reporting(self, message: Any, info: Mapping[str, Any]) -> None:
         stamp = stamp_from_msg(message.header.stamp)
-        if self._spinning.is_stopped or self._node.is_played_again(self._topic, info, stamp):
+        if self._is_stopped or self._node.is_played_again(self._topic, info, stamp):
             return
         behind = (info["received_timestamp"] or 0) - (info["source_timestamp"] or 0)
         try:

@@ -15,6 +15,8 @@ import rclpy
 
 START_TIMEOUT = 60.0
 """How long a rig may take to start [s]."""
+ANSWER_TIMEOUT = 5.0
+"""After which a node is asked again [s]."""
 HAMMER_TIMEOUT = 20.0
 """How long the hammer may take to answer [s]."""
 NANO = 1e-9
@@ -56,10 +58,11 @@ def arm() -> None:
         request = Arm.Request(sample=CONTROL_SAMPLE, impact=impact, attempt=1)
         future = client.call_async(request)
         come.clear()
-        rclpy.spin_until_future_complete(node, future)
+        rclpy.spin_until_future_complete(node, future, timeout_sec=ANSWER_TIMEOUT)
         response = future.result()
         if response is None or not response.success:
-            # It may still look for its device.
+            # It may still look for its device; and an answer is lost that comes before its way is
+            # known.
             time.sleep(0.1)
             continue
         tell(armed=response.record)

@@ -2,6 +2,9 @@
 
 import functools
 import itertools
+import os
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +19,9 @@ from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import McapWriter
 from impact_rig.results.campaign import Results, results_from_session
+
+PATIENCE = 100.0
+"""How long a command may take before a test fails [s]."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,27 @@ def run(capsys, monkeypatch):
         return Outcome(int(end.value.code or 0), *capsys.readouterr())
 
     return call
+
+
+def start_command(*words, **options):
+    """Start `impact-rig` as a process of its own; pipes and environment may be replaced."""
+    return start_python("-m", "impact_rig.cli.main", *words, **options)
+
+
+def start_python(*words, env=None, **options):
+    """Start Python; `env` replaces variables of the environment, None takes one away."""
+    variables = {**os.environ, **(env or {})}
+    return subprocess.Popen(
+        [sys.executable, *map(str, words)],
+        env={name: value for name, value in variables.items() if value is not None},
+        **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options},
+    )
+
+
+def finish(process):
+    """Wait for the end; return exit code, output and errors."""
+    output, errors = process.communicate(timeout=PATIENCE)
+    return process.returncode, output, errors
 
 
 @dataclass(frozen=True)

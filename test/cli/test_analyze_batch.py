@@ -16,9 +16,9 @@ import pytest
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import results_to_json
 
+from .conftest import PATIENCE, finish, start_command, start_python
+
 SAMPLES = ("steel small",)
-PATIENCE = 60.0
-"""How long anything may take before a test fails [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +75,7 @@ def test_workers_without_the_software_are_refused(run, folders, tmp_path):
         "    print(cluster.scheduler_address, flush=True)\n"
         "    sys.stdin.read()\n"
     )
-    with subprocess.Popen(
-        [sys.executable, script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
+    with start_python(script, stdin=subprocess.PIPE, stderr=None) as process:
         outcome = run("analyze", *folders, "--scheduler", process.stdout.readline().strip())
         process.stdin.close()
     assert outcome.exit_code == 2
@@ -188,10 +186,7 @@ def test_ctrl_c_ends_all_processes_at_once(runs, tmp_path):
     paths = [tmp_path / f"{number}.mcap" for number in range(10)]
     for number, path in enumerate(paths):
         path.write_bytes(runs[0].path.read_bytes()[: -8 - number])
-    words = [sys.executable, "-m", "impact_rig.cli.main", "analyze", *paths, "--workers", "2"]
-    process = subprocess.Popen(
-        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+    process = start_command("analyze", *paths, "--workers", 2, start_new_session=True)
     process.stderr.readline()  # the first recording is done, the next are being analyzed
     helpers = psutil.Process(process.pid).children(recursive=True)
     assert helpers
@@ -199,10 +194,9 @@ def test_ctrl_c_ends_all_processes_at_once(runs, tmp_path):
     for each in (psutil.Process(process.pid), *helpers):
         with contextlib.suppress(psutil.NoSuchProcess):
             each.send_signal(signal.SIGINT)
-    stdout, stderr = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 130
+    code, stdout, stderr = finish(process)
+    assert (code, stdout) == (130, "")
     assert "Traceback" not in stderr
-    assert stdout == ""
     assert psutil.wait_procs(helpers, timeout=PATIENCE)[1] == []
 
 

@@ -2,9 +2,6 @@
 
 import io
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -16,7 +13,7 @@ from impact_rig.core.setup.paper import PUBLISHED_SAMPLES
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import format_json, results_to_json
 
-from .conftest import STRUCK
+from .conftest import STRUCK, finish, start_python
 
 SAMPLES = ("steel small", "aluminium large")
 
@@ -27,14 +24,11 @@ def test_the_json_of_a_run_s_folder_is_that_of_the_live_run_also_without_ros(cam
         "import sys; sys.modules['rclpy'] = None; sys.modules['impact_rig_msgs'] = None;"
         "from impact_rig.cli.main import main; main()"
     )
-    words = [sys.executable, "-c", code, "analyze", str(campaign.path.parent), "--json"]
-    environment = {key: value for key, value in os.environ.items() if key != "AMENT_PREFIX_PATH"}
-    done = subprocess.run(
-        words, capture_output=True, text=True, env=environment, timeout=100, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == format_json(results_to_json(campaign.results))
-    content = json.loads(done.stdout)
+    words = ("-c", code, "analyze", campaign.path.parent, "--json")
+    exit_code, output, errors = finish(start_python(*words, env={"AMENT_PREFIX_PATH": None}))
+    assert (exit_code, errors) == (0, "")
+    assert output == format_json(results_to_json(campaign.results))
+    content = json.loads(output)
     assert (content["origin"], content["origin_source"]) == (
         "simulated", "virtual rig, plant published",
     )  # fmt: skip

@@ -1,10 +1,7 @@
 """`impact-rig calibrate`: sensors whose true sensitivity is known, recorded and live."""
 
 import json
-import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from dataclasses import replace
@@ -22,6 +19,8 @@ from impact_rig.recordings.messages import MessageEncoder
 from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.writer import McapWriter
 from impact_rig.testing.peers.scpi_digitizer import ScpiDigitizer
+
+from .conftest import finish, start_command
 
 G = 9.80665
 DAY = "2023-11-14"
@@ -283,22 +282,18 @@ def test_a_device_that_is_lost_takes_no_hit_with_it(run, tmp_path):
 
 
 def test_ctrl_c_keeps_the_hits_that_were_struck(tmp_path):
-    words = (sys.executable, "-m", "impact_rig.cli.main", "calibrate")
     with Striker() as striker:
         path = write_rig(tmp_path, address=striker.digitizer.address)
-        process = subprocess.Popen(
-            [*words, path, "--back-to-back", "--sensor", "specimen", "--hits", "100000",
-             "--json"],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ},
-        )  # fmt: skip
+        words = ("--back-to-back", "--sensor", "specimen", "--hits", 100_000, "--json")
+        process = start_command("calibrate", path, *words)
         try:
             while not process.stderr.readline().startswith("4 of "):
                 assert process.poll() is None
             process.send_signal(signal.SIGINT)
-            output, errors = process.communicate(timeout=60)
+            code, output, errors = finish(process)
         finally:
             process.kill()
-    assert process.returncode == 0, errors
+    assert code == 0, errors
     content = json.loads(output)
     assert content["hits_used"] >= 4
     assert Path(content["file"]).read_text().count("mV/g") == 2

@@ -5,7 +5,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 
 import pytest
 from mcap.reader import make_reader
@@ -16,28 +15,13 @@ from impact_rig.configuration.rig_file import read_template
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
 from impact_rig.results.results_file import format_json, results_to_json
 
-PATIENCE = 120.0
-"""How long a demo may take before the test fails [s]."""
+from .conftest import finish, start_command
+
 SAMPLES = ("steel small", "aluminium large")
 
 
-def start_rig_command(*arguments, folder, **options):
-    environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
-    return subprocess.Popen(
-        [sys.executable, "-m", "impact_rig.cli.main", *map(str, arguments)],
-        cwd=folder,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        **options,
-    )
-
-
-def run_rig_command(*arguments, folder):
-    process = start_rig_command(*arguments, folder=folder)
-    output, errors = process.communicate(timeout=PATIENCE)
-    return process.returncode, output, errors
+def start_demo(*words, **options):
+    return start_command("demo", *words, env={"ROS_DOMAIN_ID": None}, **options)
 
 
 def read_with_mcap_ros2(path):
@@ -84,10 +68,8 @@ def viewer():
 def demo(tmp_path_factory):
     """Run one small demo with two faults, for the tests that look at what it left."""
     folder = tmp_path_factory.mktemp("demo")
-    code, output, errors = run_rig_command(
-        "demo", "--samples", *SAMPLES, "--impacts", "3", "--seed", "7",
-        "--faults", "0.2", "--output", "run", folder=folder,
-    )  # fmt: skip
+    words = ("--impacts", 3, "--seed", 7, "--faults", 0.2, "--output", "run")
+    code, output, errors = finish(start_demo("--samples", *SAMPLES, *words, cwd=folder))
     assert code == 0, errors
     return folder / "run", output, errors
 
@@ -133,10 +115,10 @@ def test_a_contact_law_stands_beside_the_truth_at_every_angle_whatever_a_viewer_
     tmp_path, run, viewer
 ):
     """Recorded in another way than by default, as well."""
-    process = start_rig_command(
-        "demo", "--plant", "contact", "--samples", *SAMPLES, "--angles", "3.7,10",
-        "--impacts", "2", "--seed", "7", "--output", "run", "--bag", "--compression", "lz4",
-        "--notes", "bench 3", "--viewer", viewer.address, folder=tmp_path,
+    process = start_demo(
+        "--plant", "contact", "--samples", *SAMPLES, "--angles", "3.7,10", "--impacts", 2,
+        "--seed", 7, "--output", "run", "--bag", "--compression", "lz4", "--notes", "bench 3",
+        "--viewer", viewer.address, cwd=tmp_path,
     )  # fmt: skip
     told = []
     for line in process.stderr:
@@ -146,14 +128,15 @@ def test_a_contact_law_stands_beside_the_truth_at_every_angle_whatever_a_viewer_
         if "sample 3 of 4" in line:
             viewer.kill()
             break
-    output, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0, errors
+    code, output, errors = finish(process)
+    errors = "".join(told) + errors
+    assert code == 0, errors
     folder = tmp_path / "run"
     check_contact_law(output, json.loads((folder / "results.json").read_text("utf-8")))
     outcome = run("analyze", folder, "--json")
     assert outcome.stdout == (folder / "results.json").read_text("utf-8")
     bag = folder / "session"
-    assert f"recording: {bag}" in "".join(told) + errors
+    assert f"recording: {bag}" in errors
     assert (bag / "metadata.yaml").is_file()
     with (bag / "session_0.mcap").open("rb") as stream:
         reader = make_reader(stream)
@@ -204,17 +187,17 @@ def test_other_peoples_readers_find_every_message_of_every_topic(demo, read):
 
 
 def test_ctrl_c_in_the_middle_ends_everything_and_leaves_a_stream_that_reads(tmp_path):
-    process = start_rig_command(
-        "demo", "--continuous", "--record-stream", "--impacts", "2", "--output", "run",
-        folder=tmp_path, start_new_session=True,
-    )  # fmt: skip
+    words = ("--continuous", "--record-stream", "--impacts", 2, "--output", "run")
+    process = start_demo(*words, cwd=tmp_path, start_new_session=True)
     log = tmp_path / "run" / "nodes.log"
+    told = []
     for line in process.stderr:
+        told.append(line)
         if "sample 2 of 12" in line:
             break
     os.killpg(process.pid, signal.SIGINT)
-    _, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 130
+    code, _, errors = finish(process)
+    assert code == 130, "".join(told) + errors
     assert "session.mcap" in errors
     recording = tmp_path / "run" / "session.mcap"
     with AnyReader([recording]) as reader:

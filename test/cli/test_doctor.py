@@ -1,8 +1,6 @@
 """`impact-rig doctor` on this very installation."""
 
 import json
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import pytest
@@ -17,6 +15,8 @@ from impact_rig.cli.doctor import (
     check_libraries,
 )
 from impact_rig.cli.libraries import Library
+
+from .conftest import finish, start_command, start_python
 
 
 @pytest.fixture
@@ -120,25 +120,20 @@ def test_shared_memory_may_be_absent_or_small(tmp_path, monkeypatch):
 @pytest.fixture(scope="module")
 def report():
     """Return what it says here."""
-    return subprocess.run(
-        [sys.executable, "-m", "impact_rig.cli.main", "doctor", "--json"],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    code, output, _ = finish(start_command("doctor", "--json"))
+    return code, json.loads(output)
 
 
 def test_this_installation_is_healthy(report):
-    content = json.loads(report.stdout)
+    code, content = report
     faults = [item for item in content["findings"] if item["status"] == "fault"]
     assert faults == []
     assert content["healthy"]
-    assert report.returncode == 0
+    assert code == 0
 
 
 def test_two_processes_really_talk(report):
-    found = {item["name"]: item for item in json.loads(report.stdout)["findings"]}
+    found = {item["name"]: item for item in report[1]["findings"]}
     assert found["two processes"]["text"].startswith("hear each other")
     assert found["middleware"]["text"].startswith("rmw_")
 
@@ -157,5 +152,4 @@ def test_without_ros_it_says_so_and_still_reports_the_rest(monkeypatch):
         assert finding.status is Status.FAULT
         assert "there is no rclpy" in finding.text
     code = "import sys; import impact_rig.cli.doctor; print('rclpy' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "False\n"
+    assert finish(start_python("-c", code)) == (0, "False\n", "")

@@ -16,7 +16,7 @@ from impact_rig.cli import main
 from impact_rig.core.errors import ParameterError
 from impact_rig.nodes.discovery import reserve_domain
 
-MODULE = (sys.executable, "-m", "impact_rig.cli.main")
+from .conftest import finish, start_command, start_python
 
 
 def test_the_help_names_every_command_and_shows_examples(run):
@@ -43,14 +43,14 @@ def test_the_help_loads_nothing_heavy():
         "except SystemExit: pass\n"
         "print(sorted({'numpy', 'scipy', 'rich', 'rclpy', 'pint', 'rerun'} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"
+    _, output, _ = finish(start_python("-c", code))
+    assert output.splitlines()[-1] == "[]"
 
 
 def test_the_help_is_there_at_once():
     def measure():
         before = os.times()
-        subprocess.run([*MODULE, "--help"], capture_output=True, check=True)
+        finish(start_command("--help"))
         after = os.times()
         return (
             after.children_user + after.children_system
@@ -115,14 +115,10 @@ def test_ctrl_c_ends_without_a_traceback():
         "main.RigGroup.get_command = lambda *_: wait\n"
         "main.cli(['demo'])"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
+    process = start_python("-c", code)
     assert process.stdout.readline() == "waiting\n"
     process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=30)
-    assert (process.returncode, output, errors) == (130, "", "")
+    assert finish(process) == (130, "", "")
 
 
 def test_a_prompt_that_nobody_can_answer_is_an_error(run, monkeypatch):
@@ -144,13 +140,9 @@ def test_a_terminal_without_greek_letters_gets_no_traceback():
         "main.RigGroup.get_command = lambda *_: click.Command('a', callback=lambda: print('τp'))\n"
         "main.main()"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, "paper"],
-        capture_output=True,
-        env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"},
-        check=False,
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, b"?p\n", b"")
+    ascii_only = {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+    process = start_python("-c", code, "paper", env=ascii_only)
+    assert finish(process) == (0, "?p\n", "")
 
 
 def test_what_the_middleware_prints_does_not_get_into_the_output(tmp_path):
@@ -166,28 +158,16 @@ def test_what_the_middleware_prints_does_not_get_into_the_output(tmp_path):
     profile.write_text("<")
     settings = {"FASTRTPS_DEFAULT_PROFILES_FILE": str(profile)}
     with reserve_domain() as domain:
-        done = subprocess.run(
-            [sys.executable, "-c", code, "demo"],
-            capture_output=True,
-            text=True,
-            env={**os.environ, **settings, "ROS_DOMAIN_ID": str(domain)},
-            check=False,
-        )
-    assert (done.returncode, done.stdout) == (0, "{}\n")
-    assert "broken.xml" in done.stderr
+        settings["ROS_DOMAIN_ID"] = str(domain)
+        exit_code, output, errors = finish(start_python("-c", code, "demo", env=settings))
+    assert (exit_code, output) == (0, "{}\n")
+    assert "broken.xml" in errors
 
 
 def test_output_to_a_full_disk_ends_in_a_sentence():
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
-            [*MODULE, "paper", "--json"],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
-    error = "error: standard output: No space left on device\n"
-    assert (done.returncode, done.stderr) == (2, error)
+        done = finish(start_command("paper", "--json", stdout=full))
+    assert done == (2, None, "error: standard output: No space left on device\n")
 
 
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-"])

@@ -4,7 +4,6 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,8 +12,16 @@ from impact_rig.cli.up import make_command
 from impact_rig.configuration.processes import NodeProcess
 from impact_rig.nodes.discovery import reserve_domain
 
-PATIENCE = 60.0
-"""How long anything may take before a test fails [s]."""
+from .conftest import PATIENCE, finish, start_command
+
+
+@pytest.fixture
+def start_up(tmp_path):
+    """Return a function that starts `impact-rig up` in a ROS domain of its own."""
+    with reserve_domain() as number:
+        yield lambda *words, **pipes: start_command(
+            "up", *words, cwd=tmp_path, env={"ROS_DOMAIN_ID": str(number)}, **pipes
+        )
 
 
 def test_parameters_reach_the_shell_quoted_as_yaml():
@@ -32,22 +39,14 @@ def test_parameters_reach_the_shell_quoted_as_yaml():
     assert 'output:="a b\'s.mcap"' in echoed.splitlines()
 
 
-def test_a_stop_while_the_processes_start_ends_them_all(tmp_path):
-    with reserve_domain() as number:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "impact_rig.cli.main", "up", "--no-visualizer"],
-            cwd=tmp_path,
-            env={**os.environ, "ROS_DOMAIN_ID": str(number)},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        lines = []
-        for line in process.stdout:
-            lines.append(line)
-            if "hammer started" in line:
-                process.send_signal(signal.SIGINT)
-        process.wait(PATIENCE)
+def test_a_stop_while_the_processes_start_ends_them_all(start_up):
+    process = start_up("--no-visualizer", stderr=subprocess.STDOUT)
+    lines = []
+    for line in process.stdout:
+        lines.append(line)
+        if "hammer started" in line:
+            process.send_signal(signal.SIGINT)
+    process.wait(PATIENCE)
     assert "Traceback" not in "".join(lines)
     assert process.returncode == 0
     # The word of the signal may come in the middle of a line.
@@ -58,36 +57,20 @@ def test_a_stop_while_the_processes_start_ends_them_all(tmp_path):
             os.kill(number, 0)
 
 
-def test_a_rig_ends_when_nobody_reads_what_it_says(tmp_path):
-    with reserve_domain() as number:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "impact_rig.cli.main", "up", "--only", "hammer"],
-            cwd=tmp_path,
-            env={**os.environ, "ROS_DOMAIN_ID": str(number)},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        )
-        line = process.stdout.readline()
-        process.stdout.close()
-        process.wait(PATIENCE)
+def test_a_rig_ends_when_nobody_reads_what_it_says(start_up):
+    process = start_up("--only", "hammer", stderr=subprocess.DEVNULL)
+    line = process.stdout.readline()
+    process.stdout.close()
+    process.wait(PATIENCE)
     (node,) = re.findall(r"started \(pid=(\d+)\)", line)
     with pytest.raises(ProcessLookupError):
         os.kill(int(node), 0)
 
 
-def test_a_rig_goes_on_when_what_it_says_cannot_be_written(tmp_path):
-    with reserve_domain() as number, Path("/dev/full").open("w") as full:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "impact_rig.cli.main", "up", "--only", "hammer"],
-            cwd=tmp_path,
-            env={**os.environ, "ROS_DOMAIN_ID": str(number)},
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        told = process.stderr.readline()
-        process.terminate()
-        _, rest = process.communicate(timeout=PATIENCE)
+def test_a_rig_goes_on_when_what_it_says_cannot_be_written(start_up):
+    with Path("/dev/full").open("w") as full:
+        process = start_up("--only", "hammer", stdout=full)
+    told = process.stderr.readline()
+    process.terminate()
     lost = "warning: what the nodes print is lost: standard output: No space left on device\n"
-    assert (told, rest, process.returncode) == (lost, "", 0)
+    assert (told, *finish(process)) == (lost, 0, None, "")

@@ -3,7 +3,6 @@
 import io
 import re
 import signal
-import subprocess
 import sys
 
 import pytest
@@ -87,13 +86,15 @@ def test_a_terminal_made_narrower_is_filled_no_further_and_ctrl_c_leaves_it_as_i
 STATUS = "last hit"
 
 
-def test_a_pipe_gets_no_bar_even_if_it_is_to_be_coloured(monkeypatch):
+def test_a_pipe_gets_no_bar_even_if_it_is_to_be_coloured(monkeypatch, capsys):
     for name in ("FORCE_COLOR", "TTY_COMPATIBLE"):
         monkeypatch.setenv(name, "1")
-    done = subprocess.run(make_words(), capture_output=True, text=True, check=True)
-    assert done.stdout == "step 8\nthe end\n"
-    assert "━" not in done.stderr
-    assert "hit 1.2 rejected" in done.stderr
+    monkeypatch.setattr(sys, "argv", ["-c", "steel small", "10"])
+    exec(PROGRAM, {})
+    output, errors = capsys.readouterr()
+    assert output == "step 8\nthe end\n"
+    assert "━" not in errors
+    assert "hit 1.2 rejected" in errors
 
 
 @pytest.mark.parametrize(

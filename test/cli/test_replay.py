@@ -1,10 +1,8 @@
 """`impact-rig replay`: as a player, hit by hit, and through a fresh estimator."""
 
 import json
-import os
 import signal
 import subprocess
-import sys
 
 import pytest
 
@@ -13,10 +11,8 @@ from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
 from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.results.results_file import format_json, results_to_json
 
-from .conftest import record_campaigns
+from .conftest import PATIENCE, record_campaigns, start_command
 
-PATIENCE = 60.0
-"""How long a replay may take before the test fails [s]."""
 SAMPLES = [CONTROL_SAMPLE, "steel small"]
 
 
@@ -42,16 +38,9 @@ def start():
     with reserve_domain() as number:
 
         def begin(*arguments):
-            processes.append(
-                subprocess.Popen(
-                    [sys.executable, "-m", "impact_rig.cli.main", "replay", *map(str, arguments)],
-                    env={**os.environ, "ROS_DOMAIN_ID": str(number)},
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.PIPE,
-                    text=True,
-                )
-            )
+            environment = {"ROS_DOMAIN_ID": str(number)}
+            words = ("replay", *arguments)
+            processes.append(start_command(*words, env=environment, stdin=subprocess.PIPE))
             return processes[-1]
 
         yield begin
@@ -85,12 +74,13 @@ def test_chosen_hits_alone_are_estimated(run, quiet_ros, recorded):
     assert hit["record"] == 1
 
 
-def test_a_player_needs_nobody_and_ends_with_the_recording(start, recorded):
-    process = start(recorded.path, "--rate", "max", "--all-topics", "--loop", "2", "--clock", "50")
-    output, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0, errors
-    assert errors.endswith("messages replayed\n")
-    assert output == ""
+def test_a_player_needs_nobody_and_ends_with_the_recording(run, quiet_ros, recorded, monkeypatch):
+    with reserve_domain() as number:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+        words = ("--rate", "max", "--all-topics", "--loop", 2, "--clock", 50)
+        outcome = run("replay", recorded.path, *words)
+    assert (outcome.exit_code, outcome.stdout) == (0, ""), outcome.stderr
+    assert outcome.stderr.endswith("messages replayed\n")
 
 
 def read_until(stream, text):

@@ -5,7 +5,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import psutil
@@ -20,8 +19,8 @@ from impact_rig.core.setup.paper import PAPER_SETUP
 from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.recordings.contents import inspect_recording
 
-PATIENCE = 120.0
-"""How long anything may take before a test fails [s]."""
+from .conftest import PATIENCE, start_command
+
 RECORDING = Path("run", "session.mcap")
 
 
@@ -29,7 +28,7 @@ RECORDING = Path("run", "session.mcap")
 def environment():
     """Return an environment with a ROS domain of its own."""
     with reserve_domain() as number:
-        yield {**os.environ, "ROS_DOMAIN_ID": str(number)}
+        yield {"ROS_DOMAIN_ID": str(number)}
 
 
 @pytest.fixture(scope="module")
@@ -39,16 +38,9 @@ def start(environment, tmp_path_factory):
     folder = tmp_path_factory.mktemp("rig")
 
     def run(*arguments):
-        process = subprocess.Popen(
-            [sys.executable, "-m", "impact_rig.cli.main", *map(str, arguments)],
-            cwd=folder,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        processes.append(process)
-        return process
+        pipes = {"stderr": subprocess.STDOUT}
+        processes.append(start_command(*arguments, cwd=folder, env=environment, **pipes))
+        return processes[-1]
 
     run.folder = folder
     yield run

@@ -1,6 +1,5 @@
 """`impact-rig view`: recordings and results in Rerun, in whatever shows them."""
 
-import os
 import signal
 import socket
 import subprocess
@@ -21,9 +20,10 @@ from impact_rig.present.rerun import viewer_program as program
 from impact_rig.results.results_file import write_results
 from impact_rig.results.traced_campaign import TracedCampaign
 
+from .conftest import PATIENCE, finish, start_command, start_python
+
 rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 
-PATIENCE = 60.0
 HITS = 2
 """Of each of the two recorded campaigns."""
 ROS_FREE = """
@@ -100,16 +100,10 @@ def temporary(tmp_path, monkeypatch):
 
 def test_a_recording_becomes_a_file_that_rerun_reads_without_ros(recorded, tmp_path, temporary):
     view = tmp_path / "new" / "view.rrd"
-    done = subprocess.run(
-        [sys.executable, "-c", ROS_FREE, "view", recorded.path.parent, "-o", view],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-        env={**os.environ, "TMPDIR": str(temporary)},
-    )
-    assert done.returncode == 0, done.stderr
-    assert f"view: {view}" in done.stderr
+    words = ("-c", ROS_FREE, "view", recorded.path.parent, "-o", view)
+    code, _, errors = finish(start_python(*words, env={"TMPDIR": str(temporary)}))
+    assert code == 0, errors
+    assert f"view: {view}" in errors
     recordings, blueprints, entities = read_view(view)
     assert (recordings, blueprints) == (2, 2)
     assert count_hits(entities) == HITS
@@ -252,12 +246,8 @@ def test_nobody_at_the_other_end_is_told_and_the_rest_is_shown(run, recorded, tm
 
 
 def test_a_web_page_is_served_to_this_host_until_ctrl_c(recorded, tmp_path):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "impact_rig.cli.main", "view", recorded.path, "--web"],
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "TMPDIR": str(tmp_path)},
-    )
+    words = ("view", recorded.path, "--web")
+    process = start_command(*words, stdout=None, env={"TMPDIR": str(tmp_path)})
     try:
         line = next(line for line in process.stderr if "the view is at" in line)
         address = line.split("the view is at ")[1].split(";")[0]
