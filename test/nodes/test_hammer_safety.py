@@ -65,6 +65,10 @@ class Rig:
         found = self.states.wait(lambda messages: any(condition(item) for item in messages))
         return next(item for item in found if condition(item))
 
+    def wait_for_newest(self, condition):
+        """Wait until the newest state fulfils a condition; return it."""
+        return self.states.wait(lambda messages: condition(messages[-1]))[-1]
+
     def wait_for_loss(self):
         return self.wait(lambda item: item.disarmed_by == HammerState.LOSS)
 

@@ -179,9 +179,6 @@ class TestPulseStart:
         assert find_pulse_start(Trace(np.array(values), full_scale), SETTINGS) is None
 
 
-# At the 1 MHz of these streams: 200 points of pre-trigger, 2000 of record.
-
-
 def remove(blocks: list[Block], first: int, last: int) -> list[Block]:
     """Take away the blocks between two points of the stream; the last block ends it still."""
     kept = [b for b in blocks if not first <= b.first_sample < last]

@@ -258,7 +258,6 @@ def test_whatever_order_blocks_come_in_each_cut_is_a_record_of_one_arming(order,
     assert len(detect(cuts)) == len(records)
 
 
-# At the 1 MHz of these streams: 200 points of pre-trigger, 2000 of record.
 HIT = HitLabel("steel", record=1)
 
 
@@ -334,17 +333,15 @@ def test_a_hit_that_the_end_of_the_stream_cuts_off_is_judged_at_once(arming_ends
 
 def test_the_end_of_an_arming_shows_no_channel_and_changes_none():
     # The sample is not measured: only a block with points tells that.
-    counts = make_counts([], 6000)
-    stream = [
-        replace(item, specimen=replace(item.specimen, output=item.specimen.output[:0]))
-        for item in make_short_stream(counts)
-    ]
+    stream, following = (
+        [
+            replace(item, specimen=replace(item.specimen, output=item.specimen.output[:0]))
+            for item in make_short_stream(make_counts([], 6000), first=first)
+        ]
+        for first in (0, 6000)
+    )
+    following = [replace(item, label=NOT_ARMED) for item in following]
     cutter = StreamCutter(SETTINGS)
-    following = [replace(item, label=NOT_ARMED) for item in make_short_stream(counts, first=6000)]
-    following = [
-        replace(item, specimen=replace(item.specimen, output=item.specimen.output[:0]))
-        for item in following
-    ]
     blocks = [*stream, end_arming(stream), *following]
     (block,) = [block for item in blocks for block in cutter.feed(item)]
     assert not block.triggered
