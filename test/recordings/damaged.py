@@ -136,7 +136,6 @@ def recover(damaged: Path) -> Recovery:
 
 def read_recovered(recovery: Recovery) -> list[Raw]:
     """Return the messages of a recovered recording, which must be sound."""
-    assert recovery.output is not None
     assert inspect_recording(recovery.output).problems == ()
     return read_raw(recovery.output)
 

@@ -4,6 +4,8 @@ from impact_rig.core.signals.record import HitLabel
 from impact_rig.recordings.contents import inspect_recording
 from impact_rig.recordings.hits import REMEMBERED, RecordWatch, StreamWatch
 
+from .conftest import block_fields
+
 FIRST = HitLabel("brass", record=1)
 SECOND = HitLabel("brass", record=2, impact=2)
 
@@ -138,12 +140,8 @@ POINTS = 50
 
 
 def add_blocks(maker, *starts):
-    counts = {"counts": [7] * POINTS, "values": [], "scale": 1.0, "offset": 0.0, "full_scale": 9.0}
-    header = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": ""}
     for start in starts:
-        fields = {"first_sample": start, "sampling_rate": 2.5e6, "record": 0, "sample": ""}
-        label = {"impact": 0, "attempt": 0, "last": False, "hammer": counts, "specimen": counts}
-        maker.add(STREAM, TYPE, {"header": header, **fields, **label})
+        maker.add(STREAM, TYPE, block_fields(0, POINTS, first_sample=start, last=False))
 
 
 def test_gaps_of_a_stream_are_no_damage_of_the_file(make_recording):

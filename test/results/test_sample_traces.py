@@ -45,10 +45,7 @@ def gather(plant: Plant, *, with_models: bool) -> SampleTraces:
     estimate = found.samples[-1]
     mean = session.compute_mean(STRUCK)
     assert estimate.name == STRUCK
-    assert mean is not None
-    traces = sample_traces_from_estimate(estimate, mean)
-    assert traces is not None
-    return traces
+    return sample_traces_from_estimate(estimate, mean)
 
 
 @pytest.fixture(scope="module")
@@ -90,8 +87,6 @@ def test_models_are_drawn_in_the_scale_of_the_measurement(published):
 def test_the_fitted_model_is_there_once_it_is_fitted():
     traces = gather(Plant.DYNAMICS, with_models=True)
     fitted, driven = traces.find_model(IDENTIFIED), traces.find_model(DRIVEN)
-    assert fitted is not None
-    assert driven is not None
     # On the plant that follows the equations nothing but noise is left.
     assert fitted.mse_sample_percent < driven.mse_sample_percent / 10.0
 
@@ -99,7 +94,6 @@ def test_the_fitted_model_is_there_once_it_is_fitted():
 def test_a_hit_lies_in_its_sample_s_time():
     _, (hit, *_) = strike(Plant.PUBLISHED)
     aligned = align_hit(hit)
-    assert aligned is not None
     assert aligned.label == hit.label
     hammer = np.abs(aligned.traces[0])
     inside = aligned.time[hammer >= hammer.max() / 2.0]
@@ -110,6 +104,5 @@ def test_a_hit_lies_in_its_sample_s_time():
 def test_what_has_no_contact_has_no_traces():
     session, _ = strike(Plant.PUBLISHED)
     estimate, mean = session.estimate_sample(CONTROL), session.compute_mean(CONTROL)
-    assert mean is not None
     assert sample_traces_from_estimate(replace(estimate, contact_time=UNKNOWN), mean) is None
     assert math.isfinite(estimate.first_peak_time)

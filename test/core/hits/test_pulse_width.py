@@ -16,21 +16,12 @@ def make_pulse(middle: float, width: float, count: int = 400) -> np.ndarray:
     return np.where(np.abs(phase) < 0.5, np.cos(np.pi * phase) ** 2, 0.0)
 
 
-def test_a_triangle_is_measured_exactly():
-    # Straight flanks: linear interpolation has no error at all.
-    trace = np.maximum(0.0, 10.0 - 2.0 * np.abs(np.arange(20) - 9.0))
-    pulse = measure_pulse(trace)
-    assert (pulse.peak_index, pulse.peak) == (9, 10.0)
-    assert pulse.half_amplitude_width == pytest.approx(5.0)
-    assert pulse.tenth_amplitude_width == pytest.approx(9.0)
-    assert pulse.middle == pytest.approx(9.0)
-
-
 @given(seed=st.integers(0, 1000), width=st.floats(20, 100))
 def test_agrees_with_scipy(seed, width):
     middle = 150 + 100 * np.random.default_rng(seed).random()
     trace = make_pulse(middle, width)
     pulse = measure_pulse(trace)
+    assert pulse.middle == pytest.approx(middle, abs=1e-3)
     for rel_height, ours in (
         (0.5, pulse.half_amplitude_width),
         (0.9, pulse.tenth_amplitude_width),

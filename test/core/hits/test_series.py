@@ -54,7 +54,6 @@ def check_mean(series: HitSeries, hits: list[JudgedHit]) -> None:
     """Hold the mean of a series against the mean of these hits, bit by bit."""
     mean = series.compute_mean()
     expected = average_hits([hit.filtered for hit in hits if hit.filtered])
-    assert mean is not None
     np.testing.assert_array_equal(mean.traces, expected.traces)
     np.testing.assert_array_equal(mean.noise, expected.noise)
     assert (mean.count, mean.origin) == (expected.count, expected.origin)
@@ -68,9 +67,7 @@ def test_the_mean_is_that_of_all_hits_bit_by_bit(count):
     series = make_series(hits)
     check_mean(series, hits)
     shown = series.compute_mean()
-    assert shown is not None
     for hit, single in zip(shown.cut_hits(), hits, strict=True):
-        assert single.filtered is not None
         alone = average_hits([single.filtered])
         first = alone.origin - shown.origin
         np.testing.assert_array_equal(hit, alone.traces[:, first : first + hit.shape[1]])
@@ -112,7 +109,6 @@ def test_of_a_long_series_hits_that_lie_evenly_show_the_scatter(count, shown):
     hits = [make_hit(number % 7) for number in range(count)]
     series = make_series(hits)
     mean = series.compute_mean()
-    assert mean is not None
     assert (mean.count, len(mean.hits)) == (count, shown)
     check_mean(series, hits)
     assert len(series.select().kept) == count

@@ -165,7 +165,6 @@ class TestPulseStart:
         inside = (since > 0) & (since < width)
         values += np.where(inside, 300.0 * np.sin(np.pi * since / width) ** 2, 0.0)
         start = find_pulse_start(Trace(values), SETTINGS)
-        assert start is not None
         assert begin <= start <= begin + 0.12 * width
         hammer = ChannelBlock(values, 1.0, 0.0, 0.0)
         block = Block(0, 1e6, hammer, NOTHING, HitLabel("s"), last=True)

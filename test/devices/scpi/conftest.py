@@ -29,6 +29,7 @@ class ScpiRig:
         self.digitizer = ScpiDigitizer(*SENSITIVITIES.values())
         self._rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
         self._impacts = count(1)
+        self.sources = []
 
     def make_hit(self) -> VirtualHit:
         return self._rig.strike(HitLabel(SAMPLE, impact=next(self._impacts)))
@@ -41,7 +42,8 @@ class ScpiRig:
     def make_source(self, text: str = "", address: str = "") -> ScpiSource:
         """Return the source of a rig file whose [source] has an address and a text."""
         table = self.parse(f'address = "{address or self.digitizer.address}"\n{text}')
-        return ScpiSource(table.without(*COMMON_KEYS[SOURCES]))
+        self.sources.append(ScpiSource(table.without(*COMMON_KEYS[SOURCES])))
+        return self.sources[-1]
 
     def make_plan(self, text: str = "", numbers=NUMBERS, **changes) -> AcquisitionPlan:
         """Return the plan of a rig file whose [source] has a text and these channels."""
@@ -82,6 +84,8 @@ def rig() -> Iterator[ScpiRig]:
     rig = ScpiRig()
     rig.digitizer.plug()
     yield rig
+    for source in rig.sources:
+        source.close()
     rig.digitizer.unplug()
 
 

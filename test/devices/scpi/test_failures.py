@@ -78,7 +78,6 @@ def test_another_instrument_is_named_by_what_it_says_it_is(rig):
         rig.make_source().configure(rig.make_plan())
     source = rig.make_source('identity = "ds1054z"')
     assert "DS1054Z" in source.configure(rig.make_plan()).identity
-    source.close()
 
 
 def test_an_instrument_in_other_hands_is_named(rig):
@@ -88,7 +87,6 @@ def test_an_instrument_in_other_hands_is_named(rig):
     rig.digitizer.set_busy(is_busy=False)
     source = rig.make_source()
     source.configure(rig.make_plan())
-    source.close()
 
 
 @pytest.mark.parametrize(
@@ -118,7 +116,6 @@ def test_a_loss_is_noticed_whether_it_is_armed_or_not(rig, is_armed):
     rig.digitizer.unplug()
     with refusal("closed the connection"):
         source.read(TIMEOUT)
-    source.close()
 
 
 @contextmanager
@@ -167,7 +164,6 @@ def test_settings_that_another_program_has_changed_are_noticed_at_the_next_armin
     other.close()
     with refusal("was set: another program talks to it, too"):
         source.arm()
-    source.close()
 
 
 @pytest.mark.parametrize(

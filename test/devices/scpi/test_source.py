@@ -54,7 +54,6 @@ def test_each_count_of_a_record_is_that_of_the_input_with_the_trigger_in_its_pla
             np.testing.assert_array_equal(
                 counts[shift:], rig.find_counts(hit, name)[: 5000 - shift]
             )
-    source.close()
 
 
 def test_nothing_of_the_record_before_stands_before_the_trigger(rig):
@@ -67,7 +66,6 @@ def test_nothing_of_the_record_before_stands_before_the_trigger(rig):
         shift = 2500 - find_crossing(rig.find_counts(hit, "hammer"), LEVEL)
         # The quiet input, and not the pulse that the ring still holds.
         assert np.abs(counts[:shift]).max() < LEVEL
-    source.close()
 
 
 def test_a_hit_without_its_sample_has_the_hammer_alone(rig, profile):
@@ -76,7 +74,6 @@ def test_a_hit_without_its_sample_has_the_hammer_alone(rig, profile):
     _, blocks = take_record(rig, source)
     assert sum(block.hammer.output.size for block in blocks) == 5000
     assert all(block.specimen.output.size == 0 for block in blocks)
-    source.close()
 
 
 def test_an_input_beyond_its_range_is_flagged_in_its_channel(rig, profile):
@@ -90,7 +87,6 @@ def test_an_input_beyond_its_range_is_flagged_in_its_channel(rig, profile):
     assert not any(block.specimen.overloaded for block in blocks)
     assert blocks[0].hammer.output.max() == 2**13 - 1
     assert blocks[0].hammer.full_scale == pytest.approx(1.0 / 5e-4)
-    source.close()
 
 
 def test_the_falling_edge_triggers_where_it_is_asked_for(rig):
@@ -106,7 +102,6 @@ def test_the_falling_edge_triggers_where_it_is_asked_for(rig):
     assert rig.digitizer.feed(hit) is not None
     counts = np.concatenate([block.hammer.output for block in read_record(source)])
     assert counts[749] > -LEVEL >= counts[750]
-    source.close()
 
 
 def test_a_sensor_that_looks_the_other_way_triggers_on_the_falling_voltage(rig):
@@ -118,7 +113,6 @@ def test_a_sensor_that_looks_the_other_way_triggers_on_the_falling_voltage(rig):
     assert rig.digitizer.feed(hit) is not None
     block = read_record(source)[0]
     assert to_acceleration(block.hammer, block.hammer.output).max() > 49.0
-    source.close()
 
 
 def test_the_wide_range_has_larger_counts(rig):
@@ -130,7 +124,6 @@ def test_the_wide_range_has_larger_counts(rig):
     assert found == pytest.approx(
         to_acceleration(hit.hammer, hit.hammer.output).max(), abs=blocks[0].hammer.scale
     )
-    source.close()
 
 
 @pytest.mark.parametrize(
@@ -158,7 +151,6 @@ def test_points_may_come_as_volts_in_text_or_numbers_or_as_counts(rig, points_fo
         found[shift:], to_acceleration(hit.hammer, hit.hammer.output)[: 5000 - shift], atol=2e-4
     )
     assert blocks[0].hammer.output.dtype == (np.int32 if is_counts else np.float64)
-    source.close()
 
 
 def test_a_record_of_another_length_is_refused(rig):
@@ -174,7 +166,6 @@ def test_a_record_of_another_length_is_refused(rig):
     source.arm()
     with pytest.raises(DeviceError, match="with 4999 points: the record has 5000"):
         source.read(5.0)
-    source.close()
 
 
 def test_the_stamp_is_that_of_the_first_point(rig):
@@ -187,7 +178,6 @@ def test_the_stamp_is_that_of_the_first_point(rig):
     # The trigger is known as well as the instrument is asked often, which a busy computer may
     # not do; the first point is 0.3 ms before it.
     assert before - 300_000 < blocks[0].stamp < time.time_ns() - 300_000
-    source.close()
 
 
 @pytest.mark.parametrize(
