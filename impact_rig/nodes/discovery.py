@@ -6,13 +6,14 @@ later; and two nodes that have missed each other's first announcement wait 3 s f
 """
 
 import contextlib
-import itertools
 import os
 import random
 import shutil
+import socket
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import filterfalse
 from pathlib import Path
 
 from impact_rig.configuration.processes import DISCOVERY
@@ -142,8 +143,9 @@ DOMAINS = 100
 def reserve_domain() -> Iterator[int]:
     """Reserve a ROS domain for the length of the block, and yield its number.
 
-    The search begins at random: one that has just become free may still be left by the last
-    messages of whoever used it.
+    None in which a node of this host is, though nobody has reserved it. The search begins at
+    random: one that has just become free may still be left by the last messages of whoever used
+    it.
 
     Raises
     ------
@@ -152,11 +154,25 @@ def reserve_domain() -> Iterator[int]:
     """
     from domain_coordinator import domain_id
 
-    candidates = itertools.count(random.SystemRandom().randrange(DOMAINS))
-    reservation = domain_id(lambda: FIRST_DOMAIN + next(candidates) % DOMAINS)
+    begin = random.SystemRandom().randrange(DOMAINS)
+    candidates = (FIRST_DOMAIN + (begin + place) % DOMAINS for place in range(DOMAINS))
+    unused = filterfalse(_is_in_use, candidates)
+    reservation = domain_id(lambda: next(unused))
     number = reservation.__enter__()
     try:
         yield number
     finally:
         # Not told of an error in the block, which it would take for a domain that is in use.
         reservation.__exit__(None, None, None)
+
+
+def _is_in_use(domain: int) -> bool:
+    """Return whether a node of this host is in a domain: each has a port, by DDSI-RTPS 2.5."""
+    first = 7400 + 250 * domain + 10
+    for port in range(first, first + 2 * LOCAL_PEERS, 2):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                return True
+    return False

@@ -223,8 +223,10 @@ class GuardedHammer:
         self._is_known_held = not confirm_return
         if confirm_return:
             self._change(place=HammerPlace.AWAY, message=_AWAY)
-        else:
-            self._change(place=HammerPlace.HELD, message=message)
+            return
+        if not self._condition.is_armed:  # Why it was disarmed while it swung is not forgotten.
+            message = f"{message}; {self._condition.message}"
+        self._change(place=HammerPlace.HELD, message=message)
 
     def confirm_held(self) -> str:
         """Hear from a person that the hammer is back; return why that is refused, or nothing."""

@@ -12,6 +12,7 @@ from xml.etree import ElementTree as ET
 
 import psutil
 import pytest
+import rclpy
 from impact_rig_msgs.srv import GetResults
 
 from impact_rig.configuration.processes import DISCOVERY, SOCKET_BUFFER, make_network_variables
@@ -166,6 +167,21 @@ def test_nobody_gets_a_domain_that_is_taken_here_or_by_another_process():
         assert all(FIRST_DOMAIN <= number < FIRST_DOMAIN + DOMAINS for number in ours)
     finally:
         other.communicate()
+
+
+def test_nobody_gets_a_domain_in_which_somebody_s_nodes_are(monkeypatch):
+    """As those of a rig whose ROS_DOMAIN_ID a person chose, who reserves nothing."""
+    monkeypatch.setattr(discovery, "FIRST_DOMAIN", FIRST_DOMAIN + DOMAINS)
+    monkeypatch.setattr(discovery, "DOMAINS", 1)
+    with reserve_domain() as number:
+        assert number == FIRST_DOMAIN + DOMAINS
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=number, args=[])
+    node = rclpy.create_node("somebody", context=context)
+    with pytest.raises(RuntimeError), reserve_domain():
+        pass
+    node.destroy_node()
+    context.try_shutdown()
 
 
 def test_without_shared_memory_to_spare_no_node_is_made(monkeypatch, tmp_path):

@@ -219,6 +219,14 @@ def test_why_the_holder_is_lost_is_told_until_it_is_back(held):
     assert hammer.condition.message == "held, not armed"
 
 
+def test_why_it_was_disarmed_while_it_swung_is_told_when_it_is_back(held):
+    hammer, _ = held
+    assert not hammer.release("")
+    hammer.disarm("disarmed by the operator")
+    hammer.end_swing("back in the holder", confirm_return=False)
+    assert hammer.condition.message == "back in the holder; disarmed by the operator"
+
+
 @pytest.mark.parametrize("value", [*HammerPlace, *Disarming], ids=lambda value: value.name)
 def test_numbers_are_those_of_the_message(value):
     assert getattr(HammerState, value.name) == value
