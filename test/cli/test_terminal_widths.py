@@ -1,9 +1,7 @@
 """Every table in a real terminal of every width, and in pipes."""
 
 import json
-import os
 import re
-import subprocess
 import sys
 from dataclasses import replace
 
@@ -94,22 +92,33 @@ def find_numbers(text):
     return set(NUMBER.findall(text))
 
 
-def make_words(commands, *widths):
-    """Return a program that runs all commands one after the other; 0: in a pipe."""
-    return [sys.executable, "-c", PROGRAM, json.dumps(widths), json.dumps([*commands.values()])]
+@pytest.fixture
+def run_in_pipe(capsys, monkeypatch):
+    """Return a function that runs a program of this file where no terminal is, for its output."""
+
+    def run(program, *arguments):
+        monkeypatch.delenv("COLUMNS", raising=False)
+        monkeypatch.setenv("TERM", "xterm")  # and back again, whatever the program does to it
+        monkeypatch.setattr(sys, "argv", ["-c", *arguments])
+        exec(program, {})
+        output, errors = capsys.readouterr()
+        assert "\x1b" not in errors
+        return output
+
+    return run
 
 
-def run_in_pipe(words):
-    variables = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
-    done = subprocess.run(words, capture_output=True, text=True, check=True, env=variables)
-    assert "\x1b" not in done.stderr
-    return done.stdout
+def make_arguments(commands, *widths):
+    """Return what makes the program run all commands one after the other; 0: in a pipe."""
+    return json.dumps(widths), json.dumps([*commands.values()])
 
 
-def test_every_table_fits_every_terminal_and_shows_whole_numbers(commands):
-    piped = dict(zip(commands, run_in_pipe(make_words(commands, 0)).split("\f"), strict=False))
+def test_every_table_fits_every_terminal_and_shows_whole_numbers(commands, run_in_pipe):
+    pages = run_in_pipe(PROGRAM, *make_arguments(commands, 0)).split("\f")
+    piped = dict(zip(commands, pages, strict=False))
     check_pipe(piped["budget"])
-    with open_terminal(make_words(commands, *WIDTHS)) as terminal:
+    words = (sys.executable, "-c", PROGRAM, *make_arguments(commands, *WIDTHS))
+    with open_terminal(words) as terminal:
         assert terminal.finish() == 0
     pages = iter(terminal.text.split("\f"))
     for columns in WIDTHS:
@@ -133,21 +142,17 @@ def check_pipe(text):
     assert "\x1b" not in text
 
 
-def make_table_words(*environments):
-    return [sys.executable, "-c", TABLE % (environments,)]
-
-
-def test_colour_is_for_terminals_and_says_nothing_alone():
+def test_colour_is_for_terminals_and_says_nothing_alone(run_in_pipe):
     xterm = {"TERM": "xterm-256color"}
     shown = ({**xterm}, {**xterm, "NO_COLOR": "1"}, {"TERM": "dumb"})
-    with open_terminal(make_table_words(*shown)) as terminal:
+    with open_terminal((sys.executable, "-c", TABLE % (shown,))) as terminal:
         assert terminal.finish() == 0
         coloured, uncoloured, dumb, _ = terminal.raw.split("\f")
         texts = terminal.text.split("\f")[:3]
     assert ALARM in coloured
     assert "38;" not in uncoloured
     assert "\x1b" not in dumb
-    plain, forced, _ = run_in_pipe(make_table_words({}, {"FORCE_COLOR": "1", **xterm})).split("\f")
+    plain, forced, _ = run_in_pipe(TABLE % (({}, {"FORCE_COLOR": "1", **xterm}),)).split("\f")
     assert "\x1b" not in plain
     assert ALARM in forced
     assert {*texts, ESCAPE.sub("", forced)} == {plain}
