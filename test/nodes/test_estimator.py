@@ -84,8 +84,10 @@ def recording(harness, tmp_path):
     stored = harness.listen(interfaces.RECORD_STORED)
     harness.advertise(interfaces.SETUP).publish(SETUP)
     blocks = make_blocks("steel small", 3, stamp=10**9)
-    feed(harness, harness.advertise(interfaces.ACCELERATION), blocks)
-    told = stored.wait_for_count(3)
+    publisher = harness.advertise(interfaces.ACCELERATION)
+    for number in (1, 2, 3):  # each into a chunk of its own
+        feed(harness, publisher, [block for block in blocks if block.label.record == number])
+        told = stored.wait_for_count(number)
     harness.close(recorder)
     state = RecorderState(recording=True, uri=str(path))
     harness.advertise(interfaces.RECORDER_STATE).publish(state)
