@@ -28,7 +28,7 @@ def test_every_node_is_looked_at_early_and_late(bench, monkeypatch):
     for figure in figures:
         assert (str(figure.goal), figure.unit) == ("at most 1", "kB")
         assert "MB after" in figure.note
-    assert 1.0 < cost.median < 500.0
+    assert cost.median > 1.0
     assert {share.split()[0] for share in cost.note.split(", ")} == NODES
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from impact_rig.results.results_file import format_json, results_to_json
 
+from .conftest import finish, start_python
 from .pseudo_terminal import ESCAPE, find_widest, open_terminal
 
 WIDTHS = (60, 132)
@@ -92,20 +93,12 @@ def find_numbers(text):
     return set(NUMBER.findall(text))
 
 
-@pytest.fixture
-def run_in_pipe(capsys, monkeypatch):
-    """Return a function that runs a program of this file where no terminal is, for its output."""
-
-    def run(program, *arguments):
-        monkeypatch.delenv("COLUMNS", raising=False)
-        monkeypatch.setenv("TERM", "xterm")  # and back again, whatever the program does to it
-        monkeypatch.setattr(sys, "argv", ["-c", *arguments])
-        exec(program, {})
-        output, errors = capsys.readouterr()
-        assert "\x1b" not in errors
-        return output
-
-    return run
+def run_in_pipe(*words):
+    """Return what a program prints into a pipe; in one process rich keeps its first colours."""
+    code, output, errors = finish(start_python("-c", *words, env={"COLUMNS": None}))
+    assert code == 0, errors
+    assert "\x1b" not in errors
+    return output
 
 
 def make_arguments(commands, *widths):
@@ -113,7 +106,7 @@ def make_arguments(commands, *widths):
     return json.dumps(widths), json.dumps([*commands.values()])
 
 
-def test_every_table_fits_every_terminal_and_shows_whole_numbers(commands, run_in_pipe):
+def test_every_table_fits_every_terminal_and_shows_whole_numbers(commands):
     pages = run_in_pipe(PROGRAM, *make_arguments(commands, 0)).split("\f")
     piped = dict(zip(commands, pages, strict=False))
     check_pipe(piped["budget"])
@@ -142,7 +135,7 @@ def check_pipe(text):
     assert "\x1b" not in text
 
 
-def test_colour_is_for_terminals_and_says_nothing_alone(run_in_pipe):
+def test_colour_is_for_terminals_and_says_nothing_alone():
     xterm = {"TERM": "xterm-256color"}
     shown = ({**xterm}, {**xterm, "NO_COLOR": "1"}, {"TERM": "dumb"})
     with open_terminal((sys.executable, "-c", TABLE % (shown,))) as terminal:
