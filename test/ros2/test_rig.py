@@ -41,7 +41,7 @@ def test_the_interfaces_explain_themselves(tools):
 
 def test_parameters_come_from_the_file_and_are_checked(rig, tools):
     assert "0.2" in tools.run("ros2", "param", "get", "/bench/hammer", "swing_time")
-    assert "swing_time: 0.02" in tools.run("ros2", "param", "dump", "/bench/hammer")
+    assert "swing_time: 0.2" in tools.run("ros2", "param", "dump", "/bench/hammer")
     refused = tools.run("ros2", "param", "set", "/bench/hammer", "swing_time", "-1.0", code=None)
     assert "fail" in refused.lower()
 
