@@ -149,7 +149,7 @@ def reserve_domain() -> Iterator[int]:
 
     Raises
     ------
-    RuntimeError
+    DeviceError
         If all are taken.
     """
     from domain_coordinator import domain_id
@@ -158,7 +158,13 @@ def reserve_domain() -> Iterator[int]:
     candidates = (FIRST_DOMAIN + (begin + place) % DOMAINS for place in range(DOMAINS))
     unused = filterfalse(_is_in_use, candidates)
     reservation = domain_id(lambda: next(unused))
-    number = reservation.__enter__()
+    try:
+        number = reservation.__enter__()
+    except RuntimeError as error:  # also where no candidate is left
+        raise DeviceError(
+            f"the ROS domains {FIRST_DOMAIN} to {FIRST_DOMAIN + DOMAINS - 1} are all in use on"
+            " this host: name another one in ROS_DOMAIN_ID"
+        ) from error
     try:
         yield number
     finally:

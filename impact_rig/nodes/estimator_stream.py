@@ -65,8 +65,8 @@ class StreamCutting:
         message : StreamBlock
             The block.
         behind : int
-            How far the clock by which it is dated is behind this one [ns]. Where nobody would take
-            it for news any more, its impact is dated by this clock.
+            How far its publisher's clock is behind this one [ns]. Beyond `REPLAY_AGE` its impact
+            is dated by this clock: else it would pass for a replay.
 
         Raises
         ------

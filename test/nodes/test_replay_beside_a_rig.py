@@ -33,6 +33,12 @@ def play(harness, events, offer):
     return publishers.values()
 
 
+def is_named(log, topic):
+    """Return whether a warning says that the test's own node publishes a topic."""
+    name, published, rest = log.msg.partition(" publishes ")
+    return bool(published) and name == "/peer" and topic in rest.partition(" and ")[0].split(", ")
+
+
 @pytest.mark.parametrize("offer", ["qos", "leased_qos"])  # of our recorder, of `ros2 bag record`
 def test_a_live_campaign_and_its_recording_hold_its_own_hits_alone(harness, tmp_path, offer):
     new = tmp_path / "new.mcap"
@@ -44,7 +50,8 @@ def test_a_live_campaign_and_its_recording_hold_its_own_hits_alone(harness, tmp_
     handle, feedback = begin(harness, client, samples=["steel small"], impacts=1000)
     feedback.wait(lambda messages: messages[-1].impact > 2)
     players = play(harness, make_hits({"brass small": 3}), offer)
-    told.wait(lambda logs: any("/peer publishes /acceleration, /setup" in log.msg for log in logs))
+    for topic in ("/acceleration", "/setup"):  # in one warning, or one after the other
+        told.wait(lambda logs, topic=topic: any(is_named(log, topic) for log in logs))
     for player in players:  # with the lease of the rig's nodes it passes for a second one
         harness.run(lambda player=player: harness.peer.destroy_publisher(player))
     seen = feedback.messages[-1].impact
@@ -53,8 +60,11 @@ def test_a_live_campaign_and_its_recording_hold_its_own_hits_alone(harness, tmp_
     result = harness.wait(handle.get_result_async()).result
     harness.close(recorder)
     assert {hit.sample for hit in impacts.messages} == {"steel small"}
-    assert [hit.impact for hit in result.accepted] == [*range(1, len(result.accepted) + 1)]
-    assert result.rejected == []
+    judged = sorted([*result.accepted, *result.rejected], key=lambda hit: hit.impact)
+    assert [hit.impact for hit in judged] == [*range(1, len(judged) + 1)]
+    # Of so many hits as the machine manages meanwhile one may be an outlier.
+    reasons = [reason for hit in result.rejected for reason in hit.reasons]
+    assert all(reason.startswith("inconsistent:") for reason in reasons)
     assert {
         item.label.sample for item in read_recording(new).events() if isinstance(item, Block)
     } == {"steel small"}
