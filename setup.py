@@ -1,6 +1,8 @@
 """Build of the ROS 2 package `impact_rig` (ament_python); colcon runs it."""
 
+import os
 import re
+import sys
 from pathlib import Path
 
 from setuptools import find_packages, setup
@@ -17,20 +19,29 @@ NODES = (
 )
 SOURCES = {
     "virtual": "virtual.drivers:VirtualSource",
-    "recording": "recording:RecordingSource",
-    "nidaqmx": "nidaqmx.drivers:NidaqmxSource",
-    "scpi": "scpi.source:ScpiSource",
+    "nidaqmx": "nidaqmx:NidaqmxSource",
+    "scpi": "scpi:ScpiSource",
     "sound": "sound:SoundSource",
 }
 HOLDERS = {
     "virtual": "virtual.drivers:VirtualHolder",
     "manual": "manual:ManualHolder",
     "serial": "serial_relay:SerialRelay",
-    "nidaqmx": "nidaqmx.drivers:NidaqmxHolder",
-    "gpio": "gpio:GpioHolder",
+    "nidaqmx": "nidaqmx:NidaqmxHolder",
 }
 """Drivers of devices, by the names that rig files use."""
 EXECUTABLES = f"$base/lib/{NAME}"  # where `ros2 run` and `ros2 launch` look
+FOR_PIP = bool({"dist_info", "bdist_wheel", "editable_wheel"} & set(sys.argv))
+"""Whether pip builds it: names like `recorder` are for ROS 2's own folder, not for a PATH."""
+MESSAGES = Path("share", "impact_rig_msgs", "package.xml")
+prefixes = [Path(part) for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)]
+
+if not FOR_PIP and not any((prefix / MESSAGES).exists() for prefix in prefixes):
+    print(
+        f"{NAME}: its messages are not built: colcon does not look inside of a package. Build both"
+        f" with `colcon build --base-paths {Path.cwd()} {Path.cwd() / 'msg_config'}`.",
+        file=sys.stderr,
+    )
 
 version = re.findall(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_text("utf-8"))[0]
 
@@ -39,7 +50,7 @@ setup(
     version=version,
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
-        NAME: ["py.typed", "configuration/*.toml", "present/report/templates/*"],
+        NAME: ["py.typed", "configuration/*.toml", "nodes/*.xml", "present/report/templates/*"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"launch_scripts/resource/{NAME}"]),
@@ -48,12 +59,13 @@ setup(
             f"share/{NAME}/launch",
             ["launch_scripts/rig.launch.py", "launch_scripts/replay.launch.py"],
         ),
-        ("bin", ["launch_scripts/impact-rig"]),
+        (f"share/{NAME}/config", ["launch_scripts/rig_parameters.yaml"]),
+        *([] if FOR_PIP else [("bin", ["launch_scripts/impact-rig"])]),
     ],
     entry_points={
         "console_scripts": [
-            *(f"{node} = {NAME}.nodes.__main__:{node}" for node in NODES),
-            f"impact-rig = {NAME}.cli.main:main",
+            *(f"{node} = {NAME}.nodes.__main__:{node}" for node in NODES if not FOR_PIP),
+            f"impact-rig = {NAME}.cli.start:main",
         ],
         "impact_rig.acceleration_sources": [
             f"{name} = {NAME}.devices.{place}" for name, place in SOURCES.items()
@@ -62,19 +74,36 @@ setup(
             f"{name} = {NAME}.devices.{place}" for name, place in HOLDERS.items()
         ],
     },
-    options={
+    options={}
+    if FOR_PIP
+    else {
         "develop": {"script_dir": EXECUTABLES},
         "install": {"install_scripts": EXECUTABLES},
     },
+    install_requires=[
+        "GTC>=1.5",
+        "click>=8.1",
+        "honcho>=1.1",
+        "jinja2>=3.1",
+        "lz4>=4.0",
+        "matplotlib>=3.6",
+        "mcap>=1.2",
+        "numpy>=1.26",
+        "pint>=0.20",
+        "pyyaml>=6.0",
+        "rich>=13.7",
+        "rosbags>=0.10",
+        "scipy>=1.11",
+        "zstandard>=0.22",
+    ],
     extras_require={
         "formats": ["h5py>=3.10", "npTDMS>=1.9", "pyarrow>=15", "pyuff>=2.4"],
         "batch": ["dask>=2024.5", "distributed>=2024.5"],
-        "simulators": ["mujoco>=4.0", "drake>=1.51", "pybullet>=3.2.7"],
         "testing": ["pytest>=8"],
-        "nidaqmx": ["nidaqmx[grpc]>=1.0,<1.1"],
+        "scpi": ["pyvisa>=1.14", "pyvisa-py>=0.7"],
+        "nidaqmx": ["nidaqmx>=1.0,<1.1"],
         "serial": ["pyserial>=3.5"],
         "sound": ["sounddevice>=0.5"],
-        "gpio": ["gpiod>=2.1"],
     },
     python_requires=">=3.11",
     zip_safe=False,

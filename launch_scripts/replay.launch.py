@@ -3,7 +3,6 @@
 ``ros2 launch impact_rig replay.launch.py --show-args`` lists the arguments.
 """
 
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,67 +15,35 @@ from launch.actions import (
     GroupAction,
     LogInfo,
     OpaqueFunction,
-    SetEnvironmentVariable,
     Shutdown,
 )
-from launch.substitutions import EnvironmentVariable, LaunchConfiguration
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
 from impact_rig.configuration.processes import WINDOW, make_viewer_parameters
+from impact_rig.configuration.run import choose_view
 from impact_rig.core.errors import ParameterError
+from impact_rig.recordings.source import find_recording
 
 SWITCH = ["true", "false"]
 ARGUMENTS = (
     DeclareLaunchArgument(
         "file",
-        description="path of the recording: an .mcap file, a folder as rosbag2 writes it, or that"
-        " of a run",
+        description="path of the recording: an .mcap file, or the folder of a run",
     ),
     DeclareLaunchArgument(
         "rate",
         default_value="1.0",
-        description="speed, part of the original's; 0: as fast as the nodes take it",
-    ),
-    DeclareLaunchArgument(
-        "start", default_value="0.0", description="from here, since the recording's start [s]"
-    ),
-    DeclareLaunchArgument(
-        "end",
-        default_value="0.0",
-        description="up to here, since the recording's start [s]; 0: to its end",
+        description="speed, part of the original's",
     ),
     DeclareLaunchArgument(
         "loop", default_value="1", description="how often, a whole number; 0: without end"
     ),
     DeclareLaunchArgument(
-        "samples", default_value="", description="only the hits of these, by commas; empty: all"
-    ),
-    DeclareLaunchArgument(
-        "hits",
-        default_value="",
-        description="only these hits, beside `samples`, by commas: record number, SAMPLE/IMPACT or"
-        " SAMPLE/IMPACT.ATTEMPT; empty: all",
-    ),
-    DeclareLaunchArgument(
-        "start_paused",
-        default_value="false",
-        choices=SWITCH,
-        description="wait for the services replayer/resume or replayer/step",
-    ),
-    DeclareLaunchArgument(
-        "publish_clock",
-        default_value="0.0",
-        description="how often /clock is published [Hz], for nodes that use simulated time; 0: not"
-        " at all",
-    ),
-    DeclareLaunchArgument(
-        "estimator", default_value="true", choices=SWITCH, description="estimate everything anew"
-    ),
-    DeclareLaunchArgument(
         "visualizer",
-        default_value="true",
-        choices=SWITCH,
-        description="show model and measurement in Rerun",
+        default_value="auto",
+        choices=["auto", "true", "false"],
+        description="show model and measurement in Rerun; auto: if rerun-sdk is installed",
     ),
     DeclareLaunchArgument(
         "viewer",
@@ -109,32 +76,23 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def make_replay(context: LaunchContext) -> list[Action]:
-    """Return the replayer and those that listen to it."""
+    """Return the replayer, an estimator, and a visualizer where it can be had."""
 
     def read(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
     actions: list[Action] = []
-    listeners: dict[str, dict[str, Any]] = {}
-    if read("estimator") == "true":
-        listeners["estimator"] = {}
-    if read("visualizer") == "true" and not is_rerun_installed():
-        text = "rerun-sdk is not installed: the replay goes on without the view"
-        actions.append(LogInfo(msg=f"warning: {text} (visualizer:=false says so beforehand)"))
-    elif read("visualizer") == "true":
+    listeners: dict[str, dict[str, Any]] = {"estimator": {}}
+    executables = Path(get_package_prefix("impact_rig"), "lib", "impact_rig")
+    if choose_view(read("visualizer"), executables / "visualizer"):
         listeners["visualizer"] = choose_destination(read("viewer"), read("view"))
+    elif read("visualizer") == "auto":
+        actions.append(LogInfo(msg="rerun-sdk is not installed: the replay goes without the view"))
+    recording = find_recording(Path(read("file")).expanduser())
     replayer = {
-        "file": str(Path(read("file")).expanduser().resolve()),
+        "file": str(recording.resolve()),
         "rate": read_number("rate", read("rate"), float),
-        "start": read_number("start", read("start"), float),
-        "end": read_number("end", read("end"), float),
         "loop": read_number("loop", read("loop"), int),
-        "samples": split_names(read("samples")),
-        "hits": split_names(read("hits")),
-        "start_paused": read("start_paused") == "true",
-        "publish_clock": read_number("publish_clock", read("publish_clock"), float),
-        # Without its own estimator, it replays the results of the recording.
-        "topics": "inputs" if "estimator" in listeners else "all",
         "required_subscribers": ", ".join(listeners),
         "exit_when_done": read("exit_when_done") == "true",
     }
@@ -144,17 +102,7 @@ def make_replay(context: LaunchContext) -> list[Action]:
     ]
     if read("namespace"):
         actions = [GroupAction([PushRosNamespace(read("namespace")), *actions])]
-    variable = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-    discovery = EnvironmentVariable(variable, default_value="LOCALHOST")
-    return [SetEnvironmentVariable(variable, discovery), *actions]
-
-
-def is_rerun_installed() -> bool:
-    """Return whether the Python that runs the nodes, which may be another one, has rerun-sdk."""
-    visualizer = Path(get_package_prefix("impact_rig"), "lib", "impact_rig", "visualizer")
-    interpreter = visualizer.read_text("utf-8").splitlines()[0].removeprefix("#!").split()
-    search = "import importlib.util, sys; sys.exit(importlib.util.find_spec('rerun') is None)"
-    return subprocess.run([*interpreter, "-c", search], check=False).returncode == 0
+    return actions
 
 
 def choose_destination(viewer: str, view: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ament_index_python.packages import get_package_prefix
 from launch import LaunchContext, LaunchDescription
 from launch.action import Action
 from launch.actions import (
@@ -24,9 +25,7 @@ from launch_ros.actions import Node, PushRosNamespace
 
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
-    FINAL_CODES,
     LAUNCHER,
-    RESPAWN_DELAY,
     NodeProcess,
     RecordingPlan,
     list_rig_processes,
@@ -35,16 +34,20 @@ from impact_rig.configuration.processes import (
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.configuration.run import (
     choose_run_folder,
+    choose_view,
     make_run_folder,
     make_virtual_source,
 )
 from impact_rig.core.errors import ParameterError
 from impact_rig.devices.virtual.choices import Fault, Plant
-from impact_rig.recordings.writer import COMPRESSIONS
 
 PLANTS = [plant.value for plant in Plant]
 FAULTS = ", ".join(fault.value for fault in Fault)
 SWITCH = ["true", "false"]
+FINAL_CODES = (0, 2)
+"""A node that ends with one of these, by request or for an impossible parameter, stays ended."""
+RESPAWN_DELAY = 1.0
+"""[s]"""
 ARGUMENTS = (
     DeclareLaunchArgument(
         "rig_file",
@@ -85,7 +88,9 @@ ARGUMENTS = (
         description="folder for recording and view; empty: runs/<time> under this folder",
     ),
     DeclareLaunchArgument(
-        "record", default_value="true", choices=SWITCH, description="record everything to MCAP"
+        "resume",
+        default_value="",
+        description="folder of an earlier run to go on with; with impacts, its campaign goes on",
     ),
     DeclareLaunchArgument(
         "record_stream",
@@ -94,25 +99,13 @@ ARGUMENTS = (
         description="with continuous: record the whole stream, not only the impacts in it",
     ),
     DeclareLaunchArgument(
-        "bag",
-        default_value="false",
-        choices=SWITCH,
-        description="record into a folder as rosbag2 writes it, not into one file",
-    ),
-    DeclareLaunchArgument(
-        "compression",
-        default_value="",
-        choices=["", *COMPRESSIONS],
-        description="of the recording; empty: zstd",
-    ),
-    DeclareLaunchArgument(
         "notes", default_value="", description="what the recording should say of itself"
     ),
     DeclareLaunchArgument(
         "visualizer",
-        default_value="true",
-        choices=SWITCH,
-        description="show model and measurement in Rerun",
+        default_value="auto",
+        choices=["auto", "true", "false"],
+        description="show model and measurement in Rerun; auto: if rerun-sdk is installed",
     ),
     DeclareLaunchArgument(
         "viewer",
@@ -160,31 +153,31 @@ def make_rig(context: LaunchContext) -> list[Action]:
 
     rig_file = Path(read("rig_file")).resolve() if read("rig_file") else None
     rig = load_rig_file(rig_file)
+    faults = read_number("faults", read("faults"), float)
+    if faults is not None and not 0.0 <= faults <= 1.0:
+        raise ParameterError(f"faults:={faults:g}: it must be a probability, from 0 to 1")
     source = make_virtual_source(
         plant=read("plant") or None,
         seed=read_number("seed", read("seed"), int),
-        faults=read_number("faults", read("faults"), float),
+        faults=faults,
     )
-    folder = choose_run_folder(Path(read("output")) if read("output") else None)
+    executables = Path(get_package_prefix("impact_rig"), "lib", "impact_rig")
+    given = read("resume") or read("output")
+    folder = choose_run_folder(Path(given) if given else None)
     processes = list_rig_processes(
         folder.resolve(),
         rig_file=str(rig_file or ""),
         source=source,
         swing=rig.hammer,
         continuous=read("continuous") == "true",
-        record=read("record") == "true",
-        recording=RecordingPlan(
-            read("bag") == "true",
-            read("compression"),
-            read("notes"),
-            read("record_stream") == "true",
-        ),
-        visualize=read("visualizer") == "true",
+        recording=RecordingPlan(read("notes"), read("record_stream") == "true"),
+        visualize=choose_view(read("visualizer"), executables / "visualizer"),
         viewers=split_names(read("viewer")),
         only=split_names(read("only")),
     )
     check_free(join_names(read("namespace"), (process.name for process in processes)))
-    if any("output" in process.parameters for process in processes):
+    is_written = any("output" in process.parameters for process in processes)
+    if is_written and not read("resume"):
         make_run_folder(folder)
     respawn = read("respawn") == "true"
     actions = [make_node(process, read("params_file"), respawn=respawn) for process in processes]
@@ -192,7 +185,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
         actions = [GroupAction([PushRosNamespace(read("namespace")), *actions])]
     impacts = read_number("impacts", read("impacts"), int)
     if impacts is not None:
-        actions.append(make_campaign(impacts, read("namespace")))
+        actions.append(make_campaign(impacts, read("resume"), read("namespace")))
     variables = make_network_variables(os.environ, network=read("network") == "true")
     variables[LAUNCHER] = str(os.getpid())
     return [*(SetEnvironmentVariable(*item) for item in variables.items()), *actions]
@@ -221,9 +214,10 @@ def make_node(process: NodeProcess, params_file: str, *, respawn: bool) -> Actio
     )
 
 
-def make_campaign(impacts: int, namespace: str) -> Action:
-    """Return the command that runs a campaign; the rig ends with it."""
-    command = ["impact-rig", "campaign", "--impacts", str(impacts)]
+def make_campaign(impacts: int, resume: str, namespace: str) -> Action:
+    """Return the command that runs a campaign, or goes on with one; the rig ends with it."""
+    wanted = ["--resume", resume] if resume else ["--impacts", str(impacts)]
+    command = ["impact-rig", "campaign", *wanted]
     if namespace:
         command += ["--namespace", namespace]
     return ExecuteProcess(

@@ -15,15 +15,16 @@ USAGE = """\
 usage: python3 launch_scripts/rig.py COMMAND
 
   demo [OPTIONS]     run a whole campaign on the virtual rig; all of `impact-rig demo`'s options
-  bench [OPTIONS]    measure what is claimed; all of `impact-rig bench`'s options
+  bench [OPTIONS]    measure what is claimed; `bench --help` names the parts
   test [OPTIONS]     lint, format, types and tests; the options go to pytest
   exec -- CMD ...    run any command: nodes, `impact-rig`, `python3`
   shell              open a shell in which all of the above are commands
 
 The first call sets up: a Python environment in .venv with ROS 2 Jazzy from wheels, and both
-packages, built into install/. It takes about two minutes and needs a C++ compiler; later calls
-start at once, and build again only what has changed. With a ROS 2 Jazzy installation sourced,
-that one is used instead of the wheels.
+packages, built into install/. It takes about a minute and needs a C++ compiler; later calls start
+at once, with the Python of the first one, and build again only what has changed. Delete .venv to
+choose another Python. With a ROS 2 Jazzy installation sourced, that one is used instead of the
+wheels.
 
   python3 launch_scripts/rig.py demo --samples "aluminium large" --impacts 3
   python3 launch_scripts/rig.py test -k pulse
@@ -31,10 +32,10 @@ that one is used instead of the wheels.
   python3 launch_scripts/rig.py exec -- impact-rig analyze runs/*/session.mcap
 """
 
-OURS = ("demo", "bench")  # commands of `impact-rig`
 OLDEST = (3, 11)
 NEWEST = (3, 13)
 PARALLEL = ["--numprocesses=auto", "--dist=loadfile"]  # later options of pytest go before them
+WRITES = "the set-up writes into this folder; use a clone of your own on a disk with space left."
 INTERRUPTED = 128 + signal.SIGINT
 NOT_FOUND = 127
 
@@ -49,6 +50,14 @@ def check_python(version: "tuple[int, ...]") -> str:
             *(OLDEST + NEWEST + tuple(version[:2]))
         )
     )
+
+
+def go_on_with_first_python(root: Path) -> None:
+    """Run this script again by the Python that set it up, if that is another."""
+    python = root / ".venv" / "bin" / "python3"
+    is_set_up = (root / ".venv" / ".stamp-python").exists() and python.exists()
+    if is_set_up and not os.environ.get("ROS_DISTRO") and Path(sys.prefix) != root / ".venv":
+        os.execv(str(python), [str(python), *sys.argv])
 
 
 def open_closed_streams() -> None:
@@ -115,7 +124,7 @@ def main(arguments: "list[str]") -> int:
     if command in ("help", "-h", "--help"):
         print(USAGE, end="")
         return 0
-    is_known = command in (*OURS, "test", "exec", "shell")
+    is_known = command in ("demo", "bench", "test", "exec", "shell")
     if not is_known or (command == "exec" and not options):
         print(USAGE, end="", file=sys.stderr)
         return 2
@@ -126,6 +135,7 @@ def run(command: str, options: "list[str]") -> int:
     """Set up what is not, and run one command of `USAGE`; return its exit code."""
     import workspace
 
+    go_on_with_first_python(Path(__file__).resolve().parent.parent)
     try:
         place = workspace.find_workspace()
         if workspace.find_stale(place):
@@ -135,6 +145,9 @@ def run(command: str, options: "list[str]") -> int:
         environment = workspace.make_environment(place, os.environ)
     except workspace.SetupError as error:
         print(f"error: {error}", file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f"error: {error.filename}: {error.strerror}: {WRITES}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("\ninterrupted: the next call goes on with the set-up", file=sys.stderr)
@@ -146,7 +159,13 @@ def run(command: str, options: "list[str]") -> int:
         shell = os.environ.get("SHELL") or "/bin/sh"
         start_up = ["--rcfile", str(place.root / "launch_scripts" / "shell.bash")]
         return become([shell, *(start_up if Path(shell).name == "bash" else [])], environment)
-    words = ["impact-rig", command, *options] if command in OURS else options
+    words = options
+    if command == "demo":
+        words = ["impact-rig", command, *options]
+    elif command == "bench":
+        paths = [str(place.root / "test"), environment.get("PYTHONPATH", "")]
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
+        words = ["python3", "-m", "bench", *options]
     return become(words, environment)
 
 

@@ -17,8 +17,8 @@ from pathlib import Path
 ROS_DISTRIBUTION = "jazzy"
 MESSAGES = "impact_rig_msgs"
 NODES = "impact_rig"
-LIBRARY_GROUPS = ("scientific", "rig", "formats", "devices", "test")
-"""Requirement files beside those of ROS 2."""
+LIBRARIES = ("scientific", "rig", "formats", "devices", "test")
+"""Requirement files beside those of ROS 2 and of what installs and builds."""
 BOOTSTRAP_DONE = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 """Tells the ROS wheels that the library path is right; else each Python starts itself twice."""
 
@@ -57,11 +57,6 @@ class Workspace:
         """Where pip installs."""
         return self.venv / _SITE_PACKAGES
 
-    @property
-    def pip_mark(self) -> Path:
-        """Stands while pip installs: what an interrupted pip leaves is not to be trusted."""
-        return self.venv / ".installing"
-
     def get_prefix(self, package: str) -> Path:
         """Return where colcon installs a package."""
         return self.root / "install" / package
@@ -76,52 +71,41 @@ class Workspace:
         folder = self.root / "launch_scripts" / "requirements" / "locked"
         return [folder / f"{name}.txt" for name in names]
 
+    @property
+    def build_requirements(self) -> list[Path]:
+        """ROS 2 and what builds packages with it; the first comes with an installed ROS 2."""
+        return self.get_requirements(*(() if self.is_ros_installed else ("ros",)), "colcon")
+
     @cached_property
     def steps(self) -> dict[str, "Step"]:
         """What must have been made, in this order."""
-        build_groups = ["colcon"] if self.is_ros_installed else ["ros", "colcon"]
-        launch_scripts = self.root / "launch_scripts"
-        python = Step(self.venv / ".stamp-python", _identify_python(self))
-        ros = Step(
-            self.venv / ".stamp-ros",
-            compute_fingerprint(
-                self.root,
-                self.get_requirements(*build_groups),
-                python.fingerprint,
-            ),
-        )
+        scripts = self.root / "launch_scripts"
+        python = self._fingerprint(self.get_requirements("installer"), *_identify_python(self))
+        build = self._fingerprint(self.build_requirements, python)
+        packages = self._fingerprint(self.get_requirements(*LIBRARIES), build)
+        messages = self._fingerprint((self.root / "msg_config").rglob("*"), build)
+        nodes = [
+            self.root / "setup.py",
+            self.root / "package.xml",
+            scripts / "impact-rig",
+            *scripts.glob("*.launch.py"),
+            *scripts.glob("resource/*"),
+        ]
         return {
-            "python": python,
-            "ros": ros,
-            "libraries": Step(
-                self.venv / ".stamp-libraries",
-                compute_fingerprint(
-                    self.root,
-                    self.get_requirements(*LIBRARY_GROUPS),
-                    python.fingerprint,
-                ),
-            ),
-            "messages": Step(
-                self.get_prefix(MESSAGES) / ".stamp",
-                compute_fingerprint(
-                    self.root, (self.root / "msg_config").rglob("*"), ros.fingerprint
-                ),
-            ),
-            "nodes": Step(
-                self.get_prefix(NODES) / ".stamp",
-                compute_fingerprint(
-                    self.root,
-                    [
-                        self.root / "setup.py",
-                        self.root / "package.xml",
-                        launch_scripts / "impact-rig",
-                        *launch_scripts.glob("*.launch.py"),
-                        *launch_scripts.glob("resource/*"),
-                    ],
-                    ros.fingerprint,
-                ),
-            ),
+            "python": Step(self.venv / ".stamp-python", python),
+            "packages": Step(self.venv / ".stamp-packages", packages),
+            "messages": Step(self.get_prefix(MESSAGES) / ".stamp", messages),
+            "nodes": Step(self.get_prefix(NODES) / ".stamp", self._fingerprint(nodes, build)),
         }
+
+    def _fingerprint(self, paths: Iterable[Path], *others: str) -> str:
+        """Return a hash of names and contents of files, and of other texts."""
+        digest = hashlib.sha256("\0".join(others).encode())
+        for path in sorted(path for path in paths if path.is_file()):
+            content = path.read_bytes()
+            digest.update(f"\0{path.relative_to(self.root)}\0{len(content)}\0".encode())
+            digest.update(content)
+        return digest.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -183,20 +167,9 @@ def find_wheel_problem() -> str:
 def find_stale(workspace: Workspace) -> list[str]:
     """Return the names of the steps that must be run, in order."""
     stale = [name for name, step in workspace.steps.items() if not step.is_fresh()]
-    if "python" in stale or workspace.pip_mark.exists():
-        in_venv = ["python", "ros", "libraries"]
-        stale = in_venv + [name for name in stale if name not in in_venv]
+    if "python" in stale and "packages" not in stale:
+        stale.insert(1, "packages")
     return stale
-
-
-def compute_fingerprint(root: Path, paths: Iterable[Path], *others: str) -> str:
-    """Return a hash of names and contents of files, and of other texts."""
-    digest = hashlib.sha256("\0".join(others).encode())
-    for path in sorted(path for path in paths if path.is_file()):
-        content = path.read_bytes()
-        digest.update(f"\0{path.relative_to(root)}\0{len(content)}\0".encode())
-        digest.update(content)
-    return digest.hexdigest()
 
 
 def make_environment(workspace: Workspace, base: Mapping[str, str]) -> dict[str, str]:
@@ -249,7 +222,6 @@ def format_environment(workspace: Workspace) -> str:
 _SITE_PACKAGES = Path("lib", f"python{sys.version_info[0]}.{sys.version_info[1]}", "site-packages")
 
 
-def _identify_python(workspace: Workspace) -> str:
-    """Return a hash of all that the Python environment depends on, beside the requirements."""
-    identity = (sys.base_prefix, sys.version, str(workspace.root), str(workspace.is_ros_installed))
-    return compute_fingerprint(workspace.root, [], *identity)
+def _identify_python(workspace: Workspace) -> tuple[str, ...]:
+    """Return what the Python environment depends on, beside the requirements."""
+    return sys.base_prefix, sys.version, str(workspace.root), str(workspace.is_ros_installed)

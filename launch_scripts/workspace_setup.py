@@ -9,14 +9,15 @@ import signal
 import subprocess
 import sys
 import sysconfig
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeAlias
 
 from workspace import (
-    LIBRARY_GROUPS,
+    LIBRARIES,
     MESSAGES,
     NODES,
     SetupError,
@@ -28,8 +29,7 @@ from workspace import (
 
 TITLES = {
     "python": "Python environment",
-    "ros": "ROS 2 Jazzy and build tools",
-    "libraries": "libraries of rig and tests",
+    "packages": "ROS 2 Jazzy, libraries, tools",
     "messages": f"messages ({MESSAGES})",
     "nodes": f"nodes ({NODES})",
 }
@@ -37,6 +37,8 @@ SHOWN_LINES = 20
 """Last lines of the log that are shown when a step fails: our choice."""
 GRACE = 10.0
 """Time an interrupted tool has to end by itself [s]: our choice."""
+
+Command: TypeAlias = list[str | Path]
 
 WHEEL_BUILDER_PATH = re.compile(
     r"/opt/python/cp\d+-cp\d+/"
@@ -57,8 +59,7 @@ def set_up(workspace: Workspace) -> None:
     """
     run_step = {
         "python": _make_python_environment,
-        "ros": _install_ros,
-        "libraries": _install_libraries,
+        "packages": _install_packages,
         "messages": _build_messages,
         "nodes": _build_nodes,
     }
@@ -91,8 +92,19 @@ class _Runner:
         self._start = time.monotonic()
         self._show()
 
-    def run(self, command: list[str | Path], environment: dict[str, str], folder: Path) -> None:
+    def run(self, command: Command, environment: dict[str, str], folder: Path) -> None:
         """Run a command; raise `SetupError` with the last lines of its output if it fails."""
+        code = self.try_to_run(command, environment, folder)
+        if code:
+            lines = self._log.read_text("utf-8", errors="replace").splitlines()[-SHOWN_LINES:]
+            print("\n" + "\n".join(f"    {line}" for line in lines), file=sys.stderr)
+            raise SetupError(
+                f"{self._title}: failed (`{Path(command[0]).name}` ended with code {code}): the"
+                f" whole output is in {self._log}."
+            )
+
+    def try_to_run(self, command: Command, environment: dict[str, str], folder: Path) -> int:
+        """Run a command; return its exit code."""
         with self._log.open("ab") as output:
             output.write(f"$ {' '.join(map(str, command))}\n".encode())
             output.flush()
@@ -112,13 +124,7 @@ class _Runner:
         except KeyboardInterrupt:
             _end_group(process)
             raise
-        if process.returncode:
-            lines = self._log.read_text("utf-8", errors="replace").splitlines()[-SHOWN_LINES:]
-            print("\n" + "\n".join(f"    {line}" for line in lines), file=sys.stderr)
-            raise SetupError(
-                f"{self._title}: failed (`{Path(command[0]).name}` ended with code "
-                f"{process.returncode}): the whole output is in {self._log}."
-            )
+        return process.returncode
 
     def finish(self) -> None:
         """Show the time the step took."""
@@ -140,7 +146,7 @@ class _Runner:
 
 
 def _make_python_environment(workspace: Workspace, runner: _Runner) -> None:
-    command: list[str | Path] = [sys.executable, "-m", "venv", "--clear"]
+    command: Command = [sys.executable, "-m", "venv", "--clear"]
     if workspace.is_ros_installed:
         command.append("--system-site-packages")
     environment = dict(os.environ)
@@ -150,41 +156,41 @@ def _make_python_environment(workspace: Workspace, runner: _Runner) -> None:
     if base_python.exists():  # not the .venv's own, which is about to be emptied
         command[0] = base_python
     runner.run([*command, workspace.venv], environment, workspace.root)
+    pip = _choose_pip(workspace, workspace.get_requirements("installer"))
+    runner.run(pip, environment, workspace.root)
 
 
-def _install_ros(workspace: Workspace, runner: _Runner) -> None:
+def _install_packages(workspace: Workspace, runner: _Runner) -> None:
+    """Install by uv, which takes seconds; where uv fails by pip, which has settings of its own."""
+    files = workspace.get_requirements(*LIBRARIES)
+    if not (workspace.is_ros_installed and has_colcon(workspace)):
+        files += workspace.build_requirements
+    uv: Command = [workspace.venv / "bin" / "uv", "pip", "install", "--python", workspace.python]
+    # All of them: an interrupted call may have left parts of one.
+    uv += ["--reinstall", "--no-deps", "--require-hashes", *_name_files(files)]
+    environment = {"UV_HTTP_TIMEOUT": "60", **os.environ}
+    if runner.try_to_run(uv, environment, workspace.root):
+        pip = _choose_pip(workspace, files)
+        runner.run([*pip, "--force-reinstall"], dict(os.environ), workspace.root)
     if not workspace.is_ros_installed:
-        _pip_install(workspace, runner, ["ros", "colcon"])
         _mend_wheels(workspace)
-    elif not has_colcon(workspace):
-        _pip_install(workspace, runner, ["colcon"])
 
 
 def has_colcon(workspace: Workspace) -> bool:
     """Return whether the environment's Python has colcon: one on PATH may belong to another."""
-    check: list[str | Path] = [workspace.python, "-c", "import colcon_core"]
+    check: Command = [workspace.python, "-c", "import colcon_core"]
     return subprocess.run(check, capture_output=True, check=False).returncode == 0
 
 
-def _install_libraries(workspace: Workspace, runner: _Runner) -> None:
-    _pip_install(workspace, runner, list(LIBRARY_GROUPS))
-
-
-def _pip_install(workspace: Workspace, runner: _Runner, groups: list[str]) -> None:
-    command: list[str | Path] = [
-        workspace.python,
-        "-m",
-        "pip",
-        "install",
-        "--no-deps",
-        "--require-hashes",
-    ]
+def _choose_pip(workspace: Workspace, files: list[Path]) -> Command:
+    """Return the command by which pip installs what these files name, and nothing else."""
+    command: Command = [workspace.python, "-m", "pip", "install", "--no-deps", "--require-hashes"]
     command += ["--no-input", "--disable-pip-version-check", "--progress-bar", "off"]
-    for path in workspace.get_requirements(*groups):
-        command += ["--requirement", path]
-    workspace.pip_mark.touch()
-    runner.run(command, dict(os.environ), workspace.root)
-    workspace.pip_mark.unlink()
+    return [*command, *_name_files(files)]
+
+
+def _name_files(files: list[Path]) -> Command:
+    return [word for path in files for word in ("--requirement", path)]
 
 
 def _mend_wheels(workspace: Workspace) -> None:
@@ -202,30 +208,46 @@ def _mend_wheels(workspace: Workspace) -> None:
 
 
 def _build_messages(workspace: Workspace, runner: _Runner) -> None:
-    # From scratch: an interface that was removed leaves no trace.
-    shutil.rmtree(workspace.root / "build" / MESSAGES, ignore_errors=True)
     shutil.rmtree(workspace.get_prefix(MESSAGES), ignore_errors=True)
-    python = f"-DPython3_EXECUTABLE={workspace.python}"
     has_ninja = shutil.which("ninja", path=make_environment(workspace, os.environ)["PATH"])
-    generator = ["-GNinja"] if has_ninja else []
-    _build(workspace, runner, MESSAGES, "--cmake-args", "-DBUILD_TESTING=OFF", python, *generator)
+    options = ["--cmake-args", "-DBUILD_TESTING=OFF", *(["-GNinja"] if has_ninja else [])]
+    options.append(f"-DPython3_EXECUTABLE={workspace.python}")
+    if not workspace.is_ros_installed:
+        options.append("-DONLY_PYTHON=ON")
+    # Elsewhere: CMake reads paths of messages as ASCII, and this folder's may hold any letter.
+    with tempfile.TemporaryDirectory(prefix="impact_rig_") as folder:
+        source = shutil.copytree(workspace.root / "msg_config", Path(folder, "source"))
+        _build(workspace, runner, MESSAGES, source, Path(folder, "build"), options)
 
 
 def _build_nodes(workspace: Workspace, runner: _Runner) -> None:
     shutil.rmtree(workspace.root / "build" / NODES, ignore_errors=True)
     shutil.rmtree(workspace.get_prefix(NODES), ignore_errors=True)
-    _build(workspace, runner, NODES)
+    build = workspace.root / "build"
+    _build(workspace, runner, NODES, workspace.root, build, ["--symlink-install"])
     workspace.shell_environment.write_text(format_environment(workspace), "utf-8")
+    if " " in str(workspace.python):
+        # No kernel finds an interpreter whose path holds a blank; PATH does.
+        for script in (workspace.get_prefix(NODES) / "lib" / NODES).iterdir():
+            _, code = script.read_text("utf-8").split("\n", 1)
+            script.write_text(f"#!/usr/bin/env python3\n{code}", "utf-8")
 
 
-def _build(workspace: Workspace, runner: _Runner, package: str, *options: str) -> None:
+def _build(
+    workspace: Workspace,
+    runner: _Runner,
+    package: str,
+    source: Path,
+    build: Path,
+    options: list[str],
+) -> None:
     environment = make_environment(workspace, os.environ)
     # Without it colcon limits the load, and ninja then compiles one file at a time.
     environment.setdefault("MAKEFLAGS", f"-j{os.cpu_count() or 1}")
     colcon = "import sys; from colcon_core.command import main; sys.exit(main())"
-    command: list[str | Path] = [workspace.python, "-c", colcon, "build"]
-    command += ["--base-paths", ".", "msg_config", "--packages-select", package]
-    command += ["--symlink-install", "--event-handlers", "console_cohesion+", *options]
+    command: Command = [workspace.python, "-c", colcon, "build", "--base-paths", source]
+    command += ["--build-base", build, "--packages-select", package]
+    command += ["--event-handlers", "console_cohesion+", *options]
     runner.run(command, environment, workspace.root)
 
 

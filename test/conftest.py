@@ -10,17 +10,17 @@ import re
 import signal
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import ModuleType
 
 import hypothesis
 import pytest
 
+from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.setup import PAPER_SETUP, RigSetup
+from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
 from impact_rig.results.campaign import Results, results_from_session
 
@@ -38,14 +38,6 @@ for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: None)
 
 
-@pytest.fixture(scope="session", autouse=True)
-def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Let no emergency stop of this user's rigs reach a test, nor the other way round."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        yield
-
-
 Strike = Callable[..., Results]
 
 
@@ -56,9 +48,10 @@ def strike_samples(
     impacts: int = 2,
     fault_probability: float = 0.0,
     seed: int = 1,
+    plant: Plant = Plant.PUBLISHED,
 ) -> Results:
     """Strike every sample a number of times, good hits or bad."""
-    settings = VirtualRigSettings(seed=seed, faults=FaultPlan(fault_probability))
+    settings = VirtualRigSettings(plant, seed=seed, faults=FaultPlan(fault_probability))
     rig, session, faults, record = VirtualRig(setup, settings), Session(setup), {}, 0
     for name in names:
         for impact in range(1, impacts + 1):

@@ -1,137 +1,177 @@
-"""Many recordings, analyzed side by side: each gives the numbers that it gives alone."""
+"""Many recordings, analyzed side by side by Dask: each gives the numbers that it gives alone."""
 
+import contextlib
+import logging
 import os
-from collections.abc import Callable, Sequence
+import signal
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from impact_rig.analysis.recording_analysis import (
-    AnalyzedRecording,
+from impact_rig import __version__
+from impact_rig.analysis.analyze import (
+    Analysis,
     Settings,
-    analyze_recording,
+    analyze,
 )
-from impact_rig.analysis.repeated_files import list_files
 from impact_rig.core.errors import RigError
+from impact_rig.recordings.reader import read_recording
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 WORTH_WORKERS = 1_000_000
 """Size of all recordings together [byte] from which more processes are worth the second that they
-take to start, measured: a core analyzes this much in 0.3 s to 3 s, mostly by the number of samples
-in it."""
+take to start, measured: a core analyzes this much in 0.3 s to 3 s."""
+LOOPBACK = "127.0.0.1"
+"""Workers of this host are for this host."""
+CONNECT_TIMEOUT = 5.0
+"""How long a cluster may take to answer [s], our choice: one that is there answers at once."""
+READ_VERSION = "__import__('impact_rig').__version__"
+"""What each worker of a cluster is asked first."""
 
 Report = Callable[[Path], None]
-"""Called with each recording as it is finished."""
-Remark = Callable[[str], None]
-"""Is told what else a person should know."""
+"""Called with each recording as it is finished, in any order."""
 
 
 @dataclass(frozen=True)
 class BatchOutcome:
-    """What came of one recording of many.
+    """What came of one recording of many."""
 
-    Attributes
-    ----------
-    path : Path
-        As it was given.
-    recording : AnalyzedRecording or None
-        None: it could not be analyzed.
-    error : str
-        Why not.
-    """
-
-    path: Path
-    recording: AnalyzedRecording | None
-    error: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class BatchTask:
-    """What a worker is sent: paths and settings, no data.
-
-    Attributes
-    ----------
-    path : Path
-        Of the recording.
-    settings : mapping
-        Fields of `AnalysisSettings` to use in place of the recorded ones.
-    """
-
-    path: Path
-    settings: Settings
-
-    def run(self) -> BatchOutcome:
-        """Analyze the recording; what is wrong with it is an outcome too."""
-        try:
-            return BatchOutcome(self.path, analyze_recording(self.path, self.settings))
-        except RigError as error:
-            return BatchOutcome(self.path, None, str(error))
-        except MemoryError:
-            return BatchOutcome(self.path, None, f"{self.path} needs more memory than there is")
+    path: Path  # as it was given
+    recording: Analysis | None  # None: it could not be analyzed
+    error: str = ""  # why not
 
 
 def analyze_batch(
-    tasks: Sequence[BatchTask],
+    paths: Sequence[Path],
+    settings: Settings,
     workers: int | None,
     scheduler: str | None,
     report: Report,
-    remark: Remark,
 ) -> list[BatchOutcome]:
     """Analyze recordings, in processes side by side where that is faster.
 
     Parameters
     ----------
+    settings : mapping
+        Fields of `AnalysisSettings` to use in place of the recorded ones.
     workers : int or None
         Processes; None: as many as cores, or none but this one for a small batch.
     scheduler : str or None
         Address of a Dask cluster to use instead.
     report : callable
-        Called with each recording as it is finished, in any order.
-    remark : callable
-        Is told in a sentence why it takes longer than it could.
+        Called with each recording as it is finished.
 
     Returns
     -------
     list of BatchOutcome
-        In the order of `tasks`.
+        In the order of `paths`.
 
     Raises
     ------
     RigError
         If the cluster cannot be used.
-    ModuleNotFoundError
-        If it needs Dask, and that is not installed.
     """
-    if scheduler is not None:
-        from impact_rig.analysis.dask_workers import connect_to_workers, run_on_workers
+    count = min(workers or _choose_workers(paths), len(paths))
+    if scheduler is None and count == 1:
+        outcomes = []
+        for path in paths:
+            outcomes.append(_analyze(path, settings))
+            report(path)
+        return outcomes
+    with connect_to_workers(scheduler) if scheduler else start_workers(count) as client:
+        return run_on_workers(client, paths, settings, report)
 
-        with connect_to_workers(scheduler) as client:
-            return run_on_workers(client, tasks, report)
-    count = min(workers or _choose_workers([task.path for task in tasks]), len(tasks))
-    if count > 1:
+
+@contextlib.contextmanager
+def start_workers(count: int) -> "Iterator[Client]":
+    """Start processes of one thread each on this host; stop them at the end of the block."""
+    from distributed import Client, LocalCluster
+
+    with _keep_interrupts():
+        cluster = LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            memory_limit=0,
+            host=LOOPBACK,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        )
+    with cluster, Client(cluster, set_as_default=False) as client:
+        yield client
+
+
+@contextlib.contextmanager
+def _keep_interrupts() -> Iterator[None]:
+    """Let the threads and processes that start in the block leave Ctrl-C to this thread."""
+    resource_tracker.ensure_running()  # it would lift the mask when it is started
+    previous = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, previous)
+
+
+@contextlib.contextmanager
+def connect_to_workers(address: str) -> "Iterator[Client]":
+    """Use a cluster that is already there.
+
+    Raises
+    ------
+    RigError
+        If nothing answers there, or its workers have another version of this software.
+    """
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise RigError(
+            f"no Dask scheduler answers at {address!r}: {error}; give the address that it"
+            f" prints when it starts, like tcp://{LOOPBACK}:8786"
+        ) from None
+    with client:
+        # As text: a worker cannot be sent a function which it cannot import.
+        for worker, version in client.run(eval, READ_VERSION, on_error="return").items():
+            if version != __version__:
+                raise RigError(
+                    f"the Dask worker {worker} has not impact_rig {__version__} but {version!r}:"
+                    " install the same version on every worker"
+                )
+        yield client
+
+
+def run_on_workers(
+    client: "Client", paths: Sequence[Path], settings: Settings, report: Report
+) -> list[BatchOutcome]:
+    """Analyze recordings on workers; return what came of them, in their order."""
+    from distributed import as_completed
+
+    futures = {client.submit(_analyze, path, settings, pure=False): path for path in paths}
+    found: dict[Path, BatchOutcome] = {}
+    for future in as_completed(futures, loop=client.loop):
+        path = futures[future]
         try:
-            from impact_rig.analysis.dask_workers import run_on_workers, start_workers
-        except ModuleNotFoundError as error:
-            remark(
-                f"Python finds no module {error.name!r}, which Dask would bring: the recordings"
-                " are analyzed one after the other"
-            )
-        else:
-            with start_workers(count) as client:
-                return run_on_workers(client, tasks, report)
-    outcomes = []
-    for task in tasks:
-        outcomes.append(task.run())
-        report(task.path)
-    return outcomes
+            found[path] = future.result()
+        except Exception as error:  # noqa: BLE001 - of Dask, for example of a worker that was killed
+            found[path] = BatchOutcome(path, None, f"{path}: {type(error).__name__}: {error}")
+        report(path)
+    return [found[path] for path in paths]
+
+
+def _analyze(path: Path, settings: Settings) -> BatchOutcome:
+    """Analyze one recording; what is wrong with it is an outcome too."""
+    try:
+        return BatchOutcome(path, analyze(read_recording(path), settings))
+    except RigError as error:
+        return BatchOutcome(path, None, str(error))
+    except MemoryError:
+        return BatchOutcome(path, None, f"{path} needs more memory than there is")
 
 
 def _choose_workers(paths: Sequence[Path]) -> int:
-    size = sum(_read_size(path) for path in paths)
+    size = sum(path.stat().st_size for path in paths if path.is_file())
     return len(os.sched_getaffinity(0)) if size >= WORTH_WORKERS else 1
-
-
-def _read_size(path: Path) -> int:
-    """Return the size of a recording [byte]; 0 for what cannot be read."""
-    try:
-        return sum(file.stat().st_size for file in list_files(path))
-    except OSError:
-        return 0

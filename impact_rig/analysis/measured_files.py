@@ -4,44 +4,39 @@
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
-from impact_rig.configuration.import_file import ImportFile, add_options, read_import_file
+from impact_rig.configuration.import_file import (
+    ImportFile,
+    add_options,
+    read_analysis_settings,
+    read_import_file,
+)
 from impact_rig.configuration.rig_file import read_rig_file
-from impact_rig.core.checks import check_positive
-from impact_rig.core.errors import ParameterError, RigError, SignalError
-from impact_rig.core.hits.pulse_width import measure_pulse
-from impact_rig.core.hits.reasons import Reason
-from impact_rig.core.hits.verdict import check_channels, check_stream
-from impact_rig.core.setup.calibration import UNITS
-from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
-from impact_rig.core.setup.sensors import CHANNELS, ChannelPlan, Sensor
-from impact_rig.core.signals.detection import ImpactDetector
-from impact_rig.core.signals.filtering import check_cutoff, low_pass
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.detection import ImpactDetector
+from impact_rig.core.errors import ParameterError, RigError, SignalError, check_positive
+from impact_rig.core.filtering import check_cutoff
+from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.sensors import CHANNELS, ChannelPlan, Sensor
+from impact_rig.core.setup import RigSetup, Sample, SampleSet
+from impact_rig.core.verdict import Reason, check_channels, check_stream
 from impact_rig.recordings.importing import (
     ImportedHit,
     check_series,
     choose_window,
-    count_width,
     read_hits,
 )
+from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import format_count
 
 DEFAULT_NAME = "sample"
 MASSES = ("hammer_mass", "sample_mass", "accelerometer_mass")
 WINDOW = ("pre_trigger", "record_duration")
-FINE_POINTS = 100
-"""Of a pulse at half amplitude, to see what the low-pass does to it [points], our choice."""
-LONG_PULSE = 5.0
-"""Width of a pulse over the period of the cutoff from which nothing happens to it [-]."""
-WORTH_SAYING = 0.01
-"""How much wider a pulse must become [-], our choice."""
+CUT = "if a file holds several hits, --record-duration 20ms makes one of each"
 USELESS = {Reason.NO_PULSE, Reason.NON_FINITE}
 """Reasons that a file is not a bad hit but no hit at all."""
 
@@ -72,17 +67,14 @@ class TraceSeries:
     is_filter_optional: bool = False
 
 
-def make_series(given: Mapping[str, Any], settings: Mapping[str, Any]) -> TraceSeries:
+def make_series(given: Mapping[str, Any]) -> TraceSeries:
     """Return what files are taken for.
 
     Parameters
     ----------
     given : mapping
-        Options of measured files as given: `channels`, a file that holds the others and goes
-        after them; `rig_file` with masses and settings; those of `add_options`; `pre_trigger` and
-        `record_duration` [s].
-    settings : mapping
-        Fields of `AnalysisSettings` to replace, by name.
+        Options of measured files as given: `channels`, the path of a file of channels; `rig_file`,
+        that of a rig file with masses and settings; those of `add_options`.
 
     Raises
     ------
@@ -91,15 +83,15 @@ def make_series(given: Mapping[str, Any], settings: Mapping[str, Any]) -> TraceS
     FileError
         If the rig file or the file of channels cannot be used.
     """
-    left = dict(given)
-    channels, rig_file = left.pop("channels", None), left.pop("rig_file", None)
-    window = {name: left.pop(name) for name in WINDOW if name in left}
+    channels, rig_file = given.get("channels"), given.get("rig_file")
     file = ImportFile() if channels is None else read_import_file(channels)
-    file = add_options(replace(file, settings={**file.settings, **settings, **window}), left)
+    file = add_options(file, given)
     if not math.isnan(file.hammer_stiffness):
-        check_positive("--hammer-stiffness", file.hammer_stiffness, "N/m")
+        check_positive("stiffness of [hammer]", file.hammer_stiffness, "N/m")
         if file.control:
-            raise ParameterError("--hammer-stiffness and --control both give k1: choose one")
+            raise ParameterError(
+                "stiffness of [hammer] and control of [specimen] both give k1: choose one"
+            )
     setup = _make_setup(file) if rig_file is None else _read_setup(rig_file, file)
     return TraceSeries(
         file.sample or DEFAULT_NAME,
@@ -115,11 +107,26 @@ def make_series(given: Mapping[str, Any], settings: Mapping[str, Any]) -> TraceS
     )
 
 
+def make_recorded_settings(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the analysis settings to use in place of recorded ones, by name.
+
+    Parameters and errors as of `make_series`; a recording states all else itself.
+    """
+    for name in given.keys() - {"channels", "cutoff"}:
+        raise ParameterError(
+            f"--{name.replace('_', '-')} is for plain traces: a recording explains itself"
+        )
+    settings = read_analysis_settings(given["channels"]) if "channels" in given else {}
+    if "cutoff" in given:
+        settings["cutoff_frequency"] = given["cutoff"]
+    return settings
+
+
 def _read_setup(path: Path, file: ImportFile) -> RigSetup:
     if file.control or not all(math.isnan(getattr(file, mass)) for mass in MASSES):
         raise ParameterError(
-            "--rig-file gives the masses and the control sample: leave out --hammer-mass,"
-            " --sample-mass, --accelerometer-mass and --control"
+            "--rig-file gives the masses and the control sample: leave out --hammer-mass and"
+            " --sample-mass, and in the file of channels mass, accelerometer_mass and control"
         )
     setup = read_rig_file(path).setup
     if not file.sample:
@@ -133,7 +140,10 @@ def _make_setup(file: ImportFile) -> RigSetup:
     """Return the set-up that the masses make, NaN where they are not known."""
     name = file.sample or DEFAULT_NAME
     if file.control and math.isnan(file.hammer_mass + file.sample_mass):
-        raise ParameterError("--control needs both masses: --hammer-mass and --sample-mass")
+        raise ParameterError(
+            "control = true needs both masses: --hammer-mass and --sample-mass, or mass under"
+            " [hammer] and [specimen]"
+        )
     carried = file.accelerometer_mass
     samples = SampleSet(
         (Sample(name, file.sample_mass),),
@@ -160,10 +170,8 @@ def _add_responses(sensors: tuple[Sensor, ...], plan: ChannelPlan) -> tuple[Sens
     return tuple(known[channel] for channel in CHANNELS if channel in known)
 
 
-def read_series(
-    paths: Sequence[Path], series: TraceSeries, *, needs_scale: bool
-) -> tuple[list[ImportedHit], RigSetup, dict[Path, str], tuple[str, ...]]:
-    """Read every file.
+class MeasuredFiles:
+    """Plain files as hits of one sample, in memory.
 
     Parameters
     ----------
@@ -175,46 +183,76 @@ def read_series(
     needs_scale : bool
         Refuse a force without a mass.
 
-    Returns
-    -------
-    tuple
-        The hits, the set-up that they are judged by, a sentence for each file that could not be
-        used, and remarks on what was taken for granted.
+    Attributes
+    ----------
+    path : Path
+        Of the first file.
+    hits : list of ImportedHit
+        Of all files that could be used.
+    setup : RigSetup
+        By which they are judged.
+    errors : list of str
+        A sentence for each file that could not be used, or for all that suffer from the same.
+    warnings : tuple of str
+        What was taken for granted.
+    has_scale : bool
+        The hammer's numbers make accelerations.
+    hammer_unit : str
+        What the hammer's channel is in; empty: not stated.
     """
-    hits: list[ImportedHit] = []
-    errors: dict[Path, str] = {}
-    wanted = series.setup.analysis.cutoff_frequency
-    moved = 0
-    for number, path in enumerate(paths, start=1):
-        label = HitLabel(series.sample, record=number + moved, impact=number + moved)
-        analysis, mass = series.setup.analysis, series.setup.hammer_mass
-        window = analysis if series.has_window else None
-        try:
-            found = read_hits(
-                path, label, series.plan, mass, needs_scale=needs_scale, window=window
-            )
-            moved += len(found) - 1
-            if needs_scale and not found[0].unit:
-                raise SignalError(
-                    f"{path}: nobody states the unit of the hammer's channel: give --hammer-unit,"
-                    f" one of {', '.join(UNITS)}; `impact-rig analyze` takes it as it is"
+
+    size = 0
+    faults: Mapping[HitLabel, tuple[str, ...]] = MappingProxyType({})
+
+    def __init__(
+        self, paths: Sequence[Path], series: TraceSeries, *, needs_scale: bool = False
+    ) -> None:
+        self.path = paths[0]
+        self.hits: list[ImportedHit] = []
+        errors: dict[Path, str] = {}
+        wanted = series.setup.analysis.cutoff_frequency
+        moved = 0
+        for number, path in enumerate(paths, start=1):
+            label = HitLabel(series.sample, record=number + moved, impact=number + moved)
+            analysis, mass = series.setup.analysis, series.setup.hammer_mass
+            window = analysis if series.has_window else None
+            try:
+                found = read_hits(
+                    path, label, series.plan, mass, needs_scale=needs_scale, window=window
                 )
-            for hit in found:
-                series = _check_cutoff(hit, series)
-                _check_pulse(hit, _make_series_setup(series, [hit]))
-                check_series(hits, hit)
-                hits.append(hit)
-        except RigError as error:
-            errors[path] = str(error)
-    setup = _make_series_setup(series, hits)
-    remarks = [remark for hit in hits for remark in hit.remarks]
-    if hits:
-        remarks += _describe_filter(wanted, setup.analysis.cutoff_frequency, hits)
-    return hits, setup, errors, tuple(dict.fromkeys(remarks))
+                moved += len(found) - 1
+                for hit in found:
+                    series = _check_cutoff(hit, series)
+                    _check_pulse(hit, _make_series_setup(series, [hit]))
+                    check_series(self.hits, hit)
+                    self.hits.append(hit)
+            except RigError as error:
+                errors[path] = str(error)
+        self.setup = _make_series_setup(series, self.hits)
+        self.errors = _join_errors(errors)
+        remarks = [remark for hit in self.hits for remark in hit.source.remarks]
+        if self.hits:
+            cutoff = self.setup.analysis.cutoff_frequency
+            remarks += _describe_filter(wanted, cutoff, self.hits[0])
+        self.warnings = tuple(dict.fromkeys(remarks))
+        self.has_scale = all(hit.source.has_scale for hit in self.hits)
+        self.hammer_unit = self.hits[0].source.unit if self.hits else ""
+        self._has_window = series.has_window
+
+    def advise(self, results: Results) -> tuple[str, ...]:
+        """Return what else should be said, once the hits are judged."""
+        codes = {reason.partition(":")[0] for file in results.files for reason in file.reasons}
+        return (CUT,) if Reason.DOUBLE_HIT.value in codes and not self._has_window else ()
+
+    def events(self, _report: Callable[[int], None]) -> Iterator[RigSetup | Block]:
+        """Yield the set-up and the hits."""
+        yield self.setup
+        for hit in self.hits:
+            yield hit.block
 
 
-def join_errors(errors: Mapping[Path, str]) -> list[str]:
-    """Return the sentences of `read_series`, one for all files that suffer from the same."""
+def _join_errors(errors: Mapping[Path, str]) -> list[str]:
+    """Return a sentence for all files that suffer from the same."""
     alike: dict[str, list[Path]] = {}
     for path, error in errors.items():
         alike.setdefault(error.removeprefix(str(path)), []).append(path)
@@ -229,7 +267,7 @@ def join_errors(errors: Mapping[Path, str]) -> list[str]:
 def _make_series_setup(series: TraceSeries, hits: Sequence[ImportedHit]) -> RigSetup:
     """Return the set-up of a series, each file a record if nothing else is given."""
     setup = series.setup
-    if hits and all(hit.unit == "N" for hit in hits):
+    if hits and all(hit.source.unit == "N" for hit in hits):
         force = replace(setup.find_sensor("hammer"), quantity="force", unit="N")
         others = tuple(sensor for sensor in setup.sensors if sensor.channel != "hammer")
         setup = replace(setup, sensors=(force, *others))
@@ -250,25 +288,13 @@ def _check_cutoff(hit: ImportedHit, series: TraceSeries) -> TraceSeries:
     return replace(series, setup=replace(series.setup, analysis=analysis))
 
 
-def _describe_filter(wanted: float, cutoff: float, hits: Sequence[ImportedHit]) -> list[str]:
-    """Say what became of the low-pass that was wanted [Hz], and what it does to such pulses."""
-    rate = hits[0].block.sampling_rate
-    if cutoff != wanted:
-        names = f"{rate / 1e3:g} kHz is too slow for the {wanted / 1e3:g} kHz low-pass"
-        return [f"{names}: there is none (--cutoff)"]
-    width = float(np.median([count_width(hit.block.hammer.output) for hit in hits])) / rate
-    if not cutoff or width * cutoff > LONG_PULSE:
+def _describe_filter(wanted: float, cutoff: float, hit: ImportedHit) -> list[str]:
+    """Say what became of the low-pass that was wanted [Hz]."""
+    if cutoff == wanted:
         return []
-    # A versed-sine as wide at half amplitude, with room for the filter on both sides.
-    time = np.linspace(-20.0, 20.0, 20 * FINE_POINTS * 2 + 1)
-    pulse = np.where(np.abs(time) < 1.0, np.cos(0.5 * np.pi * time) ** 2, 0.0)
-    filtered = low_pass(pulse, cutoff, FINE_POINTS / width)
-    wider = measure_pulse(filtered).half_amplitude_width / FINE_POINTS - 1.0
-    if wider < WORTH_SAYING:
-        return []
-    pulses = f"pulses of {width * 1e6:.3g} µs at half amplitude"
+    rate = hit.block.sampling_rate / 1e3
     return [
-        f"the {cutoff / 1e3:g} kHz low-pass makes {pulses} {wider * 100:.0f} % wider (--cutoff)"
+        f"{rate:g} kHz is too slow for the {wanted / 1e3:g} kHz low-pass: there is none (--cutoff)"
     ]
 
 

@@ -1,12 +1,11 @@
 """The runs that a report is made of: recordings with their traces, or results alone."""
 
-import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from impact_rig.analysis.recording_analysis import analyze_recording
+from impact_rig.analysis.analyze import analyze
 from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.source import RUN_NAME, find_recording
 from impact_rig.results.results_file import read_results
 from impact_rig.results.run import Run
@@ -78,7 +77,7 @@ def find_run(named: Path) -> RunSource:
         return RunSource(named, results, is_recording=False)
 
 
-def read_runs(source: RunSource, name: str) -> tuple[Run, ...]:
+def read_runs(source: RunSource) -> tuple[Run, ...]:
     """Read every campaign of a source.
 
     A recording that cannot be evaluated is described by the results beside it, if they are there,
@@ -87,9 +86,7 @@ def read_runs(source: RunSource, name: str) -> tuple[Run, ...]:
     Parameters
     ----------
     source : RunSource
-        See `find_run`.
-    name : str
-        What to call it; several campaigns are numbered.
+        See `find_run`. Several campaigns in it are numbered.
 
     Raises
     ------
@@ -97,29 +94,19 @@ def read_runs(source: RunSource, name: str) -> tuple[Run, ...]:
         If neither recording nor results can be read.
     """
     if not source.is_recording:
-        return (_read_results_alone(source, name),)
+        return (_read_results_alone(source),)
     try:
-        return _read_recorded(source, name)
+        return _read_recorded(source)
     except FileError as error:
         beside = source.folder / RESULTS_NAME
         if source.path.stem != RUN_NAME or not beside.is_file():
             raise
         found = RunSource(source.named, beside, is_recording=False)
         warning = f"{error}: this is the {RESULTS_NAME} beside it"
-        return (_read_results_alone(found, name, (warning,)),)
+        return (_read_results_alone(found, (warning,)),)
 
 
-def name_sources(sources: Sequence[RunSource]) -> tuple[str, ...]:
-    """Return names that tell sources apart: their titles, with folders where these are alike."""
-    titles = [source.title for source in sources]
-    if len(set(titles)) == len(titles):
-        return tuple(titles)
-    paths = [source.path.absolute() for source in sources]
-    common = os.path.commonpath([path.parent for path in paths])
-    return tuple(str(path.relative_to(common)) for path in paths)
-
-
-def _read_results_alone(source: RunSource, name: str, warnings: tuple[str, ...] = ()) -> Run:
+def _read_results_alone(source: RunSource, warnings: tuple[str, ...] = ()) -> Run:
     results = read_results(source.path)
     try:
         samples = results.setup.samples
@@ -128,15 +115,15 @@ def _read_results_alone(source: RunSource, name: str, warnings: tuple[str, ...] 
     except ParameterError as error:
         raise FileError(f"results {source.path}: {error}") from None
     campaign = TracedCampaign(results)
-    return Run(name, source.place, campaign, warnings=warnings)
+    return Run(source.title, source.place, campaign, warnings=warnings)
 
 
-def _read_recorded(source: RunSource, name: str) -> tuple[Run, ...]:
-    traced = analyze_recording(source.path, keep_traces=True)
+def _read_recorded(source: RunSource) -> tuple[Run, ...]:
+    traced = analyze(read_recording(source.named), keep_traces=True)
     many = len(traced.campaigns) > 1
     return tuple(
         Run(
-            name=f"{name}, campaign {number}" if many else name,
+            name=f"{source.title}, campaign {number}" if many else source.title,
             source=source.place,
             campaign=campaign,
             has_traces=True,

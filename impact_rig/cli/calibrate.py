@@ -13,11 +13,9 @@ import click
 from rich.console import Console
 from rich.text import Text
 
-from impact_rig.cli import options
-from impact_rig.cli.options import make_quantity
 from impact_rig.configuration.rig_file import RigFile, parse_rig_file, read_rig_file, read_today
 from impact_rig.configuration.sheet_change import change_sheet, name_new_file
-from impact_rig.core.calibration.sensitivity import (
+from impact_rig.core.calibration import (
     FEWEST_HITS,
     Calibration,
     CalibrationMethod,
@@ -27,13 +25,11 @@ from impact_rig.core.calibration.sensitivity import (
     fit_hit,
 )
 from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
-from impact_rig.core.hits.hit import JudgedHit, judge_hit
-from impact_rig.core.hits.overrule import describe_label
-from impact_rig.core.setup.calibration import compute_scale
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.setup.sensors import CHANNELS, Sensor
-from impact_rig.core.signals.detection import ImpactDetector
-from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.core.hits import JudgedHit, describe_label
+from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.sensors import CHANNELS, Sensor, compute_scale
+from impact_rig.core.session import Session
+from impact_rig.core.setup import RigSetup
 from impact_rig.devices.protocols import AccelerationSource, HammerlessSource
 from impact_rig.devices.source_table import make_source
 from impact_rig.present.terminal.console import (
@@ -46,7 +42,6 @@ from impact_rig.present.terminal.console import (
 )
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.reader import read_recording
-from impact_rig.recordings.source import find_recording
 from impact_rig.results.numbers import format_number
 from impact_rig.results.results_file import format_json
 from impact_rig.results.tables import Column
@@ -71,18 +66,17 @@ def read_hits(path: Path, sample: str = "") -> HitSeries:
     FileError
         If it is no recording of a rig, holds no such hit, or was made with several set-ups.
     """
-    recording = read_recording(find_recording(path) if path.is_dir() else path)
-    setups: list[RigSetup] = []
+    sessions: list[Session] = []
     hits: list[JudgedHit] = []
-    for event in recording.events():
+    for event in read_recording(path).events():
         if not isinstance(event, Block):
-            setups.append(event)
-            detector = ImpactDetector(event.analysis)
+            sessions.append(Session(event))
         elif not sample or event.label.sample == sample:
-            hits += [judge_hit(record, setups[-1].analysis) for record in detector.feed(event)]
+            hits += sessions[-1].feed(event)
     if not hits:
         struck = f" on {sample!r}" if sample else ""
         raise FileError(f"{path} holds no hit{struck}")
+    setups = [session.setup for session in sessions]
     if len({(setup.hammer_mass, _describe(setup)) for setup in setups}) > 1:
         raise FileError(
             f"{path} holds campaigns with different hammers or sensors: give one that holds one"
@@ -140,11 +134,11 @@ def _describe(setup: RigSetup) -> tuple[str, ...]:
 
 
 LOOK_PERIOD = 0.5
-"""How often an interruption is looked for while nobody strikes [s], our choice."""
+"""Period of checks for an interruption while waiting for a hit [s], our choice."""
 
 
 def strike_hits(rig: RigFile) -> Generator[JudgedHit]:
-    """Yield hit after hit; the source is closed when nobody asks for more.
+    """Yield hit after hit; closing the generator closes the source.
 
     Parameters
     ----------
@@ -157,7 +151,7 @@ def strike_hits(rig: RigFile) -> Generator[JudgedHit]:
         If the source cannot be opened, or is lost.
     """
     source, plan = make_source(rig.source, rig.setup)
-    detector = ImpactDetector(rig.setup.analysis)
+    session = Session(rig.setup)
     name, record = rig.setup.samples.names[0], 0
     try:
         source.configure(plan)
@@ -170,14 +164,13 @@ def strike_hits(rig: RigFile) -> Generator[JudgedHit]:
             if isinstance(source, HammerlessSource):
                 source.strike(label, 0.0)
             for block in _read_record(source, label):
-                for found in detector.feed(block):
-                    yield judge_hit(found, rig.setup.analysis)
+                yield from session.feed(block)
     finally:
         source.close()
 
 
 def _read_record(source: AccelerationSource, label: HitLabel) -> Iterator[Block]:
-    """Yield the blocks of one record, however long nobody strikes."""
+    """Yield the blocks of one record; waits for the hit without a time limit."""
     while True:
         block = source.read(LOOK_PERIOD)
         if block is None:
@@ -336,72 +329,7 @@ def _write(old: Path, path: Path, text: str) -> None:
         part.write_bytes(mark + text.encode("utf-8"))
 
 
-@click.command(
-    "calibrate",
-    epilog="""
-    \b
-    Examples:
-      impact-rig calibrate rig.toml --back-to-back --sensor specimen \\
-          --reference-uncertainty "0.75 %"
-      impact-rig calibrate rig.toml --known-mass 150.2g --mass-uncertainty 10mg
-      impact-rig calibrate rig.toml --known-mass 150.2g --recording session.mcap
-
-    \b
-    Back to back: the sensor under test is mounted on the reference, on the other channel, and both
-    see the same acceleration. Known mass: the hammer strikes a body that is free to move; force is
-    mass times acceleration. Strike by hand, in the direction of the sensors.
-    The new sensitivity and the day go into rig-DAY.toml beside rig.toml; all else is copied.
-    """,
-)
-@click.argument("rig_file", type=click.Path(path_type=Path))
-@click.option("--back-to-back", is_flag=True, help="Both sensors see the same acceleration.")
-@click.option(
-    "--known-mass",
-    type=make_quantity("kg", "150 g"),
-    metavar="MASS",
-    help="Of all that moves with the struck body, its sensor included.",
-)
-@click.option(
-    "--sensor",
-    "channel",
-    type=click.Choice(CHANNELS),
-    help="The one under test; the other is the reference. [with a known mass: hammer]",
-)
-@click.option(
-    "--reference-uncertainty",
-    type=make_quantity("dimensionless", "0.75 %"),
-    default=0.0,
-    metavar="PART",
-    help="Standard uncertainty of the reference's sensitivity: half of what its certificate"
-    " says for k = 2. [not stated]",
-)
-@click.option(
-    "--mass-uncertainty",
-    type=make_quantity("kg", "10 mg"),
-    default=0.0,
-    metavar="MASS",
-    help="Standard uncertainty of the known mass. [not stated]",
-)
-@click.option(
-    "--recording",
-    type=click.Path(path_type=Path),
-    help="Take the hits of a recording. [strike now, on the source of the rig file]",
-)
-@click.option(
-    "--sample", default="", metavar="NAME", help="Of the recording, the hits on this sample. [all]"
-)
-@click.option(
-    "--hits",
-    type=click.IntRange(3),
-    default=10,
-    metavar="N",
-    help="How many to strike; Ctrl-C ends before. [10]",
-)
-@click.option(
-    "--output", type=click.Path(path_type=Path), help="The new rig file. [beside the old one]"
-)
-@options.json_option
-def command(
+def run(
     rig_file: Path,
     back_to_back: bool,
     known_mass: float | None,
@@ -414,11 +342,7 @@ def command(
     output: Path | None,
     as_json: bool,
 ) -> None:
-    """Find the sensitivity of a sensor, and write a new rig file with it.
-
-    Each hit gives a ratio, by least squares over the contact; hits whose traces do not fit are
-    left out and named. The uncertainty is that of the GUM.
-    """
+    """Run the command; its options are declared in `commands.py`."""
     if back_to_back == (known_mass is not None):
         raise ParameterError("choose one of --back-to-back and --known-mass MASS")
     if mass_uncertainty and known_mass is None:

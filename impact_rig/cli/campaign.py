@@ -1,5 +1,6 @@
 """``impact-rig campaign``: run a campaign on a rig that is up."""
 
+import shlex
 import signal
 from datetime import datetime
 from pathlib import Path
@@ -7,16 +8,21 @@ from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import ProgressColumn, Task, TextColumn
+from rich.progress import ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 from impact_rig.cli import options
-from impact_rig.cli.progress_bar import ProgressBar, format_time_left
+from impact_rig.cli.progress_bar import ProgressBar
 from impact_rig.configuration.processes import RESULTS_NAME, make_run_folder_name
-from impact_rig.core.errors import RigError
-from impact_rig.nodes.client import CampaignClient, CampaignGoal, CampaignOutcome
+from impact_rig.core.errors import DeviceError, RigError
+from impact_rig.nodes.client import (
+    CampaignClient,
+    CampaignGoal,
+    CampaignOutcome,
+    read_newest_campaign,
+)
 from impact_rig.present.terminal.console import ALARM, GOOD, make_console
-from impact_rig.present.terminal.results import print_results
+from impact_rig.present.terminal.results import print_full, print_screen
 from impact_rig.results.numbers import MICRO, format_number
 from impact_rig.results.results_file import format_json, results_to_json, write_results
 
@@ -41,9 +47,8 @@ class CampaignView(ProgressBar):
             title,
             TextColumn("{task.fields[done]}"),
             _Rejected(),
-            TextColumn("{task.fields[left]}"),
+            TimeRemainingColumn(),
             done="",
-            left="",
             rejected=0,
         )
         self._sample = ""
@@ -72,7 +77,6 @@ class CampaignView(ProgressBar):
             completed=done,
             done=f"{done} of {total}",
             rejected=feedback.rejected,
-            left=format_time_left(feedback.time_left) if done < total else "",
         )
 
     def _take_verdict(self, hit: Any) -> None:
@@ -136,14 +140,15 @@ def _describe_place(feedback: Any) -> str:
     )
 
 
-def report_outcome(outcome: CampaignOutcome, folder: Path, *, as_json: bool) -> None:
-    """Write results.json into `folder` and print the tables, or the JSON.
+def report_outcome(
+    outcome: CampaignOutcome, folder: Path, *, is_full: bool, as_json: bool
+) -> None:
+    """Write results.json into `folder`, print what was found and where the files are.
 
     Raises
     ------
     RigError
-        If the campaign did not come to its end; what it found is written and printed all the
-        same.
+        If the campaign did not come to its end; what it found is written and printed first.
     """
     path = folder / RESULTS_NAME
     if outcome.results is not None and (outcome.results.samples or outcome.success):
@@ -151,13 +156,21 @@ def report_outcome(outcome: CampaignOutcome, folder: Path, *, as_json: bool) -> 
         write_results(path, outcome.results)
         if as_json:
             click.echo(format_json(results_to_json(outcome.results)), nl=False)
+        elif is_full:
+            print_full(make_console(), outcome.results)
         else:
-            print_results(make_console(), outcome.results)
-        for what, where in (("results", path), ("recording", outcome.recording)):
-            if where:
-                click.echo(f"{what + ':':10} {where}", err=True)
+            print_screen(make_console(), outcome.results)
+        recording = Path(outcome.recording) if outcome.recording else None
+        options.print_places(results=path, recording=recording)
     if not outcome.success:
-        raise RigError(f"the campaign did not end as planned: {outcome.message}")
+        raise RigError(
+            f"the campaign did not end as planned: {outcome.message}; {advise_resuming(folder)}"
+        )
+
+
+def advise_resuming(folder: Path) -> str:
+    """Return the one command that goes on with a campaign."""
+    return f"to go on: impact-rig campaign --resume {shlex.quote(str(folder))}"
 
 
 def run_campaign(
@@ -174,6 +187,12 @@ def run_campaign(
         return client.run(goal, view)
     except (KeyboardInterrupt, click.Abort):
         client.cancel()
+        if folder := client.run_folder:
+            click.echo(f"stopped; {advise_resuming(folder)}", err=True)
+        raise
+    except DeviceError as error:
+        if folder := client.run_folder:
+            raise DeviceError(f"{error}; {advise_resuming(folder)}") from None
         raise
 
 
@@ -192,6 +211,7 @@ machine, most of which is six Python processes that load their libraries: 4 s of
       impact-rig campaign --angles 5,10,20     from each of these release angles
       impact-rig campaign --impacts 12 --keep 10    the ten most consistent of twelve
       impact-rig campaign --notes "new tip, 21 °C"
+      impact-rig campaign --resume runs/2026-11-23T15-00-00    go on with a campaign
       impact-rig campaign --namespace rig1 --network    a rig on another host
     """
 )
@@ -212,6 +232,7 @@ machine, most of which is six Python processes that load their libraries: 4 s of
 @click.option(
     "--notes", default="", metavar="TEXT", help="What the recording should say of this campaign."
 )
+@options.resume_option
 @options.namespace_option
 @options.network_option
 @click.option(
@@ -219,6 +240,7 @@ machine, most of which is six Python processes that load their libraries: 4 s of
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder for results.json. [that of the recording, if it is on this host]",
 )
+@options.full_option
 @options.json_option
 def command(
     samples: tuple[str, ...],
@@ -228,22 +250,26 @@ def command(
     attempts: int | None,
     ask: bool | None,
     notes: str,
+    resume: Path | None,
     namespace: str,
     network: bool,
     output: Path | None,
+    is_full: bool,
     as_json: bool,
 ) -> None:
     """Run a campaign on a rig that is up, here or on another host.
 
     The rig's campaign node does the work; this command starts it, follows it, and asks for the
     next sample to be mounted, and for the hammer to be put back where nothing else does that.
-    When a device is lost, the campaign pauses, says why, and goes on when it is back; after an
-    emergency stop it goes on when the hammer is reset and armed: see `impact-rig hammer`.
+    When a device is lost, the campaign pauses, says why, and goes on when it is back and a person
+    has armed the hammer: see `impact-rig hammer`. What ended early goes on with --resume, on a
+    rig that was started with the same.
     """
     from impact_rig.present.terminal.console import make_console
 
     options.check_keep(keep, impacts)
     options.set_discovery(network=network)
+    resumed = read_newest_campaign(resume) if resume else None
     console = make_console(stderr=True)
     with CampaignClient(namespace) as client, CampaignView(console, LOOKING) as view:
         client.wait_for_rig(RIG_TIMEOUT)
@@ -254,8 +280,12 @@ def command(
             samples=samples, impacts=impacts, attempts_per_impact=attempts or 0,
             confirm_samples=confirm, keep_hits=keep, release_angles=angles,
         )  # fmt: skip
+        if resume and resumed is not None:
+            client.check_run(resume)
+            goal.resumed = resumed
         outcome = run_campaign(client, goal, view)
     recorded = Path(outcome.recording) if outcome.recording else None
+    output = output or resume
     if output is None:
         is_here = recorded is not None and recorded.exists()
         output = (
@@ -263,4 +293,4 @@ def command(
             if recorded is not None and is_here
             else Path(make_run_folder_name(datetime.now().astimezone()))
         )
-    report_outcome(outcome, output, as_json=as_json)
+    report_outcome(outcome, output, is_full=is_full, as_json=as_json)

@@ -1,4 +1,4 @@
-"""What a recording holds, in words and in JSON, read under a bar."""
+"""What a recording holds, as text and as JSON."""
 
 import contextlib
 import dataclasses
@@ -11,19 +11,18 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import DownloadColumn
+from rich.progress import DownloadColumn, TimeRemainingColumn
 
-from impact_rig.cli.progress_bar import PATIENCE, ProgressBar, TimeLeft
-from impact_rig.core.errors import FileError, RigError
-from impact_rig.core.hits.overrule import describe_label
-from impact_rig.core.origin import join_origins
-from impact_rig.core.setup.sensors import Sensor
+from impact_rig.cli.progress_bar import ProgressBar
+from impact_rig.core.errors import RigError
+from impact_rig.core.hits import describe_label
+from impact_rig.core.records import join_origins
+from impact_rig.core.sensors import Sensor
 from impact_rig.present.terminal.console import ALARM, make_console, print_table
 from impact_rig.recordings.contents import RECOVERY_RECORD, Contents, inspect_recording
 from impact_rig.recordings.hits import HitState, RecordedHit
 from impact_rig.recordings.messages import setup_from_msg
 from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD
-from impact_rig.recordings.schemas import compare_definitions, find_message_definition
 from impact_rig.recordings.source import find_recording
 from impact_rig.recordings.writer import HEALTH_RECORD
 from impact_rig.results.numbers import MISSING, format_count, format_number
@@ -36,7 +35,7 @@ def read_sensors(contents: Contents) -> tuple[Sensor, ...]:
     """Return the sensors of all set-ups of a recording, each once."""
     found: list[Sensor] = []
     for message in contents.setups.values():
-        # Whatever else is wrong with a set-up: `analyze` tells.
+        # `analyze` reports what is wrong with a set-up.
         with contextlib.suppress(RigError, AttributeError, TypeError):
             found += setup_from_msg(message).sensors
     # By their words: a sensitivity that is not known (NaN) is not equal to itself.
@@ -53,10 +52,6 @@ def describe_old_calibrations(contents: Contents) -> list[str]:
     return [text for text in found if text]
 
 
-OUR_INTERFACES = "impact_rig_msgs/"
-"""How the names of the rig's message types begin."""
-
-
 def describe_verdict(contents: Contents) -> str:
     """Return in one sentence what a recording holds, or what is wrong with it."""
     found = describe_hits(contents)
@@ -66,7 +61,7 @@ def describe_verdict(contents: Contents) -> str:
         return f"sound: {found}{origin}"
     return (
         f"damaged: {'; '.join(contents.problems)}. Left of it: {found}."
-        f" `impact-rig recover {contents.path}` saves that"
+        f" `impact-rig export {contents.path} -o sound.mcap` saves that"
     )
 
 
@@ -90,17 +85,21 @@ def describe_hits(contents: Contents) -> str:
     return ", ".join(parts)
 
 
+def describe_loss(contents: Contents) -> str:
+    """Return as text what a sound copy lacks."""
+    parts = [f"{contents.unread} byte that cannot be read"] if contents.unread else []
+    if contents.lost:
+        parts.append(f"at least {format_count(contents.lost, 'message')}")
+    return f"lost: {' and '.join(parts) or 'nothing'}"
+
+
 def describe_recovery(fields: Mapping[str, str]) -> str:
-    """Return what a recovered recording says of what was lost."""
-    return (
-        f"from {fields.get('recovered_from', '?')}: {fields.get('messages_lost', '?')} messages"
-        " lost,"
-        f" {fields.get('hits_lost', '?')} hits lost, {fields.get('hits_damaged', '?')} damaged"
-    )
+    """Return what a recovered recording says of the damaged one."""
+    return f"from {fields.get('recovered_from', '?')}: {fields.get('problems', '?')}"
 
 
 def describe_losses(contents: Contents) -> str:
-    """Return what was lost while it was recorded, in words; what was lost later is damage."""
+    """Return as text what was lost while recording."""
     gaps = [
         (
             "the blocks",
@@ -147,28 +146,6 @@ def read_versions(contents: Contents) -> dict[str, str]:
     return {name: text for name, text in versions.items() if text}
 
 
-def describe_interface_differences(contents: Contents) -> tuple[str, ...] | None:
-    """Return in words where the rig's messages differ from the installed ones.
-
-    None: the installed ones are not at hand.
-    """
-    differences: dict[str, None] = {}
-    for topic in contents.topics:
-        if not topic.type_name.startswith(OUR_INTERFACES):
-            continue
-        try:
-            installed = find_message_definition(topic.type_name)
-        except FileError:
-            return None
-        try:
-            changes = compare_definitions(topic.type_name, topic.schema, installed.text)
-        except FileError as error:
-            differences[str(error)] = None
-            continue
-        differences |= dict.fromkeys(changes)
-    return tuple(differences)
-
-
 def contents_to_json(contents: Contents) -> dict[str, Any]:
     """Return what a recording holds as plain values."""
     return {
@@ -207,28 +184,21 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
             }
             for topic in contents.topics
         ],
-        "files": [
-            {
-                "path": str(file.path),
-                "size_bytes": file.size,
-                "library": file.library,
-                "compression": list(file.compression),
-                "chunks": file.chunks,
-                "messages": file.messages,
-                "closed": file.is_closed,
-                "has_index": file.has_index,
-                "unread_bytes": file.unread,
-                "damages": [
-                    {"start_byte": start, "size_bytes": size, "reason": reason}
-                    for start, size, reason, _ in file.damages
-                ],
-            }
-            for file in contents.files
-        ],
-        "missing_files": list(contents.missing_files),
+        "file": {
+            "size_bytes": contents.size,
+            "library": contents.library,
+            "compression": list(contents.compression),
+            "chunks": contents.chunks,
+            "closed": contents.is_closed,
+            "has_index": contents.has_index,
+            "unread_bytes": contents.unread,
+            "damages": [
+                {"start_byte": start, "size_bytes": size, "reason": reason}
+                for start, size, reason in contents.damages
+            ],
+        },
         "sensors": [to_json(sensor) for sensor in read_sensors(contents)],
         "versions": read_versions(contents),
-        "interface_differences": describe_interface_differences(contents),
         "health": read_fields(contents, HEALTH_RECORD),
         "recovery": read_fields(contents, RECOVERY_RECORD),
         "parameters": read_fields(contents, PARAMETERS_RECORD),
@@ -257,10 +227,10 @@ def _hit_to_json(hit: RecordedHit) -> dict[str, Any]:
 
 
 def follow_reading(title: str, path: Path, passes: int = 1) -> ProgressBar:
-    """Return a bar that follows the reading of a file or folder, so often, to be told bytes."""
-    total = passes * _measure(path)
-    columns = (DownloadColumn(), TimeLeft())
-    return ProgressBar(make_console(stderr=True), title, *columns, total=total, patience=PATIENCE)
+    """Return a bar that follows the reading of a file, so often, in bytes."""
+    total = passes * path.stat().st_size
+    columns = (DownloadColumn(), TimeRemainingColumn())
+    return ProgressBar(make_console(stderr=True), title, *columns, total=total)
 
 
 def inspect_with_progress(path: Path) -> Contents:
@@ -270,53 +240,24 @@ def inspect_with_progress(path: Path) -> Contents:
         return inspect_recording(found, report=bar.report)
 
 
-def _measure(path: Path) -> int:
-    """Return the size of a file, or of all files of a folder [byte]; 0: it cannot be told."""
-    try:
-        files = list(path.iterdir()) if path.is_dir() else [path]
-        return sum(file.stat().st_size for file in files)
-    except OSError:
-        return 0
+MOST_HITS = 20  # named in a terminal; JSON has them all
 
 
-MOST_HITS = 20
-"""How many imported, damaged or lost hits are named, our choice: JSON has them all."""
-
-
-def print_hits(console: Console, contents: Contents) -> None:
-    """Print the hits of which something is missing, and from which files others were imported."""
-    incomplete = [hit for hit in contents.hits if hit.state is not HitState.SAVED]
-    imported = [hit for hit in contents.hits if hit.origin.file]
-    for title, hits, (first, second), read in (
-        ("Hits damaged or lost", incomplete, ("State", "Why"), _tell_state),
-        ("Imported hits", imported, ("File", "Place"), _tell_file),
-    ):
-        rows = [(_name_hit(hit), *read(hit)) for hit in hits[:MOST_HITS]]
-        left = len(hits) - len(rows)
-        if rows:
-            print_table(
-                console,
-                f"{title}: {len(hits)}",
-                [
-                    Column(name, cells, is_text=True)
-                    for name, cells in zip(
-                        ("Hit", first, second), zip(*rows, strict=True), strict=True
-                    )
-                ],
-                [f"And {left} more: --json names them all."] if left else (),
-            )
-
-
-def _name_hit(hit: RecordedHit) -> str:
-    return str(hit.record) if hit.label is None else describe_label(hit.label)
-
-
-def _tell_state(hit: RecordedHit) -> tuple[str, str]:
-    return hit.state.value, hit.reason
-
-
-def _tell_file(hit: RecordedHit) -> tuple[str, str]:
-    return hit.origin.file, hit.origin.place
+def print_incomplete_hits(console: Console, contents: Contents) -> None:
+    """Print the hits of which something is missing."""
+    hits = [hit for hit in contents.hits if hit.state is not HitState.SAVED]
+    if not hits:
+        return
+    shown = hits[:MOST_HITS]
+    names = [describe_label(hit.label) if hit.label else str(hit.record) for hit in shown]
+    columns = [
+        Column("Hit", names, is_text=True),
+        Column("State", [hit.state.value for hit in shown], is_text=True),
+        Column("Why", [hit.reason for hit in shown], is_text=True),
+    ]
+    left = len(hits) - len(shown)
+    notes = [f"And {left} more: --json names them all."] if left else ()
+    print_table(console, f"Hits damaged or lost: {len(hits)}", columns, notes)
 
 
 def print_topics(console: Console, contents: Contents) -> None:

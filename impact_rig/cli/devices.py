@@ -1,15 +1,10 @@
 """`impact-rig devices`: drivers, the devices that they find, and those that a rig file names."""
 
+import contextlib
 import dataclasses
-import functools
-import json
-import os
-import signal
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +12,6 @@ import click
 from rich.console import Console
 from rich.text import Text
 
-from impact_rig.cli import options
 from impact_rig.cli.libraries import find_library
 from impact_rig.configuration.rig_file import RigFile, list_rig_warnings, read_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
@@ -51,118 +45,55 @@ from impact_rig.results.numbers import MISSING
 from impact_rig.results.results_file import format_json
 from impact_rig.results.tables import Column
 
-SEARCH_TIMEOUT = 15.0
-"""How long a driver may search [s], our choice: some ask a network."""
 KINDS = {SOURCES: "source", HOLDERS: "holder"}
-ENDLESS = "its search for devices did not come to an end"
 
 
 @dataclass(frozen=True)
 class SurveyedDriver:
-    """A driver, and what its search has found.
+    """A driver, and what its search has found."""
 
-    Attributes
-    ----------
-    kind : str
-        "source" or "holder".
-    name, package : str
-        As the rig file names it, and the distribution that brings it.
-    description, example : str
-        In its own words; empty where it could not be loaded.
-    devices : tuple of FoundDevice
-        Those that it could use.
-    trouble : str
-        Why it cannot work, or could not search; empty: it can.
-    advice : str
-        What to do about that, where it is known.
-    """
-
-    kind: str
-    name: str
-    package: str
+    kind: str  # "source" or "holder"
+    name: str  # in the rig file
+    package: str  # the distribution that brings it
     description: str = ""
     example: str = ""
     devices: tuple[FoundDevice, ...] = ()
-    trouble: str = ""
-    advice: str = ""
+    trouble: str | None = None  # why it cannot work, or could not search
+    advice: str | None = None  # what to do about that
 
 
-_Search = tuple[Callable[..., SurveyedDriver], subprocess.Popen[str]]
-"""A driver, and the process of its own in which it searches: it may hang, or end that process."""
-
-
-def survey_drivers(name: str = "", timeout: float = SEARCH_TIMEOUT) -> list[SurveyedDriver]:
-    """Let every driver search for its devices, all at the same time.
-
-    Parameters
-    ----------
-    name : str
-        Only the drivers of this name; empty: all.
-    timeout : float
-        For each of them [s]; who has not answered then is ended.
+def survey_drivers(name: str = "") -> list[SurveyedDriver]:
+    """Let the drivers of a name, or all, search for their devices.
 
     Raises
     ------
     DeviceError
         If two packages bring drivers of the same name.
     """
-    searches = [
-        _start(group, driver)
+    return [
+        _survey(KINDS[group], driver)
         for group in KINDS
         for driver in find_drivers(group).values()
         if name in ("", driver.name)
     ]
-    with ThreadPoolExecutor(max(1, len(searches))) as pool:
-        try:
-            return list(
-                pool.map(lambda search: _await_answer(search[0], search[1], timeout), searches)
-            )
-        finally:
-            for _, process in searches:
-                _end(process)
 
 
-def _start(group: str, driver: Driver) -> _Search:
-    words = [sys.executable, "-P", "-m", "impact_rig.cli.device_search", group, driver.name]
-    process = subprocess.Popen(
-        words,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,
-    )
-    return functools.partial(SurveyedDriver, KINDS[group], driver.name, driver.package), process
-
-
-def _await_answer(
-    describe: Callable[..., SurveyedDriver], process: subprocess.Popen[str], timeout: float
-) -> SurveyedDriver:
+def _survey(kind: str, driver: Driver) -> SurveyedDriver:
+    found = SurveyedDriver(kind, driver.name, driver.package)
     try:
-        output, _ = process.communicate(timeout=timeout)
-        answer = json.loads(output)
-    except subprocess.TimeoutExpired:
-        _end(process)
-        process.communicate()
-        return describe(trouble=ENDLESS)
-    except ValueError:
-        code = process.returncode
-        ended = f"signal {signal.Signals(-code).name}" if code < 0 else f"code {code}"
-        return describe(trouble=f"it crashed while it searched for devices ({ended})")
-    library = find_library(answer["missing"])
-    return describe(
-        description=answer["description"],
-        example=answer["example"],
-        devices=tuple(FoundDevice(*device) for device in answer["devices"]),
-        trouble=answer["trouble"],
-        advice=library.advice if library else "",
-    )
-
-
-def _end(process: subprocess.Popen[str]) -> None:
-    """End a search that goes on, with whatever it has started."""
-    if process.poll() is None:
-        os.killpg(process.pid, signal.SIGKILL)
+        loaded = driver.load()
+        found = replace(found, description=loaded.description, example=loaded.example)
+        with contextlib.redirect_stdout(sys.stderr):  # a vendor's library may print
+            return replace(found, devices=tuple(loaded.find_devices()))
+    except ModuleNotFoundError as error:
+        library = find_library(error.name or "")
+        trouble = f"the Python package {error.name!r} is not installed"
+        return replace(found, trouble=trouble, advice=library.advice if library else None)
+    except RigError as error:
+        return replace(found, trouble=str(error))
+    except Exception as error:  # noqa: BLE001 - a driver of others may raise anything
+        trouble = f"its search for devices failed: {type(error).__name__}: {error}"
+        return replace(found, trouble=trouble)
 
 
 Facts = tuple[tuple[str, str], ...]
@@ -174,37 +105,17 @@ choice: it is rounding."""
 
 @dataclass(frozen=True)
 class DeviceCheck:
-    """What was found of one device of a rig file.
+    """What was found of one device of a rig file."""
 
-    Attributes
-    ----------
-    part : str
-        "source" or "holder".
-    facts : tuple of (str, str)
-        What the device is and does; empty where it could not be opened.
-    trouble : str
-        What is wrong, in one sentence; empty: nothing.
-    """
-
-    part: str
-    facts: Facts = ()
-    trouble: str = ""
+    part: str  # "source" or "holder"
+    facts: Facts = ()  # what the device is and does; empty where it could not be opened
+    trouble: str | None = None
 
 
-def check_rig(rig: RigFile, path: Path, *, continuous: bool) -> tuple[DeviceCheck, DeviceCheck]:
-    """Open source and holder of a rig file, and close them again; the hammer stays held.
-
-    Parameters
-    ----------
-    rig : RigFile
-        What the file says.
-    path : Path
-        Of the file, for messages.
-    continuous : bool
-        Whether the source must be able to stream.
-    """
+def check_rig(rig: RigFile, path: Path) -> tuple[DeviceCheck, DeviceCheck]:
+    """Open source and holder of a rig file, and close them again; the hammer stays held."""
     return (
-        _check("source", path, lambda: _try_source(rig, continuous=continuous)),
+        _check("source", path, lambda: _try_source(rig)),
         _check("holder", path, lambda: _try_holder(rig)),
     )
 
@@ -221,8 +132,8 @@ def _check(part: str, path: Path, attempt: Callable[[], Facts]) -> DeviceCheck:
     return DeviceCheck(part, trouble=trouble)
 
 
-def _try_source(rig: RigFile, *, continuous: bool) -> Facts:
-    source, plan = make_source(rig.source, rig.setup, continuous=continuous)
+def _try_source(rig: RigFile) -> Facts:
+    source, plan = make_source(rig.source, rig.setup)
     try:
         return _list_source_facts(rig, plan, source.configure(plan))
     finally:
@@ -230,20 +141,14 @@ def _try_source(rig: RigFile, *, continuous: bool) -> Facts:
 
 
 def _list_source_facts(rig: RigFile, plan: AcquisitionPlan, acquisition: Acquisition) -> Facts:
-    facts = [
+    kept = f"{plan.pre_trigger * 1e3:g} ms of it before the trigger"
+    specimen = plan.specimen
+    return (
         ("driver", read_driver_name(rig.source)),
         ("device", acquisition.identity),
         ("rate", _describe_rate(plan.sampling_rate, acquisition.sampling_rate)),
-    ]
-    if not plan.continuous:
-        kept = f"{plan.pre_trigger * 1e3:g} ms of it before the trigger"
-        facts += [
-            ("record", f"{plan.record_duration * 1e3:g} ms, {kept}"),
-            ("trigger", f"{plan.trigger_level:.4g} m/s² of the hammer, either sign"),
-        ]
-    specimen = plan.specimen
-    return (
-        *facts,
+        ("record", f"{plan.record_duration * 1e3:g} ms, {kept}"),
+        ("trigger", f"{plan.trigger_level:.4g} m/s² of the hammer, either sign"),
         ("hammer", _describe_channel(plan.hammer)),
         ("specimen", _describe_channel(specimen) if specimen else "not measured"),
     )
@@ -367,46 +272,14 @@ EXIT_FAULT = 1
 """A device of the rig file is not there, or cannot do what it is asked."""
 
 
-@click.command(
-    "devices",
-    epilog="""
-    \b
-    Examples:
-      impact-rig devices                       all drivers, and what they find
-      impact-rig devices scpi                  one driver, with a table to copy
-      impact-rig devices --check my-rig.toml   try what a rig file names
-      impact-rig devices --json
-
-    \b
-    Any package may bring drivers: it names their classes by the entry points
-    impact_rig.acceleration_sources and impact_rig.hammer_holders.
-    Exit code: 1 if a device of the rig file is not there or cannot do what it is asked.
-    """,
-)
-@click.argument("name", required=False, metavar="[DRIVER]")
-@click.option(
-    "--check",
-    "rig_file",
-    type=click.Path(path_type=Path),
-    metavar="RIG_FILE",
-    help="Open source and holder of a rig file, and close them again. The hammer stays held.",
-)
-@options.continuous_option
-@options.json_option
-def command(name: str | None, rig_file: Path | None, continuous: bool, as_json: bool) -> None:
-    """See which drivers there are, whether they can work, and which devices they find.
-
-    A driver whose library is missing says how to get it. The search changes no setting of any
-    device.
-    """
+def run(name: str | None, rig_file: Path | None, as_json: bool) -> None:
+    """Run the command; its options are declared in `commands.py`."""
     if rig_file is None:
-        if continuous:
-            raise ParameterError("--continuous is for --check: the search opens no device")
         _show_drivers(name or "", as_json=as_json)
         return
     if name is not None:
         raise ParameterError(f"--check takes a rig file alone: leave {name!r} out")
-    _check_file(rig_file, continuous=continuous, as_json=as_json)
+    _check_file(rig_file, as_json=as_json)
 
 
 def _show_drivers(name: str, *, as_json: bool) -> None:
@@ -426,9 +299,9 @@ def _show_drivers(name: str, *, as_json: bool) -> None:
         print_drivers(console, drivers)
 
 
-def _check_file(rig_file: Path, *, continuous: bool, as_json: bool) -> None:
+def _check_file(rig_file: Path, *, as_json: bool) -> None:
     rig = read_rig_file(rig_file)
-    checks = check_rig(rig, rig_file, continuous=continuous)
+    checks = check_rig(rig, rig_file)
     warnings = list_rig_warnings(rig.setup)
     if as_json:
         click.echo(format_json(checks_to_json(checks, warnings)), nl=False)

@@ -8,20 +8,25 @@ from typing import Any
 
 import click
 
-from impact_rig.cli.options import Parsed, make_quantity, refuse_given
-from impact_rig.cli.simulators import ALL, SimulatorTask, export_to_simulators
+from impact_rig.analysis.analyze import analyze
+from impact_rig.analysis.report_sources import find_run
+from impact_rig.cli.contents import describe_hits, describe_loss, follow_reading
+from impact_rig.cli.options import refuse_given
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.hits.overrule import find_label
+from impact_rig.core.hits import find_label
 from impact_rig.present.terminal.console import print_warning
 from impact_rig.recordings.exporting import ExportedCampaign, ExportedHit, read_campaigns
 from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
 from impact_rig.recordings.formats.registry import WRITABLE, write_measurement
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.recover import recover_recording
+from impact_rig.recordings.source import SUFFIX, find_recording
 from impact_rig.results.campaign import Results, results_from_session
-from impact_rig.results.results_file import format_json, results_to_json
+from impact_rig.results.results_file import format_json, read_results, results_to_json
 from impact_rig.results.results_table import format_results_table
-from impact_rig.simulators.parameters import ENGINES
+from impact_rig.simulators.contact import make_contact
+from impact_rig.simulators.engines import ENGINES, format_contact
 
 RESULTS_ONLY = ".json"
 RESULTS_SUFFIXES = (RESULTS_ONLY, ".csv")
@@ -31,7 +36,6 @@ DEFAULT_PARTS = {".json": {"results"}, ".csv": {"hits"}}
 and means do not."""
 OTHER_PARTS = {"hits", "means"}
 TRACE_OPTIONS = {"what", "hits", "accepted_only", "filtered", "one_file_per_hit", "suffix"}
-SIMULATOR_OPTIONS = {"check", "figure", "speed", "hammer"}
 _AWKWARD = re.compile(r"[^\w.+-]+")
 """What file names are better without."""
 
@@ -80,7 +84,7 @@ class ExportTask:
             )
         if self.suffix is not None and not self.one_file_per_hit:
             raise ParameterError(
-                f"--format is for --one-file-per-hit: the suffix of {self.output} tells its format"
+                f"--format is for --one-file-per-hit: {self.output} has its format by its suffix"
             )
         has_results = "results" in self.parts
         formats = RESULTS_SUFFIXES if has_results else WRITABLE
@@ -106,7 +110,7 @@ class ExportTask:
 
 
 def export_recording(path: Path, task: ExportTask) -> str:
-    """Export a recording; return what was written, in words.
+    """Export a recording; return a sentence on what was written.
 
     Raises
     ------
@@ -130,7 +134,7 @@ def export_recording(path: Path, task: ExportTask) -> str:
         return _write_results(task.output, [_select(item, task.samples) for item in results])
     groups = _make_groups(campaigns, task)
     if not groups:
-        raise FileError(f"{path} holds none of the {' and '.join(sorted(task.parts))} wanted")
+        raise FileError(f"{path} holds no such {' or '.join(sorted(task.parts))}")
     if not task.one_file_per_hit:
         channels = tuple(channel for _, group in groups for channel in group)
         write_measurement(task.output, Measurement(path, channels))
@@ -142,6 +146,51 @@ def export_recording(path: Path, task: ExportTask) -> str:
     for file, (_, group) in zip(files, groups, strict=True):
         write_measurement(file, Measurement(path, group))
     return f"{task.output}: {len(groups)} traces in as many files"
+
+
+def export_contact(path: Path, name: str, output: Path, samples: Sequence[str]) -> str:
+    """Write the contact of one sample for a simulator; return a sentence on what was written.
+
+    Parameters
+    ----------
+    path : Path
+        A recording, a results file or the folder of a run.
+    name : str
+        Of the simulator, of `ENGINES`.
+    output : Path
+        The file.
+    samples : sequence of str
+        The sample; empty where the results have only one.
+
+    Raises
+    ------
+    RigError
+        If something cannot be read or written, or the sample has no identified contact law.
+    """
+    engine = ENGINES[name]
+    if output.suffix.lower() != engine.suffix:
+        raise ParameterError(f"{output} is not a file of {engine.title}: it has {engine.suffix}")
+    results = _read_results(path)
+    names = samples or [item.name for item in results.samples]
+    if len(names) != 1:
+        choice = ", ".join(map(repr, names)) or "none"
+        raise ParameterError(f"--for is for one sample: name it with --sample, of {choice}")
+    text = format_contact(engine, make_contact(results, names[0]))
+    with write_new_file(output) as part:
+        part.write_text(text, "utf-8")
+    return f"{output}: {names[0]} for {engine.title}"
+
+
+def _read_results(path: Path) -> Results:
+    source = find_run(path)
+    if not source.is_recording:
+        return read_results(source.path)
+    recording = analyze(read_recording(source.named), with_models=False)
+    for warning in recording.warnings:
+        print_warning(warning)
+    if len(recording.campaigns) != 1:
+        raise FileError(f"{path} holds {len(recording.campaigns)} campaigns: --for is for one")
+    return recording.campaigns[0].results
 
 
 def _select(results: Results, samples: Sequence[str]) -> Results:
@@ -210,138 +259,39 @@ def _make_names(names: Sequence[str], suffix: str) -> list[str]:
     ]
 
 
-PARTS = ("hits", "means", "results")
+EXIT_DAMAGED = 1
+"""A sound copy was written of a recording that is not sound."""
 
 
-def parse_parts(name: str, text: str) -> frozenset[str]:
-    """Return names of `PARTS`, separated by commas; raises `ParameterError`."""
-    parts = frozenset(part.strip() for part in text.split(","))
-    for part in parts - {*PARTS}:
-        raise ParameterError(f"{name}: {part!r} is not one of {', '.join(PARTS)}")
-    return parts
+def save_sound_copy(path: Path, output: Path) -> None:
+    """Write what is sound in a recording to a new one, and say what is left out.
+
+    Raises as `recover_recording`.
+    """
+    found = find_recording(path)
+    with follow_reading(f"reading {found}", found, passes=2) as bar:
+        contents = recover_recording(found, output, report=bar.report)
+    for problem in contents.problems:
+        print_warning(f"{found}: {problem}")
+    click.echo(f"{output}: {describe_hits(contents)}; {describe_loss(contents)}")
+    if not contents.is_sound:
+        raise SystemExit(EXIT_DAMAGED)
 
 
-@click.command(
-    "export",
-    epilog="""
-    \b
-    Examples:
-      impact-rig export session.mcap -o session.mat
-      impact-rig export session.mcap -o brass.uff --samples "brass small" --filtered
-      impact-rig export session.mcap -o hits --one-file-per-hit --format csv
-      impact-rig export session.mcap -o results.csv --what results
-      impact-rig export session.mcap -o results.json
-      impact-rig export results.json --for mujoco --sample "steel small" -o steel.xml --check
-      impact-rig export slow.mcap fast.mcap --for all --sample brass -o engines --figure pulse.png
-
-    \b
-    Channels are called "aluminium large/3.1 hammer": sample, impact and attempt, and the body, or
-    "aluminium large/mean hammer". All are in m/s^2: hits as they were recorded, or after baseline
-    and low-pass; in a mean, time 0 is the middle of the hammer pulse. The results are those of
-    `analyze`: in CSV a row for each sample.
-
-    \b
-    For simulators the identified contact law of one sample becomes the parameters of an engine's
-    own law, so that duration and restitution at the measured speed are met; comments in the file
-    say what that law does not hold. Suffixes: .xml (MuJoCo), .sdf, .urdf or .yaml (Drake), .sdf
-    (SDFormat), .py (PyBullet, Chrono), .adm (Adams).
-    """,
-)
-@click.argument(
-    "recordings",
-    nargs=-1,
-    required=True,
-    metavar="RECORDING...",
-    type=click.Path(path_type=Path),
-)
-@click.option(
-    "-o",
-    "--output",
-    required=True,
-    metavar="OUT",
-    type=click.Path(path_type=Path),
-    help="The file, whose suffix tells its format: .uff, .tdms, .mat, .h5, .csv or .json (results"
-    " alone); with --one-file-per-hit or several simulators a folder. Nothing is overwritten.",
-)
-@click.option(
-    "--what",
-    type=Parsed(parse_parts),
-    metavar="PART,...",
-    help="Of hits, means and results. [results in .json, hits in .csv, else hits,means]",
-)
-@click.option(
-    "--samples",
-    "--sample",
-    multiple=True,
-    metavar="NAME",
-    help="Only this sample. May be repeated.",
-)
-@click.option(
-    "--hits",
-    multiple=True,
-    metavar="HIT",
-    help="Only this hit: by record number, SAMPLE/IMPACT or SAMPLE/IMPACT.ATTEMPT. May be"
-    " repeated.",
-)
-@click.option("--accepted-only", is_flag=True, help="Only hits that are in a mean.")
-@click.option("--filtered", is_flag=True, help="Hits after baseline and low-pass.")
-@click.option("--one-file-per-hit", is_flag=True, help="One file per hit or mean, in folder OUT.")
-@click.option(
-    "--format",
-    "suffix",
-    metavar="FORMAT",
-    help="Of the files of --one-file-per-hit: uff, tdms, mat, h5 or csv.",
-)
-@click.option(
-    "--for",
-    "engines",
-    multiple=True,
-    type=click.Choice([*ENGINES, ALL]),
-    help="Write the contact of a sample for this simulator. May be repeated.",
-)
-@click.option(
-    "--check", is_flag=True, help="Let the simulators strike with it; those that are installed."
-)
-@click.option(
-    "--figure",
-    metavar="FILE",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Draw the pulse as measured, by its law and in the simulators: .svg, .png or .pdf.",
-)
-@click.option(
-    "--speed",
-    type=make_quantity("m/s", "80 mm/s"),
-    metavar="SPEED",
-    help="Meet duration and restitution at this one of the measured speeds, or between them.",
-)
-@click.option(
-    "--hammer",
-    type=make_quantity("kg", "100 g"),
-    metavar="MASS",
-    help="Another body that strikes in the simulator, by the same law.",
-)
-@click.pass_context
-def command(
+def run(
     context: click.Context,
-    recordings: tuple[Path, ...],
-    engines: tuple[str, ...],
+    recording: Path,
+    engine: str | None,
     output: Path,
     samples: tuple[str, ...],
     **options: Any,
 ) -> None:
-    """Write what a recording holds for other tools: traces of hits, their means, and results.
-
-    RECORDING is an .mcap file, the folder of a run, or a folder as rosbag2 writes it; with --for
-    a results.json as well, and several where the sample was struck at several speeds. No ROS is
-    needed.
-    """
-    of_simulators = {name: options.pop(name) for name in SIMULATOR_OPTIONS}
-    if engines:
+    """Run the command; its options are declared in `commands.py`."""
+    if engine:
         refuse_given(context, TRACE_OPTIONS, "is not for simulators")
-        task = SimulatorTask(engines, output, samples, **of_simulators)
-        export_to_simulators(recordings, task)
-        return
-    refuse_given(context, SIMULATOR_OPTIONS, "needs --for")
-    if len(recordings) > 1:
-        raise ParameterError("traces and results are exported of one recording at a time")
-    click.echo(export_recording(recordings[0], ExportTask(output, samples=samples, **options)))
+        click.echo(export_contact(recording, engine, output, samples))
+    elif output.suffix == SUFFIX:
+        refuse_given(context, TRACE_OPTIONS | {"samples"}, f"is not for {SUFFIX}: all is copied")
+        save_sound_copy(recording, output)
+    else:
+        click.echo(export_recording(recording, ExportTask(output, samples=samples, **options)))

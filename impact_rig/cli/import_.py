@@ -6,97 +6,59 @@ from typing import Any
 
 import click
 
-from impact_rig.analysis.measured_files import TraceSeries, make_series
-from impact_rig.cli import options
+from impact_rig.analysis.measured_files import (
+    MeasuredFiles,
+    TraceSeries,
+    make_series,
+)
+from impact_rig.analysis.repeated_files import find_repeated_files
 from impact_rig.cli.each_file import raise_errors
+from impact_rig.configuration.import_file import read_import_template
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.present.terminal.console import print_warning
+from impact_rig.recordings.channels import make_template
+from impact_rig.recordings.formats.registry import read_measurement
+from impact_rig.recordings.importing import write_imported
 from impact_rig.results.numbers import format_count
 
 RECORDING_SUFFIX = ".mcap"
 
 
-def _print_template(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
-    if not value or context.resilient_parsing:
-        return
-    from impact_rig.configuration.import_file import read_import_template
+def _print_template(files: tuple[Path, ...]) -> None:
+    """Print a file of channels: the one with comments, or one for the first of some files."""
+    if not files:
+        click.echo(read_import_template(), nl=False)
+    else:
+        click.echo(make_template(read_measurement(files[0])), nl=False)
 
-    click.echo(read_import_template(), nl=False)
-    context.exit()
 
-
-@click.command(
-    "import",
-    epilog="""
-    \b
-    Examples:
-      impact-rig import hit_*.lvm -o hits.mcap --sample "brass small"
-      impact-rig import *.npy -o hits.mcap --hammer-unit N --hammer-mass 1kg
-      impact-rig import run.tdms -o hits.mcap --hammer ai0 --specimen ai1 \\
-          --hammer-sensitivity "10 mV/g" --sample-sensitivity "100 mV/g"
-      impact-rig import --template > bench.toml
-      impact-rig import run/*.csv -o hits.mcap --channels bench.toml
-
-    \b
-    Each file is one hit, in the order given: LabVIEW .lvm, .tdms, UFF 58, .mat, text, .npy, .wav,
-    HDF5. Numbers are kept as they are in the file, bit by bit, with the calibration beside them.
-    A force hammer's channel becomes acceleration by its mass.
-
-    \b
-    A hit was when its file says so: .lvm (without a time zone: taken as UTC), .tdms, and .mat and
-    HDF5 of impact-rig export. Where a file does not, or names a time before the end of the hit
-    before, the hit comes a second after that end, the first one a second into 1970. The same
-    files make the same recording. Exit code: 2 if a file could not be used, which the others do
-    not suffer from.
-    """,
-)
-@options.files_argument
-@click.option(
-    "-o",
-    "--output",
-    required=True,
-    metavar="OUT.mcap",
-    type=click.Path(path_type=Path),
-    help="The recording; it must not exist.",
-)
-@click.option(
-    "--template",
-    is_flag=True,
-    is_eager=True,
-    expose_value=False,
-    callback=_print_template,
-    help="Print a file for --channels, with comments, and stop.",
-)
-@options.measurement_options
-def command(
-    files: tuple[Path, ...], output: Path, traces: Mapping[str, Any], settings: Mapping[str, Any]
+def run(
+    files: tuple[Path, ...], output: Path | None, template: bool, measured: Mapping[str, Any]
 ) -> None:
-    """Make a recording of other instruments' files, one hit each, all of one sample.
-
-    `analyze`, `replay` and the tools of others take it as one of the rig's own.
-    """
+    """Run the command; its options are declared in `commands.py`."""
+    if template:
+        _print_template(files)
+        return
+    if not files or output is None:
+        raise click.UsageError("name the files, and the recording: FILE... -o OUT.mcap")
     if output.suffix != RECORDING_SUFFIX:
         raise ParameterError(f"{output} should be a recording: give it the suffix .mcap")
-    errors = _import_files(files, output, make_series(traces, settings))
+    errors = _import_files(files, output, make_series(measured))
     raise_errors(errors)
 
 
 def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) -> list[str]:
     """Write the recording; return what is wrong with files that are not in it."""
-    from impact_rig.analysis.measured_files import join_errors, read_series
-    from impact_rig.analysis.repeated_files import find_repeated_files
-    from impact_rig.recordings.importing import write_imported
-
     repeated = find_repeated_files(files)
     paths = [path for place, path in enumerate(files) if place not in repeated]
-    hits, setup, broken, remarks = read_series(paths, series, needs_scale=True)
-    errors = [*repeated.values(), *join_errors(broken)]
+    read = MeasuredFiles(paths, series, needs_scale=True)
+    hits, errors = read.hits, [*repeated.values(), *read.errors]
     if not hits:
         return [*errors, f"none of the files could be used: {output} is not written"]
-    for remark in remarks:
+    for remark in read.warnings:
         print_warning(remark)
     try:
-        write_imported(output, setup, hits)
+        write_imported(output, read.setup, hits)
     except RigError as error:
         return [*errors, str(error)]
     used = {hit.path for hit in hits}

@@ -1,7 +1,6 @@
 """The command `impact-rig`: finds its subcommands when they are called, and ends errors well."""
 
 import errno
-import importlib
 import io
 import os
 import sys
@@ -13,6 +12,7 @@ import click
 
 from impact_rig import __version__
 from impact_rig.cli.libraries import find_library
+from impact_rig.cli.start import load_module
 from impact_rig.configuration.processes import open_closed_streams, use_one_thread
 from impact_rig.core.errors import RigError
 
@@ -24,33 +24,31 @@ EXIT_INTERRUPTED = 130
 
 @dataclass(frozen=True)
 class _Entry:
-    """A subcommand: what it does in a few words, and the module whose `command` it is."""
+    """A subcommand: what it does in a few words, and where it is declared."""
 
     help: str
     module: str
+    name: str = "command"
 
 
+LIGHT = "impact_rig.cli.commands"
 COMMANDS = {
     "demo": _Entry("Run a whole campaign on the virtual rig.", "impact_rig.cli.demo"),
     "up": _Entry("Start the nodes of a rig, real or virtual.", "impact_rig.cli.up"),
     "campaign": _Entry("Run a campaign on a rig that is up.", "impact_rig.cli.campaign"),
-    "devices": _Entry("See which devices are found, and try them.", "impact_rig.cli.devices"),
-    "calibrate": _Entry("Find a sensor's sensitivity from hits.", "impact_rig.cli.calibrate"),
+    "devices": _Entry("See which devices are found, and try them.", LIGHT, "devices"),
+    "calibrate": _Entry("Find a sensor's sensitivity from hits.", LIGHT, "calibrate"),
     "hammer": _Entry("Arm, disarm or stop the hammer of a rig.", "impact_rig.cli.hammer"),
-    "analyze": _Entry("Estimate from recordings or plain traces.", "impact_rig.cli.analyze"),
-    "info": _Entry("See what a recording holds, and whether it is sound.", "impact_rig.cli.info"),
-    "replay": _Entry("Publish a recording again.", "impact_rig.cli.replay"),
-    "recover": _Entry("Make a good recording of a damaged one.", "impact_rig.cli.recover"),
-    "import": _Entry("Make a recording of other instruments' files.", "impact_rig.cli.import_"),
-    "export": _Entry("Write hits, mean traces and results for others.", "impact_rig.cli.export"),
-    "view": _Entry("See model and measurement in Rerun.", "impact_rig.cli.view"),
-    "report": _Entry("Write a report of one run or several.", "impact_rig.cli.report"),
-    "paper": _Entry("Check the arithmetic of the paper.", "impact_rig.cli.paper"),
-    "study": _Entry("Hold the estimators against a known truth.", "impact_rig.cli.study"),
-    "bench": _Entry("Measure what is claimed, on this machine.", "impact_rig.cli.bench"),
-    "doctor": _Entry("See what is installed and what is broken.", "impact_rig.cli.doctor"),
+    "analyze": _Entry("Estimate from recordings or plain traces.", LIGHT, "analyze"),
+    "info": _Entry("See what a recording holds, and whether it is sound.", LIGHT, "info"),
+    "replay": _Entry("Publish a recording again.", LIGHT, "replay"),
+    "import": _Entry("Make a recording of other instruments' files.", LIGHT, "import_"),
+    "export": _Entry("Write hits, mean traces and results for others.", LIGHT, "export"),
+    "view": _Entry("See model and measurement in Rerun.", LIGHT, "view"),
+    "report": _Entry("Write a report of one run or several.", LIGHT, "report"),
+    "doctor": _Entry("See what is installed and what is broken.", LIGHT, "doctor"),
 }
-"""Known by name, so that the help needs none of their modules."""
+"""The help lists them without loading their modules."""
 
 
 class _Failure(click.ClickException):
@@ -73,11 +71,11 @@ class RigGroup(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return a subcommand; None: there is none of that name."""
+        """Import and return a subcommand; None for an unknown name."""
         entry = COMMANDS.get(cmd_name)
         if entry is None:
             return None
-        command: click.Command = importlib.import_module(entry.module).command
+        command: click.Command = getattr(load_module(entry.module), entry.name)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -98,8 +96,8 @@ class RigGroup(click.Group):
             if library is None:
                 raise
             raise _Failure(
-                f"this needs {library.name}: Python finds no module {error.name!r};"
-                " `impact-rig doctor` says what is missing and how to get it"
+                f"this needs {library.name}: Python finds no module {error.name!r}:"
+                f" {library.advice}"
             ) from None
         except click.Abort as error:  # raised by a prompt in place of what ended it
             click.echo(err=True)
@@ -109,7 +107,7 @@ class RigGroup(click.Group):
         except KeyboardInterrupt:
             ctx.exit(EXIT_INTERRUPTED)
         except OSError as error:
-            if error.errno == errno.EPIPE:  # nobody reads any more: click ends quietly
+            if error.errno == errno.EPIPE:  # the reader of a pipe has ended: click ends quietly
                 raise
             if error.filename == _StandardOutput.TITLE:
                 # What could not be written would be tried once more at the end.
@@ -164,7 +162,7 @@ def main() -> None:
     """Run the command line; never returns."""
     open_closed_streams()
     use_one_thread()
-    os.environ.setdefault("HOME", str(Path.home()))  # rclpy's log folder, which asks nobody else
+    os.environ.setdefault("HOME", str(Path.home()))  # rclpy's log folder needs it
     _keep_standard_output()
     for stream in (sys.stdout, sys.stderr):
         # A terminal without Greek letters shows question marks, not a traceback.

@@ -11,13 +11,17 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from impact_rig.configuration.processes import RecordingPlan, make_network_variables
-from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
+from impact_rig.configuration.processes import (
+    RECORDING_NAME,
+    REPORT_NAME,
+    RecordingPlan,
+    make_network_variables,
+)
+from impact_rig.configuration.units import parse_quantity
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup.calibration import TIME_UNITS, UNITS
-from impact_rig.core.setup.samples import check_release_angles
+from impact_rig.core.sensors import UNITS
+from impact_rig.core.setup import check_release_angles
 from impact_rig.devices.virtual.choices import Fault, Plant
-from impact_rig.recordings.writer import COMPRESSIONS
 
 
 class Parsed(click.ParamType):
@@ -101,7 +105,7 @@ FAULTS = ", ".join(fault.value for fault in Fault)
 rig_file_option = click.option(
     "--rig-file",
     type=click.Path(path_type=Path),
-    help="TOML file with masses, samples and settings; without it, the paper's rig.",
+    help="Masses, samples and settings, in TOML. [the paper's rig]",
 )
 
 
@@ -109,8 +113,8 @@ virtual_rig_options = _combine(
     click.option(
         "--plant",
         type=click.Choice(PLANTS),
-        help="Physics: the paper's tables, the model (driven, as printed), or a contact law"
-        " between free bodies. [published]",
+        metavar="PLANT",
+        help=f"Physics: {', '.join(PLANTS)}. [published]",
     ),
     click.option("--seed", type=click.IntRange(0), help="The same seed gives the same hits. [1]"),
     click.option(
@@ -129,20 +133,30 @@ continuous_option = click.option(
 
 
 output_option = click.option(
+    "-o",
     "--output",
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder for recording, view and results. [runs/<time>]",
 )
 
 
+resume_option = click.option(
+    "--resume",
+    type=click.Path(path_type=Path, file_okay=False, exists=True),
+    metavar="RUN",
+    help="Go on with a run: the folder that it is recorded in.",
+)
+
+
 def samples_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--samples NAME ...``: one option, as many names as follow it."""
+    """Add ``--samples NAME ...``: as many names as follow it, with blanks or commas between."""
 
     @functools.wraps(command)
     def joined(*, samples: tuple[str, ...], more: tuple[str, ...], **values: Any) -> Any:
         if more and not samples:
             raise click.UsageError(f"unexpected {more[0]!r}: write --samples before the names")
-        return command(samples=samples + more, **values)
+        names = ",".join(samples + more).split(",")
+        return command(samples=tuple(name.strip() for name in names if name.strip()), **values)
 
     # An option takes one value; further names reach the command as arguments.
     with_more = click.argument("more", nargs=-1, metavar="")(joined)
@@ -191,6 +205,9 @@ namespace_option = click.option("--namespace", default="", help="ROS namespace o
 files_argument = click.argument(
     "files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)
 )
+full_option = click.option(
+    "--full", "is_full", is_flag=True, help="Print every table and remark. [one screen]"
+)
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
 
 
@@ -200,15 +217,34 @@ viewer_option = click.option(
     multiple=True,
     metavar="spawn|web|ADDRESS",
     help="Show it live, too: in a window, on a web page, in the Rerun viewer at"
-    " rerun+http://HOST:9876/proxy; repeatable. The file is written all the same.",
+    " rerun+http://HOST:9876/proxy; repeatable.",
 )
 
 
 network_option = click.option(
     "--network",
     is_flag=True,
-    help="Find the rig's nodes on other hosts too; by default ROS stays on this one.",
+    help="Find the rig's nodes on other hosts too. [on this one]",
 )
+
+
+def print_places(**places: Path | None) -> None:
+    """Print on standard error where files are, by what they are, and how to make a report."""
+    for name, path in places.items():
+        if path is not None:
+            click.echo(f"{name + ':':10} {shorten_path(path)}", err=True)
+    source = places.get("recording") or places.get("results")
+    if source is not None:
+        report = source.parent / REPORT_NAME
+        run = source.parent if source.name == RECORDING_NAME else source
+        command = f"impact-rig report {shorten_path(run)}"
+        click.echo(f"report:    {shorten_path(report) if report.exists() else command}", err=True)
+
+
+def shorten_path(path: Path) -> Path:
+    """Return a path from the working folder, where it lies below that."""
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(here) else path
 
 
 def set_discovery(*, network: bool) -> None:
@@ -235,126 +271,27 @@ def use_private_domain() -> Iterator[None]:
             del os.environ["ROS_DOMAIN_ID"]
 
 
-_UNITS = ", ".join(UNITS)
-_Options = dict[str, tuple[Any, str, str]]
-"""Type, placeholder and help of options, by their names."""
-_SENSOR_OPTIONS: _Options = {
-    "unit": (str, "UNIT", f"{_UNITS}. [as the file states it]"),
-    "sensitivity": (
-        Parsed(parse_sensitivity),
-        "VALUE",
-        'For a channel in V: "10 mV/g", of a force hammer "2.25 mV/N".',
-    ),
-    "full_scale": (
-        Parsed(parse_reading),
-        "VALUE",
-        'Largest the channel can show: "500 g". [not known]',
-    ),
-    "resonance": (
-        make_quantity("Hz", "70 kHz"),
-        "FREQUENCY",
-        "Of the mounted sensor; the models are sent through it. [not known]",
-    ),
-    "resonance_damping": (float, "RATIO", "Of that resonance, over critical. [0.02]"),
-    "low_corner": (
-        make_quantity("Hz", "0.5 Hz"),
-        "FREQUENCY",
-        "-3 dB of sensor and amplifier at the low end. [not known]",
-    ),
-}
-"""Of each body."""
 _FILE = click.Path(path_type=Path)
-_TRACE_OPTIONS: _Options = {
+_MEASUREMENT_OPTIONS: dict[str, tuple[click.ParamType, str, str]] = {
     "channels": (
         _FILE,
         "FILE.toml",
-        "File that holds all of the following; `import --template` prints one.",
+        "Channels, sensors, masses, settings, as `import --template` prints it.",
     ),
-    "hammer": (str, "CHANNEL", "Name or number of the hammer's channel. [the first one]"),
-    "specimen": (
-        str,
-        "CHANNEL",
-        "Of the sample's. [the second one; none if --hammer is given]",
-    ),
-    "columns": (str, "ROLE,...", "Or the role of every column: time, hammer, specimen or skip."),
-    "rate": (
-        make_quantity("Hz", "25.6 kHz"),
-        "RATE",
-        "For files that state no sampling rate; goes before a column of times.",
-    ),
-    "time_unit": (
-        str,
-        "UNIT",
-        f"Of times: {', '.join(TIME_UNITS)}. [as the file states it; s if it can be]",
-    ),
-    **{f"hammer_{key}": option for key, option in _SENSOR_OPTIONS.items()},
-    **{
-        f"sample_{key}": (kind, metavar, "Likewise.")
-        for key, (kind, metavar, _) in _SENSOR_OPTIONS.items()
-    },
-    "sample": (str, "NAME", "Which sample was struck."),
-    "rig_file": (_FILE, "FILE.toml", "Masses and settings; --sample is one of its samples."),
+    "hammer_unit": (click.STRING, "UNIT", f"{', '.join(UNITS)}. [as the file states it]"),
+    "rate": (make_quantity("Hz", "25.6 kHz"), "RATE", "Sampling rate. [as the file states it]"),
     "hammer_mass": (make_quantity("kg", "100 g"), "MASS", "m1."),
     "sample_mass": (make_quantity("kg", "102.38 g"), "MASS", "Without accelerometer."),
-    "accelerometer_mass": (make_quantity("kg", "3 g"), "MASS", "Carried by the sample. [0]"),
-    "hammer_stiffness": (
-        make_quantity("N/m", "22.5 MN/m"),
-        "K",
-        "k1, from an earlier control experiment.",
-    ),
-    "control": (bool, "", "Hammer and sample are alike: k1 = k2 = 2 k_eq."),
-    "pre_trigger": (
-        make_quantity("s", "200 us"),
-        "TIME",
-        "Kept before each impact. [the whole file is the record]",
-    ),
+    "rig_file": (_FILE, "FILE.toml", "Masses and settings; --sample is one of its samples."),
+    "sample": (click.STRING, "NAME", "Which sample was struck."),
+    "cutoff": (CUTOFF, "FREQUENCY", "Low-pass, or off. [as recorded; else 50 kHz]"),
     "record_duration": (
         make_quantity("s", "2 ms"),
         "TIME",
-        "A record of many impacts is cut into such. [the whole file is the record]",
+        "Of each hit, if a file holds many. [the whole file is one hit]",
     ),
 }
-"""What is said of measured files, see `impact_rig.analysis.measured_files`."""
-_SETTING_OPTIONS: _Options = {
-    "cutoff": (
-        CUTOFF,
-        "FREQUENCY",
-        "Low-pass, or off. [as recorded or in the rig file; else 50 kHz, off at low rates]",
-    ),
-    "pulse_factor": (float, "F", "τp = F w50: 2 versed-sine, 1.5 half-sine. [2]"),
-    "exponent": (
-        float,
-        "N",
-        "n of the contact law F = k δⁿ (1 + a δ'): 1 linear spring, 1.5 Hertz. [fitted]",
-    ),
-    "double_hit_level": (
-        float,
-        "LEVEL",
-        "Second pulse that makes a double hit, part of the first. [0.02]",
-    ),
-    "double_hit_window": (
-        make_quantity("s", "1 ms"),
-        "TIME",
-        "Distance of two pulses up to which the second makes a double hit. [any]",
-    ),
-    "polarity": (
-        click.Choice(["fixed", "auto"]),
-        "fixed|auto",
-        "Hits of the other sign than those before: rejected, or turned. [fixed]",
-    ),
-    "keep": (
-        click.IntRange(0),
-        "N",
-        "Average the N most consistent hits of a sample; 0: all. [as recorded; else 0]",
-    ),
-}
-_SETTINGS = {
-    "cutoff": "cutoff_frequency",
-    "exponent": "contact_exponent",
-    "polarity": "turns_polarity",
-    "keep": "keep_hits",
-}
-"""Fields of `AnalysisSettings` whose options have other names."""
+"""Type, placeholder and help; see `impact_rig.analysis.measured_files`."""
 
 
 def refuse_given(context: click.Context, names: Collection[str], reason: str) -> None:
@@ -371,29 +308,16 @@ def make_flag(name: str) -> str:
 
 
 def measurement_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add what is said of measured files and of settings, as two mappings of what is given."""
-    options = _SETTING_OPTIONS | _TRACE_OPTIONS
+    """Add the options of measured files; the command gets those given as `measured`, a mapping."""
 
     @functools.wraps(command)
     def joined(**values: Any) -> Any:
-        found = {name: values.pop(name) for name in options}
+        found = {name: values.pop(name) for name in _MEASUREMENT_OPTIONS}
         given = {name: value for name, value in found.items() if value is not None}
-        if "polarity" in given:
-            given["polarity"] = given["polarity"] == "auto"
-        traces = {name: given[name] for name in _TRACE_OPTIONS if name in given}
-        settings = {_SETTINGS.get(name, name): given[name] for name in given.keys() - traces}
-        return command(traces=traces, settings=settings, **values)
+        return command(measured=given, **values)
 
-    for name, (kind, metavar, words) in reversed(options.items()):
-        is_flag = kind is bool
-        joined = click.option(
-            make_flag(name),
-            type=kind,
-            is_flag=is_flag,
-            default=None,
-            metavar=None if is_flag else metavar,
-            help=words,
-        )(joined)
+    for name, (kind, metavar, words) in reversed(_MEASUREMENT_OPTIONS.items()):
+        joined = click.option(make_flag(name), type=kind, metavar=metavar, help=words)(joined)
     return joined
 
 
@@ -401,31 +325,17 @@ def recording_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add options that make one `RecordingPlan`, `recording`."""
 
     @functools.wraps(command)
-    def joined(
-        *, bag: bool, compression: str | None, notes: str, record_stream: bool, **values: Any
-    ) -> Any:
-        plan = RecordingPlan(bag, compression or "", notes, record_stream)
-        return command(recording=plan, **values)
+    def joined(*, notes: str, record_stream: bool, **values: Any) -> Any:
+        return command(recording=RecordingPlan(notes, record_stream), **values)
 
     for option in (
         click.option(
             "--record-stream",
             is_flag=True,
-            help="With --continuous: record the whole stream, 20 MB a second before compression,"
-            " not only the impacts in it.",
+            help="With --continuous: record all of the stream.",
         ),
         click.option(
             "--notes", default="", metavar="TEXT", help="What the recording should say of itself."
-        ),
-        click.option(
-            "--compression",
-            type=click.Choice(COMPRESSIONS),
-            help="Of the recording. [zstd]",
-        ),
-        click.option(
-            "--bag/--no-bag",
-            default=False,
-            help="Record into a folder as rosbag2 writes it, not into one file. [no]",
         ),
     ):
         joined = option(joined)
@@ -434,9 +344,5 @@ def recording_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def list_recording_arguments(recording: RecordingPlan) -> list[str]:
     """Return a plan as the words of a command line."""
-    arguments = ["--bag"] if recording.bag else []
-    arguments += ["--record-stream"] if recording.stream else []
-    for name, value in (("--compression", recording.compression), ("--notes", recording.notes)):
-        if value:
-            arguments += [name, value]
-    return arguments
+    arguments = ["--record-stream"] if recording.stream else []
+    return [*arguments, "--notes", recording.notes] if recording.notes else arguments

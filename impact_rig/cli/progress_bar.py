@@ -1,47 +1,18 @@
 """A bar that shows how far a command is, as long as it works."""
 
-import math
 import sys
-import time
 from collections.abc import Iterable
 from types import TracebackType
 from typing import Any, Self
 
 from rich.console import Console, RenderableType
-from rich.progress import BarColumn, Progress, ProgressColumn, Task
+from rich.progress import BarColumn, Progress, ProgressColumn
 from rich.table import Column, Table
 from rich.text import Text
 
 from impact_rig.present.terminal.console import GOOD
 
-WIDEST_BAR = 40
-"""[characters], our choice: a longer one says no more."""
-SPEED_PERIOD = 30.0
-"""Over which the speed, and with it the time left, is averaged [s]; rich's default."""
-PATIENCE = 1.0
-"""What is done sooner needs no bar [s], our choice: one that flashes up says nothing."""
-MINUTE = 60.0
-HOUR = 3600.0
-
-
-class TimeLeft(ProgressColumn):
-    """How long it still takes at this speed, once that is known."""
-
-    def render(self, task: Task) -> Text:
-        """Return the time left in words; nothing while it is not known."""
-        left = task.time_remaining
-        return Text("" if left is None or task.finished else format_time_left(left))
-
-
-def format_time_left(seconds: float) -> str:
-    """Return a time left in words, as exact as anybody wants it; nothing for NaN."""
-    if not math.isfinite(seconds):
-        return ""
-    if seconds < MINUTE:
-        return f"{seconds:.0f} s left"
-    if seconds < HOUR:
-        return f"{math.ceil(seconds / MINUTE)} min left"
-    return f"{seconds / HOUR:.1f} h left"
+WIDEST_BAR = 40  # [characters]
 
 
 class ProgressBar:
@@ -57,10 +28,6 @@ class ProgressBar:
         Figures, stand behind the bar.
     total : float, optional
         What `update` counts up to by ``completed``; None: not known.
-    patience : float
-        How long it must take before it is worth a bar [s]; `update` looks at the clock.
-    speed_period : float
-        Over which the speed is averaged [s].
     fields : Any
         Of the task, for columns that show them; ``status``: text that stands below the bar.
     """
@@ -71,8 +38,6 @@ class ProgressBar:
         title: str,
         *columns: ProgressColumn,
         total: float | None = None,
-        patience: float = 0.0,
-        speed_period: float = SPEED_PERIOD,
         **fields: Any,
     ) -> None:
         self.console = console
@@ -83,11 +48,8 @@ class ProgressBar:
             # What a command prints goes above the bar, but not what it writes into a pipe.
             redirect_stdout=sys.stdout.isatty(),
             disable=not console.is_interactive,
-            speed_estimate_period=speed_period,
         )
         self._task = self._progress.add_task(title, total=total, **{"status": "", **fields})
-        self._due = time.monotonic() + patience
-        self._is_shown = False
 
     def __enter__(self) -> Self:
         """Begin to draw."""
@@ -105,36 +67,28 @@ class ProgressBar:
 
     @property
     def is_drawn(self) -> bool:
-        """Whether a person sees the bar; else what happens must be told in lines."""
+        """Whether a person sees the bar; otherwise progress is printed in lines."""
         return self.console.is_interactive
 
     def show(self) -> None:
         """Draw, or draw again."""
-        self._is_shown = True
-        self._start_if_due()
+        self._progress.start()
 
     def hide(self) -> None:
         """Leave the terminal to others."""
-        self._is_shown = False
         self._progress.stop()
 
     def update(self, **changes: Any) -> None:
         """Change ``description``, ``total``, ``completed`` or a field."""
         self._progress.update(self._task, **changes)
-        self._start_if_due()
 
     def report(self, done: float, total: float | None = None) -> None:
         """Show how much is done, of how much if that was not known."""
         self.update(completed=done, total=total)
 
     def restart(self, description: str, total: float) -> None:
-        """Count from nought again: something else is done now, at another speed."""
+        """Count from zero again: something else is done now, at another speed."""
         self._progress.reset(self._task, description=description, total=total)
-        self._start_if_due()
-
-    def _start_if_due(self) -> None:
-        if self._is_shown and time.monotonic() >= self._due:
-            self._progress.start()
 
 
 class _OneTask(Progress):
@@ -142,7 +96,7 @@ class _OneTask(Progress):
 
     def __init__(self, *columns: ProgressColumn, **options: Any) -> None:
         super().__init__(*columns, **options)
-        self.columns = columns  # rich has some of its own where there are none
+        self.columns = columns  # rich has default columns where none are given
 
     def get_renderables(self) -> Iterable[RenderableType]:
         bar = BarColumn(WIDEST_BAR, style="dim", complete_style=GOOD, finished_style=GOOD)

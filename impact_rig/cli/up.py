@@ -20,10 +20,9 @@ from impact_rig.configuration import run
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     ACTIVE,
-    FINAL_CODES,
     LAUNCHER,
     LOG_NAME,
-    RESPAWN_DELAY,
+    RECORDING_NAME,
     NodeProcess,
     RecordingPlan,
     list_rig_processes,
@@ -42,18 +41,6 @@ STOPPED_BY_REQUEST = (0, 128 + signal.SIGINT, 128 + signal.SIGTERM)
 STANDARD_INPUT, STANDARD_ERROR = 0, 2
 RETRY_PERIOD = 0.1
 """How soon a stop is tried again that came while the processes were still starting [s]."""
-_RESPAWN = f"""\
-trap stop=1 TERM
-while ({{command}}); code=$?
-  case $code in {"|".join(map(str, FINAL_CODES))}) false;; *) [ ! "$stop" ];; esac
-do
-  echo "ended with code $code, and is started again"
-  sleep {RESPAWN_DELAY:g}
-  [ ! "$stop" ] || break
-done
-exit $code
-"""
-"""Shell script: a signal reaches the node, too, which is of the same group of processes."""
 
 
 class _Manager(Manager):
@@ -145,7 +132,6 @@ def run_nodes(
     ready: str,
     namespace: str = "",
     stop_with_input: bool = False,
-    respawn: bool = False,
 ) -> int:
     """Run nodes side by side until told to stop, or until one of them ends.
 
@@ -161,8 +147,6 @@ def run_nodes(
         Of the rig.
     stop_with_input : bool
         Stop when standard input ends: whoever holds the other end may die without a word.
-    respawn : bool
-        Start a node again that has died.
 
     Returns
     -------
@@ -173,10 +157,7 @@ def run_nodes(
     manager = _Manager(_Printer(output, (process.name for process in processes), ready))
     environment = {**os.environ, "PYTHONUNBUFFERED": "1", LAUNCHER: str(os.getpid())}
     for process in processes:
-        command = make_command(process, namespace)
-        if respawn:
-            command = _RESPAWN.format(command=command)
-        manager.add_process(process.name, command, env=environment)
+        manager.add_process(process.name, make_command(process, namespace), env=environment)
     if stop_with_input:
         threading.Thread(target=_stop_at_end_of_input, daemon=True).start()
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
@@ -206,33 +187,27 @@ def _stop_at_end_of_input() -> None:
       impact-rig up --template > my-rig.toml   a rig file to fill in
       impact-rig up --rig-file my-rig.toml     your own samples
       impact-rig up --set hammer.swing_time=0.3
-      impact-rig up --set source.noise=0.002
-      impact-rig up --viewer web               watch it in a browser
-      impact-rig up --continuous --record-stream   all that the sensors see
-      impact-rig up --bag --set recorder.split_duration=3600    a file an hour
-    On two computers, with the same rig file and ROS_DOMAIN_ID:
+      impact-rig up --resume runs/2026-11-23T15-00-00
+    On one of two computers, with the same rig file and ROS_DOMAIN_ID:
       impact-rig up --network --only hammer --only accelerometer
-      impact-rig up --network --only estimator --only recorder --only campaign
-    Then, in another terminal:
-      impact-rig campaign
     """
 )
 @options.rig_file_option
 @options.virtual_rig_options
 @options.continuous_option
 @options.output_option
+@options.resume_option
 @recording_options
 @options.network_option
 @options.namespace_option
-@click.option("--record/--no-record", default=True, help="Record everything to MCAP. [yes]")
 @click.option("--visualizer/--no-visualizer", default=True, help="Write a Rerun view. [yes]")
 @options.viewer_option
 @click.option(
     "--only",
     multiple=True,
     metavar="NODE",
-    help="Start this node of the rig, and only those named so; repeatable. The others run"
-    " elsewhere: every other option goes for the whole rig, and is the same there. [all]",
+    help="Start only this node; repeatable. The others run elsewhere, with the same options."
+    " [all]",
 )
 @click.option(
     "--set",
@@ -242,7 +217,6 @@ def _stop_at_end_of_input() -> None:
     help="Set any ROS parameter of a node, or a key of the rig file's table [source] as"
     " source.KEY=VALUE; repeatable.",
 )
-@click.option("--respawn", is_flag=True, help="Start a node again that has died.")
 @click.option("--template", is_flag=True, help="Print the paper's rig file and end.")
 @click.option("--stop-with-input", is_flag=True, hidden=True)
 @click.option("--log-file", type=click.Path(path_type=Path), hidden=True)
@@ -253,24 +227,22 @@ def command(
     faults: float | None,
     continuous: bool,
     output: Path | None,
+    resume: Path | None,
     recording: RecordingPlan,
     network: bool,
     namespace: str,
-    record: bool,
     visualizer: bool,
     viewers: tuple[str, ...],
     only: tuple[str, ...],
     settings: tuple[str, ...],
-    respawn: bool,
     template: bool,
     stop_with_input: bool,
     log_file: Path | None,
 ) -> None:
     """Start the nodes of a rig, each its own process, until Ctrl-C.
 
-    Everything is recorded into one folder, runs/<time>/ unless --output says otherwise: that of
-    the computer which starts the recorder. Several computers make one rig when each starts some
-    of the nodes (--only) and lets them find each other (--network).
+    Everything is recorded into one folder, that of an earlier run with --resume. Several computers
+    make one rig when each starts some of the nodes (--only) and finds the others (--network).
     """
     if template:
         click.echo(read_template(), nl=False)
@@ -283,7 +255,7 @@ def command(
     overrides = run.parse_settings(settings)
     source = run.make_virtual_source(plant=plant, seed=seed, faults=faults)
     source |= overrides.pop(run.SOURCE, {})
-    folder = run.choose_run_folder(output)
+    folder = resume or run.choose_run_folder(output)
     options.set_discovery(network=network)
     processes = list_rig_processes(
         folder.resolve(),
@@ -291,7 +263,6 @@ def command(
         source=source,
         swing=rig.hammer,
         continuous=continuous,
-        record=record,
         recording=recording,
         visualize=visualizer,
         viewers=viewers,
@@ -299,18 +270,18 @@ def command(
         only=only,
     )
     check_free(join_names(namespace, (process.name for process in processes)))
-    if any("output" in process.parameters for process in processes):
+    is_written = any("output" in process.parameters for process in processes)
+    if is_written and resume is None:
         run.make_run_folder(folder)
     log = log_file.open("w", encoding="utf-8") if log_file else sys.stdout
     is_recorded = any(process.name == "recorder" for process in processes)
-    recorded = folder / recording.name if is_recorded else None
+    recorded = folder / RECORDING_NAME if is_recorded else None
     code = run_nodes(
         processes,
         log,
         ready=describe_ready(rig, recorded, namespace=namespace, only=only),
         namespace=namespace,
         stop_with_input=stop_with_input,
-        respawn=respawn,
     )
     if recorded and recorded.exists():
         click.echo(f"recording: {recorded}")

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,8 @@ from impact_rig.configuration.rig_file import parse_response, parse_settings
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_text_file
 from impact_rig.configuration.units import parse_reading, parse_sensitivity
 from impact_rig.core.errors import FileError, ParameterError, RigError
-from impact_rig.core.setup.sensors import ChannelPlan, ChannelUse
+from impact_rig.core.quantity import Comparable
+from impact_rig.core.sensors import ChannelPlan, ChannelUse
 
 CHANNEL_KEYS = (
     "channel",
@@ -23,17 +24,12 @@ CHANNEL_KEYS = (
     "resonance_damping",
     "low_corner",
 )
-RESPONSE_KEYS = {
-    "resonance": "resonance",
-    "resonance_damping": "damping",
-    "low_corner": "low_corner",
-}
-"""Those of `SensorResponse`, and what they are there."""
+PRE_TRIGGER_PART = 0.1  # of a record, before its hit; as 0.2 ms of 2 ms
 NAN = math.nan
 
 
 @dataclass(frozen=True)
-class ImportFile:
+class ImportFile(Comparable):
     """What such a file says; NaN, empty: nothing.
 
     Attributes
@@ -84,6 +80,30 @@ def read_import_file(path: Path) -> ImportFile:
         raise FileError(f"file of channels {path}: {error}") from None
 
 
+def read_analysis_settings(path: Path) -> dict[str, Any]:
+    """Read a file of channels for a recording, which states all but the table [analysis] itself.
+
+    Returns
+    -------
+    dict
+        Fields of `AnalysisSettings` to replace, by name.
+
+    Raises
+    ------
+    FileError
+        As `read_import_file`; or if the file holds anything else.
+    """
+    text = read_text_file(path, "file of channels")
+    try:
+        document = parse_toml_table(text)
+        document.check_keys("analysis")
+        return parse_settings(document)
+    except RigError as error:
+        raise FileError(
+            f"file of channels {path}: {error} (a recording takes only [analysis] from it)"
+        ) from None
+
+
 def parse_import_file(text: str) -> ImportFile:
     """Read the text of such a file.
 
@@ -119,41 +139,31 @@ def add_options(file: ImportFile, given: Mapping[str, Any]) -> ImportFile:
     file : ImportFile
         What is changed.
     given : mapping
-        Names or numbers of the channels `hammer` and `specimen`; `columns`, their roles between
-        commas; `rate` [Hz]; `time_unit`; keys of a channel behind `hammer_` and `sample_`, of
-        which `full_scale` has its unit beside it; and fields of `ImportFile` by their names.
+        Any of `rate` [Hz], `hammer_unit`, `sample`, `hammer_mass` and `sample_mass` [kg], `cutoff`
+        [Hz] and `record_duration` [s].
 
     Raises
     ------
     ParameterError
-        If they contradict each other, or a value cannot be meant.
+        If a value cannot be meant.
     """
     plan = file.plan
-    columns, hammer, specimen = plan.columns, plan.hammer, plan.specimen
-    if "columns" in given:
-        columns = tuple(role.strip() for role in given["columns"].split(","))
-        hammer, specimen = replace(hammer, channel=""), replace(specimen, channel="")
-    elif "hammer" in given:
-        columns = None
-    plan = ChannelPlan(
-        _change_use(hammer, given, "hammer", "hammer"),
-        _change_use(specimen, given, "sample", "specimen"),
-        columns,
-        given.get("rate", plan.sampling_rate),
-        given.get("time_unit", plan.time_unit),
+    hammer = replace(plan.hammer, unit=given.get("hammer_unit", plan.hammer.unit))
+    rate = given.get("rate", plan.sampling_rate)
+    settings = dict(file.settings)
+    if "cutoff" in given:
+        settings["cutoff_frequency"] = given["cutoff"]
+    if "record_duration" in given:
+        settings["record_duration"] = given["record_duration"]
+        settings.setdefault("pre_trigger", PRE_TRIGGER_PART * given["record_duration"])
+    return replace(
+        file,
+        plan=replace(plan, hammer=hammer, sampling_rate=rate),
+        sample=given.get("sample", file.sample),
+        hammer_mass=given.get("hammer_mass", file.hammer_mass),
+        sample_mass=given.get("sample_mass", file.sample_mass),
+        settings=settings,
     )
-    plain = {item.name for item in fields(ImportFile)} & given.keys()
-    return replace(file, plan=plan, **{name: given[name] for name in plain})
-
-
-def _change_use(use: ChannelUse, given: Mapping[str, Any], body: str, role: str) -> ChannelUse:
-    found = {key: given.get(f"{body}_{key}") for key in CHANNEL_KEYS if key != "mass"}
-    found |= {"channel": given.get(role)}
-    values = {key: value for key, value in found.items() if value is not None}
-    if "full_scale" in values:
-        values["full_scale"], values["full_scale_unit"] = values["full_scale"]
-    response = {key: values.pop(name) for name, key in RESPONSE_KEYS.items() if name in values}
-    return replace(use, response=replace(use.response, **response), **values)
 
 
 def _parse_plan(document: TomlTable, hammer: TomlTable, specimen: TomlTable) -> ChannelPlan:

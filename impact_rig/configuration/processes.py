@@ -11,6 +11,8 @@ from typing import Any
 
 from impact_rig.core.errors import ParameterError
 
+NETWORK = "IMPACT_RIG_NETWORK"
+"""1: nodes on other computers are looked for. All else stays on 127.0.0.1."""
 DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -33,13 +35,15 @@ def make_network_variables(environment: Mapping[str, str], *, network: bool) -> 
     Returns
     -------
     dict of str to str
-        How far ROS looks; and, where it looks beyond this computer and nobody has chosen its
-        transports, sockets that hold a block of a running stream. Linux grants them up to
-        `net.core.rmem_max`.
+        Whether a rig leaves this computer, and how far ROS looks then, unless somebody has chosen
+        that; and, where nobody has chosen the transports, sockets that hold a block of a running
+        stream. Linux grants them up to `net.core.rmem_max`.
     """
-    variables = {}
+    if not network:
+        return {NETWORK: "0", DISCOVERY: "LOCALHOST"}
+    variables = {NETWORK: "1"}
     if DISCOVERY not in environment:
-        variables[DISCOVERY] = "SUBNET" if network else "LOCALHOST"
+        variables[DISCOVERY] = "SUBNET"
     is_far = {**environment, **variables}[DISCOVERY] not in HERE
     if is_far and not any(name in environment for name in (TRANSPORTS, *PROFILES)):
         variables[TRANSPORTS] = f"DEFAULT?sockets_size={SOCKET_BUFFER}B"
@@ -71,23 +75,15 @@ def open_closed_streams() -> None:
 
 
 RECORDING_NAME = "session.mcap"
-BAG_NAME = "session"
-"""Of a recording that is a folder as rosbag2 writes it."""
 VIEW_NAME = "session.rrd"
 RESULTS_NAME = "results.json"
+REPORT_NAME = "report.html"
 LOG_NAME = "nodes.log"
 
 ACTIVE = "this node is active"
 """What every node logs when it has become so."""
-TAKE_REPLAYS = "take_replays"
-"""Parameter of the nodes that are of use without a rig, too."""
 LAUNCHER = "IMPACT_RIG_LAUNCHER"
 """Names the process that started a node, whose death, however sudden, stops the node."""
-FINAL_CODES = (0, 2)
-"""With which a node ends that is not to be started again: as it was told, or with a parameter that
-is impossible each time."""
-RESPAWN_DELAY = 1.0
-"""After which one is that ended with another code [s], our choice."""
 
 CONTINUOUS = "continuous"
 """Mode of accelerometers that stream all the time."""
@@ -119,25 +115,14 @@ class RecordingPlan:
 
     Attributes
     ----------
-    bag : bool
-        Into a folder as rosbag2 writes it; else into one file.
-    compression : str
-        Of chunks; empty: the recorder's default.
     notes : str
         In the operator's words.
     stream : bool
         The whole running stream of continuous mode too, not only the impacts in it.
     """
 
-    bag: bool = False
-    compression: str = ""
     notes: str = ""
     stream: bool = False
-
-    @property
-    def name(self) -> str:
-        """Of the recording, in the folder of the run."""
-        return BAG_NAME if self.bag else RECORDING_NAME
 
 
 def list_rig_processes(
@@ -147,7 +132,6 @@ def list_rig_processes(
     source: Mapping[str, Any] | None = None,
     swing: Mapping[str, Any] | None = None,
     continuous: bool = False,
-    record: bool = True,
     recording: RecordingPlan = RecordingPlan(),
     visualize: bool = True,
     viewers: Sequence[str] = (),
@@ -170,10 +154,8 @@ def list_rig_processes(
         Parameters of the hammer that the rig file gives: swing_time ...
     continuous : bool
         Whether the accelerometers stream all the time, and not only each hit.
-    record : bool
-        Whether everything is recorded; if not, the hammer is released all the same.
     recording : RecordingPlan
-        How.
+        How everything is recorded.
     visualize : bool
         Whether model and measurement are shown.
     viewers : sequence of str
@@ -203,34 +185,26 @@ def list_rig_processes(
         accelerometer["source"] = format_source(source)
     if continuous:
         accelerometer["mode"] = CONTINUOUS
-    if not record:
-        hammer["require_recorder"] = False
-        accelerometer["required_subscribers"] = "estimator"
     given = {**accelerometer, **further.get("accelerometer", {})}
     if recording.stream and given.get("mode") != CONTINUOUS:
         raise ParameterError(
             "there is no running stream to be recorded: choose continuous mode as well"
         )
-    live = {TAKE_REPLAYS: False}
     processes = [
         NodeProcess("hammer", hammer),
         NodeProcess("accelerometer", accelerometer),
-        NodeProcess("estimator", live),
+        NodeProcess("estimator"),
         NodeProcess("campaign", described),
     ]
-    if record:
-        content = {
-            "compression": recording.compression,
-            "notes": recording.notes,
-            "attachments": str(rig_file),
-            "record_stream": recording.stream,
-        }
-        given = {name: value for name, value in content.items() if value}
-        processes.append(
-            NodeProcess("recorder", {**live, "output": str(folder / recording.name), **given})
-        )
+    content = {
+        "notes": recording.notes,
+        "attachments": str(rig_file),
+        "record_stream": recording.stream,
+    }
+    given = {name: value for name, value in content.items() if value}
+    processes.append(NodeProcess("recorder", {"output": str(folder / RECORDING_NAME), **given}))
     if visualize:
-        view = {**live, "output": str(folder / VIEW_NAME), **make_viewer_parameters(viewers)}
+        view = {"output": str(folder / VIEW_NAME), **make_viewer_parameters(viewers)}
         processes.append(NodeProcess("visualizer", view))
     elif viewers:
         raise ParameterError(

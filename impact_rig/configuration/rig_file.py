@@ -12,23 +12,24 @@ from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, rea
 from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
 from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.core.quantity import list_stored
-from impact_rig.core.setup.calibration import compute_scale, normalize_unit
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.samples import (
-    DEFAULT_CLOCK_UNCERTAINTY,
-    RigSetup,
-    Sample,
-    SampleSet,
-)
-from impact_rig.core.setup.sensors import (
+from impact_rig.core.sensors import (
     CHANNELS,
     DEFAULT_RESONANCE_DAMPING,
     QUANTITIES,
     Sensor,
     SensorResponse,
     check_response,
+    compute_scale,
+    normalize_unit,
 )
-from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.setup import (
+    DEFAULT_CLOCK_UNCERTAINTY,
+    PAPER_SETUP,
+    AnalysisSettings,
+    RigSetup,
+    Sample,
+    SampleSet,
+)
 
 ANALYSIS_QUANTITIES = {
     "cutoff_frequency": ("Hz", "50 kHz"),
@@ -75,7 +76,6 @@ def parse_settings(document: TomlTable) -> dict[str, Any]:
 SENSOR_KEYS = (
     "quantity",
     "sensitivity",
-    "unit",
     "full_scale",
     "serial_number",
     "calibration_date",
@@ -101,8 +101,6 @@ def parse_sensors(source: TomlTable) -> tuple[Sensor, ...]:
 def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
     quantity = table.take_choice("quantity", tuple(QUANTITIES), "acceleration")
     voltage, unit = math.nan, QUANTITIES[quantity][0]
-    if "unit" in table:
-        unit = _check_unit(table, "unit", table.take_text("unit"), quantity)
     if "sensitivity" in table:
         voltage, unit = _take_sensitivity(table, quantity)
     if quantity == "force" and channel != "hammer":
@@ -130,13 +128,7 @@ def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
 
 
 def parse_response(table: TomlTable) -> SensorResponse:
-    """Return what the table of a channel says of its sensor's response.
-
-    Raises
-    ------
-    ParameterError
-        If it is of no sensor.
-    """
+    """Return the response of a channel's sensor; raises `ParameterError`."""
     response = SensorResponse(
         resonance=table.take_quantity("resonance", "Hz", "70 kHz", 0.0, low=0.0),
         damping=table.take_number("resonance_damping", 0.0, 1.0, DEFAULT_RESONANCE_DAMPING),
@@ -155,10 +147,7 @@ def _take_sensitivity(table: TomlTable, quantity: str) -> tuple[float, str]:
         found = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
     except ParameterError as error:
         raise table.make_error("sensitivity", str(error)) from None
-    unit = _check_unit(table, "sensitivity", found.unit, quantity)
-    if "unit" in table and normalize_unit(table["unit"]) != unit:
-        raise table.refuse("unit", f"{unit}, as the sensitivity says")
-    return found.voltage, unit
+    return found.voltage, _check_unit(table, "sensitivity", found.unit, quantity)
 
 
 def _take_full_scale(table: TomlTable, quantity: str, unit: str) -> float:
@@ -202,24 +191,12 @@ REFERENCE_QUANTITIES = {
 
 @dataclass(frozen=True)
 class RigFile:
-    """What a rig file says.
-
-    Attributes
-    ----------
-    setup : RigSetup
-        Masses, samples, settings.
-    release_angles : tuple of float
-        From which every sample is struck [rad]; empty: from one, as it comes.
-    hammer : mapping
-        Parameters of the hammer node, by its names: what [holder] says of the swing.
-    source, holder : TomlTable
-        What delivers accelerations and what holds the hammer, as their drivers understand it;
-        empty where the file has no such table: the virtual rig.
-    """
+    """What a rig file says."""
 
     setup: RigSetup
-    release_angles: tuple[float, ...] = ()
-    hammer: Mapping[str, Any] = field(default_factory=dict)
+    release_angles: tuple[float, ...] = ()  # [rad], for every sample; empty: the set-up's own
+    hammer: Mapping[str, Any] = field(default_factory=dict)  # parameters of the hammer node
+    # What the drivers read; empty: the virtual rig.
     source: TomlTable = field(default_factory=lambda: TomlTable({}, "[source]"))
     holder: TomlTable = field(default_factory=lambda: TomlTable({}, "[holder]"))
 
@@ -334,8 +311,6 @@ def _parse_swing(holder: TomlTable) -> dict[str, Any]:
     }
     if "confirm_return" in holder:
         parameters["confirm_return"] = holder.take_boolean("confirm_return")
-    if "enable_file" in holder:
-        parameters["enable_file"] = holder.take_text("enable_file")
     return parameters
 
 
@@ -382,9 +357,4 @@ def _parse_sample(table: TomlTable) -> Sample:
 def _parse_clock_uncertainty(document: TomlTable) -> float:
     table = document.take_table("digitizer")
     table.check_keys("clock_uncertainty")
-    value = table.get("clock_uncertainty", DEFAULT_CLOCK_UNCERTAINTY)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < 1.0:
-        raise table.refuse(
-            "clock_uncertainty", "a plain number, a part of the sampling rate like 58e-6"
-        )
-    return float(value)
+    return table.take_number("clock_uncertainty", 0.0, 1.0, DEFAULT_CLOCK_UNCERTAINTY)

@@ -2,12 +2,13 @@
 
 import json
 import os
+import shlex
+import subprocess
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from impact_rig.configuration.processes import (
-    BAG_NAME,
     RECORDING_NAME,
     RESULTS_NAME,
     VIEW_NAME,
@@ -58,6 +59,31 @@ def parse_settings(settings: tuple[str, ...]) -> dict[str, dict[str, Any]]:
     return parsed
 
 
+def choose_view(wanted: str, executable: Path) -> bool:
+    """Return whether to start the visualizer: as wanted, or where it can show anything.
+
+    Parameters
+    ----------
+    wanted : str
+        `true`, `false`, or `auto`: where rerun-sdk is installed.
+    executable : Path
+        The visualizer's; it begins with the Python that runs it, which may be another than this.
+
+    Raises
+    ------
+    FileError
+        If it is wanted, and that Python has no rerun-sdk.
+    """
+    if wanted == "false":
+        return False
+    python = executable.read_text("utf-8").splitlines()[0].removeprefix("#!")
+    search = "import importlib.util, sys; sys.exit(importlib.util.find_spec('rerun') is None)"
+    has_rerun = subprocess.run([*shlex.split(python), "-c", search], check=False).returncode == 0
+    if wanted == "true" and not has_rerun:
+        raise FileError(f"visualizer:=true: rerun-sdk is not installed for {python}")
+    return has_rerun
+
+
 def check_samples(rig_file: RigFile, names: tuple[str, ...]) -> None:
     """Require known samples; raises `ParameterError`."""
     for name in names:
@@ -80,7 +106,7 @@ def make_run_folder(output: Path | None) -> Path:
         If the folder holds a run, or cannot be made or written.
     """
     folder = choose_run_folder(output)
-    for name in (RECORDING_NAME, BAG_NAME, VIEW_NAME, RESULTS_NAME):
+    for name in (RECORDING_NAME, VIEW_NAME, RESULTS_NAME):
         if (folder / name).exists():
             raise FileError(
                 f"the folder {folder} already holds a run ({name}): choose another output folder"

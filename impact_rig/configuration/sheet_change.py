@@ -9,8 +9,7 @@ from impact_rig.configuration.toml_table import TomlTable, find_lines, parse_tom
 from impact_rig.configuration.units import parse_sensitivity
 from impact_rig.core.errors import FileError, ParameterError
 
-DIGITS = 6
-"""Of a sensitivity as it is written [-], our choice: more than any calibration determines."""
+DIGITS = 6  # of a sensitivity: more than any calibration determines
 _VOLTAGE = re.compile(r"\s*(?P<number>[+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\s\d/][^/]*)")
 _DATED = re.compile(r"-\d{4}-\d{2}-\d{2}$")
 
@@ -30,7 +29,7 @@ def change_sheet(text: str, channel: str, sensitivity: float, day: str) -> str:
     channel : {"hammer", "specimen"}
         Of the sensor.
     sensitivity : float
-        For one unit of its sensitivity as it stands in the file [V].
+        For one unit of its sensitivity in the file [V].
     day : str
         Of the calibration, year-month-day.
 

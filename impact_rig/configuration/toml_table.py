@@ -146,7 +146,7 @@ class TomlTable(Mapping[str, Any]):
         return len(self._values)
 
     def without(self, *keys: str) -> "TomlTable":
-        """Return the table without some keys, which somebody else reads."""
+        """Return the table without some keys, which other readers take."""
         left = {key: value for key, value in self._values.items() if key not in keys}
         return TomlTable(left, self.place, self._lines, self._path)
 
@@ -218,12 +218,19 @@ class TomlTable(Mapping[str, Any]):
             raise self.refuse(key, "true or false")
         return value
 
-    def take_number(self, key: str, low: float, high: float, default: float = REQUIRED) -> float:
+    def take_number(
+        self,
+        key: str,
+        low: float = -math.inf,
+        high: float = math.inf,
+        default: float = REQUIRED,
+    ) -> float:
         """Return a plain number between two others; raises `ParameterError`."""
-        value = self._take(key, default, f"{low:g}")
+        value = self._take(key, default, "1.0")
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not is_number or not low <= value <= high:
-            raise self.refuse(key, f"a plain number between {low:g} and {high:g}")
+            limits = "" if math.isinf(high) else f" between {low:g} and {high:g}"
+            raise self.refuse(key, f"a plain number{limits}")
         return float(value)
 
     def take_whole(self, key: str, low: int, high: int, default: int = REQUIRED) -> int:
@@ -338,8 +345,9 @@ def parse_toml_table(text: str) -> TomlTable:
     try:
         values = tomllib.loads(text)
         _check_whole(values)
+        lines = find_lines(text)
     except ValueError as error:
         raise ParameterError(f"this is no TOML: {error}") from None
     except RecursionError:
         raise ParameterError("this is no TOML: it is nested too deep") from None
-    return TomlTable(values, lines=find_lines(text))
+    return TomlTable(values, lines=lines)

@@ -9,7 +9,7 @@ from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup.calibration import VOLTAGES, Sensitivity, normalize_unit
+from impact_rig.core.sensors import VOLTAGES, Sensitivity, normalize_unit
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
@@ -109,7 +109,7 @@ def _strip(unit: str) -> str:
 
 
 def parse_reading(what: str, value: Any) -> tuple[float, str]:
-    """Split a text like "500 g" or "10 V" into its number and its unit as it stands.
+    """Split a text like "500 g" or "10 V" into its number and its unit, as written.
 
     The unit is one of instruments: g is the standard gravity, no gram.
 

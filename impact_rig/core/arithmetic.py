@@ -5,9 +5,16 @@ always did, given uncertain numbers it carries their uncertainties along.
 """
 
 import math
+from functools import cache
 from typing import Any, Protocol, TypeVar, overload
 
-import GTC
+
+@cache
+def load_gtc() -> Any:
+    """Return the library GTC: it loads for a third of a second, and most processes need none."""
+    import GTC
+
+    return GTC
 
 
 class UncertainNumber(Protocol):
@@ -36,7 +43,7 @@ class UncertainNumber(Protocol):
     def __pow__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105
 
 
-Quantity = TypeVar("Quantity", float, UncertainNumber)
+Number = TypeVar("Number", float, UncertainNumber)
 """Either a float or an uncertain number; a formula takes all its inputs of one kind."""
 
 
@@ -53,7 +60,7 @@ def compute_square_root(quantity: float | UncertainNumber) -> float | UncertainN
     """Return the square root of a positive quantity."""
     if isinstance(quantity, (int, float)):
         return math.sqrt(quantity)
-    root: UncertainNumber = GTC.sqrt(quantity)
+    root: UncertainNumber = load_gtc().sqrt(quantity)
     return root
 
 

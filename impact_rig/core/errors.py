@@ -1,4 +1,6 @@
-"""The one family of errors: each message names the thing, the value and what would be right."""
+"""Errors of the rig, and the checks of numbers that raise them."""
+
+import math
 
 
 class RigError(Exception):
@@ -23,3 +25,49 @@ class DeviceError(RigError):
 
 class NotDeterminedError(RigError):
     """A quantity that the data at hand do not determine."""
+
+
+def check_positive(name: str, value: float, unit: str) -> None:
+    """Require a finite number above zero.
+
+    Parameters
+    ----------
+    name : str
+        What the number is, for the message.
+    unit : str
+        Its unit, for the message.
+
+    Raises
+    ------
+    ParameterError
+        If `value` is not a finite positive number.
+    """
+    if not (math.isfinite(value) and value > 0):
+        raise ParameterError(f"{name} is {value!r} {unit}: it must be a finite number above zero")
+
+
+def check_not_negative(name: str, value: float, unit: str) -> None:
+    """Require a finite number of zero or more; parameters and errors as `check_positive`."""
+    if not (math.isfinite(value) and value >= 0):
+        raise ParameterError(f"{name} is {value!r} {unit}: it must be a finite number, 0 or more")
+
+
+def check_between(name: str, value: float, low: float, high: float) -> None:
+    """Require a finite number in the closed interval [low, high]; raises `ParameterError`."""
+    if not (math.isfinite(value) and low <= value <= high):
+        raise ParameterError(f"{name} is {value!r}: it must lie between {low:g} and {high:g}")
+
+
+def check_mass_uncertainty(name: str, uncertainty: float, mass: float) -> None:
+    """Require a standard uncertainty [kg] that leaves something of its mass [kg].
+
+    Raises
+    ------
+    ParameterError
+        If it is no finite number of zero or more, or not below the mass.
+    """
+    check_not_negative(name, uncertainty, "kg")
+    if uncertainty > 0.0 and uncertainty >= mass:
+        raise ParameterError(
+            f"{name} is {uncertainty!r} kg: it must be less than the mass, which is {mass!r} kg"
+        )

@@ -1,8 +1,4 @@
-"""A value with its uncertainty, and how the fields of a result are called where they are shown.
-
-What leaves the rig (messages, results.json, tables) follows from the fields of the dataclasses
-and from what `describe` says of them: see `impact_rig.results.wire`.
-"""
+"""A value with its uncertainty and budget, and how fields describe themselves."""
 
 import math
 from collections.abc import Mapping
@@ -11,6 +7,34 @@ from typing import Any, TypeVar
 
 Record = TypeVar("Record")
 _KEY = "impact_rig"
+
+
+class Comparable:
+    """A frozen dataclass in which NaN, which stands for what is not known, equals NaN.
+
+    The dataclasses of Python 3.13 compare field by field, and NaN differs from itself.
+    """
+
+    def __init_subclass__(cls) -> None:
+        """Say what `dataclass` leaves alone where it stands in the class itself."""
+        cls.__eq__ = Comparable.__eq__  # type: ignore[method-assign]
+        cls.__hash__ = Comparable.__hash__  # type: ignore[method-assign]
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether both are of one class and alike in every field."""
+        if type(other) is not type(self):
+            return NotImplemented
+        return _list_values(self) == _list_values(other)
+
+    def __hash__(self) -> int:
+        """Return a number that equal ones share."""
+        return hash(_list_values(self))
+
+
+def _list_values(record: Any) -> tuple[Any, ...]:
+    """Return what is compared of a dataclass, with None for NaN."""
+    values = (getattr(record, item.name) for item in fields(record) if item.compare)
+    return tuple(None if value != value else value for value in values)  # noqa: PLR0124 - NaN
 
 
 @dataclass(frozen=True)
@@ -27,8 +51,6 @@ class Description:
         Unit that tables show it in; empty: the SI unit.
     written : str
         Its name in files without the unit; empty: that of the field.
-    since : int
-        Version of results.json that has it; an older file may lack it.
     is_inline : bool
         The fields of this record stand among those of its owner.
     is_internal : bool
@@ -40,7 +62,6 @@ class Description:
     label: str = ""
     shown: str = ""
     written: str = ""
-    since: int = 0
     is_inline: bool = False
     is_internal: bool = False
 
@@ -52,10 +73,9 @@ def describe(
     *,
     shown: str = "",
     written: str = "",
-    since: int = 0,
 ) -> Mapping[str, Description]:
     """Return the metadata of a dataclass field, see `Description`."""
-    return {_KEY: Description(unit, symbol, label, shown, written, since)}
+    return {_KEY: Description(unit, symbol, label, shown, written)}
 
 
 INLINE: Mapping[str, Description] = {_KEY: Description(is_inline=True)}
@@ -103,7 +123,7 @@ class BudgetLine:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class Quantity(Comparable):
     """A value with its uncertainty by the GUM; NaN: not determined, see the notes.
 
     Attributes

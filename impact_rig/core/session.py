@@ -9,32 +9,37 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import chain
 
-from impact_rig.core.estimation.contact_law import ContactLaw, look_at_law
-from impact_rig.core.estimation.paper_method import HammerEstimate, estimate_hammer
-from impact_rig.core.estimation.sample import (
+from impact_rig.core.detection import ImpactDetector
+from impact_rig.core.hits import (
+    NO_OVERRULES,
+    JudgedHit,
+    MeanHit,
+    Overrules,
+    describe_label,
+    describe_overruled,
+    judge_hit,
+    overrule_hit,
+)
+from impact_rig.core.paper_method import (
+    HammerEstimate,
+    HammerPulse,
+    estimate_hammer,
+    look_at_pulse,
+)
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.records import Block, HitLabel, Record
+from impact_rig.core.sample import (
     SampleEstimate,
     TraceEstimates,
     add_checks,
     add_models,
     estimate_numbers,
     estimate_traces,
+    withdraw_shared_ringing,
 )
-from impact_rig.core.estimation.shared_ringing import withdraw_shared_ringing
-from impact_rig.core.estimation.speed_exponents import SpeedExponents, estimate_speed_exponents
-from impact_rig.core.hits.averaging import MeanHit
-from impact_rig.core.hits.hit import JudgedHit, judge_hit
-from impact_rig.core.hits.overrule import (
-    NO_OVERRULES,
-    Overrules,
-    describe_label,
-    describe_overruled,
-    overrule_hit,
-)
-from impact_rig.core.hits.series import HitSeries, Selection
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.detection import ImpactDetector
-from impact_rig.core.signals.record import Block, HitLabel, Record
+from impact_rig.core.series import HitSeries, Selection
+from impact_rig.core.setup import RigSetup
+from impact_rig.core.speed_exponents import SpeedExponents, estimate_speed_exponents
 
 
 @dataclass(frozen=True)
@@ -69,8 +74,7 @@ class SessionResults:
 class Session:
     """Judges hits as they come and keeps the estimates of every sample.
 
-    Of every hit verdict and figures stay in memory, some 600 bytes, and its traces in a temporary
-    file; see `HitSeries`.
+    Verdicts, figures and aligned traces of all hits stay in memory; see `HitSeries`.
 
     Parameters
     ----------
@@ -87,7 +91,7 @@ class Session:
         self._setups: dict[str, RigSetup] = {}
         self._hammers: dict[str, tuple[MeanHit, HammerEstimate]] = {}
         self._numbers: dict[str, SampleEstimate] = {}
-        self._laws: dict[str, tuple[MeanHit, ContactLaw]] = {}
+        self._pulses: dict[str, tuple[MeanHit, HammerPulse]] = {}
         self._traces: dict[str, tuple[MeanHit, TraceEstimates]] = {}
         self._modelled: tuple[SampleEstimate, ...] = ()
 
@@ -101,8 +105,12 @@ class Session:
             the low-pass, or a hit is to be accepted by hand that has no pulse that could be
             measured.
         """
+        return tuple(hit for _, hit in self.feed_records(block))
+
+    def feed_records(self, block: Block) -> tuple[tuple[Record, JudgedHit], ...]:
+        """Take the next block as `feed`; return the hits with their records."""
         self.setup.samples.find(block.label.sample)
-        return tuple(self.judge(record) for record in self._detector.feed(block))
+        return tuple((record, self.judge(record)) for record in self._detector.feed(block))
 
     def judge(self, record: Record) -> JudgedHit:
         """Judge one record, compare it with the hits so far, and count it in.
@@ -113,8 +121,6 @@ class Session:
         ------
         ParameterError
             As `feed`.
-        FileError
-            If there is no room for its traces.
         """
         self.setup.samples.find(record.label.sample)
         self._modelled = ()
@@ -178,15 +184,15 @@ class Session:
         if mean is None or note:
             return HammerEstimate(notes=(note,), control_sample=control)
         if control not in self._hammers or self._hammers[control][0] is not mean:
-            estimate = estimate_hammer(mean, setup, self._estimate_law(control, mean))
+            estimate = estimate_hammer(mean, setup, self._look_at_pulse(control, mean))
             self._hammers[control] = mean, estimate
         return self._hammers[control][1]
 
     def estimate_numbers(self, name: str) -> SampleEstimate:
         """Return tau_p, k and c of one sample so far: at once after a hit.
 
-        The budget of tau_p has the contact's law as it was last found, with the hits before: a fit
-        takes as long as all else together, and `estimate_sample` does it anew.
+        The budget of tau_p has the pulse's form as it was last found, with the hits before: its
+        fits take as long as all else together, and `estimate_sample` repeats them.
         """
         if name not in self._numbers:
             self._numbers[name] = self._estimate_numbers(name)
@@ -198,8 +204,8 @@ class Session:
             note = f"{name}: not determined, none of {len(series)} hits was accepted"
             return SampleEstimate(name, 0, len(series), notes=(note,))
         spread, rejected = series.contact_time_spread, len(series) - mean.count
-        hammer, law = self.estimate_hammer(name), self._estimate_law(name, mean)
-        estimate = estimate_numbers(name, mean, spread, rejected, hammer, setup, law)
+        hammer, form = self.estimate_hammer(name), self._look_at_pulse(name, mean)
+        estimate = estimate_numbers(name, mean, spread, rejected, hammer, setup, form)
         corrected, doubtful = series.describe_findings()
         notes = estimate.notes
         if unknown := self.setup.find_unknown_masses(name):
@@ -215,7 +221,7 @@ class Session:
 
     def estimate_sample(self, name: str) -> SampleEstimate:
         """Return the same with what stands beside it, but for the fitted model."""
-        self._forget_older_laws({name, self.get_setup(name).samples.control_sample})
+        self._forget_older_pulses({name, self.get_setup(name).samples.control_sample})
         estimate, mean = self.estimate_numbers(name), self.compute_mean(name)
         if mean is None:
             return estimate
@@ -226,22 +232,22 @@ class Session:
     def _estimate_traces(self, name: str, mean: MeanHit) -> TraceEstimates:
         # Another k1, as each hit on the control sample brings one, changes nothing in these.
         if name not in self._traces or self._traces[name][0] is not mean:
-            law = self._estimate_law(name, mean)
-            self._traces[name] = mean, estimate_traces(name, mean, self.get_setup(name), law)
+            form = self._look_at_pulse(name, mean)
+            self._traces[name] = mean, estimate_traces(name, mean, self.get_setup(name), form)
         return self._traces[name][1]
 
-    def _forget_older_laws(self, names: set[str]) -> None:
-        """Forget laws of fewer hits than there are now, and what was made of them."""
-        for name in names & self._laws.keys():
-            if self._laws[name][0] is not self.compute_mean(name):
-                del self._laws[name]
+    def _forget_older_pulses(self, names: set[str]) -> None:
+        """Forget forms of pulses of fewer hits than there are now, and what was made of them."""
+        for name in names & self._pulses.keys():
+            if self._pulses[name][0] is not self.compute_mean(name):
+                del self._pulses[name]
                 self._hammers.pop(name, None)
                 self._numbers.clear()
 
-    def _estimate_law(self, name: str, mean: MeanHit) -> ContactLaw:
-        if name not in self._laws:
-            self._laws[name] = mean, look_at_law(mean, self.get_setup(name), name)
-        return self._laws[name][1]
+    def _look_at_pulse(self, name: str, mean: MeanHit) -> HammerPulse:
+        if name not in self._pulses:
+            self._pulses[name] = mean, look_at_pulse(mean, self.get_setup(name), name)
+        return self._pulses[name][1]
 
     def estimate_all(self, report: Callable[[int], None] | None = None) -> SessionResults:
         """Return everything found so far, the model fitted to every sample.

@@ -18,27 +18,17 @@ COMMON_KEYS = {
         "driver", "sampling_rate", "record_duration", "pre_trigger", "trigger_level", "hammer",
         "specimen",
     ),
-    HOLDERS: ("driver", "swing_time", "return_time", "confirm_return", "enable_file"),
+    HOLDERS: ("driver", "swing_time", "return_time", "confirm_return"),
 }  # fmt: skip
 """What all drivers share of the tables [source] and [holder]; the other keys are the driver's."""
 
 
 @dataclass(frozen=True)
 class Driver:
-    """A driver that is installed; its module is imported when it is loaded, not before.
+    """A driver that is installed; its module is imported when it is loaded, not before."""
 
-    Attributes
-    ----------
-    name : str
-        As the rig file names it.
-    package : str
-        The distribution that brings it.
-    entry_point : EntryPoint
-        Where its class is.
-    """
-
-    name: str
-    package: str
+    name: str  # as the rig file names it
+    package: str  # the distribution that brings it
     entry_point: metadata.EntryPoint
 
     def load(self) -> Any:
@@ -86,22 +76,6 @@ def find_drivers(group: str) -> Mapping[str, Driver]:
                 f"{other.package} and {package} both bring a driver {driver.name!r}: uninstall one"
             )
     return dict(sorted(drivers.items()))
-
-
-def find_driver(group: str, name: str) -> Driver:
-    """Return the driver of a name.
-
-    Raises
-    ------
-    DeviceError
-        If there is none.
-    """
-    drivers = find_drivers(group)
-    if name not in drivers:
-        kind = "holder" if group == HOLDERS else "source"
-        known = ", ".join(drivers) or "none: install the package impact_rig anew"
-        raise DeviceError(f"there is no {kind} driver {name!r}: installed are {known}")
-    return drivers[name]
 
 
 def read_driver_name(table: TomlTable) -> str:

@@ -1,10 +1,6 @@
 """What a driver of accelerometers, and one of a hammer's holder, must do and is given."""
 
 import math
-import threading
-import time
-from collections import deque
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
@@ -12,11 +8,11 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 import numpy as np
 
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.checks import check_between, check_positive
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.setup.sensors import Sensor
-from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
+from impact_rig.core.errors import ParameterError, check_between, check_positive
+from impact_rig.core.quantity import Comparable
+from impact_rig.core.records import Block, ChannelBlock, HitLabel
+from impact_rig.core.sensors import Sensor
+from impact_rig.core.setup import RigSetup
 
 if TYPE_CHECKING:
     from impact_rig.devices.virtual.rig import VirtualHit
@@ -28,40 +24,20 @@ NOT_MEASURED = ChannelBlock(np.empty(0, np.int32), scale=1.0, offset=0.0, full_s
 
 @dataclass(frozen=True)
 class FoundDevice:
-    """A device that a driver could use.
+    """A device that a driver could use."""
 
-    Attributes
-    ----------
-    address : str
-        As the rig file names it: "Dev1", "/dev/ttyUSB0".
-    identity : str
-        Model and serial number, as far as they are known without opening it.
-    """
-
-    address: str
-    identity: str = ""
+    address: str  # as the rig file names it: "Dev1", "/dev/ttyUSB0"
+    identity: str = ""  # model and serial number, as far as known without opening it
 
 
 @dataclass(frozen=True)
-class SourceChannel:
-    """One channel of a device, and the sensor that is plugged into it.
+class SourceChannel(Comparable):
+    """One channel of a device, and the sensor that is plugged into it."""
 
-    Attributes
-    ----------
-    name : str
-        What the device calls the channel: "Dev1/ai0", "1".
-    sensor : Sensor
-        By its calibration sheet.
-    moving_mass : float
-        Of the body that a force acts on [kg]; NaN: the sensor measures no force.
-    options : TomlTable
-        What else the rig file says of the channel: the driver's own keys.
-    """
-
-    name: str
-    sensor: Sensor
-    moving_mass: float = math.nan
-    options: TomlTable = field(default_factory=lambda: TomlTable({}))
+    name: str  # of the channel, for the device: "Dev1/ai0", "1"
+    sensor: Sensor  # by its calibration sheet
+    moving_mass: float = math.nan  # [kg], that a force acts on; NaN: the sensor measures no force
+    options: TomlTable = field(default_factory=lambda: TomlTable({}))  # the driver's own keys
 
     def compute_scale(self) -> float:
         """Return the acceleration of one volt [m/s^2 per V]; errors as `Sensor.compute_scale`."""
@@ -82,39 +58,17 @@ class SourceChannel:
 
 @dataclass(frozen=True)
 class AcquisitionPlan:
-    """What a source is asked to do.
+    """What a source is asked to do."""
 
-    Attributes
-    ----------
-    sampling_rate : float
-        [Hz]
-    record_duration : float
-        Of one triggered record [s].
-    pre_trigger : float
-        Part of it before the trigger [s].
-    trigger_level : float
-        Acceleration of the hammer that triggers, either sign [m/s^2].
-    continuous : bool
-        Everything that comes, without a trigger; else one record for each arming.
-    block_size : int
-        Points per block, at most.
-    depth : int
-        Blocks that may wait in the device's or driver's buffer before the oldest are lost.
-    hammer : SourceChannel
-        Inside the hammer.
-    specimen : SourceChannel or None
-        On the sample; None: not measured.
-    """
-
-    sampling_rate: float
-    record_duration: float
-    pre_trigger: float
-    trigger_level: float
+    sampling_rate: float  # [Hz]
+    record_duration: float  # [s], of one triggered record
+    pre_trigger: float  # [s], part of the record before the trigger
+    trigger_level: float  # [m/s^2], of the hammer, either sign
     hammer: SourceChannel
-    specimen: SourceChannel | None
-    continuous: bool = False
-    block_size: int = 1000
-    depth: int = 400
+    specimen: SourceChannel | None  # None: not measured
+    continuous: bool = False  # everything that comes; else one record for each arming
+    block_size: int = 1000  # points per block, at most
+    depth: int = 400  # blocks that may wait before the oldest are lost
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
@@ -146,22 +100,11 @@ class AcquisitionPlan:
 
 @dataclass(frozen=True)
 class Acquisition:
-    """What a configured source is, and really does.
+    """What a configured source is, and really does."""
 
-    Attributes
-    ----------
-    identity : str
-        Maker, model, serial number and address, as far as the device tells.
-    sampling_rate : float
-        [Hz]
-    is_simulated : bool
-        What it delivers is computed. Blocks that do not state their origin are taken for
-        measured, or for simulated if this is so or no hammer strikes.
-    """
-
-    identity: str
-    sampling_rate: float
-    is_simulated: bool = False
+    identity: str  # maker, model, serial number and address, as far as the device tells
+    sampling_rate: float  # [Hz]
+    is_simulated: bool = False  # its blocks that state no origin count as simulated
 
 
 class AccelerationSource(Protocol):
@@ -247,13 +190,13 @@ class AccelerationSource(Protocol):
         ...
 
     def close(self) -> None:
-        """Let the device go, whatever state it is in; never raises, safe to call twice."""
+        """Close the device in any state; never raises, safe to call twice."""
         ...
 
 
 @runtime_checkable
 class HammerlessSource(AccelerationSource, Protocol):
-    """A source that no hammer strikes: it is told when one would.
+    """A source that simulates strikes: `strike` says when one happens.
 
     These methods come from another thread than the others.
     """
@@ -272,61 +215,9 @@ class HammerlessSource(AccelerationSource, Protocol):
         Returns
         -------
         VirtualHit or None
-            The truth behind what `read` will deliver; None: nobody knows it.
+            The truth behind what `read` will deliver; None: unknown.
         """
         ...
-
-
-class HeldBlocks:
-    """Holds the blocks of a hit back until the hammer has struck: for sources that none strikes.
-
-    `lay` may come from another thread than the others.
-
-    Attributes
-    ----------
-    is_armed : bool
-        A hit is waited for.
-    """
-
-    def __init__(self) -> None:
-        self.is_armed = False
-        self._changed = threading.Condition()
-        self._blocks: deque[Block] = deque()
-        self._due = 0.0
-
-    def arm(self) -> None:
-        """Wait for one hit."""
-        with self._changed:
-            self._blocks.clear()
-            self.is_armed = True
-
-    def disarm(self) -> None:
-        """Forget the hit."""
-        with self._changed:
-            self._blocks.clear()
-            self.is_armed = False
-
-    def lay(self, blocks: Iterable[Block], contact: float) -> None:
-        """Let a hit come at a time of the monotonic clock [s], if one is waited for."""
-        with self._changed:
-            if self.is_armed:
-                self.is_armed = False
-                self._blocks.extend(blocks)
-                self._due = contact
-                self._changed.notify()
-
-    def read(self, timeout: float) -> Block | None:
-        """Return the next block; None: it has not come within so many seconds."""
-        deadline = time.monotonic() + timeout
-        with self._changed:
-            while True:
-                now = time.monotonic()
-                if self._blocks and now >= self._due:
-                    return self._blocks.popleft()
-                until = min(deadline, self._due) if self._blocks else deadline
-                if now >= until:
-                    return None
-                self._changed.wait(until - now)
 
 
 class HolderState(Enum):
@@ -337,10 +228,10 @@ class HolderState(Enum):
 
 
 class HammerHolder(Protocol):
-    """Holds the hammer at its release angle, and lets it go: one object for one device.
+    """Holds the hammer at its release angle, and releases it: one object for one device.
 
     All calls come from one thread. Whatever goes wrong with the device is a `DeviceError` as with
-    an `AccelerationSource`; no call takes longer than half a second. A holder never lets go by
+    an `AccelerationSource`; no call takes longer than half a second. A holder never releases by
     itself: not when it is configured, not when it is closed, not after an error, as far as its
     device lets it choose.
 
@@ -354,7 +245,7 @@ class HammerHolder(Protocol):
     example : str
         Table `[holder]` of a rig file to copy, with the driver's own keys explained.
     is_by_hand : bool
-        An operator lets the hammer go: `release` only says that he may. How long he may take
+        An operator releases the hammer: `release` only says that he may. How long he may take
         from then to the contact is the holder's attribute `patience` [s].
     """
 
@@ -384,7 +275,7 @@ class HammerHolder(Protocol):
         ...
 
     def release(self) -> None:
-        """Let go."""
+        """Release the hammer."""
         ...
 
     def read_state(self) -> HolderState:
@@ -398,7 +289,7 @@ class HammerHolder(Protocol):
         ...
 
     def close(self) -> None:
-        """Let the device go as it is, holding or not; never raises, safe to call twice."""
+        """Close the device as it is, holding or not; never raises, safe to call twice."""
         ...
 
 
@@ -443,7 +334,7 @@ class ToldHolder:
         self.tell(HolderState.HOLDING)
 
     def release(self) -> None:
-        """Let go."""
+        """Release the hammer."""
         self.tell(HolderState.RELEASED)
 
     def tell(self, state: HolderState) -> None:
@@ -455,4 +346,4 @@ class ToldHolder:
         return self.told
 
     def close(self) -> None:
-        """Do nothing: there is nothing to let go of."""
+        """Do nothing: there is no device."""

@@ -30,14 +30,14 @@ def compute_count_scale(channel: SourceChannel) -> CountScale:
     Raises
     ------
     ParameterError
-        If neither is told.
+        If neither is given.
     """
     options, sensor = channel.options, channel.sensor
     options.check_keys("input_range")
     if not math.isnan(sensor.sensitivity):
         voltage = options.take_quantity("input_range", "V", "1.4 V", low=1e-6, high=1e6)
         scale = channel.compute_scale() * voltage / FULL_COUNT
-        return CountScale(scale, channel.compute_full_scale(voltage), -RAIL_COUNT, RAIL_COUNT)
+        return CountScale(scale, channel.compute_full_scale(voltage), RAIL_COUNT)
     full_scale = sensor.compute_full_scale(channel.moving_mass)
     if not full_scale:
         raise options.make_error(
@@ -46,7 +46,7 @@ def compute_count_scale(channel: SourceChannel) -> CountScale:
             ' sensitivity = "10 mV/g" and input_range = "1.4 V" for a sensor at a sound card, or'
             ' full_scale = "20 g", the acceleration of the largest count',
         )
-    return CountScale(full_scale / FULL_COUNT, full_scale, -RAIL_COUNT, RAIL_COUNT)
+    return CountScale(full_scale / FULL_COUNT, full_scale, RAIL_COUNT)
 
 
 NO_SUCH_CHANNELS = -9998
@@ -59,25 +59,13 @@ _streams: set[Any] = set()
 
 @dataclass(frozen=True)
 class SoundInput:
-    """A device that records.
+    """A device that records."""
 
-    Attributes
-    ----------
-    number : int
-        By which PortAudio knows it, until devices come or go.
-    name, interface : str
-        Of the device, and of what reaches it: "ALSA", "Core Audio", "Windows WASAPI".
-    channels : int
-        That it has at most.
-    sampling_rate : float
-        That it prefers [Hz].
-    """
-
-    number: int
+    number: int  # PortAudio's, until devices come or go
     name: str
-    interface: str
+    interface: str  # that reaches the device: "ALSA", "Core Audio", "Windows WASAPI"
     channels: int
-    sampling_rate: float
+    sampling_rate: float  # [Hz], that it prefers
 
     @property
     def full_name(self) -> str:
@@ -106,7 +94,7 @@ def load_port_audio() -> Any:
 
 
 def list_inputs() -> tuple[SoundInput, ...]:
-    """Return all devices that record, those that were plugged in just now, too.
+    """Return all devices that record, new ones included.
 
     Raises
     ------
@@ -189,7 +177,7 @@ class SoundCapture(StreamCapture):
     ParameterError
         If the device does not know the rate.
     DeviceError
-        If it is in other hands, or gone.
+        If another program has it, or it is gone.
     """
 
     def __init__(
@@ -263,7 +251,7 @@ class SoundSource(StreamedSource):
     example: ClassVar[str] = """\
 [source]
 driver = "sound"
-device = "USB Audio"         # a part of its name, or its number; impact-rig devices lists them
+device = "USB Audio"         # its name, or a part of it; impact-rig devices lists them
 sampling_rate = "192 kHz"
 record_duration = "20 ms"
 
@@ -282,7 +270,7 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
         super().__init__()
         options.check_keys("device")
         self._options = options
-        self._device = _take_device(options)
+        self._device = options.take_text("device", REQUIRED, "USB Audio")
 
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
@@ -309,7 +297,7 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
         DeviceError
             If it is not there, or another program has it.
         ParameterError
-            If it has no such channel or rate, or nobody says what its counts stand for.
+            If it has no such channel or rate, or the scale of its counts is unknown.
         """
         device = self._choose(list_inputs())
         columns = [_parse_column(channel, device) for channel in plan.channels]
@@ -318,12 +306,8 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
 
     def _choose(self, inputs: Sequence[SoundInput]) -> SoundInput:
         wanted = self._device
-        found = [
-            device for device in inputs if wanted in (device.number, device.name, device.full_name)
-        ] or [
-            device
-            for device in inputs
-            if isinstance(wanted, str) and wanted.lower() in device.full_name.lower()
+        found = [item for item in inputs if wanted in (item.name, item.full_name)] or [
+            item for item in inputs if wanted.lower() in item.full_name.lower()
         ]
         if len(found) == 1:
             return found[0]
@@ -333,16 +317,6 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
         else:
             text = f"there is no sound device {wanted!r}: this computer has {names or 'none'}"
         raise DeviceError(str(self._options.make_error("device", text)))
-
-
-def _take_device(options: TomlTable) -> str | int:
-    value = options.get("device")
-    if isinstance(value, int) and not isinstance(value, bool):
-        return value
-    name = options.take_text("device", REQUIRED, "USB Audio")
-    if not name.strip():
-        raise options.refuse("device", "a part of its name in quotes, or its number")
-    return name
 
 
 def _parse_column(channel: SourceChannel, device: SoundInput) -> int:

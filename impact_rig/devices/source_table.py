@@ -8,9 +8,8 @@ from impact_rig.configuration.rig_file import SENSOR_KEYS
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
 from impact_rig.configuration.units import parse_reading
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup.calibration import compute_scale
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.sensors import Sensor, compute_scale
+from impact_rig.core.setup import RigSetup
 from impact_rig.devices.drivers import SOURCES, VIRTUAL, make_device
 from impact_rig.devices.protocols import (
     AccelerationSource,
@@ -21,12 +20,12 @@ from impact_rig.devices.protocols import (
 from impact_rig.devices.virtual.drivers import make_virtual_plan
 
 PRE_TRIGGER_MARGIN = 1.5
-"""How much more is recorded before the trigger than the analysis keeps [-], our choice: the
-pulse is found below the trigger level, and its baseline before it."""
+"""Recorded before the trigger over what the analysis keeps: the pulse begins below the trigger
+level, and its baseline before it."""
 
 
 def override_source(table: TomlTable, text: str) -> TomlTable:
-    """Return a table [source] with the keys of a text of TOML in place of its own.
+    """Return a table [source] overruled by the keys of a text of TOML.
 
     Raises
     ------

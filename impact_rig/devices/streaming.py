@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.core.signals.record import Block, ChannelBlock
+from impact_rig.core.records import Block, ChannelBlock
 from impact_rig.devices.protocols import NOT_MEASURED, Acquisition, AcquisitionPlan
 
 CountArray = NDArray[np.int32]
@@ -19,34 +19,16 @@ CountArray = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class CountScale:
-    """Of one channel.
+    """What the counts of a channel mean."""
 
-    Attributes
-    ----------
-    scale : float
-        Acceleration of one count [m/s^2].
-    full_scale : float
-        Largest acceleration that the channel can show, either sign [m/s^2].
-    lowest, highest : int
-        Counts from which on the channel is overloaded.
-    """
-
-    scale: float
-    full_scale: float
-    lowest: int
-    highest: int
+    scale: float  # [m/s^2], of one count
+    full_scale: float  # [m/s^2], that the channel can show, either sign
+    rail: int  # counts, either sign, from which on it is overloaded
 
     def make_block(self, counts: CountArray) -> ChannelBlock:
         """Return counts, shape (n,), as a calibrated block."""
-        is_overloaded = counts.size and (
-            counts.max() >= self.highest or counts.min() <= self.lowest
-        )
-        return ChannelBlock(counts, self.scale, 0.0, self.full_scale, bool(is_overloaded))
-
-
-LONGEST_SILENCE = 2.0
-"""After so long without a point the device is lost [s], our choice: these devices deliver every
-few hundredths of a second."""
+        is_overloaded = bool(np.any((counts >= self.rail) | (counts <= -self.rail)))
+        return ChannelBlock(counts, self.scale, 0.0, self.full_scale, is_overloaded)
 
 
 class StreamCapture:
@@ -75,6 +57,8 @@ class StreamCapture:
         Points that have come since then, or were lost.
     """
 
+    longest_silence = 2.0  # [s], without a point: the device is lost
+
     def __init__(
         self, name: str, sampling_rate: float, scales: tuple[CountScale, ...], capacity: int
     ) -> None:
@@ -90,10 +74,10 @@ class StreamCapture:
         self._clock = self._newest = (0, time.time_ns())
 
     def close(self) -> None:
-        """Let the device go; never raises."""
+        """Close the device; never raises."""
 
     def take(self, counts: CountArray, stamp: int, lost: int = 0) -> None:
-        """Take the next points, shape (n, channels), which nobody changes any more.
+        """Take the next points, shape (n, channels), which do not change any more.
 
         Parameters
         ----------
@@ -128,13 +112,13 @@ class StreamCapture:
         """Wait until so many points have come; raises as `wait`."""
         with self.changed:
             while self.count < count:
-                self.wait(time.monotonic() + LONGEST_SILENCE)
+                self.wait(time.monotonic() + self.longest_silence)
 
     def wait(self, deadline: float) -> None:
         """Wait for points until a time of `time.monotonic`; `changed` held; raises as `check`."""
         self.check()
         # The silence is noticed by waking up in vain.
-        self.changed.wait(max(min(deadline - time.monotonic(), LONGEST_SILENCE), 0.0))
+        self.changed.wait(max(min(deadline - time.monotonic(), self.longest_silence), 0.0))
 
     def check(self) -> None:
         """See that the device delivers; `changed` is held.
@@ -147,7 +131,7 @@ class StreamCapture:
         if self._end:
             raise DeviceError(f"{self.name} is gone: {self._end}")
         silent = time.monotonic() - self._last_time
-        if silent > LONGEST_SILENCE:
+        if silent > self.longest_silence:
             raise DeviceError(
                 f"{self.name} is silent: it has delivered nothing for {silent:.1f} s"
             )
@@ -155,7 +139,7 @@ class StreamCapture:
     def set_clock(self) -> None:
         """Count times from the newest points on; `changed` is held.
 
-        From one block to the next what a busy computer says of the time may jump.
+        Times from block to block jump on a busy computer.
         """
         self._clock = self._newest
 
@@ -263,7 +247,7 @@ class StreamedSource(ABC):
             capture.check()
 
     def close(self) -> None:
-        """Let the device go."""
+        """Close the device."""
         capture, self._capture = self._capture, None
         self._stop()
         if capture is not None:

@@ -8,6 +8,19 @@ from importlib import import_module
 
 from impact_rig.configuration.processes import open_closed_streams
 
+NEEDED = {
+    "impact_rig_msgs": "build both packages, in the rig's folder `colcon build --base-paths . "
+    "msg_config`, and source install/setup.sh",
+    "rclpy": "source ROS 2 Jazzy, or start the rig by `launch_scripts/rig.py`",
+}
+"""What every node needs, and how to get it."""
+
+HELP = """\
+usage: ros2 run impact_rig {name} [--ros-args -p PARAMETER:=VALUE ...]
+
+Run the node {name} of the impact rig until a signal stops it. Its parameters, once it runs:
+ros2 param describe /{name} PARAMETER"""
+
 
 def run(name: str) -> int:
     """Run a node by its name; a signal ends it quietly, even during the imports."""
@@ -15,7 +28,17 @@ def run(name: str) -> int:
         # An exception would come out of whichever module is being imported, as a traceback.
         signal.signal(number, lambda *_: os._exit(0))
     open_closed_streams()
-    return int(import_module(f"impact_rig.nodes.{name}").main())
+    if {"-h", "--help"} & set(sys.argv):
+        print(HELP.format(name=name))
+        return 0
+    try:
+        module = import_module(f"impact_rig.nodes.{name}")
+    except ModuleNotFoundError as error:
+        if error.name not in NEEDED:
+            raise
+        print(f"error: {error.name} is missing: {NEEDED[error.name]}", file=sys.stderr)
+        return 1
+    return int(module.main())
 
 
 accelerometer = partial(run, "accelerometer")

@@ -5,15 +5,15 @@ from collections.abc import Callable
 from typing import Any
 
 from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, HammerRelease, RigSetup
-from impact_rig_msgs.srv import Arm
+from impact_rig_msgs.srv import Arm, JoinCampaign
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.processes import CONTINUOUS
 from impact_rig.configuration.toml_table import TomlTable
+from impact_rig.core import setup
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.setup import samples
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.records import HitLabel
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.protocols import AcquisitionPlan
 from impact_rig.devices.source_table import make_source, override_source
 from impact_rig.nodes import interfaces, messages
@@ -26,9 +26,10 @@ from impact_rig.nodes.accelerometer_source import (
     open_source,
 )
 from impact_rig.nodes.device_node import DeviceNode
+from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import Read, RigNode
-from impact_rig.recordings.messages import setup_from_msg
+from impact_rig.recordings.messages import NO_ID, setup_from_msg
 
 TRIGGERED = "triggered"
 MODES = (TRIGGERED, CONTINUOUS)
@@ -155,7 +156,7 @@ class AccelerometerNode(DeviceNode):
     def __init__(self, **options: Any) -> None:
         super().__init__("accelerometer", **options)
         declare_stream(self)
-        self._setup: samples.RigSetup | None = None
+        self._setup: setup.RigSetup | None = None
         self._open: OpenSource | None = None
         self._output: BlockOutput | None = None
         self._thread: SourceThread | None = None
@@ -163,14 +164,16 @@ class AccelerometerNode(DeviceNode):
         self._cut_off: Arming | None = None
         self._is_lost = False
         self._record = 0
+        self._stream_id = NO_ID
         self._identity: dict[str, Any] = {}
         self._topic = OfferedTopic(self, self._take_hit)
         self._publish = self.advertise_state(interfaces.ACQUISITION_STATE)
         self._virtual_impact = self.advertise(interfaces.VIRTUAL_IMPACT)
-        self.listen(interfaces.SETUP, self._take_setup)
+        self.listen(interfaces.SETUP, self._on_setup)
         self.listen(interfaces.RELEASE, self._swing)
         self.create_service(Arm, interfaces.ARM_ACCELEROMETER, self._arm)
         self.create_service(Trigger, interfaces.DISARM_ACCELEROMETER, self._disarm)
+        self.offer_to_join()
 
     # Lifecycle.
 
@@ -191,7 +194,7 @@ class AccelerometerNode(DeviceNode):
         }
         self._is_lost = False
         self._topic.offer(opened.plan)
-        self._output = opened.make_output(self._topic.publisher)
+        self._output = opened.make_output(self._topic.publisher, self.membership)
         if opened.hammerless is not None and self._setup is not None:
             opened.hammerless.take_setup(self._setup)
 
@@ -204,6 +207,8 @@ class AccelerometerNode(DeviceNode):
     def activate(self) -> None:
         """Begin to read the source, and say that the accelerometers can be armed."""
         opened, output = self._open, self._output
+        self._stream_id = make_id()
+        self._use_stream()
         if opened is None or output is None:
             raise DeviceError("the accelerometer node is not configured: configure it first")
         if opened.plan.continuous:
@@ -250,13 +255,32 @@ class AccelerometerNode(DeviceNode):
 
     # The course of an arming.
 
+    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> str:
+        """Take part in a campaign: what is streamed from now on belongs to it."""
+        self._use_stream()
+        response.stream_id = id_to_msg(self._stream_id)
+        self._take_setup(request.setup)
+        return ""
+
+    def _use_stream(self) -> None:
+        campaign_id = self.membership.identity.campaign_id
+        self.membership.identity = Identity(campaign_id, self._stream_id)
+
+    def _on_setup(self, message: RigSetup) -> None:
+        """Follow the set-ups of a campaign that has not asked to join, until one has."""
+        if not self.membership.is_joined:
+            self._take_setup(message)
+
     def _take_setup(self, message: RigSetup) -> None:
         self._setup = setup_from_msg(message)
         if self._open is not None and self._open.hammerless is not None:
             self._open.hammerless.take_setup(self._setup)
 
     def _arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
-        # Started anew in the middle of a campaign: numbers go on where they were.
+        if id_from_msg(request.campaign_id) != self.membership.identity.campaign_id:
+            response.message = "the accelerometers take part in another campaign"
+            return response
+        # Started in the middle of a campaign: numbers go on where they were.
         self._record = max(self._record, request.after)
         label = HitLabel(request.sample, self._record + 1, request.impact, request.attempt)
         arming = self._arming
@@ -326,7 +350,9 @@ class AccelerometerNode(DeviceNode):
         if opened.hammerless is not None:
             hit = opened.hammerless.strike(arming.label, message.swing_time)
             if hit is not None:
-                truth = messages.virtual_hit_to_msg(hit, message.header.stamp)
+                truth = messages.virtual_hit_to_msg(
+                    hit, message.header.stamp, self.membership.identity
+                )
                 self._virtual_impact.publish(truth)
         # Not before: what a simulated hit takes to be computed is not waited for in vain.
         arming.release(swing + timeout + opened.plan.record_duration)

@@ -13,8 +13,15 @@ from impact_rig_msgs.msg import AccelerationBlock, StreamBlock
 
 from impact_rig.configuration.rig_file import list_rig_warnings, load_rig_file
 from impact_rig.core.errors import DeviceError, FileError, RigError
-from impact_rig.core.origin import MEASURED, SIMULATED, UNSTATED, Origin
-from impact_rig.core.signals.record import NOT_ARMED, Block, HitLabel
+from impact_rig.core.records import (
+    MEASURED,
+    NOT_ARMED,
+    SIMULATED,
+    UNSTATED,
+    Block,
+    HitLabel,
+    Origin,
+)
 from impact_rig.devices.protocols import (
     NOT_MEASURED,
     AccelerationSource,
@@ -24,6 +31,7 @@ from impact_rig.devices.protocols import (
 )
 from impact_rig.devices.source_table import make_source, override_source
 from impact_rig.nodes.device_node import DeviceNode
+from impact_rig.nodes.identity import Membership
 from impact_rig.nodes.messages import block_to_msg, fill_block
 from impact_rig.nodes.rig_node import RateMeter
 
@@ -59,9 +67,9 @@ class OpenSource:
         is_simulated = self.acquisition.is_simulated or self.hammerless is not None
         return Origin(SIMULATED if is_simulated else MEASURED, self.acquisition.identity)
 
-    def make_output(self, publisher: Any) -> "BlockOutput":
-        """Return what publishes its blocks."""
-        return (RunningStream if self.plan.continuous else HitBlocks)(publisher, self)
+    def make_output(self, publisher: Any, membership: Membership) -> "BlockOutput":
+        """Return what publishes its blocks, as of a campaign."""
+        return (RunningStream if self.plan.continuous else HitBlocks)(publisher, self, membership)
 
 
 def open_source(node: DeviceNode, *, continuous: bool) -> OpenSource:
@@ -139,10 +147,13 @@ class BlockOutput(ABC):
         Of the messages.
     opened : OpenSource
         Whose blocks they are.
+    membership : Membership
+        The campaign that they belong to.
     """
 
-    def __init__(self, publisher: Any, opened: OpenSource) -> None:
+    def __init__(self, publisher: Any, opened: OpenSource, membership: Membership) -> None:
         self.flow = Flow()
+        self._membership = membership
         self._publisher = publisher
         self._block_size = opened.plan.block_size
         self._label = NOT_ARMED
@@ -241,8 +252,8 @@ class HitBlocks(BlockOutput):
     go: of an arming that ends before that nothing is published, and there is no verdict.
     """
 
-    def __init__(self, publisher: Any, opened: OpenSource) -> None:
-        super().__init__(publisher, opened)
+    def __init__(self, publisher: Any, opened: OpenSource, membership: Membership) -> None:
+        super().__init__(publisher, opened, membership)
         rate = opened.acquisition.sampling_rate
         self._record_points = round(rate * opened.plan.record_duration)
         self._has_begun = False
@@ -277,7 +288,7 @@ class HitBlocks(BlockOutput):
 
     def make_message(self, block: Block) -> AccelerationBlock:
         """Return the message of a block."""
-        return block_to_msg(replace(block, triggered=self._has_begun))
+        return block_to_msg(replace(block, triggered=self._has_begun), self._membership.identity)
 
 
 class RunningStream(BlockOutput):
@@ -289,8 +300,8 @@ class RunningStream(BlockOutput):
     rejects the hit that is cut off.
     """
 
-    def __init__(self, publisher: Any, opened: OpenSource) -> None:
-        super().__init__(publisher, opened)
+    def __init__(self, publisher: Any, opened: OpenSource, membership: Membership) -> None:
+        super().__init__(publisher, opened, membership)
         # The same for all blocks, since it is sent before the next one comes.
         self._message = StreamBlock()
 
@@ -317,7 +328,7 @@ class RunningStream(BlockOutput):
 
     def make_message(self, block: Block) -> StreamBlock:
         """Return the message of a block."""
-        fill_block(self._message, block)
+        fill_block(self._message, block, self._membership.identity)
         return self._message
 
 

@@ -1,8 +1,10 @@
 """Programs that talk to a rig's nodes without being one of them: for the hammer, for campaigns."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol, Self, TypeAlias
 
 import rclpy
@@ -12,6 +14,7 @@ from impact_rig_msgs.msg import (
     AcquisitionState,
     HammerRelease,
     HammerState,
+    RecorderState,
     RigSetup,
     VirtualImpact,
 )
@@ -20,19 +23,21 @@ from rclpy.action import ActionClient
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from impact_rig.core.errors import DeviceError
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.estimation.speed_exponents import SpeedExponents
-from impact_rig.core.setup.samples import RigSetup as CoreRigSetup
+from impact_rig.core.errors import DeviceError, FileError
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.speed_exponents import SpeedExponents
 from impact_rig.nodes import interfaces, result_messages
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.executor import make_executor
-from impact_rig.recordings.messages import setup_from_msg, stamp_from_msg
+from impact_rig.recordings.messages import SETUP_TYPE, setup_from_msg
+from impact_rig.recordings.scan import Scan
+from impact_rig.recordings.source import find_recordings
 from impact_rig.results.campaign import Results
 from impact_rig.results.wire import from_message
 
@@ -69,7 +74,6 @@ class RigClient:
             )
         self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
-        self._setup: CoreRigSetup | None = None
         self._faults: dict[int, tuple[str, ...]] = {}
 
     def __enter__(self) -> Self:
@@ -89,12 +93,12 @@ class RigClient:
         qos: QoSProfile | None = None,
         note_liveliness: Callable[[Any], None] | None = None,
     ) -> None:
-        """Hear one of the rig's topics from its nodes alone, unless `qos` says otherwise."""
+        """Subscribe to one of the rig's topics."""
         self._node.create_subscription(
             topic.type,
             topic.name,
             callback,
-            qos or topic.leased_qos,
+            qos or (topic.leased_qos if note_liveliness else topic.qos),
             event_callbacks=SubscriptionEventCallbacks(
                 liveliness=note_liveliness, use_default_callbacks=False
             ),
@@ -115,10 +119,10 @@ class RigClient:
         hits = sorted([*result.accepted, *result.rejected], key=lambda hit: hit.record)
         if has_truths:
             self.spin_until(lambda: all(hit.record in self._faults for hit in hits), TRUTH_TIMEOUT)
-        if self._setup is None:
+        if not result.setup.samples:
             return None
         return Results(
-            setup=self._setup,
+            setup=setup_from_msg(result.setup),
             hammer=from_message(HammerEstimate, result.hammer),
             samples=tuple(from_message(SampleEstimate, each) for each in result.samples),
             hits=tuple(
@@ -129,10 +133,6 @@ class RigClient:
                 from_message(SpeedExponents, each) for each in result.speed_exponents
             ),
         )
-
-    def keep_setup(self, message: RigSetup) -> None:
-        """Take the set-up that results are found with."""
-        self._setup = setup_from_msg(message)
 
     def keep_truth(self, message: VirtualImpact) -> None:
         """Take what the virtual rig did on purpose."""
@@ -245,14 +245,16 @@ CANCEL_TIMEOUT = 5.0
 """How long a cancelled campaign may take to end [s]."""
 RESEND_PERIOD = 3.0
 """How soon an unanswered goal is sent again [s], our choice."""
+GONE_TIMEOUT = 60.0
+"""How long the campaign node may give no sign of life before its client gives up [s]."""
+LOOK_TIMEOUT = 5.0
+"""How long the recorder may take to say where it records [s]."""
 SERVICE_TIMEOUT = 20.0
 """How long the rig may take to answer what a person has done [s], our choice."""
-NEW_ONES = interfaces.RELEASE.lease_qos(
-    QoSProfile(
-        depth=interfaces.RELEASE.qos.depth,
-        reliability=interfaces.RELEASE.qos.reliability,
-        durability=DurabilityPolicy.VOLATILE,
-    )
+NEW_ONES = QoSProfile(
+    depth=interfaces.RELEASE.qos.depth,
+    reliability=interfaces.RELEASE.qos.reliability,
+    durability=DurabilityPolicy.VOLATILE,
 )
 """Releases of the past are nobody's business here."""
 
@@ -325,12 +327,14 @@ class CampaignClient(RigClient):
         self._check = check
         self._acquisition: AcquisitionState | None = None
         self._goal: Any = None
-        self._is_begun_anew = False
+        self._gone_since = math.inf
+        self._recording = ""
         self._operator: Operator | None = None
         self._feedback = RunCampaign.Feedback()
         self._duties: list[Callable[[], None]] = []
         self.listen(interfaces.VIRTUAL_IMPACT, self.keep_truth)
-        self.listen(interfaces.SETUP, self._take_setup, note_liveliness=self._note_campaign)
+        self.listen(interfaces.SETUP, lambda _: None, note_liveliness=self._note_campaign)
+        self.listen(interfaces.RECORDER_STATE, self._keep_recording)
         self.listen(interfaces.ACQUISITION_STATE, self._keep_acquisition)
         self.listen(interfaces.RELEASE, self._take_release, NEW_ONES)
         note = interfaces.NOTE
@@ -384,7 +388,7 @@ class CampaignClient(RigClient):
 
     @property
     def is_hammerless(self) -> bool:
-        """Whether no hammer strikes anything: hits are computed, or come from a file."""
+        """Whether no hammer strikes anything: hits are computed."""
         return self._acquisition is not None and self._acquisition.hammerless
 
     def run(self, goal: CampaignGoal, operator: Operator) -> CampaignOutcome:
@@ -404,45 +408,56 @@ class CampaignClient(RigClient):
         """
         self._operator = operator
         self._duties.clear()
-        answer = None
-        while answer is None:
-            self._is_begun_anew = False
-            self._goal = self._send_goal(goal, lambda message: self._follow(message.feedback))
-            answer = self._await_answer(self._goal.get_result_async())
-            goal.resume = True
+        self._gone_since = math.inf
+        self._goal = self._send_goal(goal, lambda message: self._follow(message.feedback))
+        answer = self._await_answer(self._goal.get_result_async())
         self._goal = self._operator = None
         return self._conclude(answer.result, answer.status)
 
     def _await_answer(self, result_future: Future) -> Any:
-        """Do what is asked for until the campaign is over; None: its node was started anew."""
+        """Do what is asked for until the campaign is over."""
         while not result_future.done():
-            if self._is_begun_anew:
-                return None
+            if time.monotonic() - self._gone_since > GONE_TIMEOUT:
+                raise DeviceError("the campaign node has gone")
             if self._duties:
                 self._duties.pop(0)()
-            elif not self.spin_until(
-                lambda: result_future.done() or bool(self._duties) or self._is_begun_anew, 1.0
-            ):
+            elif not self.spin_until(lambda: result_future.done() or bool(self._duties), 1.0):
                 self._check_rig()
         return result_future.result()
 
     def _note_campaign(self, status: Any) -> None:
-        """Say that the campaign node gives no sign of life, if that is so."""
-        if self._operator is None or status.alive_count:
+        """Show that the campaign node gives no sign of life, if that is so."""
+        if self._operator is None or self._goal is None:
             return
-        self._feedback.phase = RunCampaign.Feedback.PAUSED
-        self._feedback.message = "the campaign node has gone: start it again"
+        if status.alive_count:
+            # Another one that answers for the goal does not know it.
+            self._goal.get_result_async().add_done_callback(self._look_whether_it_is_known)
+            return
+        self._gone_since = time.monotonic()
+        self._feedback.state = RunCampaign.Feedback.PAUSED
+        self._feedback.message = "the campaign node has gone"
         self._operator.follow(self._feedback)
+
+    def _look_whether_it_is_known(self, future: Future) -> None:
+        answer = future.result()
+        is_unknown = answer is None or answer.status == GoalStatus.STATUS_UNKNOWN
+        self._gone_since = -math.inf if is_unknown else math.inf
 
     def _follow(self, feedback: Any) -> None:
         """Show a feedback, and note what it asks of a person."""
+        is_asked_already = (feedback.state, feedback.sample) == (
+            self._feedback.state,
+            self._feedback.sample,
+        )
         self._feedback = feedback
         if self._operator is None:
             return
         self._operator.follow(feedback)
-        if feedback.phase == RunCampaign.Feedback.WAITING_FOR_SAMPLE:
+        if is_asked_already:
+            return
+        if feedback.state == RunCampaign.Feedback.WAITING_FOR_SAMPLE:
             self._duties.append(self._mount)
-        elif feedback.phase == RunCampaign.Feedback.WAITING_FOR_HAMMER:
+        elif feedback.state == RunCampaign.Feedback.WAITING_FOR_HAMMER:
             self._duties.append(self._put_back)
 
     def _mount(self) -> None:
@@ -509,8 +524,45 @@ class CampaignClient(RigClient):
     def _keep_acquisition(self, message: AcquisitionState) -> None:
         self._acquisition = message
 
-    def _take_setup(self, message: RigSetup) -> None:
-        if not stamp_from_msg(message.header.stamp) and self._setup is not None:
-            self._is_begun_anew = True
-        else:
-            self.keep_setup(message)
+    def _keep_recording(self, message: RecorderState) -> None:
+        self._recording = message.uri
+
+    @property
+    def run_folder(self) -> Path | None:
+        """Where the rig records, on the recorder's host; None: nowhere, or it is not known."""
+        return Path(self._recording).parent if self._recording else None
+
+    def check_run(self, folder: Path) -> None:
+        """Require that the rig records into a run's folder, as far as that can be seen from here.
+
+        Raises
+        ------
+        DeviceError
+            If it records elsewhere.
+        """
+        self.spin_until(lambda: bool(self._recording), LOOK_TIMEOUT)
+        recording = Path(self._recording)
+        if recording.exists() and recording.parent != folder.resolve():
+            raise DeviceError(
+                f"the rig records into {recording.parent}: start it with"
+                f" `impact-rig up --resume {folder}`"
+            )
+
+
+def read_newest_campaign(folder: Path) -> RigSetup:
+    """Return the set-up of the newest campaign in the recordings of a run, as a message.
+
+    Raises
+    ------
+    FileError
+        If there is none.
+    """
+    newest: RigSetup | None = None
+    for path in find_recordings(folder):
+        for raw in Scan(path).read_messages(lambda channel: channel.type_name == SETUP_TYPE):
+            message = deserialize_message(raw.data, RigSetup)
+            if message.plan.impacts:
+                newest = message
+    if newest is None:
+        raise FileError(f"{folder} holds no campaign that could go on")
+    return newest

@@ -1,75 +1,46 @@
-"""How soon nodes find each other: a profile for Fast DDS, where nobody has given another.
+"""How far nodes look for each other, and how soon they find each other.
 
-A node that comes hears of every topic and service of all others at once. By default Linux has
-no room for all of that, what does not fit is lost, and some of it is sent again only seconds
-later; and two nodes that have missed each other's first announcement wait 3 s for the next.
+Without `--network` a process stays on 127.0.0.1, whatever lies in its folder or environment. The
+profile for Fast DDS also makes nodes find each other soon: a node that comes hears of every topic
+and service of all others at once. By default Linux has no room for all of that, what does not fit
+is lost, and some of it is sent again only seconds later; and two nodes that have missed each
+other's first announcement wait 3 s for the next.
 """
 
-import contextlib
 import os
 import random
 import shutil
 import socket
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import filterfalse
 from pathlib import Path
 
-from impact_rig.configuration.processes import DISCOVERY
+from impact_rig.configuration.processes import DISCOVERY, NETWORK, PROFILES, TRANSPORTS
 from impact_rig.core.errors import DeviceError
 
-LOCALHOST = "LOCALHOST"
-PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
-"""Names a file with somebody's own profiles."""
 PROFILE_FILE = Path("DEFAULT_FASTRTPS_PROFILES.xml")
-"""The same, in the folder in which a process runs."""
-RECEIVE_BUFFER = 4 << 20
-"""Of each socket [byte], our choice: ten times what a node hears of a whole rig. Linux gives
-what net.core.rmem_max allows, at least twice its default."""
-ANNOUNCEMENT_PERIOD = 300_000_000
-"""Between two announcements of a node [ns], our choice: some hundred bytes each."""
-PARTICIPANT_LEASE = 60
-"""After what silence nodes forget each other altogether [s], our choice: one that was frozen for
-30 s soon after its start was, with the 20 s of Fast DDS, in 7 of 25 cases never fully found again.
-That a node is silent is known much sooner, by the leases of its topics."""
+"""Somebody's own profiles, in the folder in which a process runs."""
+OPENERS = (
+    *PROFILES, TRANSPORTS, "FASTDDS_ENVIRONMENT_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML",
+    "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "CYCLONEDDS_URI",
+)  # fmt: skip
+"""Variables by which a process would look, or answer, beyond 127.0.0.1."""
+LOCAL_PROFILES = Path(__file__).with_name("fast_dds_local.xml")
+NETWORK_PROFILES = Path(__file__).with_name("fast_dds_network.xml")
 LOCAL_PEERS = 32
-"""Processes of this host that are looked for [-]: as many as ROS 2 looks for."""
+"""Processes of this host that are looked for [-], as in `LOCAL_PROFILES`."""
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - this is what Linux and Fast DDS use
 LEAST_SHARED_MEMORY = 4_000_000
 """Free space of it that one more process needs [byte], our choice: one was seen to take 1 MB."""
 
-_PROFILES = """\
-<?xml version="1.0" encoding="UTF-8"?>
-<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
-  {transports}
-  <participant profile_name="impact_rig" is_default_profile="true">
-    <rtps>
-      {sockets}
-      <builtin><discovery_config>
-        <leaseDuration><sec>{lease}</sec></leaseDuration>
-        <leaseAnnouncement><sec>0</sec><nanosec>{period}</nanosec></leaseAnnouncement>
-      </discovery_config></builtin>
-    </rtps>
-  </participant>
-</profiles>
-"""
-_LOCAL_TRANSPORT = f"""\
-<transport_descriptors><transport_descriptor>
-    <transport_id>udp</transport_id>
-    <type>UDPv4</type>
-    <receiveBufferSize>{RECEIVE_BUFFER}</receiveBufferSize>
-    <maxInitialPeersRange>{LOCAL_PEERS}</maxInitialPeersRange>
-    <interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>
-  </transport_descriptor></transport_descriptors>"""
-_LOCAL_SOCKETS = "<userTransports><transport_id>udp</transport_id></userTransports>"
 
-
-@contextlib.contextmanager
+@contextmanager
 def offer_profile() -> Iterator[None]:
-    """Let the first node that is made in the block be found soon, and with it its process.
+    """Let the context and the first node made in the block stay here, and be found soon.
 
-    Fast DDS reads its profiles once. Whoever has given profiles of their own keeps them.
+    Only a process that `NETWORK` lets leave this computer keeps what its environment says, and
+    somebody's own profiles. Fast DDS reads profiles once.
 
     Raises
     ------
@@ -77,17 +48,23 @@ def offer_profile() -> Iterator[None]:
         If there is too little shared memory: Fast DDS would end the process with a bus error.
     """
     _check_shared_memory()
-    is_given = os.environ.get(PROFILE_VARIABLE) or PROFILE_FILE.exists()
-    path = None if is_given else _write_profiles()
-    if path is None:
-        yield
-        return
-    os.environ[PROFILE_VARIABLE] = str(path)
+    before = dict(os.environ)
+    if before.get(NETWORK) != "1":
+        for name in OPENERS:
+            os.environ.pop(name, None)
+        os.environ.update({
+            DISCOVERY: "LOCALHOST",
+            "SKIP_DEFAULT_XML_FILE": "1",
+            PROFILES[0]: str(LOCAL_PROFILES),
+        })  # fmt: skip
+    elif not (any(name in before for name in PROFILES) or PROFILE_FILE.exists()):
+        os.environ[PROFILES[0]] = str(NETWORK_PROFILES)
     try:
         yield
     finally:
-        del os.environ[PROFILE_VARIABLE]
-        path.unlink(missing_ok=True)
+        for name in os.environ.keys() - before.keys():
+            del os.environ[name]
+        os.environ.update(before)
 
 
 def _check_shared_memory() -> None:
@@ -100,37 +77,6 @@ def _check_shared_memory() -> None:
             f" {LEAST_SHARED_MEMORY / 1e6:g} MB: once no node runs, remove what dead ones left"
             " there (fastrtps_*), or make it larger (in a container, --shm-size=256m)"
         )
-
-
-def _write_profiles() -> Path | None:
-    """Write the profiles into a new file; None: there is no room for one, and nodes find later."""
-    text = make_profiles(is_local=os.environ.get(DISCOVERY) == LOCALHOST)
-    try:
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", prefix="impact_rig_", suffix=".xml", delete=False
-        ) as file:
-            file.write(text)
-    except OSError:
-        return None
-    return Path(file.name)
-
-
-def make_profiles(*, is_local: bool) -> str:
-    """Return the text of the file.
-
-    Parameters
-    ----------
-    is_local : bool
-        ROS stays on this host. Then it makes sockets of its own, which ask nobody how large they
-        are to be; one that is named here goes before them. Those between hosts are chosen by
-        `impact_rig.configuration.processes`.
-    """
-    return _PROFILES.format(
-        transports=_LOCAL_TRANSPORT if is_local else "",
-        sockets=_LOCAL_SOCKETS if is_local else "",
-        lease=PARTICIPANT_LEASE,
-        period=ANNOUNCEMENT_PERIOD,
-    )
 
 
 FIRST_DOMAIN = 1

@@ -2,22 +2,22 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
 from typing import Any
 
 from impact_rig_msgs.msg import StreamBlock
 from rclpy.node import Node
 
 from impact_rig.core.errors import RigError
-from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.stream_cutter import StreamCutter, StreamFlow
+from impact_rig.core.setup import AnalysisSettings
+from impact_rig.core.stream import StreamCutter, StreamFlow
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.executor import SpinningThread, accept_message_info
+from impact_rig.nodes.executor import SpinningThread
+from impact_rig.nodes.identity import identity_from_msg
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import block_to_msg
-from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, REPLAY_AGE, RateMeter, RigNode
-from impact_rig.recordings.messages import block_from_msg, stamp_from_msg
+from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RateMeter, RigNode
+from impact_rig.recordings.messages import block_from_msg
 
 WARNING_TIME = 10 * DIAGNOSTIC_PERIOD
 """How long a loss is warned of [s], our choice: long enough to be seen."""
@@ -57,16 +57,8 @@ class StreamCutting:
         """Cut by other settings from the next block on, if they are others."""
         self._settings = settings
 
-    def feed(self, message: StreamBlock, behind: int = 0) -> None:
+    def feed(self, message: StreamBlock) -> None:
         """Take the next block of the stream, and publish the impact that it completes.
-
-        Parameters
-        ----------
-        message : StreamBlock
-            The block.
-        behind : int
-            How far its publisher's clock is behind this one [ns]. Beyond `REPLAY_AGE` its impact
-            is dated by this clock: else it would pass for a replay.
 
         Raises
         ------
@@ -75,13 +67,13 @@ class StreamCutting:
             comes at once.
         """
         try:
-            self._feed(message, behind if behind > REPLAY_AGE else 0)
+            self._feed(message)
         except RigError as error:
             problem, self._problem = self._problem, str(error)
             if problem != self._problem:
                 raise
 
-    def _feed(self, message: StreamBlock, delay: int) -> None:
+    def _feed(self, message: StreamBlock) -> None:
         if self._publisher is None:
             self._publisher = self._node.advertise(interfaces.ACCELERATION)
         settings, cutter = self._settings, self._cutter
@@ -93,8 +85,9 @@ class StreamCutting:
         block = block_from_msg(message)
         duration = block.hammer.output.size / block.sampling_rate
         self._due = math.inf if block.ends_stream else time.monotonic() + duration
+        identity = identity_from_msg(message)
         for cut in cutter.feed(block):
-            self._publisher.publish(block_to_msg(replace(cut, stamp=cut.stamp + delay)))
+            self._publisher.publish(block_to_msg(cut, identity))
         missing = cutter.flow.missing_points
         if missing > self._missing:
             if time.monotonic() - self._lost_at > WARNING_TIME:
@@ -143,11 +136,10 @@ class StreamListener:
     topic : Topic
         Of which no more messages wait than its depth.
     take : callable
-        Called, in this thread, with each message and how far its publisher's clock is behind this
-        one [ns].
+        Called, in this thread, with each message.
     """
 
-    def __init__(self, node: RigNode, topic: Topic, take: Callable[[Any, int], None]) -> None:
+    def __init__(self, node: RigNode, topic: Topic, take: Callable[[Any], None]) -> None:
         self._node = node
         self._topic = topic
         self._take = take
@@ -161,9 +153,7 @@ class StreamListener:
         )
         # Resolved by the node: it knows what is remapped.
         name = node.resolve_topic_name(topic.name)
-        qos = node.choose_qos(topic, topic.qos)
-        take = accept_message_info(self._take_reporting)
-        self._listener.create_subscription(topic.type, name, take, qos)
+        self._listener.create_subscription(topic.type, name, self._take_reporting, topic.qos)
         self._is_stopped = False  # a message may be taken before the next line is done
         self._spinning = SpinningThread(self._listener, "stream")
 
@@ -174,12 +164,12 @@ class StreamListener:
             self._spinning.stop()
             self._listener.destroy_node()
 
-    def _take_reporting(self, message: Any, info: Mapping[str, Any]) -> None:
-        stamp = stamp_from_msg(message.header.stamp)
-        if self._is_stopped or self._node.is_played_again(self._topic, info, stamp):
+    def _take_reporting(self, message: Any) -> None:
+        if self._is_stopped or self._node.membership.is_foreign(message, self._topic.name):
             return
-        behind = (info["received_timestamp"] or 0) - (info["source_timestamp"] or 0)
+        if not self._node.message_check.accepts(self._topic, message):
+            return
         try:
-            self._take(message, behind)
+            self._take(message)
         except RigError as error:
             self._node.report_fault(f"{self._topic.name}: {error}")

@@ -1,13 +1,7 @@
 """The hammer: holds it, and lets it go when the rest of the rig can record the hit."""
 
-import contextlib
-import hashlib
-import math
-import os
-import stat
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any, TypeVar
 
 from impact_rig_msgs.msg import AcquisitionState, HammerRelease
@@ -16,7 +10,7 @@ from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
-from impact_rig.core.setup.samples import check_release_angles
+from impact_rig.core.setup import check_release_angles
 from impact_rig.devices.drivers import HOLDERS, VIRTUAL, make_device, read_driver_name
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.device_node import DeviceNode
@@ -26,6 +20,7 @@ from impact_rig.nodes.guarded_hammer import (
     HammerCondition,
     HammerPlace,
 )
+from impact_rig.nodes.identity import id_from_msg
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import LONGEST_PAUSE, OWN_NODES, Read
 from impact_rig.nodes.rig_state import ACCELEROMETER, CAMPAIGN, RECORDER, RigState
@@ -37,69 +32,6 @@ pulls a plug wants to see the enable go."""
 CATCH_UP_TIME = interfaces.LEASE + 0.5
 """How long a process that was stopped refuses to release when it goes on [s]: by then it has heard
 what was said meanwhile, and missed who has died."""
-
-
-# What is read from files, which nobody can send by network: enable, and last stop.
-
-OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
-
-
-def describe_missing_enable(path: str) -> str:
-    """Return why a file does not enable the hammer; empty: it does, or none is asked for.
-
-    Parameters
-    ----------
-    path : str
-        Of a file that must be there, be this user's, and lie where nobody else may write.
-    """
-    if not path:
-        return ""
-    file = Path(path).expanduser()
-    try:
-        status, folder = file.lstat(), file.parent.stat()
-    except OSError as error:
-        return f"the operator's enable {file} is not there ({error.strerror}): touch it"
-    if not stat.S_ISREG(status.st_mode) or status.st_uid != os.getuid():
-        return f"the operator's enable {file} is no file of this user: nobody else may give it"
-    if (status.st_mode | folder.st_mode) & OTHERS_WRITE:
-        return f"others may write {file} or its folder: chmod go-w both"
-    return ""
-
-
-class StopMemory:
-    """Remembers an emergency stop beyond the end of the process, as far as files can be written.
-
-    Parameters
-    ----------
-    domain : int
-        ROS domain.
-    full_name : str
-        Of the hammer node, with its namespace.
-    """
-
-    def __init__(self, domain: int, full_name: str) -> None:
-        folder = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-        name = hashlib.sha256(f"{domain}:{full_name}".encode()).hexdigest()[:16]
-        self._path = Path(folder, "impact_rig", f"emergency-stop-{name}")
-
-    @property
-    def is_stopped(self) -> bool:
-        """Whether an emergency stop was not reset."""
-        return self._path.exists()
-
-    def keep(self) -> str:
-        """Remember a stop; return why it cannot be, empty: it is."""
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._path.touch()
-        except OSError as error:
-            return f"the stop will not outlast this process: {error}"
-        return ""
-
-    def forget(self) -> None:
-        """Hear that it was reset."""
-        with contextlib.suppress(OSError):
-            self._path.unlink(missing_ok=True)
 
 
 class HammerNode(DeviceNode):
@@ -128,12 +60,6 @@ class HammerNode(DeviceNode):
             "require_recorder", True, "refuse to release while nothing is recorded",
             read=Read.AT_USE,
         )  # fmt: skip
-        self.declare(
-            "enable_file", "",
-            "a file of this user without which the hammer is neither armed nor released, where"
-            " nobody else may write; empty: none is needed", read=Read.AT_START,
-        )  # fmt: skip
-        self._memory = StopMemory(self.context.get_domain_id(), self.get_fully_qualified_name())
         self._patience = 0.0
         self._identity = ""
         self._moves_by_message = False
@@ -145,7 +71,7 @@ class HammerNode(DeviceNode):
         self._release = self.advertise(interfaces.RELEASE)
         self._hammer = GuardedHammer(self._tell)
         self._newest, self._recorded_to, self._losses = 0, "", 0
-        self._seen_running, self._is_caught_up_at = math.inf, 0.0
+        self._seen_running, self._is_caught_up_at = _read_clock(), 0.0
         self._rig = RigState(self, (ACCELEROMETER, RECORDER, CAMPAIGN), self._note_loss)
         self._rig[ACCELEROMETER].take = self._take_acquisition
         for name, callback in (
@@ -158,6 +84,7 @@ class HammerNode(DeviceNode):
             self.create_service(Trigger, name, callback)
         self.create_service(SetAngle, interfaces.SET_ANGLE, self._set_angle)
         self.create_service(Release, interfaces.RELEASE_HAMMER, self._let_go)
+        self.offer_to_join()
         self.create_timer(WATCH_PERIOD, self._watch)
 
     # What the lifecycle asks for.
@@ -178,8 +105,6 @@ class HammerNode(DeviceNode):
         self._patience = holder.patience if holder.is_by_hand else 0.0
         self._moves_by_message = not (holder.is_by_hand or read_driver_name(table) == VIRTUAL)
         self._hammer.take(holder, confirm_return=self.get_value("confirm_return"))
-        if self._memory.is_stopped:
-            self._hammer.stop()
 
     def activate(self) -> None:
         """Say what the hammer does."""
@@ -249,8 +174,6 @@ class HammerNode(DeviceNode):
         self._note_pause()
         self._look_for_others()
         self._note_loss()
-        if self._hammer.condition.is_armed and (missing := self._describe_missing_enable()):
-            self._hammer.disarm(missing)
         self._guard(self._hammer.check)
 
     def _guard(self, act: Callable[[], str | None]) -> str:
@@ -303,6 +226,8 @@ class HammerNode(DeviceNode):
         What has not been heard of yet, or has come to a normal end, is not lost.
         """
         rig = self._rig
+        if self._is_state_published_twice():
+            return f"another node publishes {interfaces.HAMMER_STATE.name}: end it"
         if loss := rig.describe_loss(ACCELEROMETER, CAMPAIGN):
             return loss
         if not self.get_value("require_recorder"):
@@ -310,8 +235,9 @@ class HammerNode(DeviceNode):
         stop = rig.describe_stop_of_recorder() if rig.was_recorded else ""
         return rig.describe_loss(RECORDER) or stop
 
-    def _describe_missing_enable(self) -> str:
-        return describe_missing_enable(self.get_value("enable_file"))
+    def _is_state_published_twice(self) -> bool:
+        """Whether another node publishes this one's state."""
+        return self.count_publishers(interfaces.HAMMER_STATE.name) > 1
 
     def _describe_rig_obstacle(self, request: Release.Request) -> str:
         """Return why the rest of the rig could not record a hit; empty: it could."""
@@ -373,8 +299,7 @@ class HammerNode(DeviceNode):
         is_ours_to_say = state.place is not HammerPlace.FAULT and not self._hammer.is_stopped
         if is_ours_to_say and not self.is_active:
             return _answer(response, "the hammer node is not active: activate it first")
-        refusal = self._describe_loss() or self._describe_missing_enable()
-        return _answer(response, refusal or self._hammer.arm(), "armed")
+        return _answer(response, self._describe_loss() or self._hammer.arm(), "armed")
 
     def _disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._hammer.disarm("disarmed by the operator")
@@ -396,8 +321,6 @@ class HammerNode(DeviceNode):
 
     def _stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.get_logger().warning("emergency stop")
-        if trouble := self._memory.keep():
-            self.get_logger().error(trouble)
         lost = self._guard(self._hammer.stop)
         told = (
             f"stopped, but the holder is lost: {lost}" if lost else "stopped: hammer/reset ends it"
@@ -406,7 +329,6 @@ class HammerNode(DeviceNode):
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         was_stopped = self._hammer.is_stopped
-        self._memory.forget()
         self._hammer.reset()
         done = "the emergency stop is ended" if was_stopped else "there was no emergency stop"
         if not self.is_active:
@@ -417,6 +339,9 @@ class HammerNode(DeviceNode):
 
     def _let_go(self, request: Release.Request, response: Release.Response) -> Release.Response:
         self._note_pause()
+        if id_from_msg(request.campaign_id) != self.membership.identity.campaign_id:
+            response.message = "the hammer takes part in another campaign"
+            return response
         # The same request again: the hammer went, and the first answer was lost.
         if self._released != request:
             if self._released is not None and self._released.record == request.record:
@@ -425,8 +350,6 @@ class HammerNode(DeviceNode):
                     " accelerometers anew"
                 )
                 return response
-            if missing := self._describe_missing_enable():
-                self._hammer.disarm(missing)
             obstacle = self._describe_rig_obstacle(request)
             # The states of accelerometers and recorder travel by other topics than the request.
             if obstacle and not self._hammer.describe_obstacle():
@@ -445,6 +368,8 @@ class HammerNode(DeviceNode):
         """Let the hammer go for a hit, if nothing forbids it; return what does."""
         swing_time = float(self.get_value("swing_time"))
         release = HammerRelease(
+            campaign_id=request.campaign_id,
+            stream_id=request.stream_id,
             record=request.record,
             sample=request.sample,
             impact=request.impact,

@@ -31,7 +31,6 @@ from rclpy.qos import (
     QoSProfile,
     ReliabilityPolicy,
 )
-from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 RESULT_DEPTH = 256
@@ -74,35 +73,23 @@ class Topic:
     lease : float
         After what time without a sign of life from the publisher whoever asks for it is told [s];
         0: never, it is no topic of the rig's own nodes.
-    is_stamped_by_sender : bool
-        Whether the stamp is when the message was made; else it is a block's, made by another node,
-        perhaps on another computer.
     """
 
     name: str
     type: Any
     qos: QoSProfile
     lease: float = 0.0
-    is_stamped_by_sender: bool = True
 
     @property
     def leased_qos(self) -> QoSProfile:
-        """What the rig's own publisher offers, and what is asked for by who takes no other's.
-
-        Our replayer offers no lease: whoever asks for one does not hear it. A bag that `ros2 bag
-        record` made keeps the lease: see `RigNode.is_played_again`.
-        """
-        return self.lease_qos(self.qos)
-
-    def lease_qos(self, qos: QoSProfile) -> QoSProfile:
-        """Return a profile with this topic's lease."""
+        """What the rig's own publishers offer, and what asks for it who must miss them."""
         if not self.lease:
-            return qos
+            return self.qos
         return QoSProfile(
-            history=qos.history,
-            depth=qos.depth,
-            reliability=qos.reliability,
-            durability=qos.durability,
+            history=self.qos.history,
+            depth=self.qos.depth,
+            reliability=self.qos.reliability,
+            durability=self.qos.durability,
             liveliness=LivelinessPolicy.AUTOMATIC,
             liveliness_lease_duration=Duration(seconds=self.lease),
         )
@@ -123,9 +110,7 @@ RELEASE = Topic("release", HammerRelease, _make_qos(RESULT_DEPTH, latched=True),
 VIRTUAL_IMPACT = Topic(
     "virtual_impact", VirtualImpact, _make_qos(RESULT_DEPTH, latched=True), LEASE
 )
-IMPACT = Topic(
-    "impact", Impact, _make_qos(RESULT_DEPTH, latched=True), LEASE, is_stamped_by_sender=False
-)
+IMPACT = Topic("impact", Impact, _make_qos(RESULT_DEPTH, latched=True), LEASE)
 ESTIMATE = Topic("estimate", SampleEstimate, _make_qos(RESULT_DEPTH, latched=True), LEASE)
 HAMMER_ESTIMATE = Topic("hammer_estimate", HammerEstimate, _make_qos(1, latched=True), LEASE)
 COMPARISON = Topic("comparison", ModelComparison, _make_qos(COMPARISON_DEPTH, latched=True), LEASE)
@@ -135,18 +120,14 @@ ACQUISITION_STATE = Topic(
 )
 RECORDER_STATE = Topic("recorder/state", RecorderState, _make_qos(1, latched=True), LEASE)
 RECORD_STORED = Topic(
-    "recorder/stored", RecordStored, _make_qos(RESULT_DEPTH, latched=True), LEASE,
-    is_stamped_by_sender=False,
-)  # fmt: skip
-"""A record is on the recorder's disk. The stamp is that of its last block in the file; of a record
-that goes on for long, this comes several times, each time with the blocks so far."""
+    "recorder/stored", RecordStored, _make_qos(RESULT_DEPTH, latched=True), LEASE
+)
+"""A record is on the recorder's disk. The stamp is that of its last block in the file."""
 NOTE = Topic("note", String, _make_qos(10, latched=False))
 """What an operator has to say while the rig runs."""
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, QoSProfile(depth=64))
 """What every node says of itself once a second: one for all namespaces, as everywhere in ROS 2."""
 REPLAYER_STATE = Topic("replayer/state", ReplayerState, _make_qos(1, latched=True))
-CLOCK = Topic("/clock", Clock, _make_qos(1, latched=False))
-"""Of a replay, for nodes that use simulated time: one for all namespaces."""
 
 RECORDED_TOPICS = (
     SETUP,
@@ -168,6 +149,12 @@ RECORDED_TOPICS = (
 NOT_YET = "not yet, because "
 """How a service's message begins when what it lacks comes by itself: ask again."""
 
+
+def make_join_name(node: str) -> str:
+    """Return the service by which a campaign asks a node to take part in it."""
+    return f"{node}/join"
+
+
 ARM_ACCELEROMETER = "accelerometer/arm"
 DISARM_ACCELEROMETER = "accelerometer/disarm"
 ARM_HAMMER = "hammer/arm"
@@ -184,4 +171,3 @@ GET_RESULTS = "estimator/get_results"
 RUN_CAMPAIGN = "campaign/run"
 PAUSE_REPLAYER = "replayer/pause"
 RESUME_REPLAYER = "replayer/resume"
-STEP_REPLAYER = "replayer/step"

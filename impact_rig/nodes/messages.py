@@ -14,10 +14,10 @@ from builtin_interfaces.msg import Time
 from impact_rig_msgs import msg
 
 from impact_rig import __version__
-from impact_rig.core.setup.samples import RigSetup, Sample
-from impact_rig.core.setup.sensors import Sensor
-from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.record import Block, ChannelBlock, RawArray
+from impact_rig.core.records import Block, ChannelBlock, RawArray
+from impact_rig.core.sensors import Sensor
+from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample
+from impact_rig.nodes.identity import NO_IDENTITY, Identity
 from impact_rig.results.wire import fill_message
 
 if TYPE_CHECKING:
@@ -48,19 +48,22 @@ def setup_to_msg(setup: RigSetup, stamp: Time) -> msg.RigSetup:
     return message
 
 
-def block_to_msg(block: Block) -> msg.AccelerationBlock:
+def block_to_msg(block: Block, identity: Identity = NO_IDENTITY) -> msg.AccelerationBlock:
     """Return a block of a hit as a message, stamped with its first point's time."""
     message = msg.AccelerationBlock(triggered=block.triggered)
-    fill_block(message, block)
+    fill_block(message, block, identity)
     return message
 
 
-def fill_block(message: msg.AccelerationBlock | msg.StreamBlock, block: Block) -> None:
+def fill_block(
+    message: msg.AccelerationBlock | msg.StreamBlock, block: Block, identity: Identity
+) -> None:
     """Let a message hold another block.
 
     Its channels keep their memory if that is as long: to get some costs more than to copy a block
     into it.
     """
+    identity.fill(message)
     message.header.stamp = stamp_to_msg(block.stamp)
     message.record = block.label.record
     message.sample = block.label.sample
@@ -97,7 +100,9 @@ def _fill(room: "array[Any]", output: RawArray) -> "array[Any]":
     return fresh
 
 
-def virtual_hit_to_msg(virtual: "VirtualHit", stamp: Time) -> msg.VirtualImpact:
+def virtual_hit_to_msg(
+    virtual: "VirtualHit", stamp: Time, identity: Identity = NO_IDENTITY
+) -> msg.VirtualImpact:
     """Return the truth behind a simulated hit as a message."""
     message = msg.VirtualImpact(
         **asdict(virtual.label),
@@ -106,4 +111,5 @@ def virtual_hit_to_msg(virtual: "VirtualHit", stamp: Time) -> msg.VirtualImpact:
         peak_force=virtual.model.peak_force,
     )
     message.header.stamp = stamp
+    identity.fill(message)
     return message

@@ -44,12 +44,8 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
     int
         Exit code: 0 after a stop that was asked for, 2 after an impossible parameter.
     """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    # rclpy's own handler would tear the context down under the node: nothing that is still in
-    # the queues could be recorded, and no last state published.
-    rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        return _run(make_node)
+        return _run(make_node, argv)
     finally:
         # rclpy keeps what a lifecycle node has of the middleware until nothing knows the node any
         # more. If the process ended before, Fast DDS would take it to pieces among its threads,
@@ -62,12 +58,15 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
             signal.signal(number, signal.SIG_IGN)
 
 
-def _run(make_node: Callable[[], RigNode]) -> int:
+def _run(make_node: Callable[[], RigNode], argv: Sequence[str] | None) -> int:
     """Run a node until it is told to stop, and close it; return the exit code."""
-    executor = make_executor()
-    node = claim = None
+    executor = node = claim = None
     try:
         with offer_profile():
+            # rclpy's own handler would tear the context down under the node: nothing that is
+            # still in the queues could be recorded, and no last state published.
+            rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+            executor = make_executor()
             node = make_node()
         claim = claim_node(node.get_fully_qualified_name())
         executor.add_node(node)
@@ -86,7 +85,8 @@ def _run(make_node: Callable[[], RigNode]) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     finally:
-        executor.shutdown()
+        if executor is not None:
+            executor.shutdown()
         if node is not None:
             node.close()
             node.destroy_node()

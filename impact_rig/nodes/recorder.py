@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig_msgs.msg import RecorderState
+from impact_rig_msgs.srv import JoinCampaign
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 
@@ -15,31 +16,22 @@ from impact_rig.configuration.processes import RECORDING_NAME, make_run_folder_n
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.recorder_run import SYNC_CHUNK, SYNC_HIT, SYNCS, RecordingRun
+from impact_rig.nodes.recorder_run import RecordingRun
 from impact_rig.nodes.rig_node import Read, RigNode, split_names
 from impact_rig.nodes.topics import name_type
 from impact_rig.recordings.new_file import DiskFullError, choose_free
 from impact_rig.recordings.provenance import read_attached_file
 from impact_rig.recordings.schemas import find_message_definition
+from impact_rig.recordings.source import SUFFIX
 from impact_rig.recordings.writer import (
     COMPRESSIONS,
     DEFAULT_CHUNK_SIZE,
-    DEFAULT_KEEP_FREE,
     RecordingWriter,
 )
-
-LOW_SPACE = 2 << 30
-"""Room below which the disk counts as nearly full [byte], our choice: 100 s of two channels at
-2.5 MS/s, uncompressed."""
-LARGEST_SIZE = 2**62
-"""[byte]"""
-LONGEST_SPLIT = 1e9
-"""Longest time after which a recording may be split [s], our choice: thirty years."""
 
 
 def declare_parameters(node: RigNode) -> None:
     """Declare them all."""
-    node.declare_replays()
     _declare_file(node)
     _declare_content(node)
 
@@ -47,8 +39,8 @@ def declare_parameters(node: RigNode) -> None:
 def _declare_file(node: RigNode) -> None:
     node.declare(
         "output", "",
-        "the new recording: an .mcap file, or else a folder as rosbag2 writes it; empty:"
-        f" runs/<time>/{RECORDING_NAME} under the working directory", read=Read.AT_ACTIVATE,
+        f"the new recording, an {SUFFIX} file; empty: runs/<time>/{RECORDING_NAME} under the"
+        " working directory", read=Read.AT_ACTIVATE,
     )  # fmt: skip
     node.declare("compression", "zstd", "of chunks", choices=COMPRESSIONS, read=Read.AT_ACTIVATE)
     node.declare(
@@ -59,29 +51,6 @@ def _declare_file(node: RigNode) -> None:
         "flush_period", 1.0,
         "how long a message may wait to be written to disk [s]; 0: until its chunk is full",
         low=0.0, high=3600.0, read=Read.AT_ACTIVATE,
-    )  # fmt: skip
-    node.declare(
-        "sync", SYNC_HIT,
-        f"{SYNC_HIT}: a record is stored when it is on the disk, safe from a power cut;"
-        f" {SYNC_CHUNK}: when its chunk has been written, at the latest after flush_period,"
-        " safe from the end of the recorder alone, and nothing waits for the disk",
-        choices=SYNCS, read=Read.AT_ACTIVATE,
-    )  # fmt: skip
-    node.declare(
-        "split_size", 0, "of a file, at which the next one is begun [byte]; 0: never",
-        low=0, high=LARGEST_SIZE, read=Read.AT_ACTIVATE,
-    )  # fmt: skip
-    node.declare(
-        "split_duration", 0.0, "of a file, at which the next one is begun [s]; 0: never",
-        low=0.0, high=LONGEST_SPLIT, read=Read.AT_ACTIVATE,
-    )  # fmt: skip
-    node.declare(
-        "low_space_warning", LOW_SPACE, "room on the disk below which to warn [byte]",
-        low=0, high=LARGEST_SIZE, read=Read.AT_USE,
-    )  # fmt: skip
-    node.declare(
-        "keep_free", DEFAULT_KEEP_FREE, "left on the disk for others [byte]",
-        low=0, high=LARGEST_SIZE, read=Read.AT_ACTIVATE,
     )  # fmt: skip
 
 
@@ -113,8 +82,7 @@ def _declare_content(node: RigNode) -> None:
 CONNECTION_PERIOD = 0.05
 """How often it is looked whether the required topics are connected [s], our choice."""
 HEALTH_PERIOD = 1.0
-"""How often the disk and the counts of what is missing are looked at [s], our choice: a hundredth
-of the time in which a fast stream fills what `LOW_SPACE` leaves."""
+"""How often the counts of what is missing are looked at [s]."""
 ACKNOWLEDGEMENT_TIMEOUT = 0.2
 """How long what is said last may take to reach its subscribers [s], our choice."""
 
@@ -132,14 +100,15 @@ class RecorderNode(RigNode):
         self._state_publisher = self.advertise(interfaces.RECORDER_STATE)
         self._stored_publisher = self.advertise(interfaces.RECORD_STORED)
         self.add_post_set_parameters_callback(self._take_parameters)
+        self._states.append(lambda: self._publish_state(self._message))
+        self._message = ""
+        self.offer_to_join()
 
     def check_parameters(self, get_value: Callable[[str], Any]) -> None:
-        """Refuse to wait for ever until a chunk is on the disk."""
-        if get_value("sync") == SYNC_CHUNK and not get_value("flush_period"):
-            raise ParameterError(
-                f"sync is {SYNC_CHUNK!r} and flush_period 0: then nobody could say when a record"
-                " is stored, it must be above 0"
-            )
+        """Refuse a recording without its suffix."""
+        output = get_value("output")
+        if output and Path(output).suffix != SUFFIX:
+            raise ParameterError(f"output is {output!r}: the name must end in {SUFFIX}")
 
     def configure(self) -> None:
         """Check before anything is opened."""
@@ -154,8 +123,7 @@ class RecorderNode(RigNode):
         ]
         run = self._run = RecordingRun(
             self,
-            self._open,
-            self.get_value("sync"),
+            self._open(),
             self._stored_publisher,
             self._fail,
             stream_depth=self.get_value("stream_depth") * self.get_value("record_stream"),
@@ -189,6 +157,13 @@ class RecorderNode(RigNode):
         )
         self._publish_state("closed")
 
+    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> str:
+        """Record what belongs to a campaign, and nothing of any other."""
+        if not self._is_recording or not self._is_connected:
+            return f"nothing is being recorded ({self._message}): start the recorder"
+        response.recording = str(self._run.writer.path) if self._run else ""
+        return ""
+
     def autostart(self) -> None:
         """Start, or say that nothing is recorded yet to those who would wait for it."""
         if not self.get_value("autostart"):
@@ -201,15 +176,8 @@ class RecorderNode(RigNode):
         self._publish_state(text)
 
     def describe_warning(self) -> str:
-        """Return what the recording lacks, and whether the disk is nearly full."""
-        run = self._run
-        if run is None:
-            return ""
-        warnings = [run.describe_losses()]
-        limit = self.get_value("low_space_warning")
-        if run.is_open and run.writer.free_space < limit:
-            warnings.append(f"less than {limit / 1e6:.6g} MB may still be written to the disk")
-        return "; ".join(filter(None, warnings))
+        """Return what the recording lacks."""
+        return self._run.describe_losses() if self._run else ""
 
     def diagnose(self) -> dict[str, Any]:
         """Return what was written so far, and what was not."""
@@ -220,10 +188,9 @@ class RecorderNode(RigNode):
         return {
             "recording": self._is_recording and self._is_connected,
             "waiting for": self._describe_missing_peers(),
-            "file": writer.files[-1],
+            "file": writer.path,
             "messages": writer.messages,
             "size": writer.size,
-            "free space": writer.free_space,
             "topics": len(run.topics),
             "topics not recorded": ", ".join(run.topics.skipped),
             "blocks": watch.blocks,
@@ -242,7 +209,7 @@ class RecorderNode(RigNode):
     def _is_recording(self) -> bool:
         return self._run is not None and self._run.is_open
 
-    def _open(self, before_split: Callable[[], None]) -> RecordingWriter:
+    def _open(self) -> RecordingWriter:
         output = self.get_value("output")
         folder = make_run_folder_name(datetime.now().astimezone())
         return RecordingWriter(
@@ -251,10 +218,6 @@ class RecorderNode(RigNode):
             compression=self.get_value("compression"),
             chunk_size=self.get_value("chunk_size"),
             library=f"impact_rig {__version__}",
-            split_size=self.get_value("split_size"),
-            split_duration=self.get_value("split_duration"),
-            keep_free=self.get_value("keep_free"),
-            before_split=before_split,
         )
 
     def _describe_missing_peers(self) -> str:
@@ -304,6 +267,7 @@ class RecorderNode(RigNode):
         self.report_fault(str(error))
 
     def _publish_state(self, message: str) -> None:
+        self._message = message
         if not self.context.ok():
             return
         state = RecorderState(
@@ -319,7 +283,7 @@ class RecorderNode(RigNode):
             state.gaps = watch.gaps + stream.gaps
             state.missing_points = watch.missing_points + stream.missing_points
             state.messages_lost = self._run.topics.messages_lost
-            state.free_space = writer.free_space
+        self.membership.identity.fill(state)
         state.header.stamp = self.get_clock().now().to_msg()
         self._state_publisher.publish(state)
         if not self._is_recording:

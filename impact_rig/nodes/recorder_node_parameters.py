@@ -6,7 +6,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.rig_node import OWN_NODES, RigNode
 from impact_rig.recordings.provenance import format_parameters
 
 ANSWER_TIMEOUT = 3.0
@@ -38,13 +38,17 @@ class NodeParameters:
         self._is_closed = False
 
     def look(self) -> None:
-        """Ask nodes that have appeared, and tell what they said; call it now and then."""
+        """Ask nodes of the rig that have appeared, and tell what they said; call it now and then.
+
+        Other nodes in its namespace, as each `ros2` command line is one, may never answer.
+        """
         prefix = self._node.get_namespace().rstrip("/") + "/"
+        own = {prefix + name for name in OWN_NODES}
         for service, _ in self._node.get_service_names_and_types():
             full_name = service.removesuffix(LISTER)
             is_known = full_name in self._texts and full_name not in self._outdated
             is_new = not is_known and full_name not in self._asked
-            if is_new and service.endswith(LISTER) and service.startswith(prefix):
+            if is_new and service.endswith(LISTER) and full_name in own:
                 self._asked.add(full_name)
                 self._node.executor.create_task(self._ask, full_name)
         if self._asked <= self._silent:

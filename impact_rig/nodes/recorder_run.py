@@ -1,7 +1,6 @@
 """One recording in the making: what it subscribes to, what is on the disk, and its end."""
 
 import contextlib
-import struct
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
@@ -17,10 +16,10 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
 from impact_rig.core.errors import FileError, RigError
-from impact_rig.core.origin import Origin
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.records import Origin
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.executor import accept_message_info
+from impact_rig.nodes.identity import Identity, Membership, read_campaign_id
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.recorder_node_parameters import NodeParameters
@@ -28,7 +27,7 @@ from impact_rig.nodes.rig_node import RateMeter, RigNode
 from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, make_qos, name_type
 from impact_rig.recordings.hits import RecordWatch, StreamWatch
 from impact_rig.recordings.messages import (
-    NANOSECONDS,
+    NO_ID,
     STREAM_TYPE,
     prepare_heads,
     read_block_head,
@@ -45,10 +44,6 @@ from impact_rig.recordings.records import Attachment
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 
-SYNC_HIT = "hit"
-SYNC_CHUNK = "chunk"
-SYNCS = (SYNC_HIT, SYNC_CHUNK)
-"""When a record counts as stored: on the disk at its end, or when its chunk has been written."""
 SETTLING_TIME = 0.5
 """How long the blocks of an arming that has ended may still be on their way [s], our choice: they
 travel by another topic than the word of its end."""
@@ -71,8 +66,8 @@ class RecordStorage:
         What it writes to.
     publisher : Publisher
         Of `RecordStored`.
-    sync : str
-        One of `SYNCS`.
+    membership : Membership
+        Whose records they are.
 
     Attributes
     ----------
@@ -93,7 +88,7 @@ class RecordStorage:
         self,
         writer: RecordingWriter,
         publisher: Any,
-        sync: str,
+        membership: Membership,
     ) -> None:
         prepare_heads()
         self.watch = RecordWatch()
@@ -103,14 +98,15 @@ class RecordStorage:
         self.longest_stream_lag = 0.0
         self._writer = writer
         self._publisher = publisher
-        self._sync = sync
+        self._membership = membership
+        self._streams: dict[int, bytes] = {}
         self._arming: AcquisitionState | None = None
         self._endings: dict[int, _Ending] = {}
-        self._unfinished: HitLabel | None = None
 
     def take_block(self, data: bytes, sent: int) -> None:
         """Count a block that was written; the end of its record puts that on the disk."""
         head = read_block_head(data)
+        self._streams[head.label.record] = head.stream_id
         self.watch.add(head.label, head.first_sample, head.points, head.stamp, last=head.last)
         self._note_origin(head.origin)
         self._store_finished()
@@ -154,28 +150,17 @@ class RecordStorage:
                 self.watch.end(record, ending.sample)
                 self._store_finished()
 
-    def flush(self) -> None:
-        """Write what waits; call it now and then. A record that goes on is reported in parts."""
-        unfinished = self.watch.unfinished
-        label = unfinished.label if unfinished else None
-        goes_on = label is not None and label == self._unfinished
-        self._unfinished = label
-        if goes_on and self._sync == SYNC_HIT:
-            self._writer.sync()
-        else:
-            self._writer.flush()
-        self.publish_stored(with_unfinished=goes_on)
-
-    def publish_stored(self, *, with_unfinished: bool = False) -> None:
+    def publish_stored(self) -> None:
         """Say which records have been stored since the last time."""
-        for count in self.watch.collect(with_unfinished=with_unfinished):
+        for count in self.watch.collect():
             message = RecordStored(
                 **asdict(count.label),
-                complete=count.is_complete,
                 blocks=count.blocks,
                 gaps=count.gaps,
                 missing_points=count.missing_points,
             )
+            stream_id = self._streams.pop(count.label.record, NO_ID)
+            Identity(self._membership.identity.campaign_id, stream_id).fill(message)
             message.header.stamp = stamp_to_msg(count.stamp)
             self._publisher.publish(message)
 
@@ -190,7 +175,7 @@ class RecordStorage:
             self._endings[record] = _Ending(sample, blocks, due)
 
     def _store_finished(self) -> None:
-        if self._sync == SYNC_HIT and self.watch.has_finished:
+        if self.watch.has_finished:
             self._writer.sync()
             self.publish_stored()
 
@@ -293,8 +278,7 @@ class RecordedTopics:
 
     def _record_own(self, topic: Topic, depth: int) -> None:
         offer = describe_qos(topic.qos)
-        qos = self._node.choose_qos(topic, make_qos(offer, depth))
-        self._record(topic.name, topic.type, qos, (offer,), own=topic)
+        self._record(topic.name, topic.type, make_qos(offer, depth), (offer,), own=topic)
 
     def _record(
         self,
@@ -308,6 +292,8 @@ class RecordedTopics:
         topic = self._node.resolve_topic_name(name)
         writer, read = self._writer, self._readers.get(topic)
         channel = writer.add_channel(topic, find_message_definition(name_type(kind)), offers)
+        carries_id = "campaign_id" in kind.get_fields_and_field_types()
+        membership = self._node.membership
         previous: int | None = None
 
         def write(data: bytes, info: Mapping[str, Any]) -> None:
@@ -315,7 +301,9 @@ class RecordedTopics:
             self._node.messages_handled += 1
             if writer.closed:
                 return
-            if own and own.lease and self._node.is_played_again(own, info, _read_stamp(data)):
+            if carries_id and membership.is_foreign_id(read_campaign_id(data), name):
+                return
+            if own and not self._node.message_check.accepts_bytes(own, data):
                 return
             received = info["received_timestamp"] or time.time_ns()
             sent = info["source_timestamp"] or received
@@ -336,7 +324,6 @@ class RecordedTopics:
             accept_message_info(write),
             qos,
             event_callbacks=SubscriptionEventCallbacks(
-                incompatible_qos=lambda _: self._node.note_refusal(name),
                 use_default_callbacks=False,
             ),
             raw=True,
@@ -362,20 +349,12 @@ class RecordedTopics:
             self._node.get_logger().warning(f"{topic} is not recorded: {error}")
 
 
-def _read_stamp(data: bytes) -> int:
-    """Return the stamp of a serialised message that begins with a header [ns]."""
-    seconds, rest = struct.unpack_from("<iI" if data[1] else ">iI", data, 4)
-    return int(seconds * NANOSECONDS + rest)
-
-
 DISCOVERY_PERIOD = 0.2
 """How often further topics and nodes are looked for [s], our choice: the ROS graph sends no event
 here."""
 QUIET_PERIOD = 0.05
 """How often it is looked whether a record has come to its end without a last block [s], our
 choice."""
-SPLIT = "split"
-"""How a file ended that another one follows."""
 
 
 class RecordingRun:
@@ -385,10 +364,8 @@ class RecordingRun:
     ----------
     node : RigNode
         The recorder.
-    open_writer : callable
-        Returns the writer; called with what the writer is to call before it begins another file.
-    sync : str
-        When a record counts as stored, one of `record_storage.SYNCS`.
+    writer : RecordingWriter
+        Of the new recording.
     publisher : Publisher
         Of `RecordStored`.
     fail : callable
@@ -405,8 +382,7 @@ class RecordingRun:
     def __init__(
         self,
         node: RigNode,
-        open_writer: Callable[[Callable[[], None]], RecordingWriter],
-        sync: str,
+        writer: RecordingWriter,
         publisher: Any,
         fail: Callable[[FileError], None],
         *,
@@ -417,8 +393,8 @@ class RecordingRun:
         self._timers: list[Any] = []
         self._is_stream_recorded = stream_depth > 0
         self._stream_rate = RateMeter()
-        self.writer = open_writer(lambda: self._write_health(SPLIT))
-        self.storage = RecordStorage(self.writer, publisher, sync)
+        self.writer = writer
+        self.storage = RecordStorage(self.writer, publisher, node.membership)
         readers = {
             interfaces.ACCELERATION.name: self.storage.take_block,
             interfaces.STREAM.name: self.storage.take_stream_block,
@@ -459,7 +435,7 @@ class RecordingRun:
         self.call_every(QUIET_PERIOD, self.storage.end_quiet_records)
         self.call_every(DISCOVERY_PERIOD, self._discover)
         if flush_period:
-            self.call_every(flush_period, self.storage.flush)
+            self.call_every(flush_period, self.writer.flush)
         self._discover()
 
     def call_every(

@@ -1,7 +1,6 @@
 """What was found as messages, and back.
 
-Each names the set-up that it was found under by the stamp of that, so that whoever comes late can
-tell an earlier campaign's from this one's.
+Each carries the id of the campaign that it was found in.
 """
 
 from array import array
@@ -12,16 +11,16 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from impact_rig_msgs import msg
 
-from impact_rig.core.estimation.comparison import ModelComparison
-from impact_rig.core.estimation.contact_law import ContactLaw
-from impact_rig.core.estimation.fits import FittedModel, FreeDecayEstimate
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate, ShapeFit
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.estimation.speed_exponents import SpeedExponents
-from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.comparison import ModelComparison
+from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.hits import JudgedHit
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
 from impact_rig.core.quantity import BudgetLine, Quantity
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.records import FloatArray
+from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
+from impact_rig.core.speed_exponents import SpeedExponents
+from impact_rig.nodes.identity import Identity
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.recordings.messages import origin_from_msg
 from impact_rig.results.campaign import HitResults
@@ -49,11 +48,10 @@ def record_to_msg(record: Any) -> Any:
     return message
 
 
-def hit_to_msg(judged: JudgedHit, setup_stamp: Time) -> msg.Impact:
+def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
     """Return a judged hit as a message, stamped with its record's first point's time."""
     message = msg.Impact(
         **asdict(judged.label),
-        setup_stamp=setup_stamp,
         accepted=judged.accepted,
         reasons=[str(rejection) for rejection in judged.rejections],
         impact_time=judged.impact_time,
@@ -61,6 +59,7 @@ def hit_to_msg(judged: JudgedHit, setup_stamp: Time) -> msg.Impact:
         hammer_peak=judged.hammer_peak,
         specimen_peak=judged.specimen_peak,
     )
+    identity.fill(message)
     message.header.stamp = stamp_to_msg(judged.stamp)
     fill_message(message.origin, judged.origin, {})
     return message
@@ -84,20 +83,20 @@ def hit_results_from_msg(message: msg.Impact, injected_faults: Sequence[str]) ->
 
 
 def estimate_to_msg(
-    estimate: SampleEstimate | HammerEstimate, stamp: Time, setup_stamp: Time
+    estimate: SampleEstimate | HammerEstimate, stamp: Time, identity: Identity
 ) -> Any:
     """Return a sample's or the hammer's estimate as the message of the same name."""
     message = record_to_msg(estimate)
-    message.header.stamp, message.setup_stamp = stamp, setup_stamp
+    message.header.stamp = stamp
+    identity.fill(message)
     return message
 
 
 def comparison_to_msg(
-    estimate: SampleEstimate, compared: ModelComparison, stamp: Time, setup_stamp: Time
+    estimate: SampleEstimate, compared: ModelComparison, stamp: Time, identity: Identity
 ) -> msg.ModelComparison:
     """Return the traces of a model comparison as a message."""
     message = msg.ModelComparison(
-        setup_stamp=setup_stamp,
         sample=estimate.name,
         model=compared.variant.value,
         impacts_accepted=estimate.impacts_accepted,
@@ -116,6 +115,7 @@ def comparison_to_msg(
         mse_sample_percent=compared.specimen.mse_percent,
     )
     message.header.stamp = stamp
+    identity.fill(message)
     return message
 
 

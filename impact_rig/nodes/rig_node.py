@@ -2,13 +2,15 @@
 
 import contextlib
 import math
+import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from impact_rig_msgs.srv import JoinCampaign
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -20,17 +22,19 @@ from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallba
 from rclpy.exceptions import InvalidHandle
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
 from rclpy.task import Future
 
-from impact_rig.configuration.processes import ACTIVE, TAKE_REPLAYS
+from impact_rig.configuration.processes import ACTIVE
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
-from impact_rig.nodes.executor import accept_message_info
-from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic
-from impact_rig.recordings.messages import stamp_from_msg
+from impact_rig.nodes.identity import Identity, Membership, id_from_msg
+from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic, make_join_name
+from impact_rig.nodes.message_check import MessageCheck
 
 DIAGNOSTIC_PERIOD = 1.0
-"""Time between two diagnostic messages [s]: the convention of diagnostic aggregators."""
+"""Time between two diagnostic messages of a node that has news [s]."""
+SIGN_OF_LIFE = 3
+"""After how many of these periods a node without news says the same again [-]: aggregators, and
+the view, call one silent after five."""
 LIFECYCLE = "lifecycle"
 """Among the values of a node's diagnostics: one of `LIFECYCLE_STATES`."""
 IS_ACTIVE = "active"
@@ -38,8 +42,6 @@ LIFECYCLE_STATES = ("unconfigured", "inactive", IS_ACTIVE)
 _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 """What stands for the name of a node that the middleware has not heard, or not again: after a long
 break of the network it knows the endpoints anew, but not whose they are."""
-NAMING_TIME = 0.5
-"""How long the name of a node may take to be known after its topics [s], our choice."""
 WAITING_PERIOD = 0.05
 """How often a condition without a callback is looked at [s], our choice."""
 OWN_NODES = frozenset((
@@ -47,9 +49,6 @@ OWN_NODES = frozenset((
     "recorder", "replay_client", "replayer", "visualizer",
 ))  # fmt: skip
 """Names of what belongs to a rig, in its namespace; what begins with _ is a part of another."""
-REPLAY_AGE = 10_000_000_000
-"""How long after its stamp a message is sent by a replay at least [ns], our choice: longer than
-any of the rig's nodes takes, shorter than a recording and the way to its replay."""
 LONGEST_PAUSE = 1.5
 """Longer than that a process that is not stopped does not stand still [s], our choice."""
 SERVICE_TIMEOUT = 20.0
@@ -111,15 +110,16 @@ class RigNode(LifecycleNode):
             read=Read.AT_START,
         )  # fmt: skip
         self.messages_handled = 0
+        self.message_check = MessageCheck(self.get_logger().warning)
         self._listeners: dict[bytes, str] = {}
-        self._refused: set[str] = set()
-        self._told_refusals: set[str] = set()
-        self._node_began = time.time_ns()
-        self._last_heard: dict[str, int] = {}
+        self.membership = Membership(self.get_logger().warning)
+        self._states: list[Callable[[], None]] = []
         self._fault = ""
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS.name, 10, event_callbacks=_NO_PUBLISHER_EVENTS
         )
+        self._published = DiagnosticStatus()
+        self._periods_without_news = 0
         self.create_timer(DIAGNOSTIC_PERIOD, self._publish_diagnostics)
 
     # Overridden by the nodes.
@@ -142,6 +142,10 @@ class RigNode(LifecycleNode):
     def diagnose(self) -> dict[str, Any]:
         """Return figures for the diagnostics, by name."""
         return {}
+
+    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> str:
+        """Take part in a campaign, or go on with it; return why no hit can be struck now."""
+        return ""
 
     def describe_warning(self) -> str:
         """Return what needs attention though the node works; empty: nothing."""
@@ -257,10 +261,11 @@ class RigNode(LifecycleNode):
         topic: Topic,
         callback: Callable[..., None],
         *,
-        is_informed: bool = False,
         note_liveliness: Callable[[Any], None] | None = None,
     ) -> Any:
         """Subscribe to one of the rig's topics; a `RigError` in the callback is reported.
+
+        What belongs to another campaign than the one that this node takes part in is ignored.
 
         Parameters
         ----------
@@ -268,19 +273,18 @@ class RigNode(LifecycleNode):
             Its name, type and QoS.
         callback : callable
             Called with each message.
-        is_informed : bool
-            Called with what the middleware knows of the message, too.
         note_liveliness : callable, optional
             Called with how many publishers are alive and how many silent, when that changes.
         """
 
-        def take(message: Any, info: Any) -> None:
+        def take(message: Any) -> None:
             self.messages_handled += 1
-            header = getattr(message, "header", None)
-            if header and self.is_played_again(topic, info, stamp_from_msg(header.stamp)):
+            if self.membership.is_foreign(message, topic.name):
+                return
+            if not self.message_check.accepts(topic, message):
                 return
             try:
-                callback(message, *([info] if is_informed else []))
+                callback(message)
             except RigError as error:
                 self.report_fault(f"{topic.name}: {error}")
             self.wake_waiters()
@@ -293,81 +297,13 @@ class RigNode(LifecycleNode):
         return self.create_subscription(
             topic.type,
             topic.name,
-            accept_message_info(take),
-            self.choose_qos(topic, topic.qos),
+            take,
+            topic.qos if note_liveliness is None else topic.leased_qos,
             event_callbacks=SubscriptionEventCallbacks(
                 liveliness=note if note_liveliness is not None else None,
-                incompatible_qos=lambda _: self.note_refusal(topic.name),
                 use_default_callbacks=False,
             ),
         )
-
-    def declare_replays(self) -> None:
-        """Declare that the node can be told to take what is published again of a recording."""
-        self.declare(
-            TAKE_REPLAYS, True,
-            "take also what a replayer or `ros2 bag play` publishes; off in a rig, which takes"
-            " what its own nodes publish and nothing else", read=Read.AT_START,
-        )  # fmt: skip
-
-    @property
-    def _takes_replays(self) -> bool:
-        return self.has_parameter(TAKE_REPLAYS) and bool(self.get_value(TAKE_REPLAYS))
-
-    def choose_qos(self, topic: Topic, qos: QoSProfile) -> QoSProfile:
-        """Return the profile by which a topic is heard: of the rig's own nodes, or of anybody."""
-        return qos if self._takes_replays else topic.lease_qos(qos)
-
-    def is_played_again(self, topic: Topic, info: Mapping[str, Any], stamp: int) -> bool:
-        """Return whether a message is none of the rig's: sent long after it was made, and no news.
-
-        Both times are of one computer, and what is kept for those who come late keeps both. A
-        stream that has drifted from the clock, or whose clock was set, still brings news.
-
-        Parameters
-        ----------
-        topic : Topic
-            On which it came.
-        info : mapping
-            What the middleware knows of the message.
-        stamp : int
-            When it was made, nanoseconds since the epoch; 0: it does not say.
-        """
-        if not (topic.is_stamped_by_sender and stamp) or self._takes_replays:
-            return False
-        is_old = (info["source_timestamp"] or 0) - stamp > REPLAY_AGE
-        if is_old and stamp <= self._last_heard.get(topic.name, self._node_began):
-            self.note_refusal(topic.name)
-            return True
-        self._last_heard[topic.name] = stamp
-        return False
-
-    def note_refusal(self, topic: str) -> None:
-        """Hear that a publisher of a topic is none of the rig's nodes; say so; in any thread."""
-        name = self.resolve_topic_name(topic)
-        if name not in self._refused:
-            self._refused.add(name)
-            self.run_soon(lambda: self.run_once_after(NAMING_TIME, self._name_refused))
-
-    def _name_refused(self) -> None:
-        topics: dict[str, list[str]] = {}
-        own = self.get_namespace()
-        for topic in sorted(self._refused):
-            for item in self.get_publishers_info_by_topic(topic):
-                if (item.node_namespace, item.node_name) not in {
-                    (own, name) for name in OWN_NODES
-                }:
-                    name = f"{item.node_namespace.rstrip('/')}/{item.node_name}"
-                    topics.setdefault(name, []).append(topic)
-        self._refused.clear()
-        for name, published in topics.items():
-            text = (
-                f"{name} publishes {', '.join(published)} and is no node of this rig, a replay"
-                " perhaps: nothing of it is taken; give it another ROS_DOMAIN_ID or namespace"
-            )
-            if text not in self._told_refusals:
-                self._told_refusals.add(text)
-                self.get_logger().warning(text)
 
     def describe_missing_subscribers(self, publisher: Any, required: str) -> str:
         """Return which subscriber would miss what is published next; empty: none.
@@ -414,13 +350,42 @@ class RigNode(LifecycleNode):
     def advertise_state(self, topic: Topic) -> Callable[..., None]:
         """Create a publisher of a state topic; return a function that publishes its fields."""
         publisher = self.advertise(topic)
+        newest: dict[str, Any] = {}
 
         def publish(**fields: Any) -> None:
-            message = topic.type(**fields)
+            newest.update(fields)
+            message = topic.type(**newest)
+            self.membership.identity.fill(message)
             message.header.stamp = self.get_clock().now().to_msg()
             publisher.publish(message)
 
+        # Who takes part in the campaign ignores what was said before this node joined it.
+        self._states.append(lambda: publish() if newest else None)
         return publish
+
+    def offer_to_join(self) -> None:
+        """Offer the service by which a campaign asks this node to take part."""
+        self.create_service(JoinCampaign, make_join_name(self.get_name()), self._join)
+
+    def _join(
+        self, request: JoinCampaign.Request, response: JoinCampaign.Response
+    ) -> JoinCampaign.Response:
+        asked = Identity(id_from_msg(request.setup.campaign_id), id_from_msg(request.stream_id))
+        is_new = self.membership.join(asked)
+        try:
+            if not self._is_active:
+                why = self._fault or "activate it to go on"
+                response.message = f"the {self.get_name()} node is not active: {why}"
+            else:
+                response.message = self.join(request, response)
+        except RigError as error:
+            self.report_fault(str(error))
+            response.message = f"{self.get_name()}: {error}"
+        response.success = not response.message
+        if is_new:
+            for publish in self._states:
+                publish()
+        return response
 
     def report_fault(self, text: str) -> None:
         """Log an error and show it in the diagnostics until the next good transition."""
@@ -665,13 +630,22 @@ class RigNode(LifecycleNode):
             level, message = DiagnosticStatus.WARN, warning
         status = DiagnosticStatus(
             name=self.get_fully_qualified_name(),
+            hardware_id=platform.node(),
             level=level,
             message=message,
             values=[
                 KeyValue(key=key, value=str(value))
-                for key, value in {LIFECYCLE: state, **self.diagnose()}.items()
+                for key, value in {
+                    LIFECYCLE: state,
+                    "messages dropped": self.message_check.dropped,
+                    **self.diagnose(),
+                }.items()
             ],
         )
+        self._periods_without_news += 1
+        if status == self._published and self._periods_without_news < SIGN_OF_LIFE:
+            return
+        self._published, self._periods_without_news = status, 0
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)

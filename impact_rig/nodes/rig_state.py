@@ -5,42 +5,29 @@ killed, or whose computer is out of reach, says nothing of it: without a lease t
 miss it after its own time, a minute or so; with one it tells in time.
 """
 
-import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from impact_rig_msgs.msg import AcquisitionState, HammerState, RecordStored
+from impact_rig_msgs.msg import AcquisitionState, RecordStored
 
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.guarded_hammer import NEVER_ARMED
 from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic
 from impact_rig.nodes.rig_node import IS_ACTIVE, LIFECYCLE, RigNode
-from impact_rig.recordings.messages import stamp_from_msg
 
 CAMPAIGN = "campaign"
-HAMMER = "hammer"
 ACCELEROMETER = "accelerometer"
-ESTIMATOR = "estimator"
 RECORDER = "recorder"
 TOPICS = {
     CAMPAIGN: interfaces.SETUP,
-    HAMMER: interfaces.HAMMER_STATE,
     ACCELEROMETER: interfaces.ACQUISITION_STATE,
-    ESTIMATOR: interfaces.IMPACT,
     RECORDER: interfaces.RECORDER_STATE,
 }
 """By which topic, with a lease, each node of a rig is heard."""
 _PARTICIPANT_LENGTH = 12
 """How much of an endpoint's identity is that of its participant [bytes], by RTPS; all nodes of a
 process share one."""
-LARGEST_CLOCK_DIFFERENCE = 0.5
-"""How far clocks may be apart before it is told [s], our choice: time servers keep them within
-milliseconds, and a message is on its way for less, the fastest of several above all."""
-COMPARED = 5
-"""Messages of a node by which its clock is compared [-], our choice: those of five seconds."""
-NANO = 1e-9
 
 
 class RigMember:
@@ -111,7 +98,7 @@ class RigMember:
             return (
                 f"the {self.name} node has gone: start it again, or see to the network between you"
             )
-        if self._alive > 1:
+        if self._alive > 1 and self.name != CAMPAIGN:  # a bag that is played has set-ups
             return (
                 f"{self._alive} {self.name} nodes are up in this ROS domain and namespace: stop"
                 " one rig (or the replay of one), or give it another ROS_DOMAIN_ID or namespace"
@@ -132,8 +119,6 @@ class RigMember:
     def _take(self, message: Any) -> None:
         self._is_heard = True
         self.losses += _is_fault(message) and not self.is_faulty
-        # The hammer's enable is lost as its device is.
-        self.losses += getattr(self.state, "armed", False) and not message.armed
         self.state = message
         self.take(message)
 
@@ -163,8 +148,7 @@ class RigMember:
 
 
 def _is_fault(state: Any) -> bool:
-    # The constant is the same of both.
-    return isinstance(state, HammerState | AcquisitionState) and state.state == HammerState.FAULT
+    return isinstance(state, AcquisitionState) and state.state == AcquisitionState.FAULT
 
 
 class RigState:
@@ -183,8 +167,6 @@ class RigState:
     ----------
     was_recorded : bool
         Whether something has been recorded since the start.
-    is_disarmed_by_person : bool
-        Whether the hammer was, before it was lost.
     """
 
     def __init__(
@@ -196,16 +178,11 @@ class RigState:
         self.was_recorded = False
         self._node = node
         self._prefix = node.get_namespace().rstrip("/") + "/"
-        self._recordings: set[str] = set()
         self._stored: deque[int] = deque(maxlen=interfaces.RESULT_DEPTH)
-        self._delays: dict[str, deque[float]] = {}
         self._members = {name: RigMember(node, name, TOPICS[name], note_change) for name in names}
-        self.is_disarmed_by_person = False
         self[RECORDER].take = self._take_recorder
-        if HAMMER in names:
-            self[HAMMER].take = self._take_hammer
         node.listen(interfaces.RECORD_STORED, self._take_stored)
-        node.listen(DIAGNOSTICS, self._take_diagnostics, is_informed=True)
+        node.listen(DIAGNOSTICS, self._take_diagnostics)
 
     def __getitem__(self, name: str) -> RigMember:
         """Return a node of the rig by its name."""
@@ -232,27 +209,6 @@ class RigState:
         state = self[RECORDER].state
         return str(state.uri) if state is not None and state.recording else ""
 
-    def describe_end_of_recording(self, recording: str) -> str:
-        """Return how the recorder has ended a recording; empty: it has not.
-
-        Parameters
-        ----------
-        recording : str
-            Its path on the recorder's host; empty: nothing is recorded.
-        """
-        # Another node may have heard of it first: what was heard last here is of the one before.
-        return self.describe_stop_of_recorder() if recording in self._recordings else ""
-
-    def is_lost(self, record: int, recording: str) -> bool:
-        """Whether a record that is not in a recording yet will not come into it any more."""
-        recorder = self[RECORDER]
-        if not recording or recorder.state is None or self.is_stored(record):
-            return False
-        if recorder.has_left:
-            return True
-        is_over = recorder.state.uri != recording or bool(self.describe_stop_of_recorder())
-        return is_over and recording in self._recordings
-
     def describe_stop_of_recorder(self) -> str:
         """Return that the recorder is there and records nothing, nor waits to; empty: it does."""
         state = self[RECORDER].state
@@ -270,50 +226,18 @@ class RigState:
         return record in self._stored
 
     def _take_recorder(self, message: Any) -> None:
-        self._recordings.add(message.uri)
         self.was_recorded = self.was_recorded or message.recording
 
-    def _take_hammer(self, message: HammerState) -> None:
-        # One that was started anew does not know who had disarmed it.
-        if message.disarmed_by != HammerState.LOSS and message.message != NEVER_ARMED:
-            self.is_disarmed_by_person = not message.armed
-
     def _take_stored(self, message: RecordStored) -> None:
-        if message.complete:
-            self._stored.append(message.record)
+        self._stored.append(message.record)
 
     # What all nodes say of themselves once a second, and when their lifecycle changes.
 
-    def _take_diagnostics(self, message: DiagnosticArray, info: Mapping[str, Any]) -> None:
-        received = info["received_timestamp"] or time.time_ns()
-        delay = NANO * (received - stamp_from_msg(message.header.stamp))
+    def _take_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             if not status.name.startswith(self._prefix):
                 continue
             name = status.name.removeprefix(self._prefix)
-            self._delays.setdefault(name, deque(maxlen=COMPARED)).append(delay)
             for item in status.values:
                 if item.key == LIFECYCLE and name in self._members:
                     self._members[name].note_lifecycle(item.value)
-
-    def describe_clock_differences(self) -> str:
-        """Return which nodes' clocks are how far from this one's; empty: all agree.
-
-        Nothing waits by another computer's clock, and nothing is lost where clocks differ. But
-        what is recorded and shown carries the times of those who said it.
-        """
-        apart = {
-            name: min(delays)
-            for name, delays in sorted(self._delays.items())
-            if len(delays) == COMPARED and abs(min(delays)) > LARGEST_CLOCK_DIFFERENCE
-        }
-        if not apart or self._node.get_value("use_sim_time"):
-            return ""
-        told = ", ".join(
-            f"{name} {abs(delay):.1f} s {'behind' if delay > 0.0 else 'ahead'}"
-            for name, delay in apart.items()
-        )
-        return (
-            f"clocks differ from that of {self._node.get_name()}: {told}; hits count all the same,"
-            " but recorded times are not to be compared: let a time server set them"
-        )

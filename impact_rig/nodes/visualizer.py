@@ -1,10 +1,8 @@
 """The visualizer: model against measured traces, verdicts, tables and the rig's health, in Rerun.
 
 A process of its own that only listens: it may drop views, never data, and nothing waits for it.
-It holds no hit longer than its destinations need to take it: a file is written as hits come. What
-it keeps is bounded: the newest 1000 verdicts for tables and figures, the names of what is shown,
-and, for viewers that come late, the newest hits, 64 MB for each viewer elsewhere and 512 MB in
-the relay of those that it opens itself.
+The file is written as hits come. What it keeps is bounded: the newest 1000 verdicts for the
+tables, the names of what is shown, and 512 MB for viewers of this host that come late.
 """
 
 import os
@@ -25,16 +23,17 @@ from impact_rig_msgs.msg import (
     VirtualImpact,
 )
 
+from impact_rig.core.errors import RigError
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.identity import id_from_msg
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RateMeter, RigNode
 from impact_rig.nodes.visualizer_campaign import ShownCampaign
-from impact_rig.present.rerun.addresses import LOOPBACK
-from impact_rig.present.rerun.destination import DestinationPlan, Work
 from impact_rig.present.rerun.health import Health, Level, NodeHealth
-from impact_rig.present.rerun.opening import Destination, open_destinations
+from impact_rig.present.rerun.live_view import LiveView, ViewPlan
 from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.recordings.messages import (
+    NO_ID,
     block_from_msg,
     label_from_msg,
     setup_from_msg,
@@ -103,7 +102,9 @@ def _mark_silent(node: NodeHealth, silence: float) -> NodeHealth:
 
 NICENESS = 10
 """How far the process steps back [steps of nice], our choice."""
-LARGEST_PORT = 65535
+REFRESH_PERIOD = 1.0
+"""Least time between two versions of what is replaced as a whole [s], our choice."""
+Work = Callable[[ViewLog], None]
 WAITING_MESSAGES = 1000
 """Messages kept while their set-up has not arrived [-], our choice: more than the topics keep."""
 
@@ -113,32 +114,22 @@ class VisualizerNode(RigNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("visualizer", **options)
-        self.declare_replays()
+        self.offer_to_join()
         self.declare("output", "", "path of the .rrd file to be written; empty: none")
         self.declare(
             "connect",
             "",
-            "address of a viewer elsewhere, rerun+http://HOST:9876/proxy, which may come late,"
-            " close and come back; empty: none",
+            "address of a viewer elsewhere that is there already, rerun+http://HOST:9876/proxy;"
+            " empty: none",
         )
         self.declare("spawn", False, "open a viewer on this host")
-        self.declare("web", False, "serve a web page with a viewer; the log says where")
-        self.declare(
-            "listen",
-            LOOPBACK,
-            "IP address that web page and viewers are served on: 127.0.0.1 for this host alone,"
-            " 0.0.0.0 for everybody",
-        )
-        port = "0: any free one"
-        self.declare("web_port", 0, f"port of the web page; {port}", low=0, high=LARGEST_PORT)
-        self.declare(
-            "relay_port",
-            0,
-            f"port from which spawned viewer and web page get the view; {port}",
-            low=0,
-            high=LARGEST_PORT,
-        )
-        self._destinations: tuple[Destination, ...] = ()
+        self.declare("web", False, "serve a web page for this host; the log says where")
+        self._view: LiveView | None = None
+        self._latest: dict[Hashable, Work] = {}
+        self._refreshing: Any = None
+        self._is_behind = False
+        self._left_out = 0
+        self._last_reason = ""
         self._subscriptions_of_view: list[Any] = []
         self._assembler = TraceAssembler()
         self._campaign: ShownCampaign | None = None
@@ -153,14 +144,14 @@ class VisualizerNode(RigNode):
 
     def configure(self) -> None:
         """Open the file and the viewers."""
-        names = ("connect", "spawn", "web", "listen", "web_port", "relay_port")
         output = self.get_value("output")
-        plan = DestinationPlan(
+        plan = ViewPlan(
             output=str(choose_free(Path(output))) if output else "",
-            **{name: self.get_value(name) for name in names},
+            **{name: self.get_value(name) for name in ("connect", "spawn", "web")},
         )
         log = self.get_logger()
-        self._destinations = open_destinations(plan, announce=log.info, notify=log.warning)
+        self._view = LiveView(plan, announce=log.info, notify=log.warning)
+        self._refreshing = self.create_timer(REFRESH_PERIOD, self._refresh)
         self._campaign = None
 
     def activate(self) -> None:
@@ -187,9 +178,11 @@ class VisualizerNode(RigNode):
 
     def cleanup(self) -> None:
         """Write what is still to be written, and close."""
-        for destination in self._destinations:
-            destination.close()
-        self._destinations = ()
+        if self._view is not None:
+            self.destroy_timer(self._refreshing)
+            self._log_latest()
+            self._view.close()
+            self._view = None
 
     def diagnose(self) -> dict[str, Any]:
         """Return what was shown, how fast it came, and what was not shown."""
@@ -199,40 +192,58 @@ class VisualizerNode(RigNode):
                 f"{name} per second": f"{meter.measure(self._counts[name]):.1f}"
                 for name, meter in self._rates.items()
             },
-            "views dropped": sum(item.dropped for item in self._destinations),
-            "destinations lost": sum(item.is_lost for item in self._destinations),
+            "views dropped": self._left_out,
         }
 
     def describe_warning(self) -> str:
-        """Return which destination shows nothing, or why hits are not laid over each other."""
-        lost = [item.name for item in self._destinations if item.is_lost]
-        if lost:
-            return f"nothing is shown by {' and '.join(lost)}"
+        """Return why the view is not complete."""
+        if self._is_behind:
+            return "a viewer takes no data, or the disk is full: the view may be behind"
         return self._campaign.overlay.fault if self._campaign else ""
 
-    def _put(self, work: Work, size: int = 0) -> None:
-        for destination in self._destinations:
-            destination.put(work, size)
+    def _put(self, work: Work) -> None:
+        if self._view is None:
+            return
+        try:
+            work(self._view.log)
+        except RigError as error:
+            self._left_out += 1
+            if str(error) != self._last_reason:
+                self._last_reason = str(error)
+                self.get_logger().warning(f"a view is left out: {error}")
 
     def _put_latest(self, key: Hashable, work: Work) -> None:
-        for destination in self._destinations:
-            destination.put(work, key=key)
+        """Log something at the next refresh, in place of what the key had."""
+        self._latest[key] = work
+
+    def _log_latest(self) -> None:
+        latest = tuple(self._latest.values())
+        self._latest.clear()
+        for work in latest:
+            self._put(work)
+
+    def _refresh(self) -> None:
+        self._log_latest()
+        if self._view is not None:
+            self._is_behind = not self._view.flush()
 
     def _begin(self, message: RigSetup) -> None:
         setup = setup_from_msg(message)
         stamp = stamp_from_msg(message.header.stamp)
-        # As for the estimator: each set-up with a stamp begins a campaign.
-        if self._campaign is not None and not stamp:
+        campaign_id = id_from_msg(message.campaign_id)
+        # As for the estimator: each set-up with a stamp begins a campaign, or goes on with it.
+        shown = self._campaign
+        if shown is not None and (not stamp or campaign_id == shown.campaign_id != NO_ID):
             return
         self._counts["campaigns"] += 1
-        campaign = self._campaign = ShownCampaign(setup, stamp)
+        self._log_latest()
+        campaign = self._campaign = ShownCampaign(setup, campaign_id)
         contact_times = [sample.reference_contact_time for sample in setup.samples.samples]
-        for destination in self._destinations:
-            destination.begin(
-                lambda log: log.log_setup(
-                    setup.name, setup.samples.names, contact_times, setup.hammer_reading
-                )
+        self._put(
+            lambda log: log.log_setup(
+                setup.name, setup.samples.names, contact_times, setup.hammer_reading
             )
+        )
         self._put_results(campaign)
         early = tuple(self._early)
         self._early.clear()
@@ -247,13 +258,12 @@ class VisualizerNode(RigNode):
         """Take what belongs to the campaign, and keep what comes before its set-up, as it may.
 
         What was found in an earlier campaign, and is kept by its topic for who comes late, is not
-        shown. What names no set-up, as in recordings of older versions, belongs to any.
+        shown.
         """
         campaign = self._campaign
-        found = stamp_from_msg(message.setup_stamp) if hasattr(message, "setup_stamp") else 0
-        if campaign is None or found > campaign.stamp:
+        if campaign is None or id_from_msg(message.campaign_id) != campaign.campaign_id:
             self._early.append((take, message))
-        elif found in (0, campaign.stamp):
+        else:
             take(campaign, message)
 
     def _take_block(self, message: AccelerationBlock) -> None:
@@ -262,13 +272,13 @@ class VisualizerNode(RigNode):
         traces = self._assembler.feed(block)
         if traces is not None:
             self._counts["hits"] += 1
-            self._put(lambda log: log.log_hit(traces), traces.time.nbytes + traces.values.nbytes)
+            self._put(lambda log: log.log_hit(traces))
         if self._campaign is not None:
             for hit in self._campaign.overlay.feed(block):
                 self._put_aligned(hit)
 
     def _put_aligned(self, hit: AlignedHit) -> None:
-        self._put(lambda log: log.log_aligned_hit(hit), hit.traces.nbytes)
+        self._put(lambda log: log.log_aligned_hit(hit))
 
     def _take_truth(self, campaign: ShownCampaign, message: VirtualImpact) -> None:
         campaign.add_truth(message)

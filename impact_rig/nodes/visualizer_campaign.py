@@ -1,7 +1,6 @@
 """The campaign that goes on now, as the topics tell it: results, traces, hits over each other."""
 
 import math
-import threading
 from collections import Counter, OrderedDict
 from collections.abc import Sequence
 from typing import Any
@@ -16,14 +15,13 @@ from impact_rig_msgs.msg import (
 )
 from numpy.typing import NDArray
 
-from impact_rig.core.errors import RigError, SignalError
-from impact_rig.core.estimation import paper_method, sample
-from impact_rig.core.estimation.contact_law import NO_LAW, ContactLaw
-from impact_rig.core.hits.hit import judge_hit
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.detection import ImpactDetector
-from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.core import paper_method, sample
+from impact_rig.core.contact_law import NO_LAW, ContactLaw
+from impact_rig.core.detection import ImpactDetector
+from impact_rig.core.errors import RigError
+from impact_rig.core.hits import judge_hit
+from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.setup import AnalysisSettings, RigSetup
 from impact_rig.nodes.result_messages import hit_results_from_msg
 from impact_rig.recordings.messages import label_from_msg
 from impact_rig.results.campaign import HitResults, Results
@@ -42,27 +40,14 @@ def sample_traces_from_msgs(
         Of one sample, the newest of each model, the newest of all last; those of another mean
         than this one are left out.
     estimate : impact_rig_msgs.msg.SampleEstimate or None
-        Of the same sample. Its peaks are taken where the comparisons give none, as those that
-        were recorded with an old version.
+        Of the same sample.
 
     Returns
     -------
     SampleTraces
-
-    Raises
-    ------
-    SignalError
-        If nobody knows the peaks: the traces have no scale.
     """
     newest = comparisons[-1]
-    hammer_peak = _choose_peak(newest.hammer_peak, estimate and estimate.hammer_peak)
-    specimen_peak = _choose_peak(newest.specimen_peak, estimate and estimate.specimen_peak)
-    if math.isnan(hammer_peak) or math.isnan(specimen_peak):
-        raise SignalError(
-            f"the mean traces of {newest.sample!r} have no scale: neither comparison nor estimate"
-            " gives their peaks"
-        )
-    peaks = np.array([[hammer_peak], [specimen_peak]])
+    peaks = np.array([[newest.hammer_peak], [newest.specimen_peak]])
     mean = _stack(newest.hammer_measured, newest.specimen_measured) * peaks
     models = tuple(
         ModelTraces(
@@ -86,13 +71,6 @@ def sample_traces_from_msgs(
         first_peak_time=estimate.first_peak_time if estimate else math.nan,
         second_peak_time=estimate.second_peak_time if estimate else math.nan,
         models=models,
-    )
-
-
-def _choose_peak(signed: float, magnitude: float | None) -> float:
-    """Return what a trace was divided by [m/s^2]; NaN: nobody knows."""
-    return next(
-        (value for value in (signed, magnitude) if value and math.isfinite(value)), math.nan
     )
 
 
@@ -187,21 +165,18 @@ campaigns. Beyond, the node's memory does not grow."""
 class ShownCampaign:
     """Keeps the newest word on everything.
 
-    Added to by one thread; results and traces may be made by others.
-
     Parameters
     ----------
     setup : RigSetup
         With what is measured.
-    stamp : int
-        When that was said, by which all that is found under it names it [ns].
+    campaign_id : bytes
+        Of the campaign, which all that is found in it carries.
     """
 
-    def __init__(self, setup: RigSetup, stamp: int) -> None:
+    def __init__(self, setup: RigSetup, campaign_id: bytes) -> None:
         self.setup = setup
-        self.stamp = stamp
+        self.campaign_id = campaign_id
         self.overlay = HitOverlay(setup.analysis)
-        self._lock = threading.Lock()
         self._hits: OrderedDict[HitLabel, HitResults] = OrderedDict()
         self._faults: OrderedDict[HitLabel, tuple[str, ...]] = OrderedDict()
         self._hammer: HammerEstimate | None = None
@@ -210,21 +185,18 @@ class ShownCampaign:
 
     def add_truth(self, message: VirtualImpact) -> None:
         """Keep what the virtual rig did on purpose."""
-        with self._lock:
-            _keep(self._faults, label_from_msg(message), tuple(message.faults))
+        _keep(self._faults, label_from_msg(message), tuple(message.faults))
 
     def add_hit(self, message: Impact) -> HitResults:
         """Keep a verdict, and return it."""
         label = label_from_msg(message)
-        with self._lock:
-            hit = hit_results_from_msg(message, self._faults.get(label, ()))
-            _keep(self._hits, label, hit)
+        hit = hit_results_from_msg(message, self._faults.get(label, ()))
+        _keep(self._hits, label, hit)
         return hit
 
     def add_estimate(self, message: SampleEstimate) -> None:
         """Keep an estimate in place of the one before."""
-        with self._lock:
-            self._estimates[message.name] = message
+        self._estimates[message.name] = message
 
     def add_hammer(self, message: HammerEstimate) -> None:
         """Keep what is known of the hammer in place of what was."""
@@ -232,16 +204,13 @@ class ShownCampaign:
 
     def add_comparison(self, message: ModelComparison) -> None:
         """Keep a comparison in place of the one before with the same model."""
-        with self._lock:
-            models = self._comparisons.setdefault(message.sample, {})
-            models.pop(message.model, None)
-            models[message.model] = message
+        models = self._comparisons.setdefault(message.sample, {})
+        models.pop(message.model, None)
+        models[message.model] = message
 
     def make_results(self) -> Results:
         """Return what is known now."""
-        with self._lock:
-            hammer, hits = self._hammer, tuple(self._hits.values())
-            estimates = dict(self._estimates)
+        hammer, estimates = self._hammer, self._estimates
         return Results(
             setup=self.setup,
             hammer=paper_method.HammerEstimate()
@@ -252,14 +221,13 @@ class ShownCampaign:
                 for name in self.setup.samples.names
                 if name in estimates
             ),
-            hits=hits,
+            hits=tuple(self._hits.values()),
         )
 
     def make_traces(self, sample: str) -> SampleTraces:
         """Return the traces of one sample as they are known now; errors as they are joined."""
-        with self._lock:
-            comparisons = tuple(self._comparisons[sample].values())
-            estimate = self._estimates.get(sample)
+        comparisons = tuple(self._comparisons[sample].values())
+        estimate = self._estimates.get(sample)
         return sample_traces_from_msgs(comparisons, estimate)
 
     def make_law(self, sample: str) -> ContactLaw:

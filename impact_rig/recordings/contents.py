@@ -1,14 +1,14 @@
 """Reads all of a recording, sound or damaged, and says what it holds and what was lost of it."""
 
 import math
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.bag import find_bag_files
 from impact_rig.recordings.hits import (
     HIT_TYPES,
     HitState,
@@ -18,8 +18,8 @@ from impact_rig.recordings.hits import (
     count_points,
 )
 from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE
-from impact_rig.recordings.records import Attachment, Item, MetadataRecord, RawMessage
-from impact_rig.recordings.scan import Damage, Scan
+from impact_rig.recordings.records import Attachment, Channel, Item, MetadataRecord, RawMessage
+from impact_rig.recordings.scan import PROFILE, Damage, Report, Scan
 from impact_rig.recordings.schemas import SchemaDecoder
 from impact_rig.recordings.writer import HEALTH_RECORD
 
@@ -28,90 +28,32 @@ RECOVERY_RECORD = "impact_rig/recovery"
 
 
 @dataclass
-class Tally:
-    """How many sound messages there are, received from when to when [ns since the epoch]."""
-
-    messages: int = 0
-    start_time: int = 0
-    end_time: int = 0
-
-    def add(self, other: "Tally") -> None:
-        """Count others in."""
-        if not other.messages:
-            return
-        is_first = self.messages == 0
-        self.start_time = other.start_time if is_first else min(self.start_time, other.start_time)
-        self.end_time = max(self.end_time, other.end_time)
-        self.messages += other.messages
-
-
-@dataclass(kw_only=True)
-class TopicContents(Tally):
-    """One topic of a recording.
-
-    Attributes
-    ----------
-    name, type_name : str
-        In full.
-    schema : str
-        Of its type.
-    metadata : mapping
-        `offered_qos_profiles` and `topic_type_hash` for ROS 2.
-    lost : int
-        Further messages that are known to have been written [-].
-    """
+class TopicContents:
+    """One topic of a recording: its sound messages, received from when to when."""
 
     name: str
     type_name: str
-    schema: str
-    metadata: Mapping[str, str]
-    lost: int = 0
+    messages: int = 0
+    lost: int = 0  # further messages that are known to have been written
+    start_time: int = 0  # [ns since the epoch]
+    end_time: int = 0  # [ns since the epoch]
+    first_sequence: int = 0
+    last_sequence: int = 0
+
+    def take(self, message: RawMessage) -> None:
+        """Count a message."""
+        if not self.messages:
+            self.first_sequence, self.start_time = message.sequence, message.log_time
+        self.last_sequence = message.sequence
+        self.start_time = min(self.start_time, message.log_time)
+        self.end_time = max(self.end_time, message.log_time)
+        self.messages += 1
 
     @property
     def rate(self) -> float:
         """Messages per second [Hz]; NaN below two messages."""
         duration = (self.end_time - self.start_time) * 1e-9
         return (self.messages - 1) / duration if self.messages > 1 and duration > 0 else math.nan
-
-
-@dataclass(kw_only=True)
-class FileContents(Tally):
-    """One file of a recording.
-
-    Attributes
-    ----------
-    path : Path
-        Where it is.
-    size : int
-        [byte].
-    library : str
-        What wrote it.
-    compression : tuple of str
-        Of its chunks, "none" for none.
-    chunks : int
-        How many [-].
-    is_closed, has_index : bool
-        Whether it has an end, and an index that can be used.
-    damages : list of Damage
-        What cannot be read.
-    problems : list of str
-        Everything that is wrong with it, in words.
-    """
-
-    path: Path
-    size: int
-    library: str
-    compression: tuple[str, ...]
-    chunks: int
-    is_closed: bool
-    has_index: bool
-    damages: list[Damage]
-    problems: list[str]
-
-    @property
-    def unread(self) -> int:
-        """Bytes that could not be read."""
-        return sum(damage.size for damage in self.damages)
 
 
 @dataclass(frozen=True)
@@ -138,11 +80,21 @@ class Contents:
     Attributes
     ----------
     path : Path
-        As it was named: a file or a folder.
-    missing_files : tuple of str
-        Files of the folder that are not there.
-    files : list of FileContents
-        In the order of recording.
+        Of the file.
+    size : int
+        [byte].
+    library : str
+        What wrote it.
+    compression : tuple of str
+        Of its chunks, "none" for none.
+    chunks : int
+        How many [-].
+    is_closed, has_index : bool
+        Whether it has an end, and an index that can be used.
+    damages : list of Damage
+        What cannot be read.
+    problems : tuple of str
+        Everything that is wrong with it, in words; empty: it is sound.
     topics : list of TopicContents
         By name.
     hits : tuple of RecordedHit
@@ -166,8 +118,14 @@ class Contents:
     """
 
     path: Path
-    missing_files: tuple[str, ...]
-    files: list[FileContents] = field(default_factory=list)
+    size: int = 0
+    library: str = ""
+    compression: tuple[str, ...] = ()
+    chunks: int = 0
+    is_closed: bool = False
+    has_index: bool = False
+    damages: list[Damage] = field(default_factory=list)
+    problems: tuple[str, ...] = ()
     topics: list[TopicContents] = field(default_factory=list)
     hits: tuple[RecordedHit, ...] = ()
     streams: dict[str, StreamWatch] = field(default_factory=dict)
@@ -180,18 +138,6 @@ class Contents:
     remarks: dict[str, None] = field(default_factory=dict)
 
     @property
-    def problems(self) -> tuple[str, ...]:
-        """Everything that is wrong, in words; empty: the recording is sound."""
-        many = len(self.files) > 1
-        missing = tuple(f"{name} is missing" for name in self.missing_files)
-        found = tuple(
-            f"{file.path.name}: {text}" if many else text
-            for file in self.files
-            for text in file.problems
-        )
-        return missing + found
-
-    @property
     def is_sound(self) -> bool:
         """Whether everything that was written is there and every reader finds it."""
         return not self.problems
@@ -199,9 +145,13 @@ class Contents:
     @property
     def is_whole(self) -> bool:
         """Whether all messages that were written are there, as far as that can be told."""
-        is_closed = all(file.is_closed for file in self.files)
         is_original = all(record.name != RECOVERY_RECORD for record in self.metadata)
-        return is_original and is_closed and not (self.missing_files or self.lost)
+        return is_original and self.is_closed and not self.lost
+
+    @property
+    def unread(self) -> int:
+        """Bytes that could not be read."""
+        return sum(damage.size for damage in self.damages)
 
     @property
     def messages(self) -> int:
@@ -230,58 +180,22 @@ class Contents:
 
 OUR_LIBRARY = "impact_rig"
 """First word of the library in files of our recorder, which numbers messages without gaps."""
-PROFILE = "ros2"
-"""Of recordings of ROS 2."""
 MOST_PLACES = 10
 """How many damaged places are told in words, our choice."""
 
 
-@dataclass
-class _ChannelTally(Tally):
-    """Of one channel in one file, with the numbers of its first and last message."""
-
-    first_sequence: int = 0
-    last_sequence: int = 0
-
-    def take(self, message: RawMessage) -> None:
-        """Count a message."""
-        if self.messages == 0:
-            self.first_sequence = message.sequence
-        self.last_sequence = message.sequence
-        self.add(Tally(1, message.log_time, message.log_time))
-
-
-def _count_lost(scan: Scan, tallies: Mapping[int, _ChannelTally]) -> dict[int, int]:
-    """Return how many further messages of each channel are known to have been written."""
-    existing: Counter[int] = Counter()
+def _count_lost(scan: Scan, topics: Mapping[int, TopicContents]) -> None:
+    """Count the further messages of each topic that are known to have been written."""
+    written: Counter[int] = Counter()
     if scan.summary is not None and scan.summary.statistics is not None:
-        existing |= Counter(scan.summary.statistics.channel_message_counts)
-    if scan.header is not None and scan.header.library.split(" ")[0] == OUR_LIBRARY:
-        for number, tally in tallies.items():
-            span = tally.last_sequence - tally.first_sequence + 1
-            existing[number] = max(existing[number], span)
-    return {
-        number: max(count - (tallies[number].messages if number in tallies else 0), 0)
-        for number, count in existing.items()
-    }
+        written |= Counter(scan.summary.statistics.channel_message_counts)
+    is_ours = scan.header is not None and scan.header.library.split(" ")[0] == OUR_LIBRARY
+    for number, topic in topics.items():
+        span = topic.last_sequence - topic.first_sequence + 1 if is_ours and topic.messages else 0
+        topic.lost = max(written[number] - topic.messages, span - topic.messages, 0)
 
 
-def _describe_file(scan: Scan, problems: list[str]) -> FileContents:
-    """Return what is known of the file itself, once it was read; its messages are not counted."""
-    return FileContents(
-        path=scan.path,
-        size=scan.size,
-        library=scan.header.library if scan.header is not None else "",
-        compression=tuple(scan.compressions),
-        chunks=scan.chunks,
-        is_closed=scan.is_closed,
-        has_index=scan.summary is not None,
-        damages=scan.damages,
-        problems=problems,
-    )
-
-
-def _list_problems(scan: Scan, lost: Mapping[int, int]) -> Iterator[str]:
+def _list_problems(scan: Scan, lost: int) -> Iterator[str]:
     if not scan.is_closed:
         yield "it was never closed, its end is missing"
     elif scan.summary is None:
@@ -291,8 +205,8 @@ def _list_problems(scan: Scan, lost: Mapping[int, int]) -> Iterator[str]:
     yield from map(str, scan.damages[:MOST_PLACES])
     if len(scan.damages) > MOST_PLACES:
         yield f"{len(scan.damages) - MOST_PLACES} further places cannot be read"
-    if not scan.damages and any(lost.values()):
-        yield f"{sum(lost.values())} messages are missing: their numbers, or the index, tell"
+    if not scan.damages and lost:
+        yield f"{lost} messages are missing: their numbers, or the index, tell"
     if count := scan.unknown.total():
         yield f"the topic of {count} messages is not described any more"
 
@@ -302,83 +216,60 @@ STATE_TYPE = "impact_rig_msgs/msg/RecorderState"
 _DECODED = HIT_TYPES | {STREAM_TYPE, NOTE_TYPE, STATE_TYPE}
 
 
-def inspect_recording(path: Path, *, report: Callable[[int], None] = lambda _: None) -> Contents:
+def inspect_recording(path: Path, *, report: Report = lambda _: None) -> Contents:
     """Read all of a recording, checksums included, and say what it holds.
 
     Parameters
     ----------
     path : Path
-        Of the file, or of a folder as rosbag2 writes it; see `find_recording`.
+        Of the file.
     report : callable, optional
-        Told how many bytes were looked at, now and then.
+        Called now and then with how much was read [byte].
 
     Raises
     ------
     FileError
         If there is no such file, or nothing in it is of MCAP and ROS 2.
     """
-    files, missing = find_bag_files(path) if path.is_dir() else ((path,), ())
-    inspection = _Inspection(Contents(path, tuple(missing)))
-    errors = []
-    done = 0
-    for file in files:
-        scan = Scan(file, is_strict=False, report=lambda place, done=done: report(done + place))  # type: ignore[misc]
-        try:
-            inspection.read(scan)
-        except FileError as error:
-            # Nothing is left in this file of the folder.
-            inspection.contents.files.append(_describe_file(scan, [str(error)]))
-            errors.append(error)
-        done += scan.size
-    if len(errors) == len(files):
-        raise errors[0]
-    return inspection.finish()
+    return _Inspection(Contents(path)).read(Scan(path, is_strict=False), report)
 
 
 class _Inspection:
-    """Collects what the files of a recording hold."""
+    """Collects what a recording holds."""
 
     def __init__(self, contents: Contents) -> None:
         self.contents = contents
         self._decoder = SchemaDecoder()
         self._watch = HitWatch()
-        self._topics: dict[tuple[str, str], TopicContents] = {}
 
-    def read(self, scan: Scan) -> None:
-        """Take one file.
+    def read(self, scan: Scan, report: Report) -> Contents:
+        """Read all of it and return what was found; raises as `inspect_recording`."""
+        topics: dict[int, TopicContents] = {}
 
-        Raises
-        ------
-        FileError
-            If nothing in it is of MCAP and ROS 2.
-        """
-        tallies: dict[int, _ChannelTally] = defaultdict(_ChannelTally)
-        for item in scan.read():
+        def find_topic(channel: Channel) -> TopicContents:
+            if channel.id not in topics:
+                topics[channel.id] = TopicContents(channel.topic, channel.type_name)
+            return topics[channel.id]
+
+        for item in scan.read(report=report):
             if isinstance(item, RawMessage):
-                tallies[item.channel.id].take(item)
+                find_topic(item.channel).take(item)
             self._take(item)
         _check_kind(scan)
-        lost = _count_lost(scan, tallies)
-        file = _describe_file(scan, list(_list_problems(scan, lost)))
-        for number, channel in scan.channels.items():
-            key = (channel.topic, channel.type_name)
-            if key not in self._topics:
-                self._topics[key] = TopicContents(
-                    name=channel.topic,
-                    type_name=channel.type_name,
-                    schema=channel.schema,
-                    metadata=channel.metadata,
-                )
-            self._topics[key].lost += lost.get(number, 0)
-            for whole in (self._topics[key], file):
-                whole.add(tallies[number])
-        self.contents.unknown_messages += scan.unknown.total()
-        self.contents.files.append(file)
-
-    def finish(self) -> Contents:
-        """Return what was found."""
         contents = self.contents
-        contents.topics = sorted(self._topics.values(), key=lambda topic: topic.name)
+        contents.topics = sorted(map(find_topic, scan.channels.values()), key=attrgetter("name"))
+        _count_lost(scan, topics)
+        contents.unknown_messages = scan.unknown.total()
+        contents.size = scan.size
+        contents.library = scan.header.library if scan.header is not None else ""
+        contents.compression = tuple(scan.compressions)
+        contents.chunks = scan.chunks
+        contents.is_closed = scan.is_closed
+        contents.has_index = scan.summary is not None
+        contents.damages = scan.damages
+        contents.problems = tuple(
+            _list_problems(scan, sum(topic.lost for topic in contents.topics))
+        )
         contents.hits = self._watch.list_hits(is_whole=contents.is_whole)
         return contents
 

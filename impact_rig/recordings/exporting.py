@@ -4,13 +4,10 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from impact_rig.core.hits.averaging import MeanHit
-from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.origin import Origin, join_origins
+from impact_rig.core.hits import JudgedHit, MeanHit
+from impact_rig.core.records import Block, FloatArray, HitLabel, Origin, Record, join_origins
 from impact_rig.core.session import Session
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.detection import ImpactDetector
-from impact_rig.core.signals.record import Block, FloatArray, HitLabel, Record
+from impact_rig.core.setup import RigSetup
 from impact_rig.recordings.formats.measurement import MeasuredChannel
 from impact_rig.recordings.reader import Recording
 
@@ -82,7 +79,6 @@ class ExportedCampaign:
     def __init__(self, setup: RigSetup) -> None:
         self.session = Session(setup)
         self.prefix = ""
-        self._detector = ImpactDetector(setup.analysis)
         self._records: list[tuple[Record, JudgedHit]] = []
 
     def feed(self, block: Block) -> None:
@@ -93,9 +89,7 @@ class ExportedCampaign:
         ParameterError
             If the block's sample is not in the set, or the settings cannot be used.
         """
-        self.session.setup.samples.find(block.label.sample)
-        for record in self._detector.feed(block):
-            self._records.append((record, self.session.judge(record)))
+        self._records += self.session.feed_records(block)
 
     def list_hits(self) -> tuple[ExportedHit, ...]:
         """Return all hits in the order of their arrival."""

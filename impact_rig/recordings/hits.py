@@ -6,8 +6,7 @@ from enum import Enum
 from itertools import islice, pairwise
 from typing import Any
 
-from impact_rig.core.origin import UNSTATED, Origin
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.records import UNSTATED, HitLabel, Origin
 from impact_rig.recordings.messages import (
     BLOCK_TYPE,
     SETUP_TYPE,
@@ -41,8 +40,6 @@ class RecordCount:
         `first_sample` of a next block without a gap.
     is_complete : bool
         No more blocks of it follow.
-    is_reported : bool
-        All its blocks were told of.
     """
 
     label: HitLabel
@@ -52,7 +49,6 @@ class RecordCount:
     stamp: int = 0
     expected: int = 0
     is_complete: bool = False
-    is_reported: bool = False
 
 
 @dataclass
@@ -120,7 +116,6 @@ class RecordWatch:
             counted.gaps += gap
             counted.missing_points += missing
         count.stamp, count.expected = stamp, first_sample + points
-        count.is_reported = False
         if last:
             self._end(count)
 
@@ -131,19 +126,10 @@ class RecordWatch:
         elif not self.has_ended(record):
             self._end(RecordCount(HitLabel(sample, record=record, impact=0, attempt=0)))
 
-    def collect(self, *, with_unfinished: bool = False) -> tuple[RecordCount, ...]:
-        """Return the records that ended, and the unfinished one if it has grown, since last time.
-
-        Parameters
-        ----------
-        with_unfinished : bool
-            Whether the unfinished one is wanted.
-        """
+    def collect(self) -> tuple[RecordCount, ...]:
+        """Return the records that ended since the last time."""
         counts = tuple(self._finished)
         self._finished.clear()
-        if with_unfinished and self.unfinished is not None and not self.unfinished.is_reported:
-            self.unfinished.is_reported = True
-            counts += (self.unfinished,)
         return counts
 
     def _end(self, count: RecordCount) -> None:

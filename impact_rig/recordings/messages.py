@@ -14,12 +14,18 @@ from rosbags.typesys.store import Typestore
 
 from impact_rig import __version__
 from impact_rig.core.errors import FileError
-from impact_rig.core.origin import UNSTATED, Origin
 from impact_rig.core.quantity import list_stored
-from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
-from impact_rig.core.setup.sensors import Sensor
-from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.record import NOT_ARMED, Block, ChannelBlock, HitLabel, RawArray
+from impact_rig.core.records import (
+    NOT_ARMED,
+    UNSTATED,
+    Block,
+    ChannelBlock,
+    HitLabel,
+    Origin,
+    RawArray,
+)
+from impact_rig.core.sensors import Sensor
+from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.recordings.records import Channel
 from impact_rig.recordings.schemas import (
     DECODING_ERRORS,
@@ -36,6 +42,8 @@ STREAM_TYPE = PACKAGE + "StreamBlock"
 VIRTUAL_IMPACT_TYPE = PACKAGE + "VirtualImpact"
 """Types that tell the rig's topics in a recording, whatever they were remapped to."""
 NANOSECONDS = 1_000_000_000
+NO_ID = bytes(16)
+"""Of no campaign, and of what was recorded before there were ids: an id like another."""
 
 _T = TypeVar("_T")
 
@@ -43,6 +51,12 @@ _T = TypeVar("_T")
 def stamp_from_msg(stamp: Any) -> int:
     """Return a `builtin_interfaces/Time` as nanoseconds since the epoch."""
     return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+
+
+def campaign_id_from_msg(message: Any) -> bytes:
+    """Return the id of the campaign that a message belongs to; older recordings have none."""
+    found = getattr(message, "campaign_id", None)
+    return NO_ID if found is None else bytes(found.uuid)
 
 
 def label_from_msg(message: Any) -> HitLabel:
@@ -160,6 +174,8 @@ class BlockHead(NamedTuple):
         Whether it ends the record, or the arming.
     origin : Origin
         Where its points come from.
+    stream_id : bytes
+        The stream that it is of.
     """
 
     label: HitLabel
@@ -168,6 +184,7 @@ class BlockHead(NamedTuple):
     stamp: int
     last: bool
     origin: Origin
+    stream_id: bytes
 
 
 def head_from_msg(message: Any) -> BlockHead:
@@ -180,6 +197,7 @@ def head_from_msg(message: Any) -> BlockHead:
         stamp=stamp_from_msg(message.header.stamp),
         last=bool(message.last),
         origin=origin_from_msg(message),
+        stream_id=bytes(message.stream_id.uuid) if hasattr(message, "stream_id") else NO_ID,
     )
 
 
@@ -247,6 +265,14 @@ class MessageEncoder:
         message = self._make(
             SETUP_TYPE,
             header=self._make_header(stamp),
+            campaign_id=self._make_id(),
+            plan=self._make(
+                PACKAGE + "CampaignPlan",
+                samples=[],
+                impacts=0,
+                attempts_per_impact=0,
+                confirm_samples=False,
+            ),
             software_version=__version__,
             samples=[self._make(PACKAGE + "Sample", **vars(it)) for it in setup.samples.samples],
             analysis=self._make(PACKAGE + "AnalysisSettings", **list_stored(setup.analysis)),
@@ -261,6 +287,8 @@ class MessageEncoder:
         message = self._make(
             BLOCK_TYPE,
             header=self._make_header(block.stamp),
+            campaign_id=self._make_id(),
+            stream_id=self._make_id(),
             **asdict(block.label),
             first_sample=block.first_sample,
             sampling_rate=block.sampling_rate,
@@ -283,6 +311,10 @@ class MessageEncoder:
             full_scale=channel.full_scale,
             overload=channel.overloaded,
         )
+
+    def _make_id(self) -> Any:
+        """Return the id of no campaign, and of no stream."""
+        return self._make("unique_identifier_msgs/msg/UUID", uuid=np.zeros(16, np.uint8))
 
     def _make_header(self, stamp: int) -> Any:
         seconds, rest = divmod(stamp, NANOSECONDS)

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from impact_rig.core.errors import FileError
 
-ROOM_FOR_ENDING = 4 << 20
-"""What is left free on the disk for the end of the file [byte], our choice: what is said at the
-end, and the topics."""
+ROOM_FOR_ENDING = 16 << 20
+"""What is left free on the disk [byte], our choice: for the end of the file, and for others."""
 ROOM_FOR_INDEX = 0.01
 """Part of the size of the file that is left free beside it, our choice: the index at the end has
 300 byte for a chunk, and a chunk with a hit at least 30 kB."""
@@ -58,8 +57,6 @@ class DiskFile:
     ----------
     path : Path
         Of the new file; it must not exist, its folder must.
-    keep_free : int
-        What is left free on the disk for others [byte].
 
     Attributes
     ----------
@@ -78,7 +75,7 @@ class DiskFile:
         If the file exists already or cannot be created.
     """
 
-    def __init__(self, path: Path, keep_free: int = 0) -> None:
+    def __init__(self, path: Path) -> None:
         try:
             self._file = path.open("xb", buffering=0)
         except FileExistsError:
@@ -90,7 +87,6 @@ class DiskFile:
         self.path = path
         self.size = 0
         self.failure: FileError | None = None
-        self._keep_free = keep_free
         self._sent = 0
         self._given_back = 0
         self._planned = 0
@@ -100,7 +96,7 @@ class DiskFile:
             path.unlink()
             raise DiskFullError(
                 f"{path} cannot be begun: its disk should have at least"
-                f" {(keep_free + ROOM_FOR_ENDING) / 1e6:.0f} MB free"
+                f" {ROOM_FOR_ENDING / 1e6:.0f} MB free"
             )
         sync_folder(path.parent)
 
@@ -125,7 +121,7 @@ class DiskFile:
         Raises
         ------
         DiskFullError
-            If they would leave too little room for the end of the file, or for others.
+            If they would leave too little room for the end of the file.
         FileError
             If nothing can be written any more.
         """
@@ -220,7 +216,7 @@ class DiskFile:
         except OSError as error:
             raise self._make_error(error) from None
         ending = ROOM_FOR_ENDING + int(ROOM_FOR_INDEX * self.size)
-        return state.f_bavail * state.f_frsize - self._keep_free - ending
+        return state.f_bavail * state.f_frsize - ending
 
     def _make_error(self, error: OSError) -> FileError:
         is_full = error.errno in {errno.ENOSPC, errno.EDQUOT}

@@ -15,7 +15,7 @@ import yaml
 
 from impact_rig import __version__
 from impact_rig.core.errors import FileError
-from impact_rig.core.origin import Origin, join_origins
+from impact_rig.core.records import Origin, join_origins
 from impact_rig.recordings.records import Attachment
 
 PROVENANCE_RECORD = "impact_rig"

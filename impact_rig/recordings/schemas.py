@@ -11,6 +11,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -238,14 +239,16 @@ def check_interfaces(channel: Channel, installed: MessageDefinition) -> None:
     Raises
     ------
     FileError
-        That names the fields that differ.
+        That names the first field that differs, or if a definition cannot be understood.
     """
-    changes = compare_definitions(channel.type_name, channel.schema, installed.text)
-    if changes:
-        raise FileError(
-            f"{channel.topic} was recorded with another version of {channel.type_name}:"
-            f" {'; '.join(changes)}"
-        )
+    name = channel.type_name
+    then, now = _list_fields(name, channel.schema), _list_fields(name, installed.text)
+    for number, (old, new) in enumerate(zip_longest(then, now), start=1):
+        if old != new:
+            raise FileError(
+                f"{channel.topic} was recorded with another version of {name}: its field {number}"
+                f" is {old or 'missing'} in the recording and {new or 'missing'} here"
+            )
 
 
 def _assemble(package: str, name: str, seen: set[tuple[str, str]]) -> str:
@@ -297,51 +300,17 @@ def _read_type_hash(package: str, name: str) -> str:
         return ""
 
 
-def compare_definitions(type_name: str, recorded: str, installed: str) -> tuple[str, ...]:
-    """Return in words in which fields two definitions of a message type differ.
-
-    Parameters
-    ----------
-    type_name : str
-        For example `impact_rig_msgs/msg/RigSetup`.
-    recorded, installed : str
-        Schemas in the encoding `ros2msg`, with all they depend on.
-
-    Raises
-    ------
-    FileError
-        If one of them cannot be understood.
-    """
-    then, now = _read_types(type_name, recorded), _read_types(type_name, installed)
-    changes = []
-    # A type that only one side has stands behind a field that only this side has.
-    for name in (name for name in now if name in then):
-        old, new = dict(then[name][1]), dict(now[name][1])
-        for field in {**new, **old}:
-            what = f"field `{field}` of {name}"
-            if field not in old:
-                changes.append(f"{what} is not in the recording")
-            elif field not in new:
-                changes.append(f"{what} is in the recording and unknown here")
-            elif (was := _describe(old[field])) != (is_now := _describe(new[field])):
-                changes.append(f"{what} is {was} in the recording and {is_now} here")
-        if old.keys() == new.keys():
-            places = enumerate(zip(old, new, strict=True), start=1)
-            changes += [
-                f"field `{field}` of {name} is number {place} in the recording and number"
-                f" {[*new].index(field) + 1} here"
-                for place, (field, other) in places
-                if field != other
-            ][:1]
-    return tuple(changes)
-
-
-def _read_types(type_name: str, text: str) -> Any:
-    """Return constants and fields of a message type and of all it depends on, by their names."""
+def _list_fields(type_name: str, text: str) -> list[str]:
+    """Return the fields of a message type and of all it depends on, in their order, in words."""
     try:
-        return parse_schema(type_name, text)
+        types = parse_schema(type_name, text)
     except FileError as error:
         raise FileError(f"a definition of {type_name} cannot be understood: {error}") from None
+    return [
+        f"`{_describe(kind)} {field}` of {name}"
+        for name in sorted(types)
+        for field, kind in types[name][1]
+    ]
 
 
 def _describe(kind: Any) -> str:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean, stdev
 
-from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.results.campaign import Results
-from impact_rig.results.comparison import SAMPLE_MEASURANDS, Measurand
+from impact_rig.results.comparison import SAMPLE_MEASURANDS, Measurand, compare_runs
 from impact_rig.results.numbers import MISSING, format_number
 from impact_rig.results.tables import (
     Table,
@@ -27,6 +27,14 @@ NOTE = (
 SPREAD_NOTE = (
     "Mean of the recordings' values, each counted once, and their standard deviation in percent"
     " of it."
+)
+
+
+CHANGE_NOTE = (
+    "En is the difference over its expanded uncertainty √(U1² + U2²). Marked: |En| above 1, the"
+    " value changed by more than its uncertainty explains. Masses and clock that both runs share"
+    " cancel in the difference, so that a change has to be larger than need be to be marked. Of"
+    " many comparisons without any change, one in twenty at most goes beyond 1 by chance."
 )
 
 
@@ -88,9 +96,33 @@ def tabulate_batch(campaigns: Sequence[BatchCampaign]) -> list[Table]:
     return [make_table("Recordings", columns, [NOTE], marked), *spread]
 
 
+def tabulate_changes(first: BatchCampaign, second: BatchCampaign) -> list[Table]:
+    """Return what changed from one run to another, and whether beyond its uncertainty.
+
+    Empty where the runs have no quantity of a sample in common.
+    """
+    changes = compare_runs(first.results, second.results)
+    if not changes:
+        return []
+    names = shorten_paths([first.recording, second.recording])
+    quantities = [change.quantity for change in changes]
+    columns = [
+        make_text_column("Body", [change.body for change in changes]),
+        make_text_column("Quantity", [f"{item.symbol} [{item.unit}]" for item in quantities]),
+        make_column("First", [item.quantity.format(item.first) for item in changes]),
+        make_column("Second", [item.quantity.format(item.second) for item in changes]),
+        make_column("Difference", [item.quantity.format(item.difference) for item in changes]),
+        make_column("En", [format_number(item.normalised_error, 2) for item in changes]),
+    ]
+    marked = [place for place, item in enumerate(changes) if item.is_beyond_uncertainty]
+    counted = f"{len(marked)} of {len(changes)} values changed beyond their uncertainty."
+    caption = f"Changes from {names[0]} to {names[1]}"
+    return [make_table(caption, columns, [counted, CHANGE_NOTE], marked)]
+
+
 def shorten_paths(paths: Sequence[Path]) -> list[str]:
-    """Return names that tell paths apart, without the folders and the file name all share."""
-    if len(set(paths)) < 2:  # noqa: PLR2004 - one path has nothing to be told from
+    """Return distinct names of paths, without the folders and the file name that all share."""
+    if len(set(paths)) < 2:  # noqa: PLR2004 - a single path
         return [path.name for path in paths]
     parents = [path.parent for path in paths]
     if len({path.name for path in paths}) == 1:

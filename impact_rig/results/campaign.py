@@ -6,20 +6,21 @@ hits give the same results, character by character.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.sample import PEAK, TIME, SampleEstimate
-from impact_rig.core.estimation.speed_exponents import SpeedExponents
-from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.origin import UNSTATED, Origin, join_origins
-from impact_rig.core.quantity import INLINE, describe, drop_internals
+from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.hits import JudgedHit
+from impact_rig.core.paper_method import CONTACT_TIME, HammerEstimate
+from impact_rig.core.quantity import INLINE, UNKNOWN, Comparable, Quantity, drop_internals
+from impact_rig.core.records import UNSTATED, Origin, join_origins
+from impact_rig.core.sample import PEAK, TIME, SampleEstimate
 from impact_rig.core.session import SessionResults
-from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.setup import RigSetup
+from impact_rig.core.speed_exponents import SpeedExponents
 
 
 @dataclass(frozen=True)
-class HitResults:
+class HitResults(Comparable):
     """One hit with the last word on it.
 
     Attributes
@@ -56,7 +57,51 @@ class HitResults:
 
 
 @dataclass(frozen=True)
-class Results:
+class FileResults(Comparable):
+    """One file with one hit; NaN: not determined.
+
+    Attributes
+    ----------
+    origin : Origin
+        The file, and where in it.
+    accepted : bool
+        The hit is part of the mean.
+    reasons : tuple of str
+        Every reason against it, ``code: explanation``.
+    half_amplitude_width : float
+        w50 [s].
+    contact_time : Quantity
+        tau_p of this hit, as it was [s]; the next may well differ by more.
+    width_ratio : float
+        w10 / w50 [-].
+    hammer_peak, specimen_peak : float
+        Largest |acceleration| after the low-pass [m/s^2].
+    measured_peak : float
+        Of the hammer, in the unit that its sensor measures.
+    measured_unit : str
+        m/s^2, N of a force hammer, V where the sensitivity is not known; empty: not stated.
+    best_shape : str
+        The pulse shape that leaves least; empty: not determined.
+    shape_residual_percent : float
+        What it leaves, RMS over the peak [%].
+    """
+
+    origin: Origin = field(metadata=INLINE)
+    accepted: bool
+    reasons: tuple[str, ...]
+    half_amplitude_width: float = field(default=math.nan, metadata=TIME)
+    contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)
+    width_ratio: float = math.nan
+    hammer_peak: float = field(default=math.nan, metadata=PEAK)
+    specimen_peak: float = field(default=math.nan, metadata=PEAK)
+    best_shape: str = ""
+    shape_residual_percent: float = math.nan
+    measured_peak: float = math.nan
+    measured_unit: str = "m/s^2"
+
+
+@dataclass(frozen=True)
+class Results(Comparable):
     """Everything that a campaign or the analysis of its recording found.
 
     Attributes
@@ -71,13 +116,16 @@ class Results:
         All, by record.
     speed_exponents : tuple of SpeedExponents
         Of samples that were struck from several release angles.
+    files : tuple of FileResults
+        Hits of plain files, each by itself.
     """
 
     setup: RigSetup
     hammer: HammerEstimate
     samples: tuple[SampleEstimate, ...]
     hits: tuple[HitResults, ...]
-    speed_exponents: tuple[SpeedExponents, ...] = field(default=(), metadata=describe(since=5))
+    speed_exponents: tuple[SpeedExponents, ...] = ()
+    files: tuple[FileResults, ...] = ()
 
     @property
     def origin(self) -> Origin:
@@ -136,4 +184,45 @@ def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) ->
         specimen_peak=hit.specimen_peak,
         injected_faults=injected_faults,
         origin=hit.origin,
+    )
+
+
+def drop_scale(results: Results) -> Results:
+    """Return results without what depends on the gain of the hammer's channel.
+
+    Widths do not depend on it: a channel of unknown gain is good for contact times.
+    """
+    return replace(
+        results,
+        samples=tuple(
+            replace(
+                sample,
+                hammer_peak=math.nan,
+                specimen_peak=math.nan,
+                first_peak=math.nan,
+                second_peak=math.nan,
+                peak_force=UNKNOWN,
+                contact_law=_drop_scale_of_law(sample.contact_law),
+            )
+            for sample in results.samples
+        ),
+        hits=tuple(
+            replace(hit, hammer_peak=math.nan, specimen_peak=math.nan) for hit in results.hits
+        ),
+        files=tuple(
+            replace(file, hammer_peak=math.nan, specimen_peak=math.nan) for file in results.files
+        ),
+    )
+
+
+def _drop_scale_of_law(law: ContactLaw) -> ContactLaw:
+    return ContactLaw(
+        exponent=law.exponent,
+        duration=law.duration,
+        restitution=law.restitution,
+        residual_percent=law.residual_percent,
+        notes=law.notes,
+        form=law.form,
+        loss=law.loss,
+        excludes_versed_sine=law.excludes_versed_sine,
     )

@@ -5,9 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.quantity import UNKNOWN, Quantity, list_stored
+from impact_rig.core.quantity import Quantity
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import SCALES, format_quantity
 
@@ -66,25 +64,24 @@ HAMMER_MEASURANDS = (STIFFNESS, DAMPING_COEFFICIENT)
 
 @dataclass(frozen=True)
 class Change:
-    """One quantity of one body in two runs; NaN: not determined in one of them.
+    """One quantity of one body in two runs, both of which determined it."""
 
-    Attributes
-    ----------
-    difference : float
-        Of the later from the first [SI unit].
-    expanded : float
-        Of the difference, sqrt(U1^2 + U2^2) [SI unit]: as if the runs had nothing in common.
-    """
+    body: str  # name of the sample, or `HAMMER_NAME`
+    quantity: Measurand
+    first: Quantity  # [SI unit]
+    second: Quantity  # [SI unit]
 
-    difference: float
-    expanded: float
+    @property
+    def difference(self) -> Quantity:
+        """Of the second run from the first [SI unit]; U as if they had nothing in common."""
+        expanded = math.hypot(self.first.expanded, self.second.expanded)
+        return Quantity(self.second.value - self.first.value, expanded=expanded)
 
     @property
     def normalised_error(self) -> float:
-        """En: the difference over its expanded uncertainty [-]; NaN: cannot be told."""
-        if not self.expanded > 0.0:
-            return math.nan
-        return self.difference / self.expanded
+        """En: the difference over its expanded uncertainty [-]; NaN without an uncertainty."""
+        found = self.difference
+        return found.value / found.expanded if found.expanded > 0.0 else math.nan
 
     @property
     def is_beyond_uncertainty(self) -> bool:
@@ -92,119 +89,18 @@ class Change:
         return abs(self.normalised_error) > LARGEST_NORMALISED_ERROR
 
 
-@dataclass(frozen=True)
-class ComparedQuantity:
-    """One quantity of one body in all runs.
-
-    Attributes
-    ----------
-    body : str
-        Name of the sample, or `HAMMER_NAME`.
-    quantity : Measurand
-        Which.
-    found : tuple of Quantity
-        By run [SI unit]; NaN: not determined, or not measured there.
-    changes : tuple of Change
-        Of the second run from the first, of the third from the first, and so on.
-    """
-
-    body: str
-    quantity: Measurand
-    found: tuple[Quantity, ...]
-    changes: tuple[Change, ...]
-
-
-@dataclass(frozen=True)
-class SetupDifference:
-    """Something in the set-up that is not the same in all runs.
-
-    Attributes
-    ----------
-    sample : str
-        Whose it is; empty: of the rig or the settings.
-    field : str
-        As the set-up calls it.
-    values : tuple of float or str, or None
-        By run; None: there is none.
-    """
-
-    sample: str
-    field: str
-    values: tuple[float | str | None, ...]
-
-
-def compare_runs(runs: Sequence[Results]) -> tuple[ComparedQuantity, ...]:
-    """Compare every quantity that at least two runs determined with the first run.
-
-    Parameters
-    ----------
-    runs : sequence of Results
-        Two or more, the first of them held against the others.
-
-    Returns
-    -------
-    tuple of ComparedQuantity
-        Sample by sample in the order in which they first appear, the hammer last.
-    """
-    names = dict.fromkeys(sample.name for results in runs for sample in results.samples)
-    compared = [
-        _compare(name, quantity, [_find_sample(results, name) for results in runs])
-        for name in names
-        for quantity in SAMPLE_MEASURANDS
+def compare_runs(first: Results, second: Results) -> tuple[Change, ...]:
+    """Compare every quantity that both runs determined: sample by sample, the hammer last."""
+    seconds = {sample.name: sample for sample in second.samples}
+    bodies: list[tuple[str, Sequence[Measurand], Any, Any]] = [
+        (sample.name, SAMPLE_MEASURANDS, sample, seconds[sample.name])
+        for sample in first.samples
+        if sample.name in seconds
     ]
-    compared += [
-        _compare(HAMMER_NAME, quantity, [results.hammer for results in runs])
-        for quantity in HAMMER_MEASURANDS
-    ]
-    return tuple(item for item in compared if sum(one.is_known for one in item.found) > 1)
-
-
-def find_setup_differences(runs: Sequence[Results]) -> tuple[SetupDifference, ...]:
-    """Return what of masses, settings and samples is not the same in all runs.
-
-    Names and descriptions may differ: they change no number.
-    """
-    flat = [_flatten_setup(results) for results in runs]
-    keys = dict.fromkeys(key for setup in flat for key in setup)
-    differences = (SetupDifference(*key, tuple(setup.get(key) for setup in flat)) for key in keys)
-    # What is not known (NaN) is not known alike.
-    return tuple(item for item in differences if len(set(map(repr, item.values))) > 1)
-
-
-def _find_sample(results: Results, name: str) -> SampleEstimate | None:
-    return next((sample for sample in results.samples if sample.name == name), None)
-
-
-def _compare(
-    body: str, quantity: Measurand, bodies: Sequence[SampleEstimate | HammerEstimate | None]
-) -> ComparedQuantity:
-    found = [UNKNOWN if item is None else quantity.read(item) for item in bodies]
-    changes = tuple(
-        Change(item.value - found[0].value, math.hypot(item.expanded, found[0].expanded))
-        for item in found[1:]
+    bodies.append((HAMMER_NAME, HAMMER_MEASURANDS, first.hammer, second.hammer))
+    changes = (
+        Change(name, quantity, quantity.read(one), quantity.read(other))
+        for name, quantities, one, other in bodies
+        for quantity in quantities
     )
-    return ComparedQuantity(body, quantity, tuple(found), changes)
-
-
-def _flatten_setup(results: Results) -> dict[tuple[str, str], float | str]:
-    """Return every field that numbers depend on, by sample or sensor and name."""
-    setup = results.setup
-    without = {"name", "description", "samples", "analysis", "sensors"}
-    flat = {
-        ("", name): value
-        for record in (setup, setup.samples, setup.analysis)
-        for name, value in list_stored(record).items()
-        if name not in without
-    }
-    for sample in setup.samples.samples:
-        flat |= {
-            (sample.name, key): value
-            for key, value in list_stored(sample).items()
-            if key != "name"
-        }
-    for sensor in setup.sensors:
-        place = f"{sensor.channel} sensor"
-        flat |= {
-            (place, key): value for key, value in list_stored(sensor).items() if key != "channel"
-        }
-    return flat
+    return tuple(item for item in changes if item.first.is_known and item.second.is_known)

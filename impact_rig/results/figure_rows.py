@@ -2,16 +2,13 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping
 from dataclasses import dataclass
 
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.model.stiffness import estimate_equivalent_mass
-from impact_rig.core.setup.paper import PUBLISHED_SAMPLES
-from impact_rig.core.setup.samples import SampleSet
+from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.setup import SampleSet
+from impact_rig.core.stiffness import estimate_equivalent_mass
 from impact_rig.results.campaign import Results
-from impact_rig.results.numbers import format_percent
-from impact_rig.results.references import Reference, find_reference
+from impact_rig.results.references import Reference, find_expected
 
 FIGURE_5_SAMPLES = ("brass small", "steel medium", "aluminium large")
 """The three cases of the paper's Fig. 5, from top to bottom."""
@@ -21,36 +18,6 @@ ERRORS = {"hammer": "mse_hammer_percent", "sample": "mse_sample_percent"}
 """What Fig. 6 shows: fields of `FigureRow`, by body."""
 LARGEST_ERRORS_PERCENT = {"hammer": 0.25, "sample": 2.8}
 """Largest values of the paper's Fig. 6, as its text gives them, by body [%]."""
-
-
-OTHER_ERRORS_PERCENT = 2.0
-"""All samples but the worst are below, by the same text [%]."""
-
-
-def describe_figure_6b(errors: Mapping[str, float]) -> str:
-    """Return whether the paper's Fig. 6b came out again; empty: none of its samples is there.
-
-    Parameters
-    ----------
-    errors : mapping of str to float
-        Mean square error by sample [%].
-    """
-    known = {
-        sample.name: errors[sample.name]
-        for sample in PUBLISHED_SAMPLES
-        if math.isfinite(errors.get(sample.name, math.nan))
-    }
-    if not known:
-        return ""
-    bound, other = LARGEST_ERRORS_PERCENT["sample"], OTHER_ERRORS_PERCENT
-    worst = max(known, key=lambda name: known[name])
-    above = sum(value > other for value in known.values())
-    agrees = known[worst] <= bound and above <= 1
-    return (
-        f"The paper's Fig. 6b: {bound:g} % at most, all others below {other:g} %. Here"
-        f" {above} of {len(known)} above {other:g} %, at most {format_percent(known[worst])}"
-        f" ({worst}): {'that agrees' if agrees else 'that disagrees'}."
-    )
 
 
 @dataclass(frozen=True)
@@ -125,7 +92,7 @@ def _make_row(
     results: Results, samples: SampleSet, sizes: dict[str, int], sample: SampleEstimate
 ) -> FigureRow:
     hits = results.select_accepted(sample.name)
-    reference = find_reference(samples, sample.name)
+    reference = find_expected(results, sample.name)
     return FigureRow(
         name=sample.name,
         material=samples.find(sample.name).material or sample.name,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.signals.record import Block, ChannelBlock, FloatArray, HitLabel
+from impact_rig.core.records import Block, ChannelBlock, FloatArray, HitLabel
 
 Float32Array = NDArray[np.float32]
 

@@ -4,14 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impact_rig.core.estimation.contact_law import ContactLaw
-from impact_rig.core.hits.pulse_width import measure_pulse
-from impact_rig.core.model.contact_law import compute_pulses
-from impact_rig.core.model.pulses import compute_pulse
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.filtering import low_pass
-from impact_rig.core.signals.record import FloatArray
-from impact_rig.core.signals.sensor_response import respond
+from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.filtering import low_pass, respond
+from impact_rig.core.law_pulses import LossForm, compute_pulses
+from impact_rig.core.pulse_width import measure_pulse
+from impact_rig.core.pulses import compute_pulse
+from impact_rig.core.records import FloatArray
+from impact_rig.core.setup import RigSetup
 from impact_rig.results.sample_traces import SampleTraces
 
 MARGIN = 0.5
@@ -57,7 +56,7 @@ def compute_law_curves(law: ContactLaw, traces: SampleTraces, setup: RigSetup) -
     if not law.impact_speed.is_known:
         return None
     speed, exponent = law.impact_speed.value, law.exponent.value
-    pulse = compute_pulses(np.array([exponent]), np.array([law.damping.value * speed]))
+    pulse = compute_pulses(np.array([exponent]), np.array([law.loss]), LossForm(law.form))
     unit = law.duration.value / float(pulse.duration[0])
     height = law.peak_force.value / float(pulse.compute_peak_force()[0])
     rate, time, hammer_mass = traces.sampling_rate, traces.time, setup.hammer_mass
@@ -68,7 +67,7 @@ def compute_law_curves(law: ContactLaw, traces: SampleTraces, setup: RigSetup) -
         return low_pass(respond(force, response, rate), cutoff_frequency, rate)
 
     def compute_force(begin: float) -> FloatArray:
-        return filter_force(height * pulse.compute_force((time - begin) / unit)[0][0])
+        return filter_force(height * pulse.compute_force((time - begin) / unit)[0])
 
     # The middle of the width at half amplitude is where the trace's is.
     begin = -law.duration.value / 2.0
@@ -80,9 +79,6 @@ def compute_law_curves(law: ContactLaw, traces: SampleTraces, setup: RigSetup) -
     shown = np.abs(time) < (0.5 + MARGIN) * law.duration.value
     touching = (time >= begin) & (time <= begin + law.duration.value)
     loop = _integrate_loop(upright[:, touching], speed, rate, hammer_mass)
-    deceleration = pulse.compression[0] ** exponent * (
-        1.0 + law.damping.value * speed * pulse.speed[0]
-    )
     return LawCurves(
         time=time[shown],
         measured=hammer_mass * upright[0, shown],
@@ -91,7 +87,7 @@ def compute_law_curves(law: ContactLaw, traces: SampleTraces, setup: RigSetup) -
         indentation=loop[0],
         loop_force=loop[1],
         law_indentation=speed * unit * pulse.compression[0],
-        law_force=height * deceleration,
+        law_force=height * pulse.compute_force(pulse.time)[0],
     )
 
 

@@ -32,15 +32,10 @@ def show_unit(unit: str) -> str:
     return unit.replace("^2", "²")
 
 
-def format_difference(value: float, reference: float, digits: int = 2) -> str:
+def format_difference(value: float, reference: float, digits: int) -> str:
     """Return the difference in percent of the reference, signed; a dash where one is missing."""
-    percent = compute_difference(value, reference)
+    percent = 100.0 * (value / reference - 1.0)
     return f"{percent:+z.{digits}f}" if math.isfinite(percent) else MISSING
-
-
-def compute_difference(value: float, reference: float) -> float:
-    """Return the difference in percent of the reference; NaN where either is missing."""
-    return 100.0 * (value / reference - 1.0)
 
 
 def format_uncertain(value: float, expanded: float, digits: int) -> str:

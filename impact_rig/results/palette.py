@@ -1,6 +1,6 @@
-"""Colours and markers by which every picture tells things apart.
+"""Colours and markers of all pictures.
 
-The colours are Okabe and Ito's: told apart by colour-blind readers, on dark and light ground.
+The colours are Okabe and Ito's, for colour-blind readers, on dark and light ground.
 What differs in colour differs in marker, line or place as well.
 """
 
@@ -21,6 +21,8 @@ SPECIMEN = ORANGE
 SPECIMEN_MODEL = VERMILION
 CONTACT = GREEN
 
+SERIES: tuple[Colour, ...] = (BLUE, VERMILION, GREEN, PURPLE, GREY)
+"""Of lines and points on white or black ground: contrast 3:1 (WCAG 2.2, 1.4.11)."""
 MATERIALS: tuple[Colour, ...] = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY_BLUE)
 """Of materials in the order of the sample set; after the last comes the first."""
 

@@ -3,13 +3,18 @@
 import math
 from dataclasses import dataclass
 
-from impact_rig.core.setup.paper import (
+from impact_rig.core.quantity import Comparable
+from impact_rig.core.records import SIMULATED, Origin
+from impact_rig.core.setup import (
     HAMMER_DAMPING_COEFFICIENT,
     HAMMER_STIFFNESS,
     PUBLISHED_SAMPLES,
     PublishedSample,
+    Sample,
+    SampleSet,
 )
-from impact_rig.core.setup.samples import Sample, SampleSet
+from impact_rig.results.campaign import Results
+from impact_rig.results.comparison import HAMMER_NAME
 
 NAN = math.nan
 MASS_TOLERANCE = 1e-9
@@ -17,7 +22,7 @@ MASS_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class Reference:
+class Reference(Comparable):
     """What is expected of a body; NaN: nothing.
 
     Attributes
@@ -56,6 +61,55 @@ def find_published(sample: Sample) -> PublishedSample | None:
         ):
             return cell
     return None
+
+
+@dataclass(frozen=True)
+class Plant:
+    """What is true of a plant of the virtual rig by construction."""
+
+    description: str
+    has_expected_values: bool = True  # those of the set-up are its own
+    has_damping: bool = True  # the sample rings after the contact
+
+
+PLANTS = {
+    "virtual rig, plant published": Plant(
+        "Drawn from the paper's tables: agreement tests the software, not the paper."
+        " No contact law or two-body model describes these pulses."
+    ),
+    "virtual rig, plant dynamics": Plant(
+        "Equations (1) and (2), the sample driven by the force alone, k and c of the paper."
+    ),
+    "virtual rig, plant dynamics_printed": Plant(
+        "Equations (1) and (2) as printed, k and c of the paper."
+    ),
+    "virtual rig, plant contact": Plant(
+        "A contact law with loss between free bodies: no published values, no damping c.",
+        has_expected_values=False,
+        has_damping=False,
+    ),
+}
+"""By the source of their hits."""
+
+
+def find_plant(origin: Origin) -> Plant | None:
+    """Return the plant that all hits of an origin come from."""
+    return PLANTS.get(origin.source) if origin.kind == SIMULATED else None
+
+
+def find_expected(results: Results, name: str) -> Reference:
+    """Return what is expected of one sample; nothing where the plant has other values.
+
+    Raises
+    ------
+    ParameterError
+        If the set-up has no such sample.
+    """
+    plant = find_plant(results.origin)
+    if plant is not None and not plant.has_expected_values:
+        return Reference()
+    samples = results.setup.samples
+    return find_hammer_reference(samples) if name == HAMMER_NAME else find_reference(samples, name)
 
 
 def find_reference(samples: SampleSet, name: str) -> Reference:

@@ -1,17 +1,20 @@
-"""What tables of samples do not say: remarks with whom they are about, and hits one by one."""
+"""What needs attention, with its subject; where the numbers come from; hits one by one."""
 
+import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.hits.reasons import Reason
-from impact_rig.core.origin import MIXED, SIMULATED, UNKNOWN_KIND, Origin, join_origins
-from impact_rig.core.setup.samples import RigSetup
+from impact_rig.core.model import ModelVariant
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.records import MIXED, SIMULATED, UNKNOWN_KIND, Origin, join_origins
+from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.setup import PULSE_NAME, RigSetup
+from impact_rig.core.verdict import Reason
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import format_count, format_number, show_unit
+from impact_rig.results.references import Plant, find_plant
 from impact_rig.results.tables import (
     Column,
     Table,
@@ -21,10 +24,10 @@ from impact_rig.results.tables import (
     read_column,
 )
 
-SHOWN_FILES = 3
+SHOWN_FILES = 1
 """How many files the line on the origin names, our choice."""
 EXPLANATIONS = {
-    SIMULATED: "No hammer struck: agreement with the paper tests the software, not the paper.",
+    SIMULATED: "No hammer struck.",
     MIXED: "The list of hits says which is which.",
     UNKNOWN_KIND: "Nothing says whether a hammer struck.",
 }
@@ -41,56 +44,237 @@ def describe_origin(origins: Iterable[Origin]) -> str:
         more = len(names) - SHOWN_FILES
         shown = ", ".join(names[:SHOWN_FILES]) + (f" and {more} more" if more > 0 else "")
         text += f" of {format_count(len(names), 'file')}: {shown}" if more > 0 else f": {shown}"
-    return f"{text}. {EXPLANATIONS.get(joined.kind, '')}".rstrip()
+    plant = find_plant(joined)
+    explanation = plant.description if plant else EXPLANATIONS.get(joined.kind, "")
+    return f"{text}.\n{explanation}".rstrip()
 
 
 @dataclass(frozen=True)
 class Remark:
-    """One thing to know, and whom it is about; empty: everything."""
+    """One thing that needs attention: the fact and what to do, with its subject."""
 
     text: str
-    about: str = ""
+    about: str = ""  # subject; empty: the whole run
+    effect: float = 0.0  # on a result, as a part of it [-]
 
 
-def gather_warnings(samples: Sequence[SampleEstimate]) -> list[Remark]:
-    """Return what a reader of the numbers must know, each once with the samples it is about.
+MISSING_RESULT = math.inf
+"""Effect of what leaves a result undetermined [-]."""
+UNSTATED_EFFECT = 0.1
+"""Effect of what core warns of without a number [-], our choice: a tenth of k or c."""
+FALSE = Reason.SMOOTHED.value
+"""Beginning of a warning that says that a contact time is wrong: as much as a missing one."""
+LARGEST_IMBALANCE = 0.05
+"""Of the forces on hammer and sample [-], our choice: accelerometers are calibrated to a few per
+cent."""
+FEW_NAMES = 3
+"""Samples that a remark names one by one [-], our choice."""
+FURTHER_METHODS = {"contact law", "free decay", "identification"}
+"""What notes on methods beside the paper's begin with."""
+ALL_SAMPLES = "all samples"
 
-    What differs from sample to sample in its details alone, behind the first colon, is said once,
-    with each sample's details.
+
+@dataclass(frozen=True)
+class _Check:
+    """Something that the numbers of a sample show."""
+
+    compute: Callable[[SampleEstimate], float]  # effect on a result [-]; NaN: nothing to say
+    text: str  # with {percent} for the effects on all samples
+
+
+def _compare_with_law(sample: SampleEstimate) -> float:
+    """Return how much k changes by the contact law's duration."""
+    law, versed = sample.contact_law, sample.pulse_shape.find_fit(PULSE_NAME)
+    if not law.is_known or versed is None:
+        return math.nan
+    is_contact = law.restitution.value - law.restitution.expanded <= 1.0
+    is_better = law.residual_percent < versed.residual_percent
+    difference = abs(sample.contact_time.value - law.duration.value)
+    if not (is_contact and is_better and difference > law.duration.expanded):
+        return math.nan
+    return (sample.contact_time.value / law.duration.value) ** 2 - 1.0
+
+
+def _compare_dampings(sample: SampleEstimate) -> float:
+    """Return how much damping by the log decrement exceeds that of the free decay."""
+    ratio, decay = sample.damping_ratio, sample.free_decay.damping_ratio
+    difference = ratio.value - decay.value
+    # Both come from the same hits: the sum is more than the uncertainty of the difference.
+    is_beyond = abs(difference) > ratio.expanded + decay.expanded
+    return difference / decay.value if is_beyond else math.nan
+
+
+def _compare_forces(sample: SampleEstimate) -> float:
+    """Return how much more force than the hammer the sample feels, by the identification."""
+    fitted = sample.identification
+    if fitted is None or fitted.model != ModelVariant.DRIVEN.value:
+        return math.nan
+    excess = fitted.force_balance - 1.0
+    return excess if abs(excess) > LARGEST_IMBALANCE else math.nan
+
+
+CHECKS = (
+    _Check(
+        _compare_with_law,
+        "the pulse is no versed-sine: k by the contact law differs by {percent} %."
+        " Use the contact law.",
+    ),
+    _Check(
+        _compare_dampings,
+        "c by the log decrement differs from the free decay by {percent} %, since the contact"
+        " still drives the body at its largest peak. Use the free decay.",
+    ),
+    _Check(
+        _compare_forces,
+        "the forces on hammer and sample differ by {percent} %. Check masses and calibrations.",
+    ),
+)
+
+
+def gather_remarks(results: Results, reading: Iterable[str] = ()) -> list[Remark]:
+    """Return everything that needs attention, each once, the largest effect on a result first.
+
+    Parameters
+    ----------
+    reading : iterable of str
+        What was found wrong with the file while it was read.
     """
-    remarks = _gather([(sample.name, sample.warnings) for sample in samples])
-    stems: dict[str, list[Remark]] = {}
-    for remark in remarks:
-        stems.setdefault(remark.text.partition(": ")[0], []).append(remark)
-    return [_join(stem, alike) for stem, alike in stems.items()]
+    samples = results.samples
+    struck = [sample for sample in samples if sample.impacts_accepted]
+    warnings = [(sample.name, text) for sample in samples for text in sample.warnings]
+    remarks = [
+        *_list_samples_without_hits(results),
+        *(remark for check in CHECKS for remark in _apply(check, struck)),
+        *_merge([item for item in warnings if item[1].startswith(FALSE)], samples, MISSING_RESULT),
+        *_merge([item for item in warnings if not item[1].startswith(FALSE)], samples),
+        *(Remark(text, "file", UNSTATED_EFFECT) for text in dict.fromkeys(reading)),
+        *_list_undetermined_fits(samples),
+        *_list_notes(struck, results.hammer, find_plant(results.origin)),
+        *_list_rejections(results),
+    ]
+    return sorted(remarks, key=lambda remark: -remark.effect)
 
 
-def _join(stem: str, remarks: Sequence[Remark]) -> Remark:
-    if len(remarks) == 1:
-        return remarks[0]
-    details = [f"{remark.about}: {remark.text.partition(': ')[2]}" for remark in remarks]
-    return Remark(f"{stem}: {'; '.join(details)}")
+def select_attention(remarks: Sequence[Remark]) -> list[Remark]:
+    """Return the remarks that concern a result; the others concern further methods."""
+    return [remark for remark in remarks if remark.effect > 0.0]
 
 
-def gather_notes(samples: Sequence[SampleEstimate], hammer: HammerEstimate) -> list[Remark]:
-    """Return what could not be determined and why, each once with whom it is about."""
-    notes = _gather([(sample.name, sample.notes) for sample in samples])
-    return notes + [Remark(note, "hammer") for note in hammer.notes]
+def gather_sample_remarks(sample: SampleEstimate) -> list[Remark]:
+    """Return what needs attention in one sample, in its own numbers."""
+    texts = [*sample.warnings, *_list_undetermined(sample), *sample.notes]
+    checked = [remark for check in CHECKS for remark in _apply(check, [sample])]
+    return [replace(remark, about="") for remark in checked] + [Remark(text) for text in texts]
 
 
-def _gather(remarks: Sequence[tuple[str, Iterable[str]]]) -> list[Remark]:
-    holders: dict[str, list[str]] = {}
-    for name, texts in remarks:
-        for text in texts:
-            holders.setdefault(text, []).append(name)
+def _apply(check: _Check, samples: Sequence[SampleEstimate]) -> list[Remark]:
+    effects = {sample.name: check.compute(sample) for sample in samples}
+    found = {name: abs(value) for name, value in effects.items() if math.isfinite(value)}
+    if not found:
+        return []
+    text = check.text.format(percent=_format_range(found.values()))
+    return [Remark(text, _name_subjects([*found], len(samples)), max(found.values()))]
+
+
+def _format_range(parts: Collection[float]) -> str:
+    """Return parts of a whole in percent: ``5 to 18``."""
+    ends = [f"{100.0 * part:.2g}" for part in (min(parts), max(parts))]
+    return " to ".join(dict.fromkeys(ends))
+
+
+def _name_subjects(names: Sequence[str], count: int) -> str:
+    if len(names) == count > 1:
+        return ALL_SAMPLES
+    return ", ".join(names) if len(names) <= FEW_NAMES else f"{len(names)} of {count} samples"
+
+
+def _merge(
+    found: Sequence[tuple[str, str]],
+    samples: Sequence[SampleEstimate],
+    effect: float = UNSTATED_EFFECT,
+) -> list[Remark]:
+    """Return texts with the samples that they are about.
+
+    What differs from sample to sample behind the first colon alone is said once, with the details
+    of the first.
+    """
+    stems: dict[str, dict[str, str]] = {}
+    for name, text in found:
+        stem, _, detail = text.partition(": ")
+        stems.setdefault(stem, {})[name] = detail
+    remarks = []
+    for stem, details in stems.items():
+        first, detail = next(iter(details.items()))
+        example = f" ({first}; others alike)" if len(set(details.values())) > 1 else ""
+        text = f"{stem}: {detail}{example}" if detail else stem
+        remarks.append(Remark(text, _name_subjects([*details], len(samples)), effect))
+    return remarks
+
+
+def _list_notes(
+    samples: Sequence[SampleEstimate], hammer: HammerEstimate, plant: Plant | None
+) -> list[Remark]:
+    """Return why something is not determined: a result, or what a further method says."""
+    has_damping = plant is None or plant.has_damping
+    needed: list[tuple[str, str]] = []
+    others: list[tuple[str, str]] = []
+    for sample in samples:
+        is_complete = sample.stiffness.is_known and (
+            sample.damping_coefficient.is_known or not has_damping
+        )
+        for note in dict.fromkeys(sample.notes):
+            is_other = (
+                is_complete
+                or _read_code(note) in FURTHER_METHODS
+                or note in sample.contact_law.notes
+            )
+            (others if is_other else needed).append((sample.name, note))
+    effect = 0.0 if hammer.stiffness.is_known else MISSING_RESULT
     return [
-        Remark(text, "all samples" if len(names) == len(remarks) > 1 else ", ".join(names))
-        for text, names in holders.items()
+        *_merge(needed, samples, MISSING_RESULT),
+        *(Remark(note, "hammer", effect) for note in hammer.notes),
+        *_merge(others, samples, 0.0),
     ]
 
 
+def _list_undetermined_fits(samples: Sequence[SampleEstimate]) -> list[Remark]:
+    texts = [(sample.name, text) for sample in samples for text in _list_undetermined(sample)]
+    return _merge(texts, samples, 0.0)
+
+
+def _list_undetermined(sample: SampleEstimate) -> tuple[str, ...]:
+    return sample.identification.undetermined if sample.identification else ()
+
+
+def _list_samples_without_hits(results: Results) -> list[Remark]:
+    names = [sample.name for sample in results.samples if not sample.impacts_accepted]
+    if not names:
+        return []
+    rejected = [hit for hit in results.rejections if hit.sample in names]
+    text = f"no hit was accepted: {count_reasons(rejected)}. Strike again."
+    return [Remark(text, _name_subjects(names, len(results.samples)), MISSING_RESULT)]
+
+
+def _list_rejections(results: Results) -> list[Remark]:
+    """Return how many hits were left out, and why."""
+    rejected = [
+        hit
+        for hit in results.rejections
+        if any(_read_code(reason) != Reason.SURPLUS.value for reason in hit.reasons)
+    ]
+    if not rejected:
+        return []
+    part = len(rejected) / len(results.hits)
+    text = f"{len(rejected)} of {len(results.hits)} rejected: {count_reasons(rejected)}"
+    return [Remark(text, "hits", LEAST_EFFECT * part)]
+
+
+LEAST_EFFECT = 1e-6
+"""Effect of a rejected hit [-]: it changes no result, and is worth a look all the same."""
+
+
 def count_reasons(hits: Sequence[HitResults]) -> str:
-    """Return how often each reason was given, in words; a hit may have several."""
+    """Return as text how often each reason was given; a hit may have several."""
     counts = Counter(_read_code(reason) for hit in hits for reason in hit.reasons)
     return ", ".join(f"{reason} ({number})" for reason, number in counts.most_common())
 

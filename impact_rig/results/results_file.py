@@ -5,6 +5,7 @@ determined (NaN) is null.
 """
 
 import json
+import math
 import os
 import re
 import tempfile
@@ -12,19 +13,17 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig.core.errors import FileError
-from impact_rig.core.origin import Origin
+from impact_rig.core.records import Origin
 from impact_rig.results.campaign import Results
-from impact_rig.results.size_exponents import find_size_exponents
+from impact_rig.results.remarks import gather_remarks
 from impact_rig.results.wire import Json, WireError, from_json, to_json
 
 FORMAT_NAME = "impact-rig results"
-FORMAT_VERSION = 6
+FORMAT_VERSION = 8
 UNSAFE = re.compile("[\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """What JSON may hold as it is, and terminals take for a command or an end of the line."""
 LARGEST_WHOLE = 2**63
 """Whole numbers are below this [-]: those of messages are, and double precision reaches it."""
-OLDEST_VERSION = 3
-"""Versions from this one on are read: what they lack says so by its `since`."""
 
 
 def results_to_json(results: Results) -> Json:
@@ -33,8 +32,9 @@ def results_to_json(results: Results) -> Json:
         "format": {"name": FORMAT_NAME, "version": FORMAT_VERSION},
         **origin_to_json(results.origin),
         **to_json(results),
-        # They follow from the samples: nobody reads them back.
-        "size_exponents": [to_json(item) for item in find_size_exponents(results)],
+        "remarks": [
+            {"about": remark.about, "text": remark.text} for remark in gather_remarks(results)
+        ],
     }
 
 
@@ -50,7 +50,7 @@ def format_json(content: Any) -> str:
 
 
 def write_results(path: Path, results: Results) -> None:
-    """Write results.json; whoever looks finds the old file or the whole new one.
+    """Write results.json in one step: a reader finds the old file or the new one.
 
     Parameters
     ----------
@@ -98,10 +98,16 @@ def read_results(path: Path) -> Results:
     Raises
     ------
     FileError
-        If the file cannot be read, is no results file, or is of a newer version.
+        If the file cannot be read, is no results file, or is of another version.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"), parse_int=_parse_whole)
+        content = json.loads(
+            path.read_text(encoding="utf-8"),
+            parse_int=_parse_whole,
+            parse_float=_parse_float,
+            parse_constant=_refuse_constant,
+            object_pairs_hook=_make_object,
+        )
     except OSError as error:
         raise FileError(f"results {path}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:
@@ -114,13 +120,13 @@ def read_results(path: Path) -> Results:
             f"results {path}: is not a results file; one has the format name {FORMAT_NAME!r}"
         )
     version = kind.get("version")
-    if not isinstance(version, int) or not OLDEST_VERSION <= version <= FORMAT_VERSION:
+    if version != FORMAT_VERSION:
         raise FileError(
-            f"results {path}: has format version {version!r}; this program reads versions"
-            f" {OLDEST_VERSION} to {FORMAT_VERSION}"
+            f"results {path}: has format version {version!r}; this program reads version"
+            f" {FORMAT_VERSION}: `impact-rig analyze RECORDING --json` gives the results again"
         )
     try:
-        return from_json(Results, content, version)
+        return from_json(Results, content)
     except WireError as error:
         raise FileError(f"results {path}: {error}") from None
 
@@ -130,3 +136,23 @@ def _parse_whole(digits: str) -> int:
     if abs(number) >= LARGEST_WHOLE:
         raise ValueError(f"a whole number of {len(digits)} digits: it must be below 2^63")
     return number
+
+
+def _parse_float(digits: str) -> float:
+    number = float(digits)
+    if math.isinf(number):
+        raise ValueError(f"{digits[:32]} is beyond double precision")
+    return number
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is no number: what is not determined is null")
+
+
+def _make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"the key {twice[:32]!r} is there twice in one object")
+    return content

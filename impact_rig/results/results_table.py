@@ -4,12 +4,14 @@ import csv
 import io
 from collections.abc import Sequence
 
-from impact_rig.core.estimation.fits import FittedModel
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.estimation.speed_exponents import SpeedExponents
+from impact_rig.core.sample import FittedModel, SampleEstimate
+from impact_rig.core.speed_exponents import SpeedExponents
 from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import origin_to_json
 from impact_rig.results.wire import to_row
+
+FORMULA_MARKS = ("=", "+", "-", "@", "\t", "\r", "'")
+"""How a cell begins that a spreadsheet takes for a formula; numbers are none."""
 
 
 def format_results_table(campaigns: Sequence[Results]) -> str:
@@ -41,8 +43,19 @@ def format_results_table(campaigns: Sequence[Results]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({name: _guard(cell) for name, cell in row.items()} for row in rows)
     return text.getvalue()
+
+
+def _guard(cell: str) -> str:
+    """Return a cell that no spreadsheet computes: an apostrophe goes before what looks like it."""
+    if not cell.startswith(FORMULA_MARKS):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell
 
 
 def _make_row(results: Results, sample: SampleEstimate) -> dict[str, str]:

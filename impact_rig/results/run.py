@@ -1,4 +1,4 @@
-"""One campaign with where it comes from: what a report tells of."""
+"""One campaign with its provenance, as a report needs it."""
 
 from dataclasses import dataclass
 
@@ -34,9 +34,9 @@ class Provenance:
     files : tuple of RecordedFile
         In their order.
     problems : tuple of str
-        What is damaged or missing, in words; empty: every checksum is right.
+        What is damaged or missing; empty: every checksum is right.
     losses : str
-        What was lost while it was recorded, in words; empty: nothing.
+        What was lost while it was recorded; empty: nothing.
     ended : str
         Why the recording ended, as the recorder has it.
     versions : tuple of (str, str)
@@ -60,7 +60,7 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Run:
-    """One campaign as a report tells of it.
+    """One campaign of a report.
 
     Attributes
     ----------

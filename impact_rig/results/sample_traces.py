@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impact_rig.core.estimation.comparison import ModelComparison
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.hits.averaging import MeanHit
-from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.signals.record import FloatArray, HitLabel
+from impact_rig.core.comparison import ModelComparison
+from impact_rig.core.hits import JudgedHit, MeanHit
+from impact_rig.core.records import FloatArray, HitLabel
+from impact_rig.core.sample import SampleEstimate
 
 DRIVEN = "driven"
 """Equation (4) on the hammer, the sample driven by F(t) alone, k and c by the paper's method."""

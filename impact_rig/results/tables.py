@@ -1,7 +1,4 @@
-"""Every table of results, once: what it says, without a word on how it looks.
-
-Terminal, report and Rerun set the same tables.
-"""
+"""Every table of results, once: terminal, report and Rerun set the same tables."""
 
 import math
 import re
@@ -10,58 +7,48 @@ from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any
 
-from impact_rig.core.estimation.contact_law import ContactLaw
-from impact_rig.core.estimation.fits import FittedModel
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.pulse_shape import ShapeFit
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.estimation.size_exponent import (
-    HERTZ_EXPONENT,
-    SPRING_EXPONENT,
-)
-from impact_rig.core.estimation.speed_exponents import (
+from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.pulse_shape import ShapeFit
+from impact_rig.core.pulses import HALF_SINE, HERTZ, VERSED_SINE
+from impact_rig.core.quantity import UNKNOWN, Quantity
+from impact_rig.core.sample import FittedModel, SampleEstimate
+from impact_rig.core.setup import PULSE_NAME
+from impact_rig.core.speed_exponents import (
     ALL_SAMPLES,
     HERTZ_SPEED_EXPONENTS,
     SPRING_SPEED_EXPONENTS,
     SpeedExponents,
 )
-from impact_rig.core.model.pulses import HALF_SINE, HERTZ, VERSED_SINE
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.setup.paper import PULSE_NAME
 from impact_rig.results.campaign import Results
 from impact_rig.results.comparison import (
     CONTACT_TIME,
     DAMPING_COEFFICIENT,
+    HAMMER_MEASURANDS,
+    HAMMER_NAME,
     SAMPLE_MEASURANDS,
     STIFFNESS,
     Measurand,
 )
-from impact_rig.results.figure_rows import describe_figure_6b
 from impact_rig.results.numbers import (
     MEGA,
     MISSING,
     SCALES,
     SMALLEST_ERROR,
-    compute_difference,
-    format_difference,
     format_number,
     format_quantity,
 )
 from impact_rig.results.references import (
     Reference,
     explain_misprint,
-    find_hammer_reference,
-    find_reference,
+    find_expected,
 )
-from impact_rig.results.size_exponents import find_size_exponents
 from impact_rig.results.wire import list_fields
 
 LONGEST_UNBROKEN = 24
 """Rows of a table that are kept on one page of paper [-], our choice: a third of it."""
 LONGEST_LABEL = 28
 """Characters of words in a cell that stay on one line [-], our choice."""
-ALL_MATERIALS = "all"
-"""Row of a table that takes every material together."""
 SMALLEST_SHARE = 5e-4
 """Share of the variance below which a contribution is named only [-], our choice."""
 
@@ -170,11 +157,9 @@ def make_column(header: str, cells: Sequence[str]) -> Column:
     return Column(header, tuple(cells))
 
 
-def make_optional(
-    header: str, cells: Sequence[str], note: str = "", styles: Sequence[str] = ()
-) -> Column:
+def make_optional(header: str, cells: Sequence[str]) -> Column:
     """Return a column of numbers that is left out where there is no room."""
-    return Column(header, tuple(cells), is_optional=True, note=note, styles=styles)
+    return Column(header, tuple(cells), is_optional=True)
 
 
 def make_text_column(header: str, cells: Sequence[str]) -> Column:
@@ -213,11 +198,8 @@ def read_column(
     return replace(column, cells=tuple(cells))
 
 
-HAMMER = "hammer"
-AGREES, DISAGREES = "yes", "no"
-JUDGEMENT = (
-    "Agrees: the difference is no larger than the measured value's uncertainty; that of the"
-    " expected value is not known."
+DEVIATION = (
+    "±: 95 %. Δ/U: measured minus expected, over ±; marked beyond 1, where ± does not explain it."
 )
 _EXPECTED: dict[str, Callable[[Reference], float]] = {
     CONTACT_TIME.name: lambda reference: reference.contact_time,
@@ -277,11 +259,11 @@ def tabulate_contact_times(results: Results) -> Table:
         for row in rows
         if row.reference.published and row.reference.is_misprinted
     ]
-    if any(_judge(row, CONTACT_TIME) != MISSING for row in rows):
-        notes.append(JUDGEMENT)
+    if any(_format_deviation(row, CONTACT_TIME) != MISSING for row in rows):
+        notes.append(DEVIATION)
     notes.append(
-        "w10/w50: width at a tenth of the peak over that at half of it, which tells pulse shapes"
-        f" apart: {shapes}. Spread: standard deviation over the hits in the mean."
+        "w10/w50: width at a tenth of the peak over that at half of it, which differs between"
+        f" pulse shapes: {shapes}. Spread: standard deviation over the hits in the mean."
     )
     return make_table("Table 2. Contact time τp", columns, notes, _mark(rows, CONTACT_TIME))
 
@@ -325,6 +307,48 @@ def tabulate_damping(results: Results) -> list[Table]:
     return [make_table("Table 4. Damping coefficient c", columns, notes, marked)]
 
 
+def tabulate_summary(results: Results) -> list[Table]:
+    """Return tau_p, k and c of every body, with the difference from what is expected."""
+    rows = _make_rows(results, with_hammer=results.hammer.stiffness.is_known)
+    if not rows:
+        return []
+    names = [f"{row.name} *" if row.reference.is_misprinted else row.name for row in rows]
+    columns = [make_text_column("Sample", names)]
+    for quantity in SAMPLE_MEASURANDS:
+        columns += [
+            make_column(
+                f"{quantity.symbol} [{quantity.unit}]",
+                [quantity.format(_read(row, quantity)) for row in rows],
+            ),
+            make_optional("Δ/U", [_format_deviation(row, quantity) for row in rows]),
+        ]
+    marked = [place for item in SAMPLE_MEASURANDS for place in _mark(rows, item)]
+    table = make_table("Contact time, stiffness, damping", columns, (), marked)
+    notes = ["±: 95 %."]
+    if any(column.header == "Δ/U" for column in table.columns):
+        notes = [DEVIATION]
+        if any(row.reference.is_misprinted for row in rows):
+            notes.append("* Its τp is misprinted in the paper, see Table 2.")
+    return [replace(table, notes=(" ".join(notes),))]
+
+
+def _read(row: _Row, quantity: Measurand) -> Quantity:
+    """Return what was found; the hammer has no contact time of its own."""
+    is_without = row.name == HAMMER_NAME and quantity not in HAMMER_MEASURANDS
+    return UNKNOWN if is_without else quantity.read(row.body)
+
+
+def _format_deviation(row: _Row, quantity: Measurand) -> str:
+    return format_number(_compute_deviation(row, quantity), 1)
+
+
+def _compute_deviation(row: _Row, quantity: Measurand) -> float:
+    """Return the difference from the expected value, over the measured value's uncertainty."""
+    found = _read(row, quantity)
+    difference = found.value - _EXPECTED[quantity.name](row.reference)
+    return difference / found.expanded if found.expanded > 0.0 else math.nan
+
+
 def tabulate_results(results: Results) -> list[Table]:
     """Return the tables of a campaign, sample by sample."""
     samples = results.samples
@@ -336,7 +360,6 @@ def tabulate_results(results: Results) -> list[Table]:
         *tabulate_damping(results),
         *tabulate_errors(samples),
         *tabulate_checks(samples),
-        *tabulate_size_exponents(results),
         *tabulate_speed_exponents(results.speed_exponents),
     ]
 
@@ -351,33 +374,18 @@ def tabulate_checks(samples: Sequence[SampleEstimate]) -> list[Table]:
     ]
 
 
-def find_largest_differences(results: Results) -> dict[str, tuple[float, str]]:
-    """Return the largest difference from what is expected and whose it is, by symbol [%]."""
-    largest = {}
-    for quantity in SAMPLE_MEASURANDS:
-        differences = [
-            (abs(_compute_difference(row, quantity)), row.name)
-            for row in _make_rows(results, with_hammer=False)
-        ]
-        known = [item for item in differences if math.isfinite(item[0])]
-        if known:
-            largest[quantity.symbol] = max(known)
-    return largest
-
-
 def _make_rows(results: Results, *, with_hammer: bool) -> list[_Row]:
-    samples = results.setup.samples
     rows = [
-        _Row(sample.name, sample, find_reference(samples, sample.name))
+        _Row(sample.name, sample, find_expected(results, sample.name))
         for sample in results.samples
     ]
     if with_hammer:
-        rows.append(_Row(HAMMER, results.hammer, find_hammer_reference(samples)))
+        rows.append(_Row(HAMMER_NAME, results.hammer, find_expected(results, HAMMER_NAME)))
     return rows
 
 
 def _make_columns(rows: Sequence[_Row], quantity: Measurand) -> list[Column]:
-    """Return name, expected, measured and difference."""
+    """Return name, expected and measured value, and the difference over the uncertainty."""
     expected = [_EXPECTED[quantity.name](row.reference) for row in rows]
     published = all(
         row.reference.is_published
@@ -397,44 +405,25 @@ def _make_columns(rows: Sequence[_Row], quantity: Measurand) -> list[Column]:
             f"Measured [{quantity.unit}]",
             [quantity.format(quantity.read(row.body)) for row in rows],
         ),
-        make_column(
-            "Difference [%]",
-            [
-                format_difference(quantity.read(row.body).value, value)
-                for row, value in zip(rows, expected, strict=True)
-            ],
-        ),
-        make_text_column("Agrees", [_judge(row, quantity) for row in rows]),
+        make_column("Δ/U", [_format_deviation(row, quantity) for row in rows]),
     ]
 
 
-def _judge(row: _Row, quantity: Measurand) -> str:
-    """Return whether a difference is explained by the measured value's uncertainty."""
-    found = quantity.read(row.body)
-    difference = found.value - _EXPECTED[quantity.name](row.reference)
-    if not (math.isfinite(difference) and found.expanded > 0.0):
-        return MISSING
-    return DISAGREES if abs(difference) > found.expanded else AGREES
-
-
 def _mark(rows: Sequence[_Row], quantity: Measurand) -> list[int]:
-    """Return the rows that do not agree with what is expected."""
-    return [place for place, row in enumerate(rows) if _judge(row, quantity) == DISAGREES]
+    """Return the rows whose difference from what is expected exceeds the uncertainty."""
+    return [
+        place for place, row in enumerate(rows) if abs(_compute_deviation(row, quantity)) > 1.0
+    ]
 
 
 def _format_expected(values: Sequence[float], digits: int) -> list[str]:
-    """Return what is expected, without decimals that nobody gave."""
+    """Return expected values, without decimals if all are whole numbers."""
     is_whole = all(value == round(value) for value in values if math.isfinite(value))
     return [format_number(value, 0 if is_whole else digits) for value in values]
 
 
 def _has_values(rows: Sequence[_Row], quantity: Measurand) -> bool:
     return any(quantity.read(row.body).is_known for row in rows)
-
-
-def _compute_difference(row: _Row, quantity: Measurand) -> float:
-    expected = _EXPECTED[quantity.name](row.reference)
-    return compute_difference(quantity.read(row.body).value, expected)
 
 
 def _count_hits(results: Results) -> list[str]:
@@ -473,8 +462,7 @@ def tabulate_errors(samples: Sequence[SampleEstimate]) -> list[Table]:
         " over the contact alone, which the MSE is too long to show. Printed: MSE of equations (1)"
         " and (2) as printed. Shift: applied to the model of MSE, later is positive."
     )
-    found = describe_figure_6b({sample.name: sample.mse_sample_percent for sample in samples})
-    return [make_table("Model against measurement", columns, [note, *filter(None, [found])])]
+    return [make_table("Model against measurement", columns, [note])]
 
 
 def tabulate_pulse_shapes(samples: Sequence[SampleEstimate]) -> list[Table]:
@@ -501,7 +489,7 @@ def tabulate_pulse_shapes(samples: Sequence[SampleEstimate]) -> list[Table]:
     note = (
         "Shapes fitted to the mean hammer pulse. It leaves: RMS of the rest, over the peak. Paper:"
         " by τp = 2 w50, right for a versed-sine; shape: with the factor of the best shape."
-        " ?: not told apart from the next best."
+        " ?: the next best fits as well."
     )
     return [make_table("Pulse shape of the hammer", columns, [note])]
 
@@ -525,6 +513,7 @@ def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
         ("n", "exponent", 3),
         ("Duration [µs]", "duration", 2),
         ("e", "restitution", 3),
+        ("e, by v1", "stated_restitution", 3),
         ("v [cm/s]", "impact_speed", 2),
         ("Force [N]", "peak_force", 1),
         ("Indentation [µm]", "peak_indentation", 2),
@@ -539,38 +528,17 @@ def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
             read_column(header, laws, name, digits, is_optional=True)
             for header, name, digits in shown
         ),
+        make_text_column("Loss", [law.form for law in laws]),
     ]
     note = (
-        "F = k δⁿ (1 + a δ') between two free bodies, fitted to the mean hammer pulse; n = 3/2 is"
-        " Hertz, 1 a linear spring; duration: first touch to separation; e: restitution; k,"
-        " linear: of the spring with this duration. v, force, indentation and energy go with the"
+        "F = k δⁿ and a loss between two free bodies, fitted to the mean hammer pulse; n = 3/2 is"
+        " Hertz, 1 a linear spring; duration: first touch to separation; e: restitution; by v1: by"
+        " the impact speed that is stated, whatever the law is; k, linear: of the spring with this"
+        " duration. v, force, indentation and energy go with the"
         " gain of the hammer's channel, exact where the rig file states no uncertainty of it. It"
         " leaves: RMS of the rest, over the peak."
     )
     return [make_table("Contact law", columns, [note, *remarks])]
-
-
-def tabulate_size_exponents(results: Results) -> list[Table]:
-    """Return how contact times go with the equivalent mass, by material and over all.
-
-    Nothing where no material has three samples of different masses.
-    """
-    found = find_size_exponents(results)
-    if not found:
-        return []
-    columns = [
-        make_text_column("Material", [item.material or ALL_MATERIALS for item in found]),
-        read_column("p, by τp", found, "by_contact_time", 3),
-        read_column("It leaves [%]", found, "contact_time_residual_percent", 2),
-        read_column("p, by the law", found, "by_contact_law", 3),
-        read_column("It leaves [%]", found, "contact_law_residual_percent", 2),
-    ]
-    note = (
-        "τ goes with m_eq^p at one impact speed, a constant for each material:"
-        f" {HERTZ_EXPONENT:g} for a Hertz contact, {SPRING_EXPONENT:g} for a linear spring"
-        " whatever the size. By the law: of its durations. It leaves: RMS of the rest of ln τ."
-    )
-    return [make_table("Contact time over mass", columns, [note])]
 
 
 def tabulate_speed_exponents(

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.hit_traces import HitTraces
 from impact_rig.results.sample_traces import AlignedHit, SampleTraces
-from impact_rig.results.trace_series import FileResults
 
 
 @dataclass(frozen=True)
@@ -42,11 +41,8 @@ class TracedCampaign:
         Those with a mean hit, in the order of the results; empty without traces.
     hits : tuple of TracedHit
         All, in the order of arrival; empty without traces.
-    files : tuple of FileResults
-        Hits that were imported, each by itself.
     """
 
     results: Results
     samples: tuple[SampleTraces, ...] = ()
     hits: tuple[TracedHit, ...] = ()
-    files: tuple[FileResults, ...] = ()

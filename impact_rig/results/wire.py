@@ -17,15 +17,15 @@ from functools import cache
 from typing import Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from impact_rig.core.errors import RigError
-from impact_rig.core.quantity import UNKNOWN, BudgetLine, Description, Quantity, read_description
+from impact_rig.core.quantity import BudgetLine, Description, Quantity, read_description
 
 Json = dict[str, Any]
 Record = TypeVar("Record")
 NUMBERS = {"": "value", "u": "standard", "expanded": "expanded"}
-"""What JSON tells of a quantity, by what stands behind the quantity's name."""
+"""Fields of a quantity, by the suffix of the name in JSON."""
 BUDGET = "budget"
-WANTED = {int: "a whole number", str: "text", bool: "true or false"}
-"""Kinds of values that are taken as they are, in words."""
+WANTED = {int: "a whole number, 0 or more", str: "text", bool: "true or false"}
+"""Kinds of values that are taken as they are, with their names for messages."""
 PLAIN = (float, *WANTED)
 """Kinds of values that messages have too."""
 JOINED = ("warnings", "notes")
@@ -38,7 +38,7 @@ SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 class WireError(RigError):
-    """A field that is missing or of the wrong kind, in words."""
+    """A field is missing or of the wrong kind."""
 
 
 class WireField(NamedTuple):
@@ -46,7 +46,6 @@ class WireField(NamedTuple):
 
     name: str
     hint: Any
-    default: Any
     description: Description
 
     def make_key(self, kind: str = "") -> str:
@@ -66,8 +65,7 @@ def _list_fields(kind: Any) -> tuple[WireField, ...]:
     """Return the fields of a kind of record that leave where they were made."""
     hints = get_type_hints(kind)
     found = (
-        WireField(field.name, hints[field.name], field.default, read_description(field))
-        for field in fields(kind)
+        WireField(field.name, hints[field.name], read_description(field)) for field in fields(kind)
     )
     return tuple(field for field in found if not field.description.is_internal)
 
@@ -101,15 +99,13 @@ def _value_to_json(hint: Any, value: Any) -> Any:
     return to_json(value) if is_dataclass(value) else value
 
 
-def from_json(kind: type[Record], content: Any, version: int, place: str = "") -> Record:
+def from_json(kind: type[Record], content: Any, place: str = "") -> Record:
     """Return the record that JSON holds.
 
     Parameters
     ----------
     content : object
         As parsed.
-    version : int
-        Of the format: what is newer may be absent, and takes its default.
     place : str
         Of the record in the file, for what is said of it.
 
@@ -123,11 +119,11 @@ def from_json(kind: type[Record], content: Any, version: int, place: str = "") -
     values: Json = {}
     for field in list_fields(kind):
         if field.hint is Quantity:
-            values[field.name] = _read_quantity(field, content, version, place)
+            values[field.name] = _read_quantity(field, content, place)
         elif field.description.is_inline:
-            values[field.name] = from_json(field.hint, content, version, place)
+            values[field.name] = from_json(field.hint, content, place)
         else:
-            values[field.name] = _read_value(field, content, version, place)
+            values[field.name] = _read_value(field.hint, content, field.make_key(), place)
     try:
         return kind(**values)
     except WireError:
@@ -136,49 +132,38 @@ def from_json(kind: type[Record], content: Any, version: int, place: str = "") -
         raise WireError(f"{place}: {error}") from None
 
 
-def _read_quantity(
-    field: WireField, content: Mapping[str, Any], version: int, place: str
-) -> Quantity:
-    if version < field.description.since and field.make_key() not in content:
-        return UNKNOWN
+def _read_quantity(field: WireField, content: Mapping[str, Any], place: str) -> Quantity:
     value, standard, expanded = (
-        _read_number(content, field.make_key(kind), place) for kind in NUMBERS
+        _read_value(float, content, field.make_key(kind), place) for kind in NUMBERS
     )
-    lines = content.get(BUDGET, [])
+    for kind, number in (("u", standard), ("expanded", expanded)):
+        if number < 0.0:
+            place = _join(place, field.make_key(kind))
+            raise WireError(f"{place} is {number!r}: an uncertainty must not be negative")
+    lines = content.get(BUDGET)
     if not isinstance(lines, list):
         raise WireError(f"{_join(place, BUDGET)} must be a list")
     budget = tuple(
-        from_json(BudgetLine, line, version, f"{_join(place, BUDGET)}[{number}]")
+        from_json(BudgetLine, line, f"{_join(place, BUDGET)}[{number}]")
         for number, line in enumerate(lines)
         if isinstance(line, Mapping) and line.get("quantity") == field.name
     )
     return Quantity(value, standard, expanded, budget=budget)
 
 
-def _read_number(content: Mapping[str, Any], key: str, place: str) -> float:
+def _read_value(hint: Any, content: Mapping[str, Any], key: str, place: str) -> Any:
     if key not in content:
         raise WireError(f"the field {_join(place, key)} is missing")
-    number: float = _value_from_json(float, content[key], 0, _join(place, key))
-    return number
+    return _value_from_json(hint, content[key], _join(place, key))
 
 
-def _read_value(field: WireField, content: Mapping[str, Any], version: int, place: str) -> Any:
-    key = field.make_key()
-    if key in content:
-        return _value_from_json(field.hint, content[key], version, _join(place, key))
-    if version < field.description.since:
-        return field.default
-    raise WireError(f"the field {_join(place, key)} is missing")
-
-
-def _value_from_json(hint: Any, value: Any, version: int, place: str) -> Any:
+def _value_from_json(hint: Any, value: Any, place: str) -> Any:
     if get_origin(hint) is tuple:
         if not isinstance(value, list):
             raise WireError(f"{place} must be a list")
         item = get_args(hint)[0]
         return tuple(
-            _value_from_json(item, each, version, f"{place}[{number}]")
-            for number, each in enumerate(value)
+            _value_from_json(item, each, f"{place}[{number}]") for number, each in enumerate(value)
         )
     if hint is float:
         if value is None:
@@ -187,12 +172,13 @@ def _value_from_json(hint: Any, value: Any, version: int, place: str) -> Any:
             raise WireError(f"{place} is {value!r}: it must be a number or null")
         return float(value)
     if hint in WANTED:
-        if not isinstance(value, hint) or isinstance(value, bool) is not (hint is bool):
+        is_kind = isinstance(value, hint) and isinstance(value, bool) is (hint is bool)
+        if not is_kind or (hint is int and value < 0):
             raise WireError(f"{place} is {value!r}: it must be {WANTED[hint]}")
         if hint is str and SURROGATE.search(value):
             raise WireError(f"{place} is {value!r}: it holds half a letter")
         return value
-    return from_json(hint, value, version, place)
+    return from_json(hint, value, place)
 
 
 def _join(place: str, name: str) -> str:
@@ -228,7 +214,7 @@ def _value_to_message(hint: Any, value: Any, classes: Mapping[type, type]) -> An
 
 
 def from_message(kind: type[Record], message: Any) -> Record:
-    """Return the record that a message holds, whoever decoded it.
+    """Return the record that a message holds, from any decoder.
 
     Raises
     ------

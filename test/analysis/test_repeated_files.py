@@ -42,14 +42,6 @@ def test_a_copy_is_found_by_its_bytes(first):
     assert found == (2, f"{copy} is left out: it is a copy of {first}, byte by byte")
 
 
-def test_a_folder_is_the_recordings_in_it(first):
-    (sentence,) = find_repeated_files([first, first.parent]).values()
-    assert "are the same" in sentence
-    first.with_name("second.mcap").write_bytes(b"more")
-    (sentence,) = find_repeated_files([first.parent, first]).values()
-    assert sentence == f"{first} is left out: it has a file in common with {first.parent}"
-
-
 def test_what_cannot_be_read_or_is_empty_is_left_to_its_reader(tmp_path):
     missing, empty, also_empty = (tmp_path / name for name in ("a.mcap", "b.mcap", "c.mcap"))
     empty.touch()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from impact_rig.analysis.report_sources import find_run, name_sources
+from impact_rig.analysis.report_sources import find_run
 from impact_rig.core.errors import FileError
 
 
@@ -30,22 +30,15 @@ def test_a_results_file_is_taken_at_its_word_though_a_recording_lies_beside_it(t
 
 
 def test_a_report_belongs_beside_what_it_is_of(tmp_path):
-    make_files(tmp_path, "a/session.mcap", "bag/metadata.yaml", "bag/bag_0.mcap")
+    make_files(tmp_path, "a/session.mcap")
     assert find_run(tmp_path / "a").folder == tmp_path / "a"
-    assert find_run(tmp_path / "bag").folder == tmp_path  # not into what rosbag2 wrote
 
 
 def test_a_run_is_called_by_its_folder_and_a_recording_by_itself(tmp_path):
     make_files(tmp_path, "monday/session.mcap", "tuesday/results.json", "steel.mcap")
     named = ("monday", "tuesday/results.json", "steel.mcap")
-    sources = [find_run(tmp_path / name) for name in named]
-    assert name_sources(sources) == ("monday", "tuesday", "steel")
-
-
-def test_names_that_are_alike_are_told_apart_by_folders(tmp_path):
-    make_files(tmp_path, "x/run/session.mcap", "y/run/results.json")
-    sources = [find_run(tmp_path / name / "run") for name in "xy"]
-    assert name_sources(sources) == ("x/run/session.mcap", "y/run/results.json")
+    titles = [find_run(tmp_path / name).title for name in named]
+    assert titles == ["monday", "tuesday", "steel"]
 
 
 def test_where_a_run_lies_on_this_machine_is_not_told(tmp_path, monkeypatch):

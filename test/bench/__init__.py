@@ -1,31 +1,26 @@
-"""Measures what is claimed of this software, each figure beside its peer or its goal."""
+"""Measures what is claimed of this software, each figure beside its goal."""
 
 import os
 from pathlib import Path
 
 _PATHS = (str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", ""))
-# Its processes find its modules, too.
+# The processes that it starts find its modules, too.
 os.environ["PYTHONPATH"] = os.pathsep.join(path for path in _PATHS if path)
 
 PARTS = {
-    "start": "running",
     "model": "model",
-    "hit": "model",
-    "identification": "identification",
-    "series": "memory",
+    "identification": "model",
+    "law": "model",
     "write": "recording",
     "demo": "running",
     "latency": "running",
     "stop": "running",
-    "devices": "devices",
     "read": "recording",
-    "view": "view",
     "stream": "stream",
-    "memory": "memory",
-    "batch": "recording",
     "fuzz": "survival",
     "kill": "survival",
     "faults": "faults",
+    "study": "study",
 }
 """Parts and the modules of this package that measure them, in the order in which they run: the
 quiet ones first."""

@@ -6,17 +6,13 @@ JSON, as soon as it comes; who only listens does so until it is ended.
 
 import json
 import sys
-import time
 from collections.abc import Callable
-from itertools import count
 from typing import Any
 
 import rclpy
 
 START_TIMEOUT = 60.0
 """How long a rig may take to start [s]."""
-ANSWER_TIMEOUT = 5.0
-"""After which a node is asked again [s]."""
 HAMMER_TIMEOUT = 20.0
 """How long the hammer may take to answer [s]."""
 NANO = 1e-9
@@ -25,62 +21,6 @@ NANO = 1e-9
 def tell(**fields: Any) -> None:
     """Print a line."""
     print(json.dumps(fields), flush=True)
-
-
-def arm() -> None:
-    """Arm the accelerometers again and again, in place of campaign, estimator and recorder.
-
-    Tells when they are armed, and when the last block of the record is there.
-    """
-    from impact_rig_msgs.msg import AccelerationBlock
-    from impact_rig_msgs.srv import Arm
-
-    from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
-    from impact_rig.nodes import interfaces, messages
-
-    rclpy.init()
-    node = rclpy.create_node("armer")
-    setup, blocks = interfaces.SETUP, interfaces.ACCELERATION
-    publisher = node.create_publisher(setup.type, setup.name, setup.lease_qos(setup.qos))
-    publisher.publish(messages.setup_to_msg(PAPER_SETUP, node.get_clock().now().to_msg()))
-    client = node.create_client(Arm, interfaces.ARM_ACCELEROMETER)
-    come: list[int] = []
-
-    def take(block: AccelerationBlock) -> None:
-        now = time.time()
-        if block.last:
-            come.append(block.record)
-            tell(record=block.record, time=now)
-
-    node.create_subscription(blocks.type, blocks.name, take, blocks.qos)
-    for impact in count(1):
-        client.wait_for_service()
-        request = Arm.Request(sample=CONTROL_SAMPLE, impact=impact, attempt=1)
-        future = client.call_async(request)
-        come.clear()
-        rclpy.spin_until_future_complete(node, future, timeout_sec=ANSWER_TIMEOUT)
-        response = future.result()
-        if response is None or not response.success:
-            # It may still look for its device; and an answer is lost that comes before its way is
-            # known.
-            time.sleep(0.1)
-            continue
-        tell(armed=response.record)
-        while not come:
-            rclpy.spin_once(node)
-
-
-def stop() -> None:
-    """Call the emergency stop with rclpy alone: the peer of `impact-rig hammer stop`."""
-    from std_srvs.srv import Trigger
-
-    rclpy.init()
-    node = rclpy.create_node("bare_stop")
-    client = node.create_client(Trigger, "hammer/emergency_stop")
-    client.wait_for_service()
-    rclpy.spin_until_future_complete(node, client.call_async(Trigger.Request()))
-    node.destroy_node()
-    rclpy.shutdown()
 
 
 class Counter:
@@ -182,8 +122,6 @@ def _listen(kind: Any, topic: str, take: Callable[[Any], None], qos: Any) -> Non
 
 
 ROLES: dict[str, Callable[..., None]] = {
-    "arm": arm,
-    "stop": stop,
     "campaign": run_campaign,
     "hammer": watch_hammer,
     "diagnostics": watch_diagnostics,

@@ -124,8 +124,7 @@ class RigProcesses:
     """
 
     def __init__(self, environment: Mapping[str, str], log: Path) -> None:
-        # No emergency stop of another rig's hammer that had the same domain.
-        self._environment = {**environment, "XDG_STATE_HOME": str(log.parent)}
+        self._environment = environment
         self._log = log
         self._processes: dict[str, subprocess.Popen[str]] = {}
 

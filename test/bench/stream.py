@@ -8,14 +8,13 @@ from pathlib import Path
 
 import psutil
 
-from bench.campaigns import check_room
 from bench.measure import Bench, Figure, at_most, part
 from bench.rig_processes import RigProcesses, Said, use_own_domain
 from impact_rig.core.errors import RigError
 from impact_rig.recordings.messages import STREAM_TYPE, read_block_head
 from impact_rig.recordings.records import RawMessage
+from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import SchemaDecoder
-from impact_rig.recordings.source import RecordingSource
 
 STREAM = "/acceleration/stream"
 DIAGNOSTICS = "/diagnostics"
@@ -27,27 +26,13 @@ MISSED = "stream points missing"
 
 @dataclass(frozen=True)
 class Flow:
-    """What came of a stream from one moment to another.
+    """What came of a stream from one moment to another."""
 
-    Attributes
-    ----------
-    blocks : int
-        In the recording.
-    lost : int
-        That the recording lacks between them.
-    points : int
-        Per channel, from the first of these blocks to the last, lost ones included.
-    seen : int
-        Blocks that the estimator has counted, up to the last time it said so.
-    missed : int
-        Points that it lacked, counted by itself.
-    """
-
-    blocks: int
-    lost: int
-    points: int
-    seen: int
-    missed: int
+    blocks: int  # in the recording
+    lost: int  # that the recording lacks between them
+    points: int  # per channel, from the first block to the last, lost ones included
+    seen: int  # blocks that the estimator has counted
+    missed: int  # points that the estimator lacked
 
 
 def read_flow(recording: Path, begin: int, end: int) -> Flow:
@@ -64,7 +49,7 @@ def read_flow(recording: Path, begin: int, end: int) -> Flow:
     starts: list[int] = []
     size = 0
     counts = [(0, 0)]
-    messages = RecordingSource(recording).read_messages(
+    messages = Scan(recording).read_messages(
         lambda channel: channel.topic in (STREAM, DIAGNOSTICS)
     )
     for raw in messages:
@@ -101,40 +86,24 @@ def _read_diagnostics(decoder: SchemaDecoder, raw: RawMessage) -> list[dict[str,
 
 
 COMPRESSION = "lz4"
-POINT_SIZE = 8
-"""Of a point of both channels [byte]."""
 PERIOD = 0.01
 """Between two blocks [s], as asked for."""
-DEPTH = 500
-"""Blocks that may wait anywhere on their way [-], our choice: for 5 s a busy computer may do
-something else."""
+DEPTH = 500  # blocks that may wait anywhere on their way: 5 s
 FLOWING = {"/estimator": "stream blocks", "/recorder": "stream blocks"}
 """What each of these nodes counts in its diagnostics once the stream reaches it."""
-WARM_UP = 2.0
-"""From then on to the beginning of the measurement [s], our choice: nodes that have just started
-find each other, and import what they use first."""
+WARM_UP = 2.0  # [s]: nodes that have just started import what they use first
 SETUP_SOURCE = "campaign"
 """The node that tells the estimator of the rig; it does nothing else here."""
 
 
 @dataclass(frozen=True)
 class StreamRun:
-    """What was streamed.
-
-    Attributes
-    ----------
-    recording : Path
-        Of it.
-    begin, end : int
-        Between which it was measured, nanoseconds since the epoch.
-    shares : mapping of str to float
-        Processor time of each node meanwhile over that time [cores].
-    """
+    """What was streamed."""
 
     recording: Path
-    begin: int
+    begin: int  # of the measurement [ns since the epoch]
     end: int
-    shares: Mapping[str, float]
+    shares: Mapping[str, float]  # processor time of each node over that time [cores]
 
 
 def run_stream(folder: Path, sampling_rate: float, seconds: float) -> StreamRun:
@@ -168,7 +137,6 @@ def run_stream(folder: Path, sampling_rate: float, seconds: float) -> StreamRun:
                 compression=COMPRESSION,
                 record_stream=True,
                 stream_depth=DEPTH,
-                sync="chunk",
             ),
             "estimator": processes.start_node("estimator", stream_depth=DEPTH),
             "accelerometer": processes.start_node(
@@ -217,8 +185,7 @@ SAMPLING_RATE = 2.5e6
 """Of each channel [Hz]: the paper's."""
 FAST = 8
 """Times `SAMPLING_RATE` that must be held [-], as asked for."""
-SLOW_PART = 0.25
-"""Of the time at the fastest rate, for which the paper's is measured [-], our choice."""
+SLOW_PART = 0.25  # of the time at the fastest rate
 LARGEST_SHARE = 0.6
 """Of one core, for all three processes at the paper's rate [-], as asked for."""
 NANO = 1e-9
@@ -228,11 +195,7 @@ NANO = 1e-9
 def measure_stream(bench: Bench) -> Iterator[Figure]:
     """Stream at the paper's rate and at a multiple of it, and count in the recordings."""
     seconds = bench.extent.seconds
-    needed = FAST * SAMPLING_RATE * POINT_SIZE * (seconds + 2 * WARM_UP)
-    check_room(bench.folder, needed, f"{seconds:g} s of stream", "give fewer --seconds")
-    bench.report(0, 2)
     yield from _measure_rate(bench, 1, SLOW_PART * seconds)
-    bench.report(1, 2)
     yield from _measure_rate(bench, FAST, seconds)
 
 

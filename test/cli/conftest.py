@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from impact_rig.cli.main import cli
+from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
 from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.schemas import find_message_definition
-from impact_rig.recordings.writer import McapWriter
+from impact_rig.recordings.writer import RecordingWriter
 from impact_rig.results.campaign import Results, results_from_session
 
 PATIENCE = 100.0
@@ -45,6 +45,18 @@ def run(capsys, monkeypatch):
         return Outcome(int(end.value.code or 0), *capsys.readouterr())
 
     return call
+
+
+@pytest.fixture
+def channels(tmp_path):
+    """Return a function that writes a file of channels and returns the option that names it."""
+
+    def write(text):
+        path = tmp_path / "channels.toml"
+        path.write_text(text, "utf-8")
+        return "--channels", path
+
+    return write
 
 
 def start_command(*words, **options):
@@ -80,7 +92,7 @@ class _Recorder:
     """Writes ROS messages as the recorder node does."""
 
     def __init__(self, path):
-        self.writer = McapWriter(path)
+        self.writer = RecordingWriter(path)
         self._time = 1_700_000_000_000_000_000
 
     @functools.cache  # noqa: B019 - lives as long as the test
@@ -155,7 +167,7 @@ def struck(tmp_path_factory):
         blocks = rig.strike(HitLabel(**label)).split(1000, 0)
         for block in blocks:
             recorder.add("/acceleration", messages.block_to_msg(block))
-        recorder.add("/recorder/stored", RecordStored(complete=True, blocks=len(blocks), **label))
+        recorder.add("/recorder/stored", RecordStored(blocks=len(blocks), **label))
         reasons = ["weak: 3 % of full scale"] if impact == 3 else []
         recorder.add("/impact", Impact(accepted=not reasons, reasons=reasons, **label))
         recorder.writer.flush()

@@ -1,18 +1,18 @@
 """`impact-rig analyze` on many recordings, side by side."""
 
 import contextlib
-import importlib
 import json
+import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import psutil
 import pytest
 
+from impact_rig.analysis.batch import analyze_batch
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import results_to_json
 
@@ -124,14 +124,9 @@ def test_broken_and_repeated_recordings_are_named_and_the_others_analyzed(
     assert "xxx cannot be read: File name too long" in outcome.stderr
 
 
-def test_without_dask_one_after_the_other_makes_a_table_with_the_spread_between_them(
-    run, folders, monkeypatch
-):
-    for name in ("distributed", "dask", "impact_rig.analysis.dask_workers"):
-        monkeypatch.setitem(sys.modules, name, None)
+def test_the_table_has_the_spread_between_the_recordings(run, folders):
     outcome = run("analyze", *folders, "--workers", 2)
     assert outcome.exit_code == 0
-    assert "one after the other" in outcome.stderr
     assert max(map(len, outcome.stdout.splitlines())) <= 80
     assert outcome.stdout.count("steel small") == 4
     places = [outcome.stdout.index(folder.name) for folder in folders]
@@ -141,7 +136,7 @@ def test_without_dask_one_after_the_other_makes_a_table_with_the_spread_between_
 
 def test_a_scheduler_that_is_not_there_is_one_sentence_soon(run, folders, monkeypatch):
     address = "tcp://127.0.0.1:1"
-    monkeypatch.setattr("impact_rig.analysis.dask_workers.CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr("impact_rig.analysis.batch.CONNECT_TIMEOUT", 0.5)
     started = time.monotonic()
     outcome = run("analyze", *folders, "--scheduler", address)
     assert time.monotonic() - started < PATIENCE / 4
@@ -150,35 +145,21 @@ def test_a_scheduler_that_is_not_there_is_one_sentence_soon(run, folders, monkey
     assert line.startswith(f"error: no Dask scheduler answers at '{address}'")
 
 
-DEADLY_TASK = """
-import os, signal
+def test_a_worker_that_is_killed_costs_no_recording(folders, expected):
+    paths = [folder / "session.mcap" for folder in folders]
+    killed: list[int] = []
 
-class DeadlyTask:
-    def __init__(self, path):
-        self.path = path
+    def kill_one(_: Path) -> None:
+        if not killed:
+            workers = psutil.Process().children(recursive=True)
+            killed.extend(each.pid for each in workers if "spawn_main" in " ".join(each.cmdline()))
+            os.kill(killed[0], signal.SIGKILL)
 
-    def run(self):
-        if self.path.name == "deadly":
-            os.kill(os.getpid(), signal.SIGKILL)
-        return self.path.name
-"""
-"""In place of a recording; what is called deadly kills its worker each time."""
-
-
-def test_a_recording_that_kills_its_worker_costs_no_other(tmp_path, monkeypatch):
-    from impact_rig.analysis.dask_workers import run_on_workers, start_workers
-
-    (tmp_path / "deadly_task.py").write_text(DEADLY_TASK)
-    monkeypatch.syspath_prepend(tmp_path)  # the workers inherit it
-    make_task = importlib.import_module("deadly_task").DeadlyTask
-    tasks = [make_task(Path(name)) for name in ("a", "deadly", "b")]
-    reported: list[str] = []
-    with start_workers(2) as client:
-        outcomes = run_on_workers(client, tasks, lambda path: reported.append(path.name))
-    assert [item for item in outcomes if isinstance(item, str)] == ["a", "b"]
-    assert outcomes[1].recording is None
-    assert outcomes[1].error.startswith("deadly killed the process that analyzed it")
-    assert sorted(reported) == ["a", "b", "deadly"]
+    outcomes = analyze_batch(paths, {}, workers=2, scheduler=None, report=kill_one)
+    assert killed
+    assert [results_to_json(outcome.recording.campaigns[0].results) for outcome in outcomes] == [
+        entry["results"] for entry in expected
+    ]
 
 
 def test_ctrl_c_ends_all_processes_at_once(runs, tmp_path):
@@ -203,7 +184,6 @@ def test_ctrl_c_ends_all_processes_at_once(runs, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--budget"], "--budget is for one recording"),
         (["--reject", "1"], "analyze recordings one by one"),
         (["--sample", "steel"], "a recording explains itself"),
     ],
@@ -215,6 +195,6 @@ def test_what_means_nothing_for_many_recordings_is_refused(run, folders, words, 
 
 
 def test_an_impossible_setting_is_told_once(run, folders):
-    outcome = run("analyze", *folders, "--pulse-factor", -1, "--workers", 1)
+    outcome = run("analyze", *folders, "--cutoff", -1, "--workers", 1)
     assert outcome.exit_code == 2
     assert outcome.stderr.count("error: ") == 1

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from impact_rig.cli import analyze
 from impact_rig.cli.analyze import AnalysisProgress
-from impact_rig.core.setup.paper import PUBLISHED_SAMPLES
+from impact_rig.core.setup import PUBLISHED_SAMPLES
+from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import format_json, results_to_json
 
@@ -48,7 +48,7 @@ def test_the_json_of_a_run_s_folder_is_that_of_the_live_run_also_without_ros(cam
 
 
 def test_the_tables_show_paper_beside_measured(run, campaign):
-    outcome = run("analyze", campaign.path)
+    outcome = run("analyze", campaign.path, "--full")
     assert outcome.exit_code == 0
     for title in ("Table 2", "Table 3", "Table 4", "Model against measurement", "Rejected hits"):
         assert title in outcome.stdout
@@ -65,15 +65,23 @@ def test_two_campaigns_in_one_recording_are_kept_apart(run, record, tmp_path):
     assert "campaign 2" in " ".join(run("analyze", recorded.path).stdout.split())
 
 
-def test_settings_of_the_command_line_replace_the_recorded_ones(run, campaign):
-    words = ("--pulse-factor", 1.5, "--exponent", 1.5)
-    content = json.loads(run("analyze", campaign.path, "--json", *words).stdout)
-    for sample, recorded in zip(content["samples"], campaign.results.samples, strict=True):
-        assert sample["contact_time_s"] == pytest.approx(0.75 * recorded.contact_time.value)
+def test_an_exponent_that_is_given_is_not_found(run, record, channels, tmp_path):
+    settings = VirtualRigSettings(Plant.CONTACT, seed=3)
+    recorded = record(tmp_path / "contact.mcap", settings, SAMPLES, 2)
+    words = channels("[analysis]\ncontact_exponent = 1.5")
+    content = json.loads(run("analyze", recorded.path, "--json", *words).stdout)
+    for sample in content["samples"]:
         law = sample["contact_law"]
         assert (law["exponent"], law["exponent_u"]) == (1.5, 0.0)
         assert "n was given, 1.5, not found" in law["notes"]
-    outcome = run("analyze", campaign.path, "--exponent", 7)
+
+
+def test_settings_of_a_file_replace_the_recorded_ones(run, campaign, channels):
+    words = channels("[analysis]\npulse_factor = 1.5\ncontact_exponent = 1.5")
+    content = json.loads(run("analyze", campaign.path, "--json", *words).stdout)
+    for sample, recorded in zip(content["samples"], campaign.results.samples, strict=True):
+        assert sample["contact_time_s"] == pytest.approx(0.75 * recorded.contact_time.value)
+    outcome = run("analyze", campaign.path, *channels("[analysis]\ncontact_exponent = 7"))
     assert outcome.exit_code == 2
     assert "contact_exponent is 7" in outcome.stderr
 
@@ -99,10 +107,13 @@ def test_what_is_no_recording_is_named_in_one_sentence(run, tmp_path, content, w
     assert words.lower() in outcome.stderr.lower()
 
 
-def test_options_of_plain_traces_are_refused_for_recordings(run, campaign):
+def test_what_describes_plain_traces_is_refused_for_recordings(run, campaign, channels):
     outcome = run("analyze", campaign.path, "--hammer-mass", "100g")
     assert outcome.exit_code == 2
     assert "--hammer-mass is for plain traces" in outcome.stderr
+    outcome = run("analyze", campaign.path, *channels('[hammer]\nmass = "100 g"'))
+    assert outcome.exit_code == 2
+    assert "a recording takes only [analysis] from it" in outcome.stderr
 
 
 def test_recordings_and_traces_are_not_mixed(run, campaign):
@@ -149,8 +160,7 @@ def test_hits_are_named_in_one_recording_at_a_time(run, campaign):
     assert "analyze recordings one by one" in outcome.stderr
 
 
-def follow(patience, monkeypatch):
-    monkeypatch.setattr(analyze, "PATIENCE", patience)
+def test_reading_is_told_in_megabytes_and_estimating_in_samples():
     console = Console(file=io.StringIO(), force_terminal=True, width=100, color_system=None)
     with AnalysisProgress(console, Path("runs/session.mcap")) as bar:
         for report in (
@@ -162,11 +172,6 @@ def follow(patience, monkeypatch):
             bar.follow(*report)
             bar._progress.refresh()
     text: str = console.file.getvalue()  # type: ignore[attr-defined]
-    return text
-
-
-def test_reading_is_told_in_megabytes_and_estimating_in_samples(monkeypatch):
-    text = follow(0.0, monkeypatch)
     assert "reading runs/session.mcap" in text
     assert "1 of 80 MB" in text
     assert "80 of 80 MB" in text

@@ -9,16 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fakes.scpi_digitizer import ScpiDigitizer
 
-from impact_rig.core.origin import UNSTATED
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.sensors import Sensor
-from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
+from impact_rig.core.records import UNSTATED, Block, ChannelBlock, HitLabel
+from impact_rig.core.sensors import Sensor
+from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 from impact_rig.recordings.messages import MessageEncoder
 from impact_rig.recordings.qos import OfferedQos
-from impact_rig.recordings.writer import McapWriter
-from impact_rig.testing.peers.scpi_digitizer import ScpiDigitizer
+from impact_rig.recordings.writer import RecordingWriter
 
 from .conftest import finish, start_command
 
@@ -50,6 +49,8 @@ calibration_date = 2020-01-01
 ACCELERATION = 'sensitivity = "5 mV/g"'
 FORCE = 'quantity = "force"\nsensitivity = "2.25 mV/N"'
 
+BLOCK = SampleSet((Sample("block", 0.15),), "")
+
 
 @pytest.fixture(autouse=True)
 def zone(monkeypatch):
@@ -80,8 +81,8 @@ def make_pulses(number, ratio):
 def record(path, ratio, *, sensors=(), hits=8):
     """Record hits whose specimen trace is `ratio` times the hammer's."""
     encoder = MessageEncoder()
-    setup = replace(PAPER_SETUP, sensors=sensors)
-    with McapWriter(path) as writer:
+    setup = replace(PAPER_SETUP, sensors=sensors, samples=BLOCK)
+    with RecordingWriter(path) as writer:
         setups = writer.add_channel("/setup", encoder.setup_definition, (OfferedQos(),))
         blocks = writer.add_channel("/acceleration", encoder.block_definition, (OfferedQos(),))
         writer.add_message(setups, encoder.encode_setup(setup, STAMP), STAMP, STAMP)
@@ -164,7 +165,7 @@ def test_traces_that_do_not_show_the_same_give_no_sensitivity(run, tmp_path):
     rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
     path = tmp_path / "hits.mcap"
     encoder = MessageEncoder()
-    with McapWriter(path) as writer:
+    with RecordingWriter(path) as writer:
         setups = writer.add_channel("/setup", encoder.setup_definition, (OfferedQos(),))
         blocks = writer.add_channel("/acceleration", encoder.block_definition, (OfferedQos(),))
         writer.add_message(setups, encoder.encode_setup(PAPER_SETUP, STAMP), STAMP, STAMP)
@@ -250,7 +251,7 @@ class Striker:
             label = HitLabel("block", number)
             hit = VirtualHit(label, (), model, hammer, specimen, RATE, UNSTATED)
             # One that nobody waits for is none.
-            self._left -= self.digitizer.feed(hit) is not None
+            self._left -= self.digitizer.feed(hit)
             if not self._left:
                 self.digitizer.unplug()
                 return

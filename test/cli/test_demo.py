@@ -48,7 +48,7 @@ def read_with_rosbags(path):
 def viewer():
     """Start what a viewer has of a network, without its windows."""
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
-    from impact_rig.present.rerun.viewer_program import find_viewer
+    from impact_rig.present.rerun.viewers import find_viewer
 
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -74,17 +74,19 @@ def demo(tmp_path_factory):
     return folder / "run", output, errors
 
 
-def test_prints_the_tables_and_says_where_everything_is(demo):
+def test_prints_one_screen_and_says_where_everything_is(demo):
     folder, output, errors = demo
-    for word in ("Table 2", "Table 3", "Table 4", "steel small", "aluminium large", "hammer"):
+    for word in ("τp", "Δ/U", "steel small", "aluminium large", "hammer", "rejected"):
         assert word in output
-    assert output.startswith("Origin: simulated (virtual rig, plant published). No hammer struck")
-    assert "built from the paper's Tables 1 to 4" in output
+    assert len(output.splitlines()) <= 40
+    assert output.startswith("Origin: simulated (virtual rig, plant published).\nDrawn from")
     with (folder / "session.mcap").open("rb") as stream:
         records = {item.name: item.metadata for item in make_reader(stream).iter_metadata()}
     assert records["impact_rig/origin"]["origin"] == "simulated"
-    assert "results.json" in errors
-    assert "session.mcap" in errors
+    assert errors.endswith(
+        "results:   run/results.json\nrecording: run/session.mcap\n"
+        "report:    impact-rig report run\n"
+    )
     assert {"session.mcap", "session.rrd", "results.json", "nodes.log"} <= {
         path.name for path in folder.iterdir()
     }
@@ -114,10 +116,9 @@ def test_the_numbers_are_those_of_the_virtual_rig_struck_in_one_process(demo, re
 def test_a_contact_law_stands_beside_the_truth_at_every_angle_whatever_a_viewer_does(
     tmp_path, run, viewer
 ):
-    """Recorded in another way than by default, as well."""
     process = start_demo(
         "--plant", "contact", "--samples", *SAMPLES, "--angles", "3.7,10", "--impacts", 2,
-        "--seed", 7, "--output", "run", "--bag", "--compression", "lz4", "--notes", "bench 3",
+        "--seed", 7, "--output", "run", "--notes", "bench 3", "--full",
         "--viewer", viewer.address, cwd=tmp_path,
     )  # fmt: skip
     told = []
@@ -135,18 +136,12 @@ def test_a_contact_law_stands_beside_the_truth_at_every_angle_whatever_a_viewer_
     check_contact_law(output, json.loads((folder / "results.json").read_text("utf-8")))
     outcome = run("analyze", folder, "--json")
     assert outcome.stdout == (folder / "results.json").read_text("utf-8")
-    bag = folder / "session"
-    assert f"recording: {bag}" in errors
-    assert (bag / "metadata.yaml").is_file()
-    with (bag / "session_0.mcap").open("rb") as stream:
-        reader = make_reader(stream)
-        origin = [item for item in reader.iter_metadata() if item.name == "impact_rig"]
-        chunks = reader.get_summary().chunk_indexes
+    recording = folder / "session.mcap"
+    assert "recording: run/session.mcap" in errors
+    with recording.open("rb") as stream:
+        metadata = list(make_reader(stream).iter_metadata())
+    origin = [item for item in metadata if item.name == "impact_rig"]
     assert origin[-1].metadata["notes"] == "bench 3"
-    assert {chunk.compression for chunk in chunks} == {"lz4"}
-    log = (folder / "nodes.log").read_text("utf-8")
-    # The second where the host is so busy that the visualizer comes up after the kill.
-    assert "is gone or takes no data" in log or "no viewer answers" in log
     assert (folder / "session.rrd").stat().st_size > 0
 
 

@@ -1,16 +1,19 @@
 """`impact-rig export`: what other tools read is what the recording holds, bit by bit."""
 
 import csv
+import os
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from impact_rig.core.signals.record import Block
+from impact_rig.core.records import Block
+from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings, scheduled_fault_from_text
 from impact_rig.recordings.formats.registry import WRITABLE, read_measurement
 from impact_rig.recordings.reader import read_recording
-from impact_rig.results.results_file import format_json, results_to_json
+from impact_rig.results.results_file import format_json, results_to_json, write_results
 
 REAL_HITS = sorted((Path(__file__).parents[1] / "data" / "pyfrf_hammer").glob("*.npy"))
 
@@ -39,9 +42,9 @@ def read_accelerations(path):
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".uff"])
-def test_import_export_import_keeps_every_value(run, tmp_path, suffix):
+def test_import_export_import_keeps_every_value(run, tmp_path, channels, suffix):
     first, again = tmp_path / "first.mcap", tmp_path / "again.mcap"
-    units = ("--hammer-unit", "N", "--hammer-mass", "0.3", "--sample-unit", "g")
+    units = ("--hammer-unit", "N", "--hammer-mass", "0.3", *channels('[specimen]\nunit = "g"'))
     assert run("import", *REAL_HITS, "-o", first, "--cutoff", "off", *units).exit_code == 0
     outcome = run(
         "export", first, "-o", tmp_path / "hits", "--one-file-per-hit", "--format", suffix[1:],
@@ -191,3 +194,78 @@ def test_what_was_simulated_stays_so_through_export_and_import(run, recorded, tm
         if isinstance(event, Block)
     ]
     assert (block.origin.kind, block.origin.file) == ("simulated", str(file))
+
+
+@pytest.fixture(scope="module")
+def law(record, tmp_path_factory):
+    """Return a campaign of one sample whose contact has a law: 158 us, n = 3/2, e = 0.95."""
+    path = tmp_path_factory.mktemp("contact") / "session.mcap"
+    return record(path, VirtualRigSettings(plant=Plant.CONTACT, seed=7), ("steel small",), 3)
+
+
+def test_a_simulator_gets_the_contact_that_the_virtual_rig_struck_with(run, law, tmp_path):
+    write_results(tmp_path / "results.json", law.results)
+    outputs = tmp_path / "a.sdf", tmp_path / "b.sdf"
+    for source, output in zip((law.path, tmp_path / "results.json"), outputs, strict=True):
+        assert run("export", source, "--for", "sdf", "-o", output).exit_code == 0
+    first, again = (output.read_bytes() for output in outputs)
+    assert first == again
+    kp, kd = (float(ET.fromstring(first).find(f".//{name}").text) for name in ("kp", "kd"))
+    # A spring of 158.1 us between 100.0 g and 59.3 g, whose damper takes 5 % of the speed.
+    assert kp == pytest.approx(2.0 * 1.440e7, rel=0.01)
+    assert kd == pytest.approx(12.1, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("-o", "x.sdf"), "x.sdf is not a file of MuJoCo: it has .xml"),
+        (("-o", "x.xml", "--sample", "gold"), "no result of sample 'gold'"),
+        (("-o", "x.xml", "--filtered"), "--filtered is not for simulators"),
+        (("-o", "x.xml", "--samples", "a", "--samples", "b"), "for one sample"),
+    ],
+)
+def test_what_no_simulator_can_get_is_refused(run, law, tmp_path, monkeypatch, words, sentence):
+    monkeypatch.chdir(tmp_path)
+    done = run("export", law.path, "--for", "mujoco", *words)
+    assert done.exit_code != 0
+    assert sentence in " ".join(done.stderr.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture
+def damaged(struck, tmp_path):
+    """Return a campaign whose last 20 kB never reached the disk."""
+    path = tmp_path / "session.mcap"
+    path.write_bytes(struck.read_bytes()[:-20_000])
+    return path
+
+
+def test_what_is_sound_of_a_damaged_recording_is_saved_and_the_loss_is_told(run, damaged):
+    before, sound = damaged.read_bytes(), damaged.with_name("sound.mcap")
+    outcome = run("export", damaged, "-o", sound)
+    assert outcome.exit_code == 1
+    assert f"{damaged}: it was never closed" in outcome.stderr
+    assert "lost: " in outcome.stdout
+    assert damaged.read_bytes() == before
+    assert run("info", sound).exit_code == 0
+    assert sum(isinstance(event, Block) for event in read_recording(sound).events()) > 40
+    again = run("export", sound, "-o", damaged.with_name("again.mcap"))
+    assert (again.exit_code, "lost: nothing" in again.stdout) == (0, True)
+    assert run("export", damaged, "-o", sound).exit_code == 2
+
+
+def test_a_sound_copy_has_everything_in_it(run, damaged, tmp_path):
+    outcome = run("export", damaged, "-o", tmp_path / "sound.mcap", "--samples", "steel small")
+    assert (outcome.exit_code, "--samples is not for .mcap" in outcome.stderr) == (2, True)
+
+
+def test_a_full_disk_leaves_nothing_behind(run, damaged, monkeypatch):
+    def refuse(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", refuse)
+    outcome = run("export", damaged, "-o", damaged.with_name("sound.mcap"))
+    assert outcome.exit_code == 2
+    assert "No space left on device" in outcome.stderr
+    assert list(damaged.parent.iterdir()) == [damaged]

@@ -1,10 +1,8 @@
 """Options with units."""
 
-import math
-
 import pytest
 
-from impact_rig.cli.options import CUTOFF, Parsed, make_quantity, parse_angles
+from impact_rig.cli.options import CUTOFF, make_quantity, parse_angles
 from impact_rig.core.errors import ParameterError
 
 
@@ -22,14 +20,6 @@ def test_what_is_no_mass_is_refused_with_an_example(text):
 @pytest.mark.parametrize(("text", "value"), [("off", 0.0), ("50 kHz", 5e4), ("1000", 1e3)])
 def test_a_cutoff_can_be_off(text, value):
     assert CUTOFF.convert(text, None, None) == pytest.approx(value)
-
-
-def test_angles_are_degrees_between_commas():
-    assert parse_angles("--angles", "5, 10,22.5") == pytest.approx(
-        tuple(map(math.radians, (5.0, 10.0, 22.5)))
-    )
-    # None are given: the default is no text.
-    assert Parsed(parse_angles).convert((), None, None) == ()
 
 
 @pytest.mark.parametrize(

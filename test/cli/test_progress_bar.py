@@ -5,22 +5,22 @@ import re
 import signal
 import sys
 
-import pytest
 from rich.console import Console
-from rich.progress import MofNCompleteColumn
+from rich.progress import MofNCompleteColumn, TimeRemainingColumn
 
-from impact_rig.cli.progress_bar import ProgressBar, TimeLeft, format_time_left
+from impact_rig.cli.progress_bar import ProgressBar
 
 from .pseudo_terminal import ESCAPE, HIDE_CURSOR, SHOW_CURSOR, find_widest, open_terminal
 
 PROGRAM = """
 import sys, time
-from rich.progress import MofNCompleteColumn
-from impact_rig.cli.progress_bar import ProgressBar, TimeLeft
+from rich.progress import MofNCompleteColumn, TimeRemainingColumn
+from impact_rig.cli.progress_bar import ProgressBar
 from impact_rig.present.terminal.console import make_console
 
 console = make_console(stderr=True)
-with ProgressBar(console, sys.argv[1], MofNCompleteColumn(), TimeLeft(), total=1e4) as bar:
+columns = MofNCompleteColumn(), TimeRemainingColumn()
+with ProgressBar(console, sys.argv[1], *columns, total=1e4) as bar:
     for done in range(int(sys.argv[2])):
         bar.update(completed=done, status="last hit, 12.3: accepted, τp 203.20 µs")
         if done == 5:
@@ -97,23 +97,11 @@ def test_a_pipe_gets_no_bar_even_if_it_is_to_be_coloured(monkeypatch, capsys):
     assert "hit 1.2 rejected" in errors
 
 
-@pytest.mark.parametrize(
-    ("seconds", "words"),
-    [
-        (float("nan"), ""),
-        (0.4, "0 s left"),
-        (41.2, "41 s left"),
-        (61.0, "2 min left"),
-        (5400.0, "1.5 h left"),
-    ],
-)
-def test_the_time_left_is_as_exact_as_anybody_wants_it(seconds, words):
-    assert format_time_left(seconds) == words
-
-
 def test_a_restarted_bar_counts_from_nought():
     console = Console(file=io.StringIO(), force_terminal=True, width=80)
-    with ProgressBar(console, "reading", MofNCompleteColumn(), TimeLeft(), total=9) as bar:
+    with ProgressBar(
+        console, "reading", MofNCompleteColumn(), TimeRemainingColumn(), total=9
+    ) as bar:
         bar.update(completed=9)
         bar.restart("estimating", 12)
     assert "estimating" in console.file.getvalue()  # type: ignore[attr-defined]

@@ -83,9 +83,8 @@ def commands(folder, results):
         np.save(trace, np.stack((times, factor * pulse)))
         traces.append(str(trace))
     return {
-        "budget": ["analyze", str(path), "--budget"],
-        "traces": ["analyze", *traces, "--hammer-unit", "m/s^2"],
-        "paper": ["paper"],
+        "results": ["analyze", "--full", str(path)],
+        "traces": ["analyze", "--full", *traces, "--hammer-unit", "m/s^2"],
     }
 
 
@@ -109,7 +108,7 @@ def make_arguments(commands, *widths):
 def test_every_table_fits_every_terminal_and_shows_whole_numbers(commands):
     pages = run_in_pipe(PROGRAM, *make_arguments(commands, 0)).split("\f")
     piped = dict(zip(commands, pages, strict=False))
-    check_pipe(piped["budget"])
+    check_pipe(piped["results"])
     words = (sys.executable, "-c", PROGRAM, *make_arguments(commands, *WIDTHS))
     with open_terminal(words) as terminal:
         assert terminal.finish() == 0

@@ -1,13 +1,10 @@
 """A rig that is up, and campaigns run on it from another process."""
 
-import contextlib
 import json
-import os
 import signal
 import subprocess
 from pathlib import Path
 
-import psutil
 import pytest
 
 from impact_rig.cli.main import EXIT_INTERRUPTED
@@ -15,7 +12,7 @@ from impact_rig.cli.up import describe_ready
 from impact_rig.configuration.processes import ACTIVE
 from impact_rig.configuration.rig_file import RigFile, read_template
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.recordings.contents import inspect_recording
 
@@ -53,14 +50,12 @@ def start(environment, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def rig(start):
-    """Return a rig in a namespace, with a rig file, whose nodes are started again."""
+    """Return a rig in a namespace, with a rig file."""
     text = read_template() + '\n[source]\ndriver = "virtual"\nseed = 99\n'
     (start.folder / "rig.toml").write_text(text)
     process = start(
-        "up", "--rig-file", "rig.toml", "--output", "run", "--respawn", "--no-visualizer",
+        "up", "--rig-file", "rig.toml", "--output", "run", "--no-visualizer",
         "--namespace", "rig7", "--set", "hammer.swing_time=0.2",
-        # For so long a verdict is waited for that died with its estimator.
-        "--set", "campaign.verdict_timeout=4.0",
     )  # fmt: skip
     started = []
     for line in process.stdout:
@@ -95,47 +90,6 @@ def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
     assert json.loads((start.folder / "run" / "results.json").read_text("utf-8")) == results
     notes = inspect_recording(start.folder / RECORDING).notes
     assert [note.text for note in notes] == ["21 °C"]
-
-
-def find_node(rig, name):
-    """Return the process of a node that `up` has started."""
-    for process in psutil.Process(rig.pid).children(recursive=True):
-        with contextlib.suppress(psutil.NoSuchProcess):
-            words = process.cmdline()
-            if "impact_rig.nodes" in words and words[words.index("impact_rig.nodes") + 1] == name:
-                return process.pid
-    raise AssertionError(f"no {name} node is there")
-
-
-def test_nodes_that_die_are_started_again_and_the_campaign_has_every_hit(rig, start):
-    campaign = start(
-        *CAMPAIGN, "--samples", "steel small", "--impacts", "6", "--output", "results"
-    )
-    told = []
-
-    def wait_for(*words):
-        for line in campaign.stdout:
-            told.append(line)
-            if any(word in line for word in words):
-                return
-        raise AssertionError("".join(told))
-
-    # What the recorder had written when it died is what the estimator takes up.
-    for name in ("recorder", "estimator"):
-        wait_for("sample 1 of", "it goes on")
-        os.kill(find_node(rig, name), signal.SIGKILL)
-        wait_for("paused: ")
-    rest = campaign.communicate(timeout=PATIENCE)[0]
-    assert campaign.returncode == 0, "".join([*told, rest])
-    hits = json.loads((start.folder / "results" / "results.json").read_text("utf-8"))["hits"]
-    assert [hit["impact"] for hit in hits if hit["accepted"]] == list(range(1, 7))
-    assert len({hit["record"] for hit in hits}) == len(hits)
-    rig.send_signal(signal.SIGINT)
-    rig.communicate(timeout=PATIENCE)
-    assert rig.returncode == 0
-    assert sorted(path.name for path in (start.folder / "run").glob("*.mcap")) == [
-        "session-2.mcap", "session.mcap",
-    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,7 @@ from impact_rig.configuration.import_file import (
 )
 from impact_rig.configuration.units import parse_reading, parse_sensitivity
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.setup.calibration import Sensitivity
-from impact_rig.core.setup.sensors import ChannelPlan, ChannelUse
+from impact_rig.core.sensors import ChannelPlan, ChannelUse, Sensitivity
 
 
 def test_the_template_says_what_its_comments_promise():

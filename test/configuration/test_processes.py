@@ -6,6 +6,7 @@ import pytest
 
 from impact_rig.configuration.processes import (
     DISCOVERY,
+    NETWORK,
     PROFILES,
     TRANSPORTS,
     RecordingPlan,
@@ -19,32 +20,38 @@ from impact_rig.core.errors import ParameterError
 LARGE_SOCKETS = "DEFAULT?sockets_size=4000000B"
 
 
-def test_a_rig_stays_on_its_computer_unless_told_otherwise():
-    assert make_network_variables({}, network=False) == {DISCOVERY: "LOCALHOST"}
+@pytest.mark.parametrize("environment", [{}, {DISCOVERY: "SUBNET", NETWORK: "1"}])
+def test_a_rig_stays_on_its_computer_unless_told_otherwise(environment):
+    expected = {NETWORK: "0", DISCOVERY: "LOCALHOST"}
+    assert make_network_variables(environment, network=False) == expected
 
 
 def test_between_computers_sockets_hold_a_block_of_the_stream():
     assert make_network_variables({}, network=True) == {
+        NETWORK: "1",
         DISCOVERY: "SUBNET",
         TRANSPORTS: LARGE_SOCKETS,
     }
 
 
-@pytest.mark.parametrize("network", [True, False])
 @pytest.mark.parametrize(
     ("chosen", "expected"),
     [("SUBNET", {TRANSPORTS: LARGE_SOCKETS}), ("LOCALHOST", {}), ("OFF", {})],
 )
-def test_what_the_environment_says_of_the_range_goes_first(chosen, expected, network):
-    assert make_network_variables({DISCOVERY: chosen}, network=network) == expected
+def test_between_computers_what_the_environment_says_of_the_range_goes_first(chosen, expected):
+    found = make_network_variables({DISCOVERY: chosen}, network=True)
+    assert found == {NETWORK: "1", **expected}
 
 
 @pytest.mark.parametrize("name", [TRANSPORTS, *PROFILES])
 def test_transports_that_somebody_has_chosen_are_left_alone(name):
-    assert make_network_variables({name: "own"}, network=True) == {DISCOVERY: "SUBNET"}
+    assert make_network_variables({name: "own"}, network=True) == {
+        NETWORK: "1",
+        DISCOVERY: "SUBNET",
+    }
 
 
-LIVE = {"take_replays": False}
+LIVE: dict[str, object] = {}
 ADDRESS = "rerun+http://desk:9876/proxy"
 
 
@@ -66,14 +73,6 @@ def test_a_whole_rig_records_and_shows_into_its_folder():
     }
 
 
-def test_without_recorder_nobody_waits_for_one():
-    nodes = by_name(record=False, visualize=False)
-    assert "recorder" not in nodes
-    assert "visualizer" not in nodes
-    assert nodes["hammer"] == {"require_recorder": False}
-    assert nodes["accelerometer"] == {"required_subscribers": "estimator"}
-
-
 def test_a_running_stream_is_recorded_where_there_is_one():
     plan = RecordingPlan(stream=True)
     nodes = by_name(continuous=True, recording=plan)
@@ -86,20 +85,22 @@ def test_a_running_stream_is_recorded_where_there_is_one():
 
 
 def test_two_computers_share_the_nodes_of_one_rig():
-    whole = by_name(continuous=True, rig_file="my.toml", record=False, viewers=("web",))
+    whole = by_name(continuous=True, rig_file="my.toml", viewers=("web",))
     at_the_devices = by_name(
-        continuous=True, rig_file="my.toml", record=False, viewers=("web",),
+        continuous=True, rig_file="my.toml", viewers=("web",),
         only=("hammer", "accelerometer"),
     )  # fmt: skip
     elsewhere = by_name(
-        continuous=True, rig_file="my.toml", record=False, viewers=("web",),
-        only=("visualizer", "campaign", "estimator"),
+        continuous=True, rig_file="my.toml", viewers=("web",),
+        only=("visualizer", "campaign", "estimator", "recorder"),
     )  # fmt: skip
     assert at_the_devices.keys() == {"hammer", "accelerometer"}
     assert at_the_devices | elsewhere == whole
 
 
-@pytest.mark.parametrize(("options", "name"), [({}, "hamer"), ({"record": False}, "recorder")])
+@pytest.mark.parametrize(
+    ("options", "name"), [({}, "hamer"), ({"visualize": False}, "visualizer")]
+)
 def test_a_node_that_the_rig_has_not_cannot_be_started_alone(options, name):
     with pytest.raises(ParameterError, match=rf"no node '{name}' to start: the rig has \['hammer"):
         by_name(only=("hammer", name), **options)
@@ -147,10 +148,9 @@ def test_run_folders_sort_by_time():
 
 
 def test_a_run_is_recorded_as_it_is_asked_for():
-    plan = RecordingPlan(bag=True, compression="lz4", notes="bench 3")
+    plan = RecordingPlan(notes="bench 3")
     assert by_name(recording=plan)["recorder"] == {
         **LIVE,
-        "output": "out/session",
-        "compression": "lz4",
+        "output": "out/session.mcap",
         "notes": "bench 3",
     }

@@ -13,8 +13,8 @@ from impact_rig.configuration.rig_file import (
 )
 from impact_rig.configuration.toml_table import parse_toml_table
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.sensors import Sensor, SensorResponse
+from impact_rig.core.sensors import Sensor, SensorResponse
+from impact_rig.core.setup import PAPER_SETUP
 
 
 def read(text):
@@ -35,10 +35,9 @@ def test_a_sheet_is_taken_as_it_is_written():
 
 
 def test_a_source_that_measures_in_units_needs_no_sensitivity():
-    (hammer,) = read('[source.hammer]\nunit = "g"\nfull_scale = "1e3 m/s²"\n')
-    assert hammer.unit == "g"
+    (hammer,) = read('[source.hammer]\nfull_scale = "10 g"\n')
     assert math.isnan(hammer.sensitivity)
-    assert hammer.full_scale == pytest.approx(1000 / 9.80665)
+    assert (hammer.unit, hammer.full_scale) == ("m/s^2", pytest.approx(98.0665))
     assert read("") == ()
 
 
@@ -50,8 +49,6 @@ def test_a_source_that_measures_in_units_needs_no_sensitivity():
         ('[source.hammer]\nsensitivity = "10 mV/N"', "line 3: .*in m/s.2 or g or .*acceleration"),
         ('[source.hammer]\nsensitivity = "10 kg/g"', "line 3: .*no V"),
         ('[source.hammer]\nsensitivity = "0 mV/g"', "line 3: sensitivity is .*not be zero"),
-        ('[source.hammer]\nunit = "V"', "line 3: unit .* 'V': .*in m/s.2 or g"),
-        ('[source.hammer]\nsensitivity = "10 mV/g"\nunit = "m/s^2"', "line 4: .* be g, as"),
         ('[source.hammer]\nresonance = "70 m"', "line 3: resonance .*Hz"),
         ('[source.hammer]\nresonance = "-70 kHz"', "line 3: resonance .*0 Hz or more"),
         ("[source.hammer]\nresonance_damping = 0", "line 3: resonance damping .*above 0"),
@@ -148,7 +145,7 @@ def test_uncertainties_of_masses_and_clock_are_stated_beside_them():
         ('mass = "80 g"', "", r"sample 'oak' lacks mass"),
         ('mass = "80 g"', 'mass = "80 g"\nmass_uncertainty = "-1 g"',
          r"mass uncertainty of sample 'oak' is -0.001.*0 or more"),
-        ("[hammer]", '[digitizer]\nclock_uncertainty = "1 s"\n[hammer]', r"plain number.*58e-6"),
+        ("[hammer]", '[digitizer]\nclock_uncertainty = "1 s"\n[hammer]', r"plain number between"),
         ('name = "oak"', 'name = ""', r"empty name"),
         ('mass = "0.1 kg"', "", r"\[hammer\] lacks mass"),
         ("[hammer]", "[hamer]", r"unknown key 'hamer': did you mean 'hammer'"),
@@ -227,7 +224,6 @@ driver = "scpi"
 [source.hammer]
 quantity = "acceleration"
 sensitivity = "10 mV/g"
-unit = "g"
 full_scale = "500 g"
 serial_number = "LW1234"
 calibration_date = 2026-03-01

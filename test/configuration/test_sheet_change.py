@@ -93,7 +93,7 @@ def test_what_cannot_be_changed_by_itself_is_left_to_a_person(text):
 
 def test_a_sensor_without_a_sensitivity_has_nothing_to_change():
     with pytest.raises(ParameterError, match=r"line 1: \[source.hammer\] has no sensitivity"):
-        change_sheet('[source.hammer]\nunit = "g"\n', "hammer", 0.02, "2026-11-21")
+        change_sheet('[source.hammer]\nfull_scale = "5 g"\n', "hammer", 0.02, "2026-11-21")
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,6 @@
 """A table of a TOML file is read key by key; what cannot be meant is named with its line."""
 
-import tomllib
-
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable, find_lines, parse_toml_table
 from impact_rig.core.errors import ParameterError
@@ -68,29 +64,6 @@ colour = "blue"
 def test_every_way_to_write_a_key_is_found(path, written, ending):
     line = find_lines(LINES.replace("\n", ending))[path]
     assert LINES.split("\n")[line - 1] == written
-
-
-KEYS = st.lists(
-    st.sampled_from(["alpha", "beta", '"gamma delta"', "'[epsilon]'"]), unique=True, max_size=4
-)
-VALUES = st.sampled_from(
-    ["1", '"text"', "[\n1,\n[2],\n]", '"""\n[x]\na = 1\n"""', "'''\n[[sample]]'''", "{a = 1}"]
-)
-FILLING = st.sampled_from(["", "\n", "# [source]\n", "\n# key = 1\n\n"])
-
-
-@given(counts=st.lists(st.lists(st.tuples(FILLING, VALUES), max_size=4), max_size=5), keys=KEYS)
-def test_a_list_of_tables_is_counted_whatever_stands_in_and_between_them(counts, keys):
-    text, expected = "", {}
-    for number, table in enumerate(counts):
-        expected["sample", number] = text.count("\n") + 1
-        text += "[[sample]]\n"
-        for key, (filling, value) in zip(keys, table, strict=False):
-            text += filling
-            expected["sample", number, key.strip("\"'")] = text.count("\n") + 1
-            text += f"{key} = {value}\n"
-    tomllib.loads(text)
-    assert expected.items() <= find_lines(text).items()
 
 
 TEXT = """\

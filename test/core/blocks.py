@@ -5,12 +5,11 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.detection import ImpactDetector
+from impact_rig.core.hits import JudgedHit
+from impact_rig.core.records import Block, ChannelBlock, HitLabel, Record, Trace
 from impact_rig.core.session import Session
-from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
-from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.detection import ImpactDetector
-from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel, Record, Trace
+from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 
 RATE = 1e6
 FULL_SCALE = 2000.0

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.signal import butter, cont2discrete, lfilter
 
-from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
+from impact_rig.core.records import Block, ChannelBlock, HitLabel
 
 FloatArray = NDArray[np.float64]
 RATE, COUNT, START = 2.5e6, 5000, 200e-6
@@ -76,11 +76,15 @@ class Impact:
     stated_scale: bool = True
     signs: tuple[int, int] = (1, -1)
     dropout: float = np.nan  # where in the contact
+    low_pass: float = 0.0  # of an amplifier, not stated [Hz]
     speed: float = SPEED
     seed: int = 0
+    unloading: float = 0.0  # spring that unloads over the one that loads, by Walton and Braun
 
     def find_force(self, time: FloatArray) -> FloatArray:
         """Return force over the hammer's mass [m/s^2]."""
+        if self.unloading:
+            return self._find_crush(time)
         loss = find_loss(self.exponent, self.restitution)
         unit = self.duration / collide(self.exponent, loss).t[-1]
         both = HAMMER * self.sample_mass / (HAMMER + self.sample_mass)
@@ -97,6 +101,16 @@ class Impact:
             rate = 1.0 + round(loss * part, 3) * rate
             total[inside] += height * np.maximum(depth, 0.0) ** self.exponent * rate
         return total
+
+    def _find_crush(self, time: FloatArray) -> FloatArray:
+        """Return it for one spring that loads, and a stiffer one that unloads."""
+        both = HAMMER * self.sample_mass / (HAMMER + self.sample_mass)
+        load = 0.5 * np.pi / self.duration * (1.0 + self.unloading**-0.5)
+        unload = load * self.unloading**0.5
+        top = 0.5 * np.pi / load
+        force = np.where(time < top, np.sin(load * time), np.cos(unload * (time - top)))
+        inside = (time > 0.0) & (time < self.duration)
+        return np.asarray(np.where(inside, both * self.speed * load / HAMMER * force, 0.0))
 
     def measure(self) -> FloatArray:
         """Return both channels as the converter gives them [m/s^2]."""
@@ -125,6 +139,8 @@ class Impact:
             noise = lfilter(*slow, random.standard_normal((2, 2 * COUNT)))[:, COUNT:]
             moving = np.clip(time / 50e-6, 0.0, 1.0)
             traces += self.cable_noise * peak * ratio * moving * noise / noise.std()
+        if self.low_pass:
+            traces = lfilter(*butter(2, self.low_pass, fs=RATE), traces)
         scales = np.array(FULL_SCALES)[:, np.newaxis]
         hum = self.hum * np.sin(2.0 * np.pi * (50.0 * time + random.uniform()))
         traces += scales * (hum + self.noise * random.standard_normal(traces.shape))

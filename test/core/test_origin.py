@@ -3,7 +3,7 @@
 import pytest
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.origin import IMPORTED, MEASURED, SIMULATED, Origin, join_origins
+from impact_rig.core.records import IMPORTED, MEASURED, SIMULATED, Origin, join_origins
 
 REAL, VIRTUAL = Origin(MEASURED, "digitizer 7"), Origin(SIMULATED, "virtual rig")
 

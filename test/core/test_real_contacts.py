@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import impact_rig.core
+from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.setup import RigSetup, Sample, SampleSet
 
-from .struck import HAMMER, SAMPLE, SPEED, Impact
+from .struck import HAMMER, RATE, SAMPLE, SPEED, Impact
 
 SETUP = RigSetup(
     SampleSet((Sample("struck", SAMPLE),), "struck"), hammer_mass=HAMMER, impact_speed=SPEED
@@ -111,3 +111,59 @@ def test_a_row_of_the_table(row):
         law = estimate.contact_law.duration
         assert law.value * 1e6 == pytest.approx(TRUE, rel=3e-3)
         assert abs(estimate.contact_time.value * 1e6 - TRUE) < estimate.contact_time.expanded * 1e6
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"low_pass": 5e3},
+        {"exponent": 1.0, "restitution": 1.0},
+        {"unloading": 1.3},
+        {"unloading": 2.0},
+        {"unloading": 4.0},
+    ],
+    ids=str,
+)
+def test_contact_time_and_stiffness_hold_what_the_shape_of_the_pulse_leaves_open(change):
+    session = Session(SETUP)
+    for record in range(1, 11):
+        impact = replace(FILE, seed=record, **change)
+        session.feed(impact.make_block(HitLabel("struck", record, record)))
+    estimate = session.estimate_sample("struck")
+    assert estimate.impacts_accepted
+    assert (
+        abs(estimate.contact_time.value * 1e6 - TRUE) < 1.5 * estimate.contact_time.expanded * 1e6
+    )
+    assert estimate.contact_time.budget[0].source == "shape of the pulse"
+    # Of the linear spring with this duration.
+    true = 2.0 * HAMMER * SAMPLE / (HAMMER + SAMPLE) * (np.pi / TRUE * 1e6) ** 2
+    assert abs(estimate.stiffness.value - true) < 1.5 * estimate.stiffness.expanded
+
+
+@pytest.mark.parametrize("late", [-15e-6, 15e-6])
+def test_a_channel_that_is_late_is_named(late):
+    session = Session(SETUP)
+    points = round(late * RATE)
+    for record in range(1, 6):
+        label = HitLabel("struck", record, record)
+        block = replace(FILE, seed=record).make_block(label)
+        later = replace(block.specimen, output=np.roll(block.specimen.output, points))
+        session.feed(replace(block, specimen=later))
+    told = [
+        text for text in session.estimate_sample("struck").warnings if "momentum comes" in text
+    ]
+    side = "after" if late > 0 else "before"
+    assert told[0].startswith(f"the sample's momentum comes 15 µs {side} the hammer's")
+
+
+def test_what_is_not_determined_has_no_number():
+    session = Session(SETUP)
+    for record in range(1, 6):
+        session.feed(replace(SOUND, seed=record).make_block(HitLabel("struck", record, record)))
+    (estimate,) = session.estimate_all().samples
+    # Bodies that no spring holds: the model describes the traces, and says nothing of k2.
+    (model,) = [item for item in estimate.identifications if item.model == "driven"]
+    assert model.undetermined
+    assert not model.stiffness.is_known
+    assert not model.damping_ratio.is_known
+    assert np.isnan(model.values[model.parameters.index("k2")])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.hits.reasons import Reason
 from impact_rig.core.quantity import drop_internals
+from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.verdict import Reason
 
 from .blocks import SETUP, strike
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.hits.overrule import Overrules
-from impact_rig.core.hits.reasons import Reason
+from impact_rig.core.hits import Overrules
+from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.core.verdict import Reason
 
 from .blocks import SETUP, make_blocks, make_counts, strike_series
 from .struck import Impact
@@ -74,7 +74,8 @@ class TestPolarity:
         )
         hits = []
         for record in range(1, 7):
-            block = Impact(seed=record).make_block(HitLabel("alike", record, record))
+            impact = Impact(seed=record, resonance=300e3)
+            block = impact.make_block(HitLabel("alike", record, record))
             sound.feed(block)
             is_turned = record % 2 == 0
             (other,) = turn([block], hammer=hammer and is_turned, sample=sample and is_turned)
@@ -94,5 +95,5 @@ class TestPolarity:
         first, second = (HitLabel("alike", record, record) for record in (1, 2))
         session = Session(SETUP, Overrules(frozenset({second})))
         session.feed(Impact().make_block(first))
-        with pytest.raises(ParameterError, match="of both signs is of neither; --polarity auto"):
+        with pytest.raises(ParameterError, match="of both signs is of neither; turns_polarity"):
             session.feed(Impact(signs=(-1, 1)).make_block(second))

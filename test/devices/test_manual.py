@@ -5,7 +5,7 @@ import pytest
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
 from impact_rig.core.errors import ParameterError
 from impact_rig.devices.manual import ManualHolder
-from impact_rig.testing.contract import HammerHolderContract, HolderBench
+from impact_rig.testing import HammerHolderContract, HolderBench
 
 
 def make_holder(text=""):
@@ -35,7 +35,7 @@ def test_a_key_that_cannot_be_meant_is_named_with_its_line(text, word):
 
 
 class ManualBench(HolderBench):
-    """Nobody looks at what the operator does."""
+    """An operator whose hands no test sees."""
 
     def get_driver(self):
         return ManualHolder

@@ -10,33 +10,28 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from fakes.sound_card import FakeSoundCard, make_pulse
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
 from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.records import HitLabel
+from impact_rig.core.sensors import Sensor
 from impact_rig.core.session import Session
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.sensors import Sensor
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
 from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
 from impact_rig.devices.sound import SoundSource, compute_count_scale, load_port_audio
 from impact_rig.devices.virtual.rig import DigitizerSettings, VirtualRig, VirtualRigSettings
-from impact_rig.testing.contract import (
-    AccelerationSourceContract,
-    SourceBench,
-    read_nothing,
-    wait_for_loss,
-)
-from impact_rig.testing.peers.sound_card import SoundCardPeer, make_pulse
+from impact_rig.testing import AccelerationSourceContract, SourceBench
 
 PACKAGES = ("libportaudio2", "pulseaudio", "pulseaudio-utils", "libasound2-plugins")
 """What brings a virtual sound card."""
 
 
 @pytest.fixture
-def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[SoundCardPeer]:
+def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeSoundCard]:
     """Return a card that PortAudio finds in this process."""
-    peer = SoundCardPeer()
+    peer = FakeSoundCard()
     try:
         load_port_audio()
         peer.start()
@@ -83,7 +78,7 @@ def test_a_voltage_without_a_range_is_refused():
         compute_count_scale(make_channel(Sensor("hammer", unit="g", sensitivity=0.1)))
 
 
-def test_a_sensor_of_which_nobody_knows_the_scale_is_refused():
+def test_a_sensor_of_unknown_scale_is_refused():
     with pytest.raises(ParameterError, match=r"\[source.hammer\] says neither sensitivity"):
         compute_count_scale(make_channel(Sensor("hammer")))
 
@@ -144,6 +139,13 @@ def read_record(source: SoundSource) -> list:
     return blocks
 
 
+def wait_for_loss(source: SoundSource) -> None:
+    """Read until the loss of the card is noticed, which raises."""
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
+        assert source.read(0.1) is None
+
+
 def join(blocks, channel: str) -> np.ndarray:
     """Return a channel's counts."""
     return np.concatenate([getattr(block, channel).output for block in blocks])
@@ -193,16 +195,6 @@ def test_a_hit_keeps_its_contact_time(card, make_source):
     assert heard.contact_time == pytest.approx(judged.contact_time, rel=1e-6)
 
 
-def test_a_channel_at_its_rail_is_overloaded(card, make_source):
-    source = make_source()
-    source.arm()
-    card.feed(np.minimum(make_pulse(RATE, height=0.99).astype(np.int64) * 2, 2**31 - 1))
-    blocks = read_record(source)
-    assert any(block.hammer.overloaded for block in blocks)
-    assert not all(block.hammer.overloaded for block in blocks)
-    assert not any(block.specimen.overloaded for block in blocks)
-
-
 def test_one_channel_may_be_all(card, make_source):
     source = make_source(replace(PLAN, hammer=replace(PLAN.hammer, name="2"), specimen=None))
     source.arm()
@@ -240,31 +232,19 @@ def test_what_port_audio_lost_is_a_gap(make_source):
     assert behind == lost
 
 
-def test_a_card_that_falls_silent_is_lost(card, make_source, monkeypatch):
-    monkeypatch.setattr("impact_rig.devices.streaming.LONGEST_SILENCE", 0.5)
+def test_a_card_that_falls_silent_is_lost(card, make_source):
     source = make_source()
+    source._capture.longest_silence = 0.5
     source.arm()
     card.is_silent = True
     with pytest.raises(DeviceError, match=r"rig_card, ALSA is silent: .* nothing for \d+\.\d s"):
-        wait_for_loss(lambda: read_nothing(source))
+        wait_for_loss(source)
 
 
-def test_a_sound_server_that_ends_takes_the_card_with_it(card, make_source):
-    source = make_source()
-    source.arm()
-    card.stop()
-    with pytest.raises(DeviceError, match="rig_card, ALSA is gone"):
-        wait_for_loss(lambda: read_nothing(source))
-    source.close()
-    with pytest.raises(DeviceError, match="rig_card"):
-        source.configure(PLAN)
-
-
-def test_the_card_is_found_by_name_part_and_number(card):
+def test_the_card_is_found_by_its_name_or_a_part_of_it(card):
     found = SoundSource.find_devices()
     assert card.name in [device.address for device in found]
-    number = [device.address for device in found].index(card.name)
-    for device in (card.name, "RIG_", "rig_card, ALSA", number):
+    for device in (card.name, "RIG_", "rig_card, ALSA"):
         source = SoundSource(TomlTable({"device": device}, "[source]"))
         assert source.configure(PLAN).identity == "sound device rig_card, ALSA"
         source.close()
@@ -282,10 +262,9 @@ def test_a_card_that_is_not_there_is_named_with_the_line(card):
         source.configure(PLAN)
 
 
-@pytest.mark.parametrize("value", ["true", '""', "1.5", '" "'])
-def test_a_device_that_is_no_name_is_refused(value):
-    with pytest.raises(ParameterError, match=r"line 2: device of \[source\] is .*: it must be"):
-        make_from_text(f"[source]\ndevice = {value}\n")
+def test_a_device_that_is_no_name_is_refused():
+    with pytest.raises(ParameterError, match=r"line 2: device of \[source\] is 7: it must be"):
+        make_from_text("[source]\ndevice = 7\n")
 
 
 def test_a_channel_that_the_card_has_not_is_refused(make_source):
@@ -314,7 +293,7 @@ def test_port_audio_that_is_not_installed_is_told_with_its_package():
 class SoundBench(SourceBench):
     """A card that plays a pulse where a hammer would strike."""
 
-    def __init__(self, card: SoundCardPeer) -> None:
+    def __init__(self, card: FakeSoundCard) -> None:
         self._card = card
         self.unplug, self.plug = card.unplug, card.plug
 
@@ -345,6 +324,6 @@ class TestSoundSource(AccelerationSourceContract):
     """The contract, on a card of PulseAudio."""
 
     @pytest.fixture
-    def bench(self, card: SoundCardPeer) -> Iterator[SoundBench]:
+    def bench(self, card: FakeSoundCard) -> Iterator[SoundBench]:
         with SoundBench(card) as bench:
             yield bench

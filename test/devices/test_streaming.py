@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.sensors import Sensor
 from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
 from impact_rig.devices.streaming import CountScale, StreamCapture, StreamedSource, find_crossing
 
 RATE, STAMP = 1000.0, 1_700_000_000_000_000_000
 LEVEL, BEFORE, POINTS = 5, 4, 12
-SCALES = (CountScale(2.0, 200.0, -100, 100), CountScale(-1.0, 200.0, -100, 100))
+SCALES = (CountScale(2.0, 200.0, 100), CountScale(-1.0, 200.0, 100))
 
 
 def make_plan(*, continuous: bool = False) -> AcquisitionPlan:
@@ -43,7 +43,7 @@ def make_source(*, continuous: bool = False) -> FedSource:
 
 
 def find_record(there: dict[int, int]) -> list[int]:
-    """Return the places of the first record among numbers by their places, as anybody would."""
+    """Return the places of the first record among numbers by their places."""
     for place in range(BEFORE, max(there) + 1):
         if abs(there.get(place, 0)) >= LEVEL > abs(there.get(place - 1, LEVEL)):
             wanted = range(place - BEFORE, place - BEFORE + POINTS)

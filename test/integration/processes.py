@@ -17,7 +17,8 @@ from typing import Any, Self
 PATIENCE = 60.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""
 COMMAND_LINE = "impact_rig.cli.main"
-RIG_PEER = "impact_rig.testing.peers.rig_peer"
+RIG_BENCH = "fakes.rig_bench"
+TESTS = Path(__file__).resolve().parents[1]
 
 
 class TalkingProcess:
@@ -121,7 +122,11 @@ class Bench(TalkingProcess):
     """Relay and digitizer that are not there, and the rig file that names them."""
 
     def __init__(self, rig_file: Path, *arguments: Any, environment: dict[str, str]) -> None:
-        super().__init__(RIG_PEER, "--write", rig_file, *arguments, environment=environment)
+        paths = (str(TESTS), environment.get("PYTHONPATH", ""))
+        places = {"PYTHONPATH": os.pathsep.join(path for path in paths if path)}
+        super().__init__(
+            RIG_BENCH, "--write", rig_file, *arguments, environment=environment | places
+        )
         self.wait_for('"scpi"')
 
     def do(self, command: str) -> None:

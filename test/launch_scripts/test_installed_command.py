@@ -73,7 +73,7 @@ def test_it_finds_ros_and_the_messages_as_cron_starts_it(command, tmp_path):
             command, tmp_path, "replay", "session.mcap",
             PATH="/usr/bin:/bin", ROS_DOMAIN_ID=str(domain),
         )  # fmt: skip
-    # The node is up that finds nothing in the file.
+    # ROS and the messages are imported before the file is opened.
     assert (code, errors) == (
         2, "error: session.mcap is empty: it should be an MCAP recording\n"
     )  # fmt: skip

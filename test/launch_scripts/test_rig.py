@@ -85,6 +85,14 @@ def test_the_command_takes_the_place_of_rig_py(fresh, run_rig):
     assert (done.code, done.output, done.errors) == (7, "there\n", "")
 
 
+def test_the_python_that_set_it_up_goes_on_where_another_was_called(fresh, run_rig):
+    folder = fresh.venv / "bin"
+    folder.mkdir()
+    write_command(folder, "python3", 'echo "$0" "$@"')
+    script = fresh.root / "launch_scripts" / "rig.py"
+    assert run_rig("exec", "true").output == f"{folder / 'python3'} {script} exec true\n"
+
+
 def test_a_command_that_does_not_exist_is_named(fresh, run_rig):
     done = run_rig("exec", "--", "no-such-command")
     assert done.code == rig.NOT_FOUND

@@ -6,8 +6,8 @@ import shutil
 import pytest
 from workspace import SetupError, Workspace, find_stale, find_workspace, make_environment
 
-ALL = ["python", "ros", "libraries", "messages", "nodes"]
-IN_VENV = ["python", "ros", "libraries"]
+ALL = ["python", "packages", "messages", "nodes"]
+IN_VENV = ["python", "packages"]
 
 
 def append(path):
@@ -29,9 +29,10 @@ def test_what_is_made_is_not_made_again(fresh):
 @pytest.mark.parametrize(
     ("name", "stale"),
     [
-        ("launch_scripts/requirements/locked/test.txt", ["libraries"]),
-        ("launch_scripts/requirements/locked/rig.txt", ["libraries"]),
-        ("launch_scripts/requirements/locked/ros.txt", ["ros", "messages", "nodes"]),
+        ("launch_scripts/requirements/locked/test.txt", ["packages"]),
+        ("launch_scripts/requirements/locked/rig.txt", ["packages"]),
+        ("launch_scripts/requirements/locked/ros.txt", ["packages", "messages", "nodes"]),
+        ("launch_scripts/requirements/locked/installer.txt", ALL),
         ("msg_config/msg/Impact.msg", ["messages"]),
         ("msg_config/CMakeLists.txt", ["messages"]),
         ("setup.py", ["nodes"]),
@@ -61,11 +62,6 @@ def test_an_interface_may_come_go_and_change_its_name(fresh):
 def test_what_was_deleted_is_made_again(fresh, folder, stale):
     shutil.rmtree(fresh.root / folder)
     assert look_again(fresh) == stale
-
-
-def test_what_an_interrupted_pip_left_is_thrown_away(fresh):
-    fresh.pip_mark.touch()
-    assert look_again(fresh) == IN_VENV
 
 
 def test_a_workspace_that_was_moved_or_gets_another_ros_is_set_up_again(fresh, tmp_path_factory):

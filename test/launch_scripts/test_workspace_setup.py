@@ -4,19 +4,10 @@ import fcntl
 import signal
 import venv
 
-import pytest
 import workspace_setup
 from workspace import find_stale
 
 STARTED = "setting up "
-
-
-@pytest.fixture
-def nothing_to_install(copy):
-    """Return a copy that needs no package: no download, and no colcon."""
-    for path in copy.get_requirements("ros", "colcon", "scientific", "rig", "formats", "test"):
-        path.write_text("# nothing\n")
-    return copy
 
 
 def test_a_missing_compiler_is_said_before_anything_is_made(copy, run_rig, tmp_path_factory):
@@ -61,18 +52,25 @@ def test_a_step_that_fails_is_named_with_its_log_and_begins_the_next_call(fresh,
     assert find_stale(fresh) == ["messages"]
 
 
-def test_an_interruption_ends_it_without_a_traceback(nothing_to_install, start_rig):
+def test_an_interruption_ends_it_without_a_traceback(copy, start_rig):
     process = start_rig("exec", "true")
     assert process.stderr.readline().startswith(STARTED)
     process.send_signal(signal.SIGHUP)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 128 + signal.SIGINT
     assert errors.strip() == "interrupted: the next call goes on with the set-up"
-    assert not nothing_to_install.steps["python"].is_fresh()
+    assert not copy.steps["python"].is_fresh()
 
 
-def test_two_set_ups_of_one_workspace_wait_for_each_other(nothing_to_install, start_rig):
-    with (nothing_to_install.root / "setup.py").open() as other:
+def test_a_place_where_nothing_can_be_written_is_named(copy, run_rig):
+    (copy.root / "log").write_text("in the way of the folder of this name")
+    done = run_rig("exec", "true")
+    assert done.code == 1
+    assert done.errors.startswith(f"error: {copy.root / 'log'}: File exists: the set-up writes")
+
+
+def test_two_set_ups_of_one_workspace_wait_for_each_other(copy, start_rig):
+    with (copy.root / "setup.py").open() as other:
         fcntl.flock(other, fcntl.LOCK_EX)
         process = start_rig("exec", "true")
         assert process.stderr.readline().startswith("waiting: ")

@@ -29,7 +29,9 @@ def start_rig(
         **{"trigger_timeout": 0.2, **accelerometer},
     )
     harness.add(EstimatorNode, namespace=namespace, **(estimator or {}))
-    harness.add(CampaignNode, namespace=namespace, **(campaign or {}))
+    harness.add(
+        CampaignNode, namespace=namespace, **{"require_recorder": False, **(campaign or {})}
+    )
     return make_client(harness, namespace)
 
 

@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
-from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.interfaces import NOT_YET, RECORD_STORED, RECORDER_STATE, SETUP, Topic
@@ -34,7 +34,7 @@ PATIENCE = 120.0
 
 
 QUICK = {
-    "campaign_hits.ENABLE_PERIOD": 0.1,
+    "campaign.LOOK_PERIOD": 0.05,
     "hammer.WATCH_PERIOD": 0.1,
     "recorder.HEALTH_PERIOD": 0.1,
     "recorder_run.DISCOVERY_PERIOD": 0.05,
@@ -272,10 +272,8 @@ def start_process(
 
 
 @pytest.fixture
-def ros_domain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+def ros_domain() -> Iterator[int]:
     """Return a ROS domain that nobody else on this host uses now."""
-    # Where a hammer remembers its emergency stop, by its domain.
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     with reserve_domain() as number:
         yield number
 

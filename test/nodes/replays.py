@@ -5,14 +5,14 @@ from pathlib import Path
 from impact_rig_msgs.msg import AccelerationBlock, HammerRelease
 from rclpy.serialization import serialize_message
 
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.records import HitLabel
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg, virtual_hit_to_msg
 from impact_rig.nodes.topics import describe_qos, name_type
 from impact_rig.recordings.schemas import find_message_definition
-from impact_rig.recordings.writer import McapWriter
+from impact_rig.recordings.writer import RecordingWriter
 
 PEER = "/peer"
 """The node that listens in these tests, wherever the replayer is."""
@@ -23,7 +23,7 @@ PAUSE = 0.3
 
 def write_recording(path: Path, events, *, namespace="") -> Path:
     """Write (time [s], topic, message) as a recorder in the namespace would."""
-    writer = McapWriter(path)
+    writer = RecordingWriter(path)
     channels = {}
     for offset, topic, message in events:
         if topic.name not in channels:

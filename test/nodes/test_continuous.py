@@ -11,16 +11,15 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from rclpy.serialization import deserialize_message
 
+from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.recorder import RecorderNode
-from impact_rig.nodes.replayer_recording import open_recording
+from impact_rig.nodes.replayer_recording import RecordingToReplay
 from impact_rig.recordings.reader import read_recording
 
 SAMPLE = "steel small"
@@ -232,10 +231,13 @@ def leave_out(path, copy, left_out):
 
 def replay(path):
     """Return the blocks of hits that a replay publishes."""
-    recording = open_recording(path, namespace="", is_everything=True, samples=(), hits=())
-    cues = recording.make_plan(0.0, 0.0).read_cues()
+    messages = RecordingToReplay(path).read_messages()
     # Not compared as bytes: what pads a message is any.
-    return [deserialize_message(cue.data, AccelerationBlock) for cue in cues if cue.record]
+    return [
+        deserialize_message(message.data, AccelerationBlock)
+        for message in messages
+        if message.topic is interfaces.ACCELERATION
+    ]
 
 
 def judge(path):

@@ -6,7 +6,6 @@ import socket
 import struct
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -15,17 +14,23 @@ import pytest
 import rclpy
 from impact_rig_msgs.srv import GetResults
 
-from impact_rig.configuration.processes import DISCOVERY, SOCKET_BUFFER, make_network_variables
+from impact_rig.configuration.processes import (
+    DISCOVERY,
+    NETWORK,
+    PROFILES,
+    SOCKET_BUFFER,
+    make_network_variables,
+)
 from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import discovery, interfaces
 from impact_rig.nodes.discovery import (
     DOMAINS,
     FIRST_DOMAIN,
-    PROFILE_VARIABLE,
     offer_profile,
     reserve_domain,
 )
 
+RECEIVE_BUFFER = 4 << 20
 LARGEST_BUFFER = Path("/proc/sys/net/core/rmem_max")
 ROOMS = """\
 import os, socket, stat, sys
@@ -49,38 +54,50 @@ rclpy.shutdown()
 """
 
 
-def test_there_is_a_profile_within_the_block_and_none_after_it(monkeypatch):
-    monkeypatch.delenv(PROFILE_VARIABLE, raising=False)
-    with offer_profile():
-        path = Path(os.environ[PROFILE_VARIABLE])
-        assert ET.parse(path).getroot().tag.endswith("profiles")
-    assert PROFILE_VARIABLE not in os.environ
-    assert not path.exists()
+OPEN = {
+    "FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml",
+    "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+    "ROS_STATIC_PEERS": "198.18.0.2",
+    DISCOVERY: "SUBNET",
+}
 
 
-def test_who_has_a_profile_keeps_it(monkeypatch, tmp_path):
-    monkeypatch.setenv(PROFILE_VARIABLE, "mine.xml")
+@pytest.fixture
+def opened(monkeypatch):
+    """Set in the environment what leads beyond this computer."""
+    for name, value in OPEN.items():
+        monkeypatch.setenv(name, value)
+
+
+def test_in_the_block_nothing_leads_beyond_this_computer_and_after_it_all_is_as_before(
+    opened, monkeypatch
+):
+    monkeypatch.delenv(NETWORK, raising=False)
+    before = dict(os.environ)
     with offer_profile():
-        assert os.environ[PROFILE_VARIABLE] == "mine.xml"
-    assert os.environ[PROFILE_VARIABLE] == "mine.xml"
-    monkeypatch.delenv(PROFILE_VARIABLE)
+        own = Path(os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"])
+        assert "127.0.0.1" in ET.parse(own).getroot().itertext()
+        assert os.environ[DISCOVERY] == "LOCALHOST"
+        assert not os.environ.keys() & (OPEN.keys() - {DISCOVERY, PROFILES[0]})
+    assert dict(os.environ) == before
+
+
+def test_between_computers_who_has_a_profile_keeps_it(opened, monkeypatch, tmp_path):
+    monkeypatch.setenv(NETWORK, "1")
+    before = dict(os.environ)
+    with offer_profile():
+        assert dict(os.environ) == before
+    monkeypatch.delenv(PROFILES[0])
     monkeypatch.chdir(tmp_path)
+    with offer_profile():
+        assert PROFILES[0] in os.environ
     discovery.PROFILE_FILE.touch()
     with offer_profile():
-        assert PROFILE_VARIABLE not in os.environ
-
-
-def test_without_room_for_a_file_nodes_start_all_the_same(monkeypatch, tmp_path):
-    monkeypatch.delenv(PROFILE_VARIABLE, raising=False)
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
-    with offer_profile():
-        assert PROFILE_VARIABLE not in os.environ
+        assert PROFILES[0] not in os.environ
 
 
 @pytest.mark.skipif(not LARGEST_BUFFER.exists(), reason="only Linux says what it allows")
-@pytest.mark.parametrize(
-    ("network", "size"), [(False, discovery.RECEIVE_BUFFER), (True, SOCKET_BUFFER)]
-)
+@pytest.mark.parametrize(("network", "size"), [(False, RECEIVE_BUFFER), (True, SOCKET_BUFFER)])
 def test_fast_dds_takes_the_profile_and_leaves_sockets_between_hosts_as_they_were_chosen(
     network, size, ros_domain
 ):

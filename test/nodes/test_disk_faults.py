@@ -107,21 +107,21 @@ def test_a_disk_that_stands_still_is_waited_for_and_one_that_is_gone_ends_the_ca
 
     node.set_parameters([Parameter("verdict_timeout", value=1.0)])
     disk.freeze()
-    feedback.wait(lambda got: got[-1].phase == PAUSED)
-    assert "yet: see to its disk" in feedback.messages[-1].message
+    feedback.wait(lambda got: got[-1].state == PAUSED)
+    assert "recorder" in feedback.messages[-1].message
     node.set_parameters([Parameter("verdict_timeout", value=10.0)])
     disk.thaw()
     before = feedback.messages[-1].impact
     feedback.wait(lambda got: got[-1].impact > before)
 
+    node.set_parameters([Parameter("pause_timeout", value=1.0)])
     disk.take_away()
     answer = harness.wait(handle.get_result_async())
     assert answer.status == GoalStatus.STATUS_ABORTED
     path = Path(answer.result.recording)
-    assert answer.result.message == (
-        f"the recorder has stopped: {path} cannot be written: Input/output error; it keeps what"
-        " was written before"
-    )
+    # Which of both is seen first depends on how long the disk takes to say so.
+    reasons = f"{path} cannot be written: Input/output error", "recorder/join did not answer"
+    assert any(reason in answer.result.message for reason in reasons)
     for process in processes:
         process.kill()
     disk.read_elsewhere()

@@ -3,23 +3,23 @@
 import math
 
 import pytest
-from impact_rig_msgs.msg import RecorderState, RecordStored
-from impact_rig_msgs.srv import GetResults
+from impact_rig_msgs.msg import RecordStored
+from impact_rig_msgs.srv import GetResults, JoinCampaign
+from rcl_interfaces.msg import Log
 
+from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.devices.virtual.rig import DigitizerSettings, VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.nodes.identity import NO_IDENTITY, Identity, id_to_msg, make_id
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
-from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.results.campaign import results_from_session
 
-from ..recordings.damaged import find_chunks
+from .replays import write_recording
 
 SETUP = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
-URI = "/somewhere/session.mcap"
 
 
 def make_blocks(sample, count, first_record=1, stamp=0):
@@ -33,10 +33,10 @@ def make_blocks(sample, count, first_record=1, stamp=0):
     ]
 
 
-def feed(harness, publisher, blocks):
+def feed(harness, publisher, blocks, identity=NO_IDENTITY):
     harness.wait_until(lambda: publisher.get_subscription_count() >= 1)
     for block in blocks:
-        publisher.publish(block_to_msg(block))
+        publisher.publish(block_to_msg(block, identity))
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_estimates_equal_the_core_bit_for_bit(harness, estimator):
         item.name: item for item in results_from_session(session.estimate_all(), {}).samples
     }
     answer = harness.call(GetResults, interfaces.GET_RESULTS)
-    assert answer.setup_stamp == SETUP.header.stamp
+    assert answer.setup.header == SETUP.header
     assert [item.name for item in answer.samples] == [CONTROL_SAMPLE, "steel small"]
     for item in answer.samples:
         assert item.stiffness.value == expected[item.name].stiffness.value
@@ -76,59 +76,7 @@ def test_estimates_equal_the_core_bit_for_bit(harness, estimator):
         assert item.mse_sample_percent == expected[item.name].mse_sample_percent
 
 
-@pytest.fixture
-def recording(harness, tmp_path):
-    """Return the recording of a campaign of three hits, their blocks, the recorder's last word."""
-    path = tmp_path / "session.mcap"
-    recorder = harness.add(RecorderNode, output=str(path), required_topics="")
-    stored = harness.listen(interfaces.RECORD_STORED)
-    harness.advertise(interfaces.SETUP).publish(SETUP)
-    blocks = make_blocks("steel small", 3, stamp=10**9)
-    publisher = harness.advertise(interfaces.ACCELERATION)
-    for number in (1, 2, 3):  # each into a chunk of its own
-        feed(harness, publisher, [block for block in blocks if block.label.record == number])
-        told = stored.wait_for_count(number)
-    harness.close(recorder)
-    state = RecorderState(recording=True, uri=str(path))
-    harness.advertise(interfaces.RECORDER_STATE).publish(state)
-    return path, blocks, told[-1]
-
-
-def wait_for_accepted(harness, records):
-    """Wait until the hits of these records count, and no others."""
-
-    def count():
-        hits = harness.call(GetResults, interfaces.GET_RESULTS).accepted
-        return [hit.record for hit in hits]
-
-    harness.wait_until(lambda: count() == records)
-
-
-def test_a_record_that_is_read_from_the_disk_while_it_is_on_its_way_counts_once(
-    harness, recording
-):
-    _, blocks, told = recording
-    impacts = harness.listen(interfaces.IMPACT)
-    harness.add(EstimatorNode)
-    wait_for_accepted(harness, [1, 2, 3])
-    publisher = harness.advertise(interfaces.ACCELERATION)
-    feed(harness, publisher, [block for block in blocks if block.label.record == 3])
-    harness.advertise(interfaces.RECORD_STORED).publish(told)
-    assert impacts.wait_for_count(1)[0].record == 3
-    wait_for_accepted(harness, [1, 2, 3])
-
-
-def test_of_a_damaged_recording_every_record_before_the_damage_counts(harness, recording):
-    path, *_ = recording
-    chunks = {raw.topic: chunk for chunk in find_chunks(path) for raw in chunk.messages}
-    content = bytearray(path.read_bytes())
-    content[chunks["/acceleration"].data_start] ^= 1  # the last one with blocks: of record 3
-    path.write_bytes(content)
-    harness.add(EstimatorNode)
-    wait_for_accepted(harness, [1, 2])
-
-
-def test_all_that_is_found_names_the_set_up_it_was_found_under(harness):
+def test_all_that_is_found_carries_the_id_of_its_campaign(harness):
     harness.add(EstimatorNode)
     topics = (
         interfaces.IMPACT, interfaces.ESTIMATE, interfaces.HAMMER_ESTIMATE, interfaces.COMPARISON
@@ -137,21 +85,18 @@ def test_all_that_is_found_names_the_set_up_it_was_found_under(harness):
     setups = harness.advertise(interfaces.SETUP)
     publisher = harness.advertise(interfaces.ACCELERATION)
     for number in (1, 2):
+        identity = Identity(make_id())
         setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(number))
+        identity.fill(setup)
         setups.publish(setup)
-        harness.wait_until(
-            lambda setup=setup: (
-                harness.call(GetResults, interfaces.GET_RESULTS).setup_stamp == setup.header.stamp
-            )
-        )
-        feed(harness, publisher, make_blocks(CONTROL_SAMPLE, 1, first_record=number))
+        feed(harness, publisher, make_blocks(CONTROL_SAMPLE, 1, first_record=number), identity)
         for collector in told:
             collector.wait(
-                lambda got, stamp=setup.header.stamp: got[-1:] and got[-1].setup_stamp == stamp
+                lambda got, setup=setup: got[-1:] and got[-1].campaign_id == setup.campaign_id
             )
         results = harness.call(GetResults, interfaces.GET_RESULTS)
-        for found in (results.hammer, *results.samples, *results.accepted):
-            assert found.setup_stamp == setup.header.stamp
+        for found in (results.setup, results.hammer, *results.samples, *results.accepted):
+            assert found.campaign_id == setup.campaign_id
 
 
 def test_the_numbers_come_first_and_once_more_with_what_stands_beside_them(harness, estimator):
@@ -176,21 +121,17 @@ def test_what_the_control_sample_changes_follows_once_and_behind_its_hits(harnes
     ]
     feed(harness, publisher, blocks)
     estimates.wait_for_count(2 * len(others))
-    # Faster than from hit to hit on any rig: none of the hits waits for another sample.
     feed(harness, publisher, make_blocks(CONTROL_SAMPLE, 4, first_record=4))
-    found = estimates.wait(
-        lambda got: len(got) > 12 and sorted(item.name for item in got[-3:]) == sorted(others)
-    )
+    found = estimates.wait_for_count(6 + 4 + 4)
     assert len(impacts.messages) == len(others) + 4
-    # Numbers of each hit, and what stands beside them once or more; then the others.
-    assert {item.name for item in found[6:-3]} == {CONTROL_SAMPLE}
-    assert 4 + 1 <= len(found[6:-3]) <= 4 + 4
+    # Numbers of each hit at once; then, when no more come, each sample's once, as it is complete.
+    assert [item.name for item in found[6:10]] == 4 * [CONTROL_SAMPLE]
+    assert sorted(item.name for item in found[10:]) == sorted((CONTROL_SAMPLE, *others))
+    assert all(item.pulse_shape.fits for item in found[10:])
     # Of each the newest state: all four hits on the control sample make it.
     answer = harness.call(GetResults, interfaces.GET_RESULTS)
     final = {item.name: item.stiffness.value for item in answer.samples}
-    assert {item.name: item.stiffness.value for item in found[-3:]} == {
-        name: final[name] for name in others
-    }
+    assert {item.name: item.stiffness.value for item in found[10:]} == final
 
 
 def test_blocks_that_come_before_the_set_up_wait_for_it(harness):
@@ -215,6 +156,8 @@ def test_a_verdict_comes_even_if_its_hit_cannot_be_averaged_with_the_others(harn
 
 def test_a_block_that_cannot_be_meant_is_named_and_the_next_ones_are_judged(harness, estimator):
     node, publisher, impacts = estimator
+    logs = harness.make_collector()
+    harness.peer.create_subscription(Log, "/rosout", logs.take, 100)
     bad = block_to_msg(make_blocks("steel small", 1)[0])
     bad.sampling_rate = -1.0
     harness.wait_until(lambda: publisher.get_subscription_count() >= 1)
@@ -223,94 +166,93 @@ def test_a_block_that_cannot_be_meant_is_named_and_the_next_ones_are_judged(harn
     feed(harness, publisher, make_blocks("steel small", 1, first_record=2))
 
     assert impacts.wait_for_count(1)[-1].accepted
-    assert "sampling rate is -1.0 Hz" in node.fault
+    assert node.message_check.dropped == 1
+    logs.wait(lambda got: any("sampling rate is -1.0 Hz" in log.msg for log in got))
+
+
+OURS = Identity(make_id(), make_id())
+
+
+@pytest.fixture
+def joined(harness):
+    """Return an estimator that takes part in a recorded campaign, and what it is told by."""
+    node = harness.add(EstimatorNode)
+    request = JoinCampaign.Request(recording="/elsewhere/session.mcap")
+    request.setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
+    OURS.fill(request.setup)
+    request.stream_id = id_to_msg(OURS.stream_id)
+    answer = harness.call(JoinCampaign, interfaces.make_join_name("estimator"), request)
+    assert answer.success, answer.message
+    return (
+        node,
+        harness.advertise(interfaces.ACCELERATION),
+        harness.advertise(interfaces.RECORD_STORED),
+        harness.listen(interfaces.IMPACT),
+    )
 
 
 def tell_stored(publisher, blocks):
     """Say that a record is stored, as a recorder does."""
-    last = block_to_msg(blocks[-1])
-    message = RecordStored(record=last.record, blocks=len(blocks))
-    message.header.stamp = last.header.stamp
+    message = RecordStored(record=blocks[-1].label.record, blocks=len(blocks))
+    OURS.fill(message)
     publisher.publish(message)
 
 
-@pytest.fixture
-def recorded(harness, estimator):
-    """Return an estimator, publishers of blocks and of a recorder's words, and the verdicts."""
-    node, blocks, impacts = estimator
-    states = harness.advertise(interfaces.RECORDER_STATE)
-    states.publish(RecorderState(recording=True, uri=URI))
-    stored = harness.advertise(interfaces.RECORD_STORED)
-    harness.wait_until(lambda: states.get_subscription_count() > 0)
-    assert states.wait_for_all_acked()
-    return node, blocks, states, stored, impacts
-
-
-def find_waiting(node):
-    return node.diagnose()["waiting for"]
-
-
-def feed_what_waits(harness, node, publisher, blocks):
-    """Publish blocks, and return when all of them wait."""
-    feed(harness, publisher, blocks)
-    harness.wait_until(lambda: len(node._gate._waiting) == len(blocks))
-
-
-def test_a_hit_is_judged_when_the_recorder_has_stored_it(harness, recorded):
-    node, publisher, _, stored, impacts = recorded
+def test_a_hit_is_judged_when_the_recorder_has_stored_it(harness, joined):
+    node, publisher, stored, impacts = joined
     blocks = make_blocks("steel small", 1)
-    feed(harness, publisher, blocks)
-    harness.wait_until(lambda: "record 1 is stored" in find_waiting(node))
+    feed(harness, publisher, blocks, OURS)
+    harness.wait_until(lambda: "record 1 is stored" in node.diagnose()["waiting for"])
     assert not impacts.messages
     tell_stored(stored, blocks)
     assert impacts.wait_for_count(1)[0].accepted
-    assert not find_waiting(node)
+    assert not node.diagnose()["waiting for"]
 
 
-def test_a_hit_that_waits_when_the_recorder_stops_does_not_count(harness, recorded):
-    node, publisher, states, _, impacts = recorded
-    feed_what_waits(harness, node, publisher, make_blocks("steel small", 1))
-    states.publish(RecorderState(recording=False, uri=URI, message="the disk is full"))
-    harness.wait_until(lambda: not find_waiting(node))
-    # Nobody records any more, so nobody is waited for.
-    feed(harness, publisher, make_blocks("steel small", 1, first_record=2))
-    assert [verdict.record for verdict in impacts.wait_for_count(1)] == [2]
-    (sample,) = harness.call(GetResults, interfaces.GET_RESULTS).samples
-    assert (sample.impacts_accepted, sample.impacts_rejected) == (1, 0)
+def test_what_carries_another_id_is_not_judged(harness, joined):
+    _, publisher, stored, impacts = joined
+    blocks = make_blocks("steel small", 2)
+    foreign = (NO_IDENTITY, Identity(make_id(), OURS.stream_id), Identity(OURS.campaign_id))
+    for identity in foreign:
+        feed(harness, publisher, blocks[: len(blocks) // 2], identity)
+    feed(harness, publisher, blocks[len(blocks) // 2 :], OURS)
+    for record in (1, 2):
+        tell_stored(stored, [block for block in blocks if block.label.record == record])
+    assert [hit.record for hit in impacts.wait_for_count(1)] == [2]
 
 
-def test_a_hit_that_waits_is_not_taken_for_one_of_the_next_recording(harness, recorded):
-    node, publisher, states, stored, impacts = recorded
-    # A block that came after the other recording had begun would belong to that.
-    feed_what_waits(harness, node, publisher, make_blocks("steel small", 1))
-    states.publish(RecorderState(recording=True, uri="/somewhere/else.mcap"))
-    harness.wait_until(lambda: not find_waiting(node))
-    blocks = make_blocks("steel small", 1, first_record=2)
-    feed(harness, publisher, blocks)
-    tell_stored(stored, blocks)
-    assert [verdict.record for verdict in impacts.wait_for_count(1)] == [2]
-
-
-def test_a_recorder_that_is_there_and_has_said_nothing_is_waited_for(harness):
-    node = harness.add(EstimatorNode)
-    states = harness.advertise(interfaces.RECORDER_STATE)
-    harness.wait_until(lambda: states.get_subscription_count() > 0)
-    harness.advertise(interfaces.SETUP).publish(SETUP)
-    feed(harness, harness.advertise(interfaces.ACCELERATION), make_blocks("steel small", 1))
-    harness.wait_until(lambda: "record 1 is stored" in find_waiting(node))
-
-
-def test_a_record_that_began_before_anybody_listened_is_no_hit(harness):
-    """As when a player begins before the estimator has found it."""
-    harness.advertise(interfaces.SETUP).publish(SETUP)
-    publisher = harness.advertise(interfaces.ACCELERATION)
+def test_what_the_run_has_on_the_disk_is_known_and_counts_once(harness, tmp_path):
+    """As after a kill of all nodes: the recordings are what is left."""
     blocks = make_blocks("steel small", 3)
-    for block in blocks[:2]:
-        publisher.publish(block_to_msg(block))
-    harness.add(EstimatorNode)
+    paths = [tmp_path / "session.mcap", tmp_path / "session-2.mcap"]
+    setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
+    OURS.fill(setup)
+    for path, records in zip(paths, [(1,), (2, 3)], strict=True):
+        theirs = [
+            (0.0, interfaces.ACCELERATION, block_to_msg(block, OURS))
+            for block in blocks
+            if block.label.record in records
+        ]
+        write_recording(path, [(0.0, interfaces.SETUP, setup), *theirs])
+    node = harness.add(EstimatorNode)
+    request = JoinCampaign.Request(
+        setup=setup, stream_id=id_to_msg(OURS.stream_id), recording=str(paths[-1])
+    )
+    harness.call(JoinCampaign, interfaces.make_join_name("estimator"), request)
     impacts = harness.listen(interfaces.IMPACT)
-    # Of the third record the first block is lost: that is a hit, which is rejected.
-    feed(harness, publisher, [*blocks[2:10], *blocks[11:]])
-    heard = impacts.wait_for_count(2)
-    assert [(hit.record, hit.accepted) for hit in heard] == [(2, True), (3, False)]
-    assert "gap" in heard[1].reasons[0]
+    publisher = harness.advertise(interfaces.ACCELERATION)
+    feed(harness, publisher, [item for item in blocks if item.label.record == 3], OURS)
+    counts = GetResults.Request(counts_only=True)
+    answer = harness.call(GetResults, interfaces.GET_RESULTS, counts)
+    assert [(item.sample, item.accepted, item.rejected) for item in answer.counts] == [
+        ("steel small", 3, 0)
+    ]
+    assert (answer.newest_record, answer.waiting_record) == (3, 0)
+    assert not impacts.messages
+    results = harness.call(GetResults, interfaces.GET_RESULTS)
+    session = Session(PAPER_SETUP)
+    for block in blocks:
+        session.feed(block)
+    (expected,) = session.estimate_all().samples
+    assert results.samples[0].contact_time.value == expected.contact_time.value
+    assert not node.fault

@@ -8,17 +8,16 @@ import pytest
 from impact_rig_msgs.msg import StreamBlock
 
 from impact_rig.core.errors import SignalError
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.record import NOT_ARMED, Block, ChannelBlock, HitLabel
+from impact_rig.core.records import NOT_ARMED, Block, ChannelBlock, HitLabel
+from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.estimator_stream import StreamCutting
+from impact_rig.nodes.identity import Identity, id_to_msg, make_id
 from impact_rig.nodes.messages import fill_block, setup_to_msg, stamp_to_msg
-from impact_rig.recordings.messages import stamp_from_msg
 
 RATE, SIZE = 1e6, 1000
-HOUR = 3_600_000_000_000
+IDENTITY = Identity(make_id(), make_id())
 ARMING = HitLabel("steel small", record=4)
 
 
@@ -56,6 +55,7 @@ def make_message(label, number, channel, *, last=False):
     fill_block(
         message,
         Block(number * SIZE, RATE, channel, channel, label, last=last, stamp=number * 1_000_000),
+        IDENTITY,
     )
     return message
 
@@ -79,23 +79,14 @@ def test_an_impact_is_published_as_a_block_of_its_arming(cutting, publisher):
         0,
         True,
     )
+    assert block.campaign_id == id_to_msg(IDENTITY.campaign_id)
+    assert block.stream_id == id_to_msg(IDENTITY.stream_id)
     # Two pre-triggers before the impact, a record from the second one on.
     assert np.argmax(np.array(block.hammer.counts)) == 400
     assert len(block.hammer.counts) == 2200
     figures = cutting.describe()
     assert (figures["stream blocks"], figures["stream gaps"]) == (6, 0)
     assert cutting.describe_warning() == ""
-
-
-@pytest.mark.parametrize(("behind", "shift"), [(HOUR, HOUR), (-HOUR, 0), (1_000_000, 0)])
-def test_an_impact_is_dated_by_this_clock_where_that_of_its_stream_is_far_behind(
-    cutting, publisher, behind, shift
-):
-    cutting.use_settings(AnalysisSettings())
-    for number in range(6):
-        cutting.feed(make_block(number, impact=number == 2), behind)
-    (block,) = publisher.published
-    assert stamp_from_msg(block.header.stamp) == 1_900_000 + shift
 
 
 def test_lost_points_are_counted_and_warned_of(cutting):
@@ -171,7 +162,9 @@ def count_blocks(node):
 def stream(harness):
     """Return a publisher of a stream that an estimator with a set-up listens to, and that node."""
     node = harness.add(EstimatorNode)
-    harness.advertise(interfaces.SETUP).publish(setup_to_msg(PAPER_SETUP, stamp_to_msg(1)))
+    setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(1))
+    IDENTITY.fill(setup)
+    harness.advertise(interfaces.SETUP).publish(setup)
     publisher = harness.advertise(STREAM)
     harness.wait_until(lambda: publisher.get_subscription_count() == 1)
     # Until the set-up has come, what comes is not searched.

@@ -4,10 +4,11 @@ import re
 from pathlib import Path
 
 import pytest
+from impact_rig_msgs.action import RunCampaign
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
-from impact_rig.nodes.campaign import CampaignNode
+from impact_rig.nodes.campaign import TRANSITIONS, CampaignNode, State
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.recorder import RecorderNode
@@ -46,3 +47,16 @@ def test_every_topic_service_and_action_is_on_the_page():
             assert item.name in named
         elif isinstance(item, str) and re.fullmatch(r"\w+/\w+", item):
             assert item in named
+
+
+def test_the_states_of_a_campaign_are_those_of_the_code_and_of_the_action():
+    table = {
+        row[0].strip("`"): list_names(row[-1]) if len(row) > 2 else []
+        for row in ROWS
+        if row[0].strip("`") in State.__members__
+    }
+    assert table == {
+        state.name: [following.name for following in found] for state, found in TRANSITIONS.items()
+    }
+    constants = {name: getattr(RunCampaign.Feedback, name) for name in State.__members__}
+    assert constants == {state.name: state.value for state in State}

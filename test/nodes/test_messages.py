@@ -11,13 +11,11 @@ from hypothesis import strategies as st
 from impact_rig_msgs.msg import AccelerationBlock, Channel, StreamBlock
 from rclpy.serialization import serialize_message
 
-from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.samples import RigSetup, Sample
-from impact_rig.core.setup.sensors import Sensor
-from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.records import HitLabel
+from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.sensors import Sensor
+from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample
 from impact_rig.nodes import messages, result_messages
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.result_messages import record_to_msg
@@ -78,7 +76,7 @@ def test_a_message_has_no_field_that_no_record_fills(kind):
     message = MESSAGES[kind]()
     # When, under which set-up and by which software it was found is the node's to say.
     carried = message.get_fields_and_field_types().keys() - {
-        "header", "setup_stamp", "software_version",
+        "header", "campaign_id", "software_version", "plan",
     }  # fmt: skip
     names = set()
     for field in list_fields(kind):

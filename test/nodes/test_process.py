@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -11,6 +12,8 @@ import pytest
 
 from impact_rig.cli.up import make_command
 from impact_rig.configuration.processes import ACTIVE, LAUNCHER, NodeProcess
+from impact_rig.nodes import interfaces, rig_node
+from impact_rig.nodes.hammer import HammerNode
 
 PATIENCE = 60.0
 """How long a process may take before the test fails [s]."""
@@ -80,6 +83,22 @@ for parameter in {list(PARAMETERS)}:
     for line, words in zip(told, PARAMETERS.values(), strict=True):
         assert all(word in line for word in words)
     assert "Traceback" not in process.stderr
+
+
+def test_a_node_without_the_rig_s_messages_says_how_to_build_them():
+    paths = os.environ["PYTHONPATH"].split(os.pathsep)
+    others = [path for path in paths if "impact_rig_msgs" not in path]
+    done = subprocess.run(
+        [sys.executable, "-m", "impact_rig.nodes", "hammer"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(others)},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: impact_rig_msgs is missing: build both packages")
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_a_node_needs_no_standard_error():
@@ -190,7 +209,7 @@ print_middleware()
 raise SystemExit(code)
 """)
     assert process.returncode == 0, process.stderr
-    assert "campaign stopped: the campaign node has been stopped" in process.stderr
+    assert "the campaign ends: the campaign node has been stopped" in process.stderr
     assert "Traceback" not in process.stderr
     assert process.stdout == "dds.shm.wdog\n"
 
@@ -202,3 +221,31 @@ def test_a_signal_ends_a_node_quietly_that_still_imports(start):
     output, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
     assert "Traceback" not in output + errors
+
+
+@pytest.mark.parametrize("name", ["recorder", "hammer"])
+def test_who_asks_a_node_for_help_gets_it_and_no_node(name, tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "impact_rig.nodes", name, "--help"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=PATIENCE,
+    )
+    assert done.stdout.startswith(f"usage: ros2 run impact_rig {name}")
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_news_a_node_speaks_seldom_and_names_its_computer(harness):
+    diagnostics = harness.listen(interfaces.DIAGNOSTICS)
+    harness.add(HammerNode)
+    periods = harness.make_collector()
+    harness.peer.create_timer(rig_node.DIAGNOSTIC_PERIOD, lambda: periods.take(None))
+    periods.wait_for_count(1)
+    before = len(diagnostics.messages)
+    periods.wait_for_count(10)
+    said = diagnostics.messages[before:]
+    # In nine periods of nothing new, a sign of life every third; one more on the border.
+    assert 2 <= len(said) <= 5
+    assert {status.hardware_id for item in said for status in item.status} == {platform.node()}

@@ -1,29 +1,31 @@
-"""The replayer gives a recording back, byte by byte, once somebody listens."""
+"""The replayer gives a recording back, byte by byte; its rate, its loop and its pauses."""
 
 import time
 from functools import partial
 
 import pytest
-from impact_rig_msgs.msg import AccelerationBlock
+from impact_rig_msgs.msg import AccelerationBlock, ReplayerState
 from impact_rig_msgs.srv import GetResults
 from lifecycle_msgs.msg import State
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import FileError
-from impact_rig.core.estimation.sample import SampleEstimate
 from impact_rig.core.quantity import drop_internals
+from impact_rig.core.records import Block
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import Session
-from impact_rig.core.setup.paper import CONTROL_SAMPLE
-from impact_rig.core.signals.record import Block
+from impact_rig.core.setup import CONTROL_SAMPLE
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import MessageDefinition, find_message_definition
-from impact_rig.recordings.source import RecordingSource
-from impact_rig.recordings.writer import McapWriter
+from impact_rig.recordings.writer import RecordingWriter
 from impact_rig.results.wire import from_message
 
 from .replays import PEER, make_events, make_hits, wait_for_end, write_recording
@@ -47,12 +49,10 @@ def test_the_bytes_come_back_unchanged_in_order(harness, tmp_path):
     path = write_recording(tmp_path / "session.mcap", events)
     blocks = collect_raw(harness, interfaces.ACCELERATION, "acceleration")
     setups = collect_raw(harness, interfaces.SETUP, "setup")
-    node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path), rate=0.0)
+    node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path), rate=1000.0)
     wait_for_end(harness, node)
     originals = {
-        topic: [
-            item.data for item in RecordingSource(path).read_messages(partial(is_topic, topic))
-        ]
+        topic: [item.data for item in Scan(path).read_messages(partial(is_topic, topic))]
         for topic in ("/setup", "/acceleration")
     }
     assert blocks.wait_for_count(150) == originals["/acceleration"]
@@ -64,7 +64,7 @@ def test_a_fresh_estimator_gives_the_numbers_of_the_analysis_bit_for_bit(harness
     path = write_recording(tmp_path / "session.mcap", hits, namespace="/lab")
     harness.add(EstimatorNode)
     impacts = harness.listen(interfaces.IMPACT)
-    harness.add(ReplayerNode, file=str(path), rate=0.0)
+    harness.add(ReplayerNode, file=str(path), rate=1000.0)
     impacts.wait_for_count(6)
     answer = harness.call(GetResults, interfaces.GET_RESULTS)
 
@@ -99,7 +99,7 @@ def test_the_original_timing_and_multiples_of_it_are_kept(harness, tmp_path):
 def test_it_waits_for_those_who_must_not_miss_the_beginning(harness, tmp_path):
     path = write_recording(tmp_path / "session.mcap", make_hits({CONTROL_SAMPLE: 1}))
     blocks, impacts = harness.listen(interfaces.ACCELERATION), harness.listen(interfaces.IMPACT)
-    node = harness.add(ReplayerNode, file=str(path), rate=0.0)
+    node = harness.add(ReplayerNode, file=str(path), rate=1000.0)
     harness.wait_until(lambda: node.diagnose()["progress"] == "waiting for subscribers")
     assert not blocks.messages
     harness.add(EstimatorNode)
@@ -111,7 +111,7 @@ def test_it_replays_in_its_own_namespace_with_the_recorded_quality(harness, tmp_
     path = write_recording(tmp_path / "session.mcap", events, namespace="/there")
     blocks = harness.listen(interfaces.ACCELERATION, "/here")
     harness.add(
-        ReplayerNode, required_subscribers=PEER, namespace="/here", file=str(path), rate=0.0
+        ReplayerNode, required_subscribers=PEER, namespace="/here", file=str(path), rate=1000.0
     )
     blocks.wait_for_count(3)
     late = harness.listen(interfaces.SETUP, "/here")
@@ -119,22 +119,6 @@ def test_it_replays_in_its_own_namespace_with_the_recorded_quality(harness, tmp_
     (info,) = harness.peer.get_publishers_info_by_topic("/here/setup")
     assert info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     assert not harness.peer.get_publishers_info_by_topic("/there/setup")
-
-
-@pytest.mark.parametrize(("topics", "count"), [("inputs", 0), ("all", 2)])
-def test_only_inputs_are_replayed_unless_all_is_asked_for(harness, tmp_path, topics, count):
-    events = make_events(3)
-    events[2:2] = [(0.0, NOTES, String(data="first"))]
-    events.append((0.0, NOTES, String(data="last")))
-    path = write_recording(tmp_path / "session.mcap", events)
-    blocks, notes = harness.listen(interfaces.ACCELERATION), harness.listen(NOTES)
-    node = harness.add(
-        ReplayerNode, required_subscribers=PEER, file=str(path), rate=0.0, topics=topics
-    )
-    wait_for_end(harness, node)
-    blocks.wait_for_count(3)
-    notes.wait_for_count(count)
-    assert len(notes.messages) == count
 
 
 REFUSED = (
@@ -163,16 +147,17 @@ def test_a_recording_of_another_version_is_refused(harness, tmp_path):
     path = tmp_path / "old.mcap"
     definition = find_message_definition("impact_rig_msgs/msg/AccelerationBlock")
     text = definition.text.replace("uint32 attempt", "uint8 attempt")
-    with McapWriter(path) as writer:
+    with RecordingWriter(path) as writer:
         channel = writer.add_channel(
             "/acceleration", MessageDefinition(definition.type_name, text), ()
         )
         writer.add_message(channel, serialize_message(AccelerationBlock()), 1, 1)
     node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path))
     assert (
-        "another version of impact_rig_msgs/msg/AccelerationBlock: field `attempt` of"
-        " impact_rig_msgs/msg/AccelerationBlock is uint8 in the recording and uint32 here"
+        "`uint8 attempt` of impact_rig_msgs/msg/AccelerationBlock in the recording and `uint32"
+        " attempt` of impact_rig_msgs/msg/AccelerationBlock here"
     ) in node.fault
+    assert "another version of impact_rig_msgs/msg/AccelerationBlock" in node.fault
 
 
 def test_what_cannot_replay_and_is_to_end_with_its_recording_ends_with_an_error(harness, tmp_path):
@@ -187,7 +172,7 @@ def test_what_cannot_replay_and_is_to_end_with_its_recording_ends_with_an_error(
 
 def test_damage_within_ends_the_replay_with_an_error(harness, tmp_path):
     path = tmp_path / "session.mcap"
-    writer = McapWriter(path, chunk_size=2000, compression="none")
+    writer = RecordingWriter(path, chunk_size=2000, compression="none")
     definition = find_message_definition("impact_rig_msgs/msg/AccelerationBlock")
     channel = writer.add_channel("/acceleration", definition, ())
     for index in range(50):
@@ -200,8 +185,86 @@ def test_damage_within_ends_the_replay_with_an_error(harness, tmp_path):
     path.write_bytes(data)
     blocks = harness.listen(interfaces.ACCELERATION)
     node = harness.add(
-        ReplayerNode, required_subscribers=PEER, file=str(path), rate=0.0, exit_when_done=True
+        ReplayerNode, required_subscribers=PEER, file=str(path), rate=1000.0, exit_when_done=True
     )
     harness.wait_until(node.stop_requested.done)
     assert "is damaged" in str(node.stop_requested.exception())
     assert 0 < len(blocks.wait_for_count(1)) < 50
+
+
+def play(harness, path, **parameters):
+    return harness.add(
+        ReplayerNode, file=str(path), **{"required_subscribers": PEER, **parameters}
+    )
+
+
+def list_samples(blocks):
+    return [item.first_sample for item in blocks]
+
+
+def test_a_pause_holds_until_it_is_ended(harness, tmp_path, monkeypatch):
+    monkeypatch.setattr("impact_rig.nodes.replayer.STATE_PERIOD", 0.1)
+    path = write_recording(tmp_path / "session.mcap", make_events(100, pause=0.02))
+    blocks = harness.listen(interfaces.ACCELERATION)
+    states = harness.listen(interfaces.REPLAYER_STATE)
+    node = play(harness, path)
+    blocks.wait_for_count(5)
+    assert harness.call(Trigger, interfaces.PAUSE_REPLAYER).success
+    # The state comes again and again: between two of them nothing went on.
+    paused = [
+        item
+        for item in states.wait(lambda items: count_paused(items) >= 3)
+        if item.state == ReplayerState.PAUSED
+    ]
+    assert paused[-2].messages == paused[-1].messages < 101
+    assert paused[-1].header.stamp != paused[-2].header.stamp
+    assert harness.call(Trigger, interfaces.RESUME_REPLAYER).success
+    wait_for_end(harness, node)
+    assert list_samples(blocks.wait_for_count(100)) == list(range(100))
+
+
+def count_paused(states):
+    return sum(item.state == ReplayerState.PAUSED for item in states)
+
+
+def test_without_a_replay_there_is_nothing_to_control(harness):
+    harness.add(ReplayerNode, autostart=False)
+    for service in (interfaces.PAUSE_REPLAYER, interfaces.RESUME_REPLAYER):
+        answer = harness.call(Trigger, service)
+        assert not answer.success
+        assert "nothing is being replayed" in answer.message
+
+
+def test_the_state_tells_how_far_it_is(harness, tmp_path):
+    path = write_recording(tmp_path / "session.mcap", make_events(6, blocks=2, pause=0.5))
+    harness.listen(interfaces.ACCELERATION)
+    states = harness.listen(interfaces.REPLAYER_STATE)
+    node = play(harness, path, rate=0.001)
+    states.wait(lambda items: bool(items) and items[-1].state == ReplayerState.PLAYING)
+    node.set_parameters([Parameter("rate", value=1000.0)])
+    messages = states.wait(lambda items: items[-1].state == ReplayerState.DONE)
+    last = messages[-1]
+    assert (last.uri, last.messages) == (str(path), 7)
+    assert last.position == last.duration == pytest.approx(3.0)
+    assert last.message == "done: 7 messages"
+
+
+def test_each_pass_of_a_loop_estimates_afresh(harness, tmp_path):
+    hits = make_hits({CONTROL_SAMPLE: 4})
+    path = write_recording(tmp_path / "session.mcap", hits)
+    harness.add(EstimatorNode)
+    impacts = harness.listen(interfaces.IMPACT)
+    node = play(harness, path, rate=1000.0, loop=3, required_subscribers="estimator")
+    wait_for_end(harness, node)
+    assert [item.record for item in impacts.wait_for_count(12)] == [1, 2, 3, 4] * 3
+    (sample,) = harness.call(GetResults, interfaces.GET_RESULTS).samples
+    assert (sample.impacts_accepted, sample.impacts_rejected) == (4, 0)
+
+
+def test_a_loop_without_end_is_ended_by_deactivation(harness, tmp_path):
+    path = write_recording(tmp_path / "session.mcap", make_events(5, pause=0.01))
+    blocks = harness.listen(interfaces.ACCELERATION)
+    node = play(harness, path, loop=0)
+    assert list_samples(blocks.wait_for_count(15))[:15] == [0, 1, 2, 3, 4] * 3
+    node.trigger_deactivate()
+    assert node.describe_state()["message"] == "stopped"

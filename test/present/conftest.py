@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
+from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.setup import PAPER_SETUP, RigSetup
+from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.results.campaign import hit_results_from_judged, results_from_session
 from impact_rig.results.hit_traces import TraceAssembler
@@ -63,6 +63,13 @@ def trace_campaign(
 def trace() -> Trace:
     """Return the function that strikes samples and keeps what there is to see."""
     return trace_campaign
+
+
+@pytest.fixture(scope="session")
+def contacts() -> TracedCampaign:
+    """Return two samples whose contacts have a law, three hits each."""
+    hits = ((name, impact) for name in ("aluminium large", "steel medium") for impact in (1, 2, 3))
+    return trace_campaign(hits, settings=VirtualRigSettings(Plant.CONTACT, seed=1))
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ import pytest
 
 from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.schemas import find_message_definition
-from impact_rig.recordings.writer import McapWriter, RecordingWriter
+from impact_rig.recordings.writer import RecordingWriter
 
 from .damaged import write_original
 from .text_recordings import Writer
@@ -22,6 +22,7 @@ STANDARD_MESSAGES = {
     ("std_msgs", "Header"): "# Stamp.\nbuiltin_interfaces/Time stamp\n\nstring frame_id\n",
     ("builtin_interfaces", "Time"): "int32 sec\n\nuint32 nanosec\n",
     ("std_msgs", "String"): "string data\n",
+    ("unique_identifier_msgs", "UUID"): "uint8[16] uuid\n",
 }
 STAMP = {"sec": 1_700_000_000, "nanosec": 250}
 NAN = float("nan")
@@ -168,15 +169,11 @@ OURS = "impact_rig_msgs/msg/"
 
 
 class RecordingMaker:
-    """Writes a recording of a rig in a namespace, message by message.
-
-    A name that does not end with .mcap is that of a folder as rosbag2 writes it.
-    """
+    """Writes a recording of a rig in a namespace, message by message."""
 
     def __init__(self, path: Path, namespace: str = "/", **options: Any) -> None:
         self.path = path
-        make_writer = McapWriter if path.suffix == ".mcap" else RecordingWriter
-        self.writer = make_writer(path, **options)
+        self.writer = RecordingWriter(path, **options)
         self._prefix = namespace.rstrip("/") + "/"
         self._encoder = CdrEncoder()
         self._channels: dict[str, int] = {}
@@ -227,7 +224,7 @@ def make(tmp_path: Path) -> Iterator[Callable[..., Writer]]:
     """Return a function that begins a recording of texts; it is closed at the end."""
     made: list[Writer] = []
 
-    def begin(name: str = "session", **options: Any) -> Writer:
+    def begin(name: str = "session.mcap", **options: Any) -> Writer:
         made.append(Writer(tmp_path / name, **options))
         return made[-1]
 

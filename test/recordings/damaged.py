@@ -10,9 +10,9 @@ import mcap.stream_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 
-from impact_rig.recordings.contents import inspect_recording
+from impact_rig.recordings.contents import Contents, inspect_recording
 from impact_rig.recordings.hits import HitState
-from impact_rig.recordings.recover import Recovery, recover_recording
+from impact_rig.recordings.recover import recover_recording
 
 OURS = "impact_rig_msgs/msg/"
 HITS = 4
@@ -127,18 +127,31 @@ def spoil(path: Path, content: bytes) -> Path:
     return damaged
 
 
-def recover(damaged: Path) -> Recovery:
+class Recovered(NamedTuple):
+    """A damaged recording: what was found in it, and the sound one made of it."""
+
+    contents: Contents
+    output: Path
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all that was in it is in the sound one."""
+        contents = self.contents
+        return not (contents.lost or any(damage.size for damage in contents.damages))
+
+
+def recover(damaged: Path) -> Recovered:
     """Recover to a new file, whatever was there before."""
     output = damaged.with_name("good.mcap")
     output.unlink(missing_ok=True)
-    return recover_recording(damaged, output)
+    return Recovered(recover_recording(damaged, output), output)
 
 
-def read_recovered(recovery: Recovery) -> list[Raw]:
+def read_recovered(recovered: Recovered) -> list[Raw]:
     """Return the messages of a recovered recording, which must be sound."""
-    assert inspect_recording(recovery.output).problems == ()
-    return read_raw(recovery.output)
+    assert inspect_recording(recovered.output).problems == ()
+    return read_raw(recovered.output)
 
 
-def list_states(recovery: Recovery) -> dict[int, HitState]:
-    return {hit.record: hit.state for hit in recovery.contents.hits}
+def list_states(recovered: Recovered) -> dict[int, HitState]:
+    return {hit.record: hit.state for hit in recovered.contents.hits}

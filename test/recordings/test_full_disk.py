@@ -7,7 +7,6 @@ from pathlib import Path
 
 import mcap.reader
 import pytest
-import yaml
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.new_file import ROOM_FOR_ENDING, DiskFullError
@@ -21,7 +20,7 @@ DISK_SIZE = ROOM_FOR_ENDING + (3 << 20)
 
 @pytest.fixture
 def disk(tmp_path):
-    """Return the folder of a disk of 7 MB."""
+    """Return the folder of a disk of 19 MB."""
     folder = tmp_path / "disk"
     folder.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", f"size={DISK_SIZE}", "tmpfs", str(folder)]
@@ -35,20 +34,16 @@ def disk(tmp_path):
     subprocess.run(["umount", "--lazy", str(folder)], check=True)
 
 
-def begin(output: Path, **options) -> tuple[RecordingWriter, int]:
-    writer = RecordingWriter(
-        output, compression="none", chunk_size=100_000, **{"keep_free": 0, **options}
-    )
+def begin(output: Path) -> tuple[RecordingWriter, int]:
+    writer = RecordingWriter(output, compression="none", chunk_size=100_000)
     return writer, writer.add_channel("/acceleration", TEXT, ())
 
 
-def add_until_refused(writer: RecordingWriter, channel: int, *, sync: bool = False) -> FileError:
+def add_until_refused(writer: RecordingWriter, channel: int) -> FileError:
     """Add blocks, at most twice what the disk holds."""
     for number in range(2 * DISK_SIZE // len(BLOCK)):
         try:
             writer.add_message(channel, BLOCK, number, number)
-            if sync:
-                writer.sync()
         except FileError as error:
             return error
     raise AssertionError("the disk never filled up")
@@ -71,9 +66,8 @@ def read_times(path: Path) -> list[int]:
         return [message.log_time for _, _, message in reader.iter_messages()]
 
 
-@pytest.mark.parametrize("name", ["session.mcap", "session"])
-def test_what_does_not_fit_is_refused_in_time_for_a_good_end(disk, name):
-    writer, channel = begin(disk / name)
+def test_what_does_not_fit_is_refused_in_time_for_a_good_end(disk):
+    writer, channel = begin(disk / "session.mcap")
     error = add_until_refused(writer, channel)
     assert isinstance(error, DiskFullError)
     assert "cannot be written: No space left on device; it keeps what was written" in str(error)
@@ -82,34 +76,11 @@ def test_what_does_not_fit_is_refused_in_time_for_a_good_end(disk, name):
     writer.add_metadata(HEALTH_RECORD, {"end": "disk full"})
     writer.close()
 
-    assert read_times(writer.files[0]) == list(range(writer.messages))
+    assert read_times(writer.path) == list(range(writer.messages))
     assert writer.messages > 2 * (1 << 20) // len(BLOCK)
-    with writer.files[0].open("rb") as file:
+    with writer.path.open("rb") as file:
         names = [item.name for item in mcap.reader.make_reader(file).iter_metadata()]
-    assert names == [HEALTH_RECORD, "rosbag2"]
-    if name == "session":
-        content = yaml.safe_load((disk / name / "metadata.yaml").read_text())
-        assert content["rosbag2_bagfile_information"]["message_count"] == writer.messages
-
-
-def test_a_disk_that_fills_up_while_files_are_split_loses_no_message(disk):
-    writer, channel = begin(disk / "session", split_size=150_000)
-    writer.add_attachment("rig.toml", "application/toml", bytes(90_000))
-    error = add_until_refused(writer, channel, sync=True)
-    assert isinstance(error, DiskFullError)
-    writer.close()
-    assert len(writer.files) > 10
-    times = [time for path in writer.files for time in read_times(path)]
-    assert times == list(range(writer.messages))
-
-
-def test_what_is_kept_free_stays_free(disk):
-    writer, channel = begin(disk / "session.mcap", keep_free=1 << 20)
-    add_until_refused(writer, channel)
-    writer.close()
-    used = writer.size
-    assert DISK_SIZE - used > ROOM_FOR_ENDING + (1 << 20) - 100_000
-    assert used > (1 << 20)
+    assert names == [HEALTH_RECORD]
 
 
 def test_a_disk_filled_by_others_in_mid_chunk_costs_that_chunk_alone(disk):
@@ -131,6 +102,6 @@ def test_a_disk_filled_by_others_in_mid_chunk_costs_that_chunk_alone(disk):
 
 def test_a_disk_that_is_full_at_the_beginning_is_said_so(disk):
     take_all_space(disk)
-    with pytest.raises(DiskFullError, match=r"cannot be begun: its disk should have .* 4 MB"):
-        RecordingWriter(disk / "session.mcap", keep_free=0)
+    with pytest.raises(DiskFullError, match=r"cannot be begun: its disk should have .* 17 MB"):
+        RecordingWriter(disk / "session.mcap")
     assert [path.name for path in disk.iterdir()] == ["other"]

@@ -1,6 +1,6 @@
 """What a recording has of each record and of a running stream is counted, and what it lacks."""
 
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.records import HitLabel
 from impact_rig.recordings.contents import inspect_recording
 from impact_rig.recordings.hits import REMEMBERED, RecordWatch, StreamWatch
 
@@ -94,16 +94,6 @@ def test_a_number_that_is_used_again_after_a_new_arming_is_another_record():
     assert [count.blocks for count in watch.collect()] == [1, 0]
 
 
-def test_a_long_record_is_told_in_parts_as_it_grows():
-    watch = RecordWatch()
-    add(watch, FIRST, 0, 100, last=False)
-    assert [count.blocks for count in watch.collect(with_unfinished=True)] == [2]
-    assert watch.collect(with_unfinished=True) == ()
-    add(watch, FIRST, 200, last=False)
-    assert watch.collect() == ()
-    assert [count.blocks for count in watch.collect(with_unfinished=True)] == [3]
-
-
 def test_what_was_told_of_long_ago_is_forgotten():
     watch = RecordWatch()
     for record in range(1, 3 * REMEMBERED + 1):
@@ -152,11 +142,3 @@ def test_gaps_of_a_stream_are_no_damage_of_the_file(make_recording):
     assert (stream.gaps, stream.missing_points) == (2, 50 + 300)
     assert contents.is_sound
     assert contents.hits == ()
-
-
-def test_a_stream_goes_on_from_file_to_file(make_recording):
-    maker = make_recording("session", split_size=1, chunk_size=1)
-    add_blocks(maker, 0, 50, 100, 250)
-    contents = inspect_recording(maker.close())
-    assert len(contents.files) > 2
-    assert [(stream.blocks, stream.gaps) for stream in contents.streams.values()] == [(4, 1)]

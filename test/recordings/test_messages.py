@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import FileError
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
-from impact_rig.core.setup.settings import AnalysisSettings
-from impact_rig.core.signals.record import NOT_ARMED, Block, ChannelBlock, HitLabel
+from impact_rig.core.records import NOT_ARMED, Block, ChannelBlock, HitLabel
+from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.recordings.messages import (
     MessageEncoder,
     block_from_msg,

@@ -1,8 +1,11 @@
-"""What a person names is found: a file, a folder as rosbag2 writes it, a run's folder."""
+"""What a person names is found: a file, the folder of a run, a folder with one recording."""
 
+import shlex
 from pathlib import Path
 
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.reader import read_recording
@@ -27,9 +30,6 @@ def make_run(make_recording):
     [
         ("run.mcap", "run.mcap", "run.mcap"),
         ("run/session.mcap", "run", "run/session.mcap"),
-        ("run/session", "run/session", "run/session"),
-        ("run/session", "run", "run/session"),
-        ("run/session", "run/session/session_0.mcap", "run/session/session_0.mcap"),
         ("run/other.mcap", "run", "run/other.mcap"),
         ("run/hall_3.mcap", "run", "run/hall_3.mcap"),
     ],
@@ -44,13 +44,48 @@ def test_what_is_named_is_found_and_read(make_run, tmp_path, recorded, named, fo
     assert len(list(read_recording(path).events())) == 2
 
 
-def test_files_that_happen_to_be_numbered_are_not_joined(make_run, tmp_path):
+def test_of_several_in_a_folder_one_must_be_named_and_a_split_one_converted(make_run, tmp_path):
     (tmp_path / "run").mkdir()
     make_run("run/hall_1.mcap")
     make_run("run/hall_2.mcap")
-    with pytest.raises(FileError, match="run is a folder with 2 recordings: name one"):
+    with pytest.raises(FileError, match="run is a folder with 2 recordings: name one") as error:
         find_recording(tmp_path / "run")
     assert not is_recording(tmp_path / "run")
+    assert list_conversion(error) == [str(tmp_path / "run"), f"{tmp_path / 'run'}.converted"]
+
+
+def list_conversion(error) -> list[str]:
+    """Return from where to where the command converts that an error names."""
+    words = shlex.split(str(error.value).partition("rosbags-convert ")[2])
+    assert words[::2] == ["--src", "--dst", "--dst-storage"]
+    assert words[5] == "mcap"
+    return words[1:5:2]
+
+
+@pytest.mark.parametrize("name", ["old_0.db3", "old_0.mcap.zstd"])
+def test_what_has_to_be_converted_is_refused_with_the_command(tmp_path, name):
+    folder = tmp_path / "an old one"
+    folder.mkdir()
+    (folder / name).write_bytes(b"SQLite format 3")
+    for path in (folder, folder / name):
+        with pytest.raises(FileError, match="cannot be read: rosbags makes one") as error:
+            find_recording(path)
+        assert list_conversion(error) == [str(folder), f"{folder}.converted"]
+
+
+def test_a_folder_by_another_recorder_is_read(tmp_path):
+    folder, data = tmp_path / "bag", b"\0\1\0\0\2\0\0\0a\0"
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        types = get_typestore(Stores.ROS2_JAZZY)
+        text = writer.add_connection("/text", "std_msgs/msg/String", typestore=types)
+        for time in (5, 7):
+            writer.write(text, time, data)
+    assert sorted(path.name for path in folder.iterdir()) == ["bag.mcap", "metadata.yaml"]
+    messages = list(open_source(folder).read_messages())
+    assert [(item.channel.topic, item.log_time, item.data) for item in messages] == [
+        ("/text", 5, data),
+        ("/text", 7, data),
+    ]
 
 
 def test_where_there_is_no_recording_it_is_said(tmp_path):
@@ -59,9 +94,6 @@ def test_where_there_is_no_recording_it_is_said(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(FileError, match="empty is a folder without a recording"):
         find_recording(tmp_path / "empty")
-    (tmp_path / "empty" / "metadata.yaml").write_text("relative_file_paths: [x_0.mcap]")
-    with pytest.raises(FileError, match="empty is a folder without a recording"):
-        open_source(tmp_path / "empty")
 
 
 def test_a_folder_without_permission_is_named(tmp_path, monkeypatch):

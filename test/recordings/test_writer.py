@@ -1,4 +1,4 @@
-"""A recording, one file or a folder: read by other libraries, and safe once it is synced."""
+"""A recording is read by other libraries, and safe once it is synced."""
 
 import os
 import random
@@ -12,28 +12,20 @@ from types import SimpleNamespace
 import mcap.reader
 import mcap.stream_reader
 import pytest
-import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 
-from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.errors import FileError
 from impact_rig.recordings import new_file
 from impact_rig.recordings.new_file import ROOM_FOR_ENDING
 from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import MessageDefinition, find_message_definition
-from impact_rig.recordings.source import RecordingSource
-from impact_rig.recordings.writer import COMPRESSIONS, McapWriter, RecordingWriter
+from impact_rig.recordings.writer import COMPRESSIONS, RecordingWriter
 
 from .text_recordings import (
     HIT,
-    SECOND,
-    START,
-    Writer,
     encode,
-    list_hits,
-    read_by_mcap,
     read_by_stream,
 )
 
@@ -84,7 +76,7 @@ def test_rosbags_decodes_every_message(recording):
 def test_quality_of_service_and_type_hash_stand_with_each_topic(tmp_path):
     path = tmp_path / "qos.mcap"
     definition = find_message_definition("std_msgs/msg/String")
-    with McapWriter(path) as writer:
+    with RecordingWriter(path) as writer:
         channel = writer.add_channel("/text", definition, (LATCHED, OfferedQos()))
         writer.add_message(channel, b"\0\1\0\0\1\0\0\0\0", 5, 4)
     with AnyReader([path]) as reader:
@@ -99,9 +91,9 @@ def test_quality_of_service_and_type_hash_stand_with_each_topic(tmp_path):
 
 def test_topics_without_messages_and_empty_recordings_are_sound(tmp_path):
     definition = find_message_definition("std_msgs/msg/String")
-    with McapWriter(tmp_path / "silent.mcap") as writer:
+    with RecordingWriter(tmp_path / "silent.mcap") as writer:
         writer.add_channel("/text", definition, ())
-    with McapWriter(tmp_path / "empty.mcap"):
+    with RecordingWriter(tmp_path / "empty.mcap"):
         pass
     for name, topics in (("silent.mcap", ["/text"]), ("empty.mcap", [])):
         with (tmp_path / name).open("rb") as file:
@@ -113,7 +105,7 @@ def test_topics_without_messages_and_empty_recordings_are_sound(tmp_path):
 def test_two_versions_of_a_type_keep_their_own_schemas(tmp_path):
     old = MessageDefinition("rig_msgs/msg/Note", "string data\n")
     new = MessageDefinition("rig_msgs/msg/Note", "string data\nuint8 level\n")
-    with McapWriter(tmp_path / "both.mcap") as writer:
+    with RecordingWriter(tmp_path / "both.mcap") as writer:
         for topic, definition in (("/old", old), ("/new", new), ("/more", old)):
             writer.add_channel(topic, definition, ())
     with (tmp_path / "both.mcap").open("rb") as file:
@@ -129,9 +121,9 @@ def test_two_versions_of_a_type_keep_their_own_schemas(tmp_path):
 def test_the_free_space_shrinks_by_what_waits_to_be_written(make_recording, monkeypatch):
     free = SimpleNamespace(f_bavail=ROOM_FOR_ENDING + 1_000_000, f_frsize=1)
     monkeypatch.setattr(os, "fstatvfs", lambda descriptor: free)
-    maker = make_recording(keep_free=100_000)
+    maker = make_recording()
     before = maker.writer.free_space
-    assert 899_000 < before <= 900_000
+    assert 999_000 < before <= 1_000_000
     data = maker.add("/text", "std_msgs/msg/String", {"data": "x" * 1000})
     assert 0 <= before - maker.writer.free_space - len(data) < 200
     maker.close()
@@ -147,7 +139,7 @@ def test_what_was_flushed_is_read_while_the_file_is_still_open(make_recording):
     maker.writer.flush()
     assert maker.writer.size > before
     maker.add_block(2)
-    messages = list(RecordingSource(maker.path).read_messages())
+    messages = list(Scan(maker.path).read_messages())
     assert [message.channel.topic for message in messages] == ["/setup", "/acceleration"]
 
 
@@ -158,11 +150,11 @@ def test_a_disk_that_fails_without_warning_keeps_all_finished_chunks(tmp_path):
 import resource, signal
 from pathlib import Path
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.writer import McapWriter
+from impact_rig.recordings.writer import RecordingWriter
 from impact_rig.recordings.schemas import find_message_definition
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (25_000, 25_000))
-writer = McapWriter(Path({str(path)!r}), compression="none", chunk_size=3000)
+writer = RecordingWriter(Path({str(path)!r}), compression="none", chunk_size=3000)
 channel = writer.add_channel("/text", find_message_definition("std_msgs/msg/String"), ())
 try:
     for number in range(1000):
@@ -176,7 +168,7 @@ writer.close()
     )
     assert "session.mcap cannot be written: File too large" in done.stdout
     assert done.stderr == ""
-    file = RecordingSource(path)
+    file = Scan(path)
     assert file.warnings
     times = [message.log_time for message in file.read_messages()]
     assert times == list(range(len(times)))
@@ -193,7 +185,7 @@ def test_messages_of_any_size_and_time_are_found_by_their_time(tmp_path, compres
     ]
     definition = find_message_definition("std_msgs/msg/String")
     path = tmp_path / "session.mcap"
-    with McapWriter(path, compression=compression, chunk_size=2000) as writer:
+    with RecordingWriter(path, compression=compression, chunk_size=2000) as writer:
         for number in (1, 2, 3):
             assert writer.add_channel(f"/{number}", definition, ()) == number
         for channel, moment, data in messages:
@@ -230,7 +222,7 @@ import os, signal, sys
 from pathlib import Path
 sys.path.insert(0, {tests!r})
 from text_recordings import Writer
-recording = Writer(Path({output!r}), split_size={split_size})
+recording = Writer(Path({output!r}))
 recording.add(recording.setup, b"set-up")
 for number in (1, 2, 3):
     recording.add_hits(number)
@@ -240,23 +232,14 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-@pytest.mark.parametrize(("name", "split_size"), [("one.mcap", 0), ("bag", 0), ("bag", 5000)])
-def test_after_kill_9_everything_synced_is_in_the_files(tmp_path, name, split_size):
-    script = KILLED.format(
-        tests=str(Path(__file__).parent), output=str(tmp_path / name), split_size=split_size
-    )
+def test_after_kill_9_everything_synced_is_in_the_file(tmp_path):
+    path = tmp_path / "session.mcap"
+    script = KILLED.format(tests=str(Path(__file__).parent), output=str(path))
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
     assert done.returncode == -signal.SIGKILL, done.stderr
-    files = sorted((tmp_path / name).glob("*.mcap")) or [tmp_path / name]
-    found = [message.data for path in files for _, message in read_by_stream(path)]
+    found = [message.data for _, message in read_by_stream(path)]
     hits = [data for data in found if HIT in data]
     assert hits == [encode(b"%d " % number + HIT) for number in (1, 2, 3)]
-    if name == "bag":
-        text = (tmp_path / name / "metadata.yaml").read_text()
-        content = yaml.safe_load(text)["rosbag2_bagfile_information"]
-        assert content["relative_file_paths"] == [path.name for path in files]
-        names = [item["topic_metadata"]["name"] for item in content["topics_with_message_count"]]
-        assert names == ["/setup", "/acceleration"]
 
 
 def test_a_sync_returns_when_the_disk_has_the_hit(make, monkeypatch):
@@ -269,7 +252,7 @@ def test_a_sync_returns_when_the_disk_has_the_hit(make, monkeypatch):
     recording.add_hits(2)
     recording.writer.sync()
     assert sizes == [recording.writer.size]
-    assert len(HIT) * 2 < sizes[0] == recording.writer.files[0].stat().st_size
+    assert len(HIT) * 2 < sizes[0] == recording.writer.path.stat().st_size
 
 
 def test_a_stream_is_sent_to_the_disk_while_it_is_written(make, monkeypatch):
@@ -286,39 +269,11 @@ def test_a_stream_is_sent_to_the_disk_while_it_is_written(make, monkeypatch):
     assert recording.writer.size - sum(length for _, length in sent) < 10_000
 
 
-def test_a_bare_file_is_not_split_and_nothing_left_behind(tmp_path):
-    with pytest.raises(ParameterError, match=r"cannot be split: name a folder, without \.mcap"):
-        RecordingWriter(tmp_path / "runs" / "session.mcap", split_size=1000)
-    assert not (tmp_path / "runs").exists()
-
-
-@pytest.mark.parametrize("name", ["session_0.mcap", "metadata.yaml", "other.db3"])
-def test_a_folder_with_a_recording_is_never_written_to(tmp_path, name):
-    (tmp_path / "session").mkdir()
-    (tmp_path / "session" / name).write_bytes(b"precious")
-    with pytest.raises(FileError, match=rf"session holds a recording already \({name}\)"):
-        RecordingWriter(tmp_path / "session")
-    assert [path.name for path in (tmp_path / "session").iterdir()] == [name]
-    assert (tmp_path / "session" / name).read_bytes() == b"precious"
-
-
 def test_an_existing_file_is_never_overwritten(tmp_path):
     (tmp_path / "session.mcap").write_bytes(b"precious")
     with pytest.raises(FileError, match=r"session\.mcap exists already"):
         RecordingWriter(tmp_path / "session.mcap")
     assert (tmp_path / "session.mcap").read_bytes() == b"precious"
-
-
-def test_a_file_in_the_way_of_the_next_one_ends_the_recording_well(make, tmp_path):
-    recording = make(split_size=1)
-    recording.add_hits(1)
-    (tmp_path / "session" / "session_1.mcap").write_bytes(b"precious")
-    with pytest.raises(FileError, match=r"session_1\.mcap exists already"):
-        recording.writer.sync()
-    recording.add_hits(2)
-    recording.writer.close()
-    assert list_hits(recording.writer.files[0]) == [1, 2]
-    assert (tmp_path / "session" / "session_1.mcap").read_bytes() == b"precious"
 
 
 def test_a_finished_recording_takes_no_more(make):
@@ -331,145 +286,3 @@ def test_a_finished_recording_takes_no_more(make):
         recording.add_hits(2)
     with pytest.raises(FileError, match="is closed already"):
         recording.writer.sync()
-
-
-@pytest.mark.parametrize("end", ["sync", "flush"], ids=["hits", "stream"])
-def test_the_next_file_begins_when_a_hit_is_complete_and_in_a_stream_with_a_chunk(make, end):
-    recording = make(split_size=8000)
-    for number in range(1, 8):
-        recording.add_hits(number)
-        getattr(recording.writer, "flush" if number == 1 else end)()
-    recording.writer.close()
-    assert [list_hits(path) for path in recording.writer.files] == [[1, 2, 3], [4, 5, 6], [7]]
-
-
-def test_a_stream_that_is_never_flushed_is_split_too(make):
-    recording = make(split_size=8000, chunk_size=4000)
-    recording.add_hits(*range(1, 12))
-    recording.writer.close()
-    hits = [list_hits(path) for path in recording.writer.files]
-    assert [number for part in hits for number in part] == list(range(1, 12))
-    assert {len(part) for part in hits[:-1]} == {4}
-
-
-def test_a_flush_does_not_cut_a_hit_in_two(make):
-    recording = make(split_size=10_000)
-    recording.add_hits(1)
-    recording.writer.sync()
-    for number in (2, 3, 4):
-        recording.add_hits(number)
-        recording.writer.flush()
-    assert len(recording.writer.files) == 1
-    recording.writer.sync()
-    assert len(recording.writer.files) == 2
-
-
-def test_files_are_split_by_time_as_well(make):
-    recording = make(split_duration=0.3)
-    for number in range(8):
-        recording.add_hits(number)
-        recording.writer.sync()
-    recording.writer.close()
-    assert [list_hits(path) for path in recording.writer.files] == [[0, 1, 2, 3], [4, 5, 6, 7], []]
-
-
-def test_nothing_new_begins_no_file(make):
-    recording = make(split_size=1)
-    recording.add(recording.setup, b"set-up")
-    for _ in range(3):
-        recording.writer.sync()
-        recording.writer.flush()
-    assert len(recording.writer.files) == 2
-
-
-def test_each_file_can_be_read_alone(make):
-    recording = make(split_size=1)
-    recording.writer.add_metadata("impact_rig", {"notes": "old"})
-    recording.writer.add_metadata("impact_rig", {"notes": "new"})
-    recording.writer.add_attachment("rig.toml", "application/toml", b"[hammer]")
-    recording.add(recording.setup, b"first")
-    recording.add(recording.setup, b"second")
-    recording.add_hits(1)
-    recording.writer.sync()
-    recording.add_hits(2)
-    recording.writer.close()
-
-    first, second = recording.writer.files
-    assert [(topic, number) for topic, number, _ in read_by_mcap(first)] == [
-        ("/setup", 0),
-        ("/setup", 1),
-        ("/acceleration", 0),
-    ]
-    # The number of the repeated message tells that it is no new one.
-    assert [(topic, number, text[:6]) for topic, number, text in read_by_mcap(second)] == [
-        ("/setup", 1, "second"),
-        ("/acceleration", 1, "2 xxxx"),
-    ]
-    with second.open("rb") as file:
-        reader = mcap.reader.make_reader(file, validate_crcs=True)
-        records = {record.name: record.metadata for record in reader.iter_metadata()}
-        attachments = [
-            (item.name, item.media_type, item.data) for item in reader.iter_attachments()
-        ]
-        messages = [message for _, _, message in reader.iter_messages()]
-    assert records["impact_rig"] == {"notes": "new"}
-    assert attachments == [("rig.toml", "application/toml", b"[hammer]")]
-    assert [message.log_time - START for message in messages] == [
-        3 * SECOND // 10,
-        4 * SECOND // 10,
-    ]
-    assert messages[0].publish_time == START + 2 * SECOND // 10 - 1000
-    assert (recording.writer.messages, recording.writer.count_messages("/setup")) == (4, 2)
-
-
-def test_a_stream_is_not_repeated(make):
-    recording = make(split_size=1)
-    recording.add_hits(1)
-    recording.writer.sync()
-    recording.writer.close()
-    assert [list_hits(path) for path in recording.writer.files] == [[1], []]
-
-
-def test_rosbags_reads_all_files_of_a_folder_as_one(make, tmp_path):
-    recording = make(split_size=1)
-    recording.add(recording.setup, b"set-up")
-    for number in (1, 2, 3):
-        recording.add_hits(number)
-        recording.writer.sync()
-    recording.writer.close()
-    with AnyReader([tmp_path / "session"]) as reader:
-        found = [(item.topic, time, data) for item, time, data in reader.messages()]
-        counts = {item.topic: item.msgcount for item in reader.connections}
-        assert reader.message_count == len(found)
-    assert [data[:10] for topic, _, data in found if topic == "/acceleration"] == [
-        encode(b"%d " % number + HIT)[:10] for number in (1, 2, 3)
-    ]
-    assert counts == {"/setup": 4, "/acceleration": 3}
-    times = [time for _, time, _ in found]
-    assert times == sorted(times)
-
-
-@settings(max_examples=25, deadline=None)
-@given(st.lists(st.sampled_from(["setup", "hit", "flush", "sync"]), max_size=20))
-def test_whatever_the_order_nothing_is_lost_or_counted_twice(tmp_path_factory, steps):
-    recording = Writer(tmp_path_factory.mktemp("law") / "session", split_size=5000)
-    added = []
-    for number, step in enumerate(steps):
-        if step == "hit":
-            recording.add_hits(number)
-            added.append(("/acceleration", str(number)))
-        elif step == "setup":
-            recording.add(recording.setup, b"%d" % number)
-            added.append(("/setup", str(number)))
-        else:
-            getattr(recording.writer, step)()
-    recording.writer.close()
-    seen = set()
-    found = []
-    for path in recording.writer.files:
-        for topic, sequence, text in read_by_mcap(path):
-            if (topic, sequence) not in seen:
-                seen.add((topic, sequence))
-                found.append((topic, text.split()[0]))
-    assert found == added
-    assert recording.writer.messages == len(added)

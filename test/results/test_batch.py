@@ -5,11 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.results.batch import BatchCampaign, shorten_paths, tabulate_batch
+from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.results.batch import (
+    BatchCampaign,
+    shorten_paths,
+    tabulate_batch,
+    tabulate_changes,
+)
 from impact_rig.results.campaign import Results
 
 TIMES = (144.61e-6, 144.93e-6, 145.22e-6)
@@ -49,6 +54,23 @@ def test_each_row_has_recording_sample_hits_and_values_with_uncertainty():
     first = ("a.mcap", "aluminium small", "10 of 12", "144.61 ± 0.30", "15.60 ± 0.40")
     assert table.rows[0] == first
     assert table.marked == {0, 1}
+
+
+def test_of_two_runs_each_quantity_stands_with_its_difference_and_whether_it_changed():
+    first, second = make_campaign("a.mcap", TIMES[0]), make_campaign("b.mcap", TIMES[2])
+    (table,) = tabulate_changes(first, second)
+    assert table.caption == "Changes from a.mcap to b.mcap"
+    time, stiffness = table.rows
+    values = ("144.61 ± 0.30", "145.22 ± 0.30", "0.61 ± 0.42", "1.44")
+    assert time == ("aluminium small", "τp [µs]", *values)
+    assert stiffness[-2:] == ("0.00 ± 0.57", "0.00")
+    assert table.marked == {0}
+    assert table.notes[0] == "1 of 2 values changed beyond their uncertainty."
+
+
+def test_runs_without_a_sample_in_common_have_no_changes():
+    other = BatchCampaign(Path("b"), 1, Results(PAPER_SETUP, HammerEstimate(), (), ()))
+    assert tabulate_changes(make_campaign("a", TIMES[0]), other) == []
 
 
 def test_the_spread_of_three_recordings_is_the_standard_deviation():

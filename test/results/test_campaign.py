@@ -1,11 +1,11 @@
 """What a session found, as it leaves the core."""
 
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.hits.hit import JudgedHit
-from impact_rig.core.hits.reasons import Reason, Rejection
+from impact_rig.core.hits import JudgedHit
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.records import HitLabel
 from impact_rig.core.session import SessionResults
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.verdict import Reason, Rejection
 from impact_rig.results.campaign import results_from_session
 
 

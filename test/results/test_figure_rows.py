@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.core.setup.paper import PUBLISHED_SAMPLES
+from impact_rig.core.setup import PUBLISHED_SAMPLES
 from impact_rig.results.figure_rows import make_figure_rows, sort_as_figure_5
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
+from impact_rig.core.records import Block, ChannelBlock, HitLabel
 from impact_rig.results import hit_traces
 from impact_rig.results.hit_traces import TraceAssembler
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from impact_rig.core.estimation.contact_law import NO_LAW
+from impact_rig.core.contact_law import NO_LAW
+from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.contact import make_nominal_contact
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings

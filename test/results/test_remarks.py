@@ -1,18 +1,158 @@
-"""Warnings are said once, with whom they are about."""
+"""What needs attention is said once, with its subject, the largest effect on a result first."""
 
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.results.remarks import Remark, gather_warnings
+from dataclasses import replace
+
+import pytest
+
+from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.records import IMPORTED, SIMULATED, Origin
+from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
+from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.devices.virtual.choices import Plant
+from impact_rig.devices.virtual.rig import VirtualRigSettings
+from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.references import PLANTS
+from impact_rig.results.remarks import (
+    Remark,
+    describe_origin,
+    gather_remarks,
+    gather_sample_remarks,
+    select_attention,
+)
+
+KNOWN = {"stiffness": Quantity(45e6), "damping_coefficient": Quantity(1170.0)}
+HAMMER = HammerEstimate(stiffness=Quantity(22e6))
+LAW = ContactLaw(
+    exponent=Quantity(1.5),
+    duration=Quantity(200e-6, expanded=1e-6),
+    restitution=Quantity(0.9, expanded=0.01),
+    residual_percent=0.1,
+)
+SHAPE = PulseShapeEstimate("half-sine", True, 1.0, (ShapeFit("versed-sine", 3.0, 220e-6),))
+CONTACT = {"contact_time": Quantity(220e-6), "contact_law": LAW, "pulse_shape": SHAPE}
 
 
-def make_sample(name: str, *warnings: str) -> SampleEstimate:
-    return SampleEstimate(name, 1, 0, warnings=warnings)
+def make_sample(name: str = "tin", *warnings: str, **values: object) -> SampleEstimate:
+    return SampleEstimate(name, 2, 0, warnings=warnings, **{**KNOWN, **values})
+
+
+def gather(*samples: SampleEstimate, hammer: HammerEstimate = HAMMER, **values: object):
+    results = Results(PAPER_SETUP, hammer, samples, values.pop("hits", ()))
+    return gather_remarks(results, **values)
+
+
+def tell(*samples: SampleEstimate, **values: object) -> list[tuple[str, str]]:
+    return [(remark.about, remark.text) for remark in gather(*samples, **values)]
 
 
 def test_the_same_warning_is_said_once_of_all_samples():
     samples = [make_sample("tin", "loud", "odd: x"), make_sample("zinc", "loud")]
-    assert gather_warnings(samples) == [Remark("loud", "all samples"), Remark("odd: x", "tin")]
+    assert tell(*samples) == [("all samples", "loud"), ("tin", "odd: x")]
 
 
-def test_what_differs_in_its_details_alone_is_said_once_with_all_of_them():
-    samples = [make_sample("tin", "no spring: 1 µs"), make_sample("zinc", "no spring: 2 µs")]
-    assert gather_warnings(samples) == [Remark("no spring: tin: 1 µs; zinc: 2 µs")]
+def test_details_that_differ_are_those_of_one_sample():
+    samples = [make_sample(name, f"no spring: {name}") for name in ("tin", "zinc", "lead", "iron")]
+    told = tell(*samples, make_sample("gold"))
+    assert told == [("4 of 5 samples", "no spring: tin (tin; others alike)")]
+
+
+def test_a_contact_law_says_how_far_k_is_off():
+    # By hand: (220 / 200)^2 - 1 and (240 / 200)^2 - 1.
+    long = make_sample("zinc", **{**CONTACT, "contact_time": Quantity(240e-6)})
+    ((about, text),) = tell(make_sample(**CONTACT), long)
+    assert about == "all samples"
+    assert "k by the contact law differs by 21 to 44 %" in text
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        replace(LAW, duration=Quantity(219.5e-6, expanded=1e-6)),
+        replace(LAW, restitution=Quantity(1.02, expanded=0.01)),
+        replace(LAW, residual_percent=4.0),
+        ContactLaw(),
+    ],
+)
+def test_a_law_that_does_not_describe_the_pulse_better_says_nothing(law):
+    assert tell(make_sample(**{**CONTACT, "contact_law": law})) == []
+
+
+def test_dampings_that_differ_beyond_their_uncertainties_are_named():
+    decay = FreeDecayEstimate(damping_ratio=Quantity(0.2, expanded=0.01))
+    far, near = (
+        make_sample(damping_ratio=Quantity(ratio, expanded=0.01), free_decay=decay)
+        for ratio in (0.25, 0.215)
+    )
+    ((_, text),) = tell(far)
+    assert "differs from the free decay by 25 %" in text
+    assert tell(near) == []
+
+
+def test_forces_that_do_not_balance_are_named():
+    fits = [FittedModel("driven", is_preferred=True, force_balance=ratio) for ratio in (1.1, 1.01)]
+    wrong, right = (make_sample(identifications=(fit,)) for fit in fits)
+    ((_, text),) = tell(wrong)
+    assert "differ by 10 %" in text
+    assert tell(right) == []
+
+
+def test_what_changes_a_result_most_comes_first_and_further_methods_need_no_attention():
+    notes = ("k and c: no mass", "free decay: too short", "no law fits")
+    bare = SampleEstimate("lead", 2, 0, notes=notes, contact_law=ContactLaw(notes=notes[2:]))
+    lost = SampleEstimate("iron", 0, 1)
+    hits = (
+        HitResults("iron", 1, 1, 1, reasons=("weak: 3 %",)),
+        HitResults("tin", 1, 1, 2, accepted=True),
+    )
+    samples = (make_sample(**CONTACT), bare, lost, make_sample("zinc", notes=("no model",)))
+    remarks = gather(*samples, hits=hits, reading=["it is cut"])
+    assert [(remark.about, remark.text.partition(":")[0]) for remark in remarks] == [
+        ("iron", "no hit was accepted"),
+        ("lead", "k and c"),
+        ("tin", "the pulse is no versed-sine"),
+        ("file", "it is cut"),
+        ("hits", "1 of 2 rejected"),
+        ("lead", "free decay"),
+        ("lead", "no law fits"),
+        ("zinc", "no model"),
+    ]
+    assert len(select_attention(remarks)) == 5
+
+
+def test_a_hammer_without_stiffness_needs_attention():
+    (remark,) = gather(make_sample(), hammer=HammerEstimate(notes=("k1: no control sample",)))
+    assert (remark.about, remark.text) == ("hammer", "k1: no control sample")
+    assert select_attention([remark])
+
+
+def test_a_sample_by_itself_has_its_own_numbers():
+    fit = FittedModel("driven", is_preferred=True, undetermined=("k2 and c2 only together",))
+    sample = make_sample("tin", "odd: x", identifications=(fit,), notes=("no decay",), **CONTACT)
+    law, *others = gather_sample_remarks(sample)
+    assert "differs by 21 %" in law.text
+    assert others == [Remark("odd: x"), Remark("k2 and c2 only together"), Remark("no decay")]
+
+
+@pytest.mark.parametrize("plant", Plant)
+def test_the_origin_says_what_is_true_of_each_plant(plant):
+    origin = VirtualRigSettings(plant=plant).origin
+    assert describe_origin([origin]) == f"Origin: {origin}.\n{PLANTS[origin.source].description}"
+
+
+def test_a_plant_without_damping_lacks_nothing():
+    origin = Origin(SIMULATED, "virtual rig, plant contact")
+    sample = replace(
+        make_sample(notes=("c2: no second peak",)), damping_coefficient=Quantity(float("nan"))
+    )
+    hit = HitResults("tin", 1, 1, 1, accepted=True, origin=origin)
+    assert not select_attention(gather(sample, hits=(hit,)))
+    assert select_attention(gather(sample))
+
+
+def test_of_many_files_the_first_is_named():
+    origins = [Origin(IMPORTED, "npy file", f"lab/{name}.npy") for name in "abc"]
+    told = describe_origin(origins)
+    assert told == "Origin: imported (npy file) of 3 files: a.npy and 2 more."

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import FileError
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.origin import SIMULATED, UNSTATED, Origin
+from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.setup.paper import PAPER_SETUP
+from impact_rig.core.records import SIMULATED, Origin
+from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.results import results_file
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.results_file import (
@@ -55,7 +55,7 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path):
     path = tmp_path / "results.json"
     write_results(path, RESULTS)
     content = json.loads(path.read_text())
-    assert content["format"] == {"name": "impact-rig results", "version": 6}
+    assert content["format"] == {"name": "impact-rig results", "version": 8}
     assert (content["origin"], content["origin_source"]) == ("simulated", "virtual rig")
     assert {"stiffness_n_per_m", "damping_coefficient_n_s_per_m"} <= set(content["hammer"])
     assert {
@@ -83,7 +83,7 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path):
     ]
     assert set(content) == {
         "format", "origin", "origin_source", "setup", "hammer", "samples", "hits",
-        "size_exponents", "speed_exponents",
+        "speed_exponents", "files", "remarks",
     }  # fmt: skip
 
 
@@ -133,6 +133,14 @@ def _rename(content: dict[str, Any]) -> None:
     content["format"]["name"] = "a cake recipe"
 
 
+def _count_below_zero(content: dict[str, Any]) -> None:
+    content["samples"][0]["impacts_rejected"] = -1
+
+
+def _be_too_sure(content: dict[str, Any]) -> None:
+    content["samples"][0]["contact_time_u_s"] = -1e-9
+
+
 def _flatten(content: dict[str, Any]) -> None:
     content["hits"] = "none"
 
@@ -142,7 +150,9 @@ def _flatten(content: dict[str, Any]) -> None:
     [
         (_drop, r"the field samples\[0\].contact_time_s is missing"),
         (_mistype, r"samples\[0\].impacts_accepted is 'three': it must be a whole number"),
-        (_age, "version 7; this program reads versions 3 to 6"),
+        (_count_below_zero, r"impacts_rejected is -1: it must be a whole number, 0 or more"),
+        (_be_too_sure, r"samples\[0\].contact_time_u_s is -1e-09: an uncertainty must not be"),
+        (_age, "version 7; this program reads version 8"),
         (_rename, "is not a results file"),
         (_flatten, "hits must be a list"),
     ],
@@ -171,9 +181,13 @@ def test_other_text_is_refused(tmp_path, text):
         ('"record": 5', f'"record": {"9" * 400}', "whole number of 400 digits"),
         ('"record": 5', f'"record": {"9" * 5000}', "is not JSON"),
         ('"record": 5', f'"record": {"[" * 100_000}', "nested too deep"),
+        ('"record": 5', '"record": NaN', "NaN is no number"),
+        ('"record": 5', '"record": -Infinity', "-Infinity is no number"),
+        ('"record": 5', '"record": 1e999', "1e999 is beyond double precision"),
+        ('"record": 5', '"record": 5, "record": 6', "the key 'record' is there twice"),
         ('"k2: unknown"', '"k\\ud800"', "holds half a letter"),
     ],
-    ids=["digits", "more digits", "deep", "half a letter"],
+    ids=["digits", "more digits", "deep", "NaN", "infinity", "overflow", "twice", "half a letter"],
 )
 def test_what_no_number_text_or_nesting_can_be_is_refused(tmp_path, found, written, told):
     path = tmp_path / "results.json"
@@ -191,21 +205,3 @@ def test_json_is_the_same_and_steers_no_terminal():
     assert json.loads(written) == {"name": text}
     assert written.replace("\n", "").isprintable()
     assert "é" in written
-
-
-def test_results_of_version_3_are_read(tmp_path):
-    path = tmp_path / "results.json"
-    content = results_to_json(RESULTS)
-    content["format"]["version"] = 3
-    del content["setup"]["sensors"]
-    for key in ("origin", "origin_source", "file", "place"):
-        del content["hits"][0][key]
-    for inner in (content["samples"][0]["free_decay"], content["hammer"]):
-        del inner["budget"]
-    path.write_text(json.dumps(content))
-    aged = replace(RESULTS, hits=(replace(REJECTED, origin=UNSTATED),))
-    assert results_to_json(read_results(path)) == results_to_json(aged)
-    del content["setup"]["samples"]
-    path.write_text(json.dumps(content))
-    with pytest.raises(FileError, match=r"the field setup.samples is missing"):
-        read_results(path)

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from impact_rig.core.hits.hit import JudgedHit
+from impact_rig.core.hits import JudgedHit
 from impact_rig.core.quantity import UNKNOWN
+from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import Plant, VirtualRig, VirtualRigSettings
 from impact_rig.results.sample_traces import (
     DRIVEN,

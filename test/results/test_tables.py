@@ -4,20 +4,17 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.core.estimation.contact_law import ContactLaw
-from impact_rig.core.estimation.fits import FittedModel, FreeDecayEstimate
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate, ShapeFit
-from impact_rig.core.estimation.sample import SampleEstimate
+from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
 from impact_rig.core.quantity import BudgetLine, Quantity
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.samples import Sample, SampleSet
-from impact_rig.results.campaign import Results
+from impact_rig.core.records import SIMULATED, Origin
+from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
+from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
+from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.references import find_reference
-from impact_rig.results.results_file import results_to_json
 from impact_rig.results.tables import (
     Table,
-    find_largest_differences,
     tabulate_budgets,
     tabulate_checks,
     tabulate_contact_laws,
@@ -28,8 +25,8 @@ from impact_rig.results.tables import (
     tabulate_methods,
     tabulate_pulse_shapes,
     tabulate_results,
-    tabulate_size_exponents,
     tabulate_stiffness,
+    tabulate_summary,
 )
 
 SHAPE = PulseShapeEstimate(
@@ -96,41 +93,50 @@ def test_paper_and_measured_stand_side_by_side_with_their_difference():
         "steel medium",
         10,
         2,
-        contact_time=Quantity(204.2e-6),
-        stiffness=Quantity(45.0e6),
-        damping_coefficient=Quantity(1200.0),
+        contact_time=Quantity(204.2e-6, expanded=2e-6),
+        stiffness=Quantity(45.0e6, expanded=1e6),
+        damping_coefficient=Quantity(1200.0, expanded=10.0),
     )
     hammer = HammerEstimate(Quantity(22.0e6), damping_coefficient=Quantity(1900.0))
     results = make_results(sample, hammer=hammer)
-    row = find_row(tabulate_contact_times(results))
-    # By hand: 204.2 / 203.2, 45.0 / 45.29, 1200 / 1170, 22.0 / 22.54.
-    assert (row["Paper [µs]"], row["Measured [µs]"]) == ("203.20", "204.20")
-    assert (row["Difference [%]"], row["Hits"], row["Rejected"]) == ("+0.49", "10", "2")
+    table = tabulate_contact_times(results)
+    row = find_row(table)
+    # By hand: (204.2 - 203.2) / 2, (45.0 - 45.29) / 1, (1200 - 1170) / 10.
+    assert (row["Paper [µs]"], row["Measured [µs]"]) == ("203.20", "204.2 ± 2.0")
+    assert (row["Δ/U"], row["Hits"], row["Rejected"]) == ("0.5", "10", "2")
+    assert table.marked == frozenset()
     (stiffness,) = tabulate_stiffness(results)
-    assert find_row(stiffness)["Difference [%]"] == "-0.64"
-    assert find_row(stiffness, "hammer")["Difference [%]"] == "-2.40"
+    assert find_row(stiffness)["Δ/U"] == "-0.3"
+    assert find_row(stiffness, "hammer")["Δ/U"] == "-"
     (damping,) = tabulate_damping(results)
     assert find_row(damping)["Paper [N s/m]"] == "1170"
-    assert find_row(damping)["Difference [%]"] == "+2.56"
-    largest = find_largest_differences(results)
-    assert {symbol: round(value, 2) for symbol, (value, _) in largest.items()} == {
-        "τp": 0.49, "k": 0.64, "c": 2.56,
-    }  # fmt: skip
+    assert find_row(damping)["Δ/U"] == "3.0"
+    assert damping.marked == {0}
 
 
-def test_a_difference_beyond_the_uncertainty_is_marked_and_said():
-    sure, unsure = (
-        SampleEstimate(name, 10, 0, Quantity(204.2e-6, expanded=expanded))
-        for name, expanded in (("steel medium", 0.99e-6), ("steel small", 34.3e-6))
-    )
-    table = tabulate_contact_times(make_results(sure, unsure))
-    # By hand: 204.2 is 1.0 from 203.2 and 34.2 from 170.0.
-    assert find_row(table)["Agrees"] == "no"
-    assert find_row(table, "steel small")["Agrees"] == "yes"
+def test_the_summary_has_every_result_and_how_far_it_is_from_what_is_expected():
+    sample = SampleEstimate(
+        "steel medium", 10, 0, Quantity(204.2e-6, expanded=0.5e-6),
+        stiffness=Quantity(45.0e6, expanded=1.16e6), damping_coefficient=Quantity(1200.0),
+    )  # fmt: skip
+    hammer = HammerEstimate(stiffness=Quantity(22.0e6, expanded=1.08e6))
+    (table,) = tabulate_summary(make_results(sample, hammer=hammer))
+    # By hand: (204.2 - 203.2) / 0.5, (45.0 - 45.29) / 1.16, (22.0 - 22.54) / 1.08.
+    assert table.rows == [
+        ("steel medium", "204.20 ± 0.50", "2.0", "45.0 ± 1.2", "-0.2", "1200.0"),
+        ("hammer", "-", "-", "22.0 ± 1.1", "-0.5", "-"),
+    ]
     assert table.marked == {0}
-    alone = tabulate_contact_times(make_results(replace(sure, contact_time=Quantity(204.2e-6))))
-    assert "Agrees" not in find_row(alone)
-    assert alone.marked == frozenset()
+
+
+@pytest.mark.parametrize("plant", ["contact", "published"])
+def test_only_a_plant_with_values_of_its_own_is_held_against_them(plant):
+    origin = Origin(SIMULATED, f"virtual rig, plant {plant}")
+    sample = SampleEstimate("steel medium", 1, 0, Quantity(204.2e-6, expanded=0.5e-6))
+    hit = HitResults("steel medium", 1, 1, 1, accepted=True, origin=origin)
+    (table,) = tabulate_summary(replace(make_results(sample), hits=(hit,)))
+    headers = [column.header for column in table.columns]
+    assert ("Δ/U" in headers) is (plant == "published")
 
 
 def test_the_misprint_is_marked_wherever_its_row_is_shown(results):
@@ -144,14 +150,17 @@ def test_samples_of_ones_own_are_held_against_their_references():
     known = SampleSet(
         (Sample("brass medium", 0.2, reference_contact_time=2e-4), Sample("zinc", 0.1)), ""
     )
-    samples = [SampleEstimate(name, 1, 0, Quantity(2.1e-4)) for name in ("brass medium", "zinc")]
+    samples = [
+        SampleEstimate(name, 1, 0, Quantity(2.1e-4, expanded=5e-6))
+        for name in ("brass medium", "zinc")
+    ]
     table = tabulate_contact_times(make_results(*samples, known=known))
     assert find_row(table, "brass medium")["Sample"] == "brass medium"
     assert find_row(table, "brass medium")["Reference [µs]"] == "200"
-    assert find_row(table, "brass medium")["Difference [%]"] == "+5.00"
-    assert find_row(table, "zinc")["Difference [%]"] == "-"
+    assert find_row(table, "brass medium")["Δ/U"] == "2.0"
+    assert find_row(table, "zinc")["Δ/U"] == "-"
     alone = tabulate_contact_times(make_results(samples[1], known=known))
-    assert "Difference [%]" not in find_row(alone, "zinc")
+    assert "Δ/U" not in find_row(alone, "zinc")
 
 
 def test_the_best_shape_stands_beside_what_the_versed_sine_leaves():
@@ -206,31 +215,3 @@ def test_a_contact_law_stands_with_its_uncertainty_and_what_is_said_of_several_o
         ("heavy", "1.5000 ± 0.0040", "212.00"),
     ]
     assert table.notes[1:] == ("light, heavy: x.",)
-
-
-def test_contact_times_over_mass_give_the_exponent_of_each_material_and_of_all():
-    setup = PAPER_SETUP
-    names = [name for name in setup.samples.names if name.startswith(("steel", "brass"))]
-    samples = []
-    for place, name in enumerate(names):
-        mass = 1.0 / (1.0 / setup.hammer_mass + 1.0 / setup.samples.get_moving_mass(name))
-        scatter = 1.0 + 1e-3 * (-1) ** place
-        law = ContactLaw(duration=Quantity(500e-6 * mass**0.4 * scatter))
-        times = Quantity(600e-6 * mass**0.5 * scatter)
-        samples.append(SampleEstimate(name, 1, 0, contact_time=times, contact_law=law))
-    results = Results(setup, HammerEstimate(), tuple(samples), ())
-    (table,) = tabulate_size_exponents(results)
-    assert [row[0] for row in table.rows] == ["all", "steel", "brass"]
-    for row in table.rows:
-        by_width, by_law = (float(row[place].split()[0]) for place in (1, 3))
-        assert by_width == pytest.approx(0.5, abs=0.02)
-        assert by_law == pytest.approx(0.4, abs=0.02)
-        assert 0.01 < float(row[2]) < 0.2
-    stored = results_to_json(results)["size_exponents"]
-    assert [item["material"] for item in stored] == ["", "steel", "brass"]
-    assert stored[0]["by_contact_law"] == pytest.approx(0.4, abs=0.02)
-    assert 0.0 < stored[0]["by_contact_law_u"] < stored[0]["by_contact_law_expanded"] < 0.02
-    assert (stored[0]["hertz"], stored[0]["linear_spring"]) == (0.4, 0.5)
-    few = replace(results, samples=tuple(samples[:2]))
-    assert tabulate_size_exponents(few) == []
-    assert results_to_json(few)["size_exponents"] == []

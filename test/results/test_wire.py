@@ -1,20 +1,16 @@
 """Records to JSON, messages and rows, and back: nothing is lost, nothing changes its name."""
 
 import json
-import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import pytest
 
-from impact_rig.core.estimation.fits import FittedModel, FreeDecayEstimate
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.pulse_shape import PulseShapeEstimate, ShapeFit
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.quantity import BudgetLine, Quantity, describe
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.samples import RigSetup, Sample, SampleSet
-from impact_rig.core.setup.sensors import Sensor
-from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
+from impact_rig.core.quantity import BudgetLine, Quantity
+from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
+from impact_rig.core.sensors import Sensor
+from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.results.wire import WireError, from_json, to_json, to_row
 
 STIFFNESS = Quantity(3e6, 4e4, 9e4, budget=(BudgetLine("mass", "B", 4e4, 1.0),))
@@ -57,7 +53,7 @@ SETUP = replace(
 @pytest.mark.parametrize("record", [ESTIMATE, SETUP, HammerEstimate(stiffness=STIFFNESS)])
 def test_a_record_comes_back_from_json_as_it_was(record):
     content = json.loads(json.dumps(to_json(record), allow_nan=False))
-    assert repr(from_json(type(record), content, 4)) == repr(record)
+    assert repr(from_json(type(record), content)) == repr(record)
 
 
 def test_json_tells_a_quantity_by_name_and_unit_and_its_budget_beside_it():
@@ -87,30 +83,10 @@ def test_json_of_a_set_up_keeps_its_names():
     assert to_json(SETUP)["sensors"][0]["sensitivity_v_per_unit"] == 2.25e-3
 
 
-@dataclass(frozen=True)
-class Grown:
-    """A record that has gained two fields in version 5."""
-
-    name: str
-    length: float = field(default=math.nan, metadata=describe("s", since=5))
-    force: Quantity = field(default=STIFFNESS, metadata=describe("N/m", since=5))
-
-
-def test_what_an_older_file_lacks_takes_its_default():
-    found = from_json(Grown, {"name": "x"}, 4)
-    assert math.isnan(found.length)
-    assert not found.force.is_known
-    for missing in ("length_s", "force_n_per_m"):
-        content = to_json(Grown("x"))
-        del content[missing]
-        with pytest.raises(WireError, match=f"the field {missing} is missing"):
-            from_json(Grown, content, 5)
-
-
 def test_a_set_up_that_cannot_be_meant_is_refused_with_its_place():
     content = {**to_json(SETUP), "samples": []}
     with pytest.raises(WireError, match="setup: the sample set is empty"):
-        from_json(RigSetup, content, 4, "setup")
+        from_json(RigSetup, content, "setup")
 
 
 def test_a_row_has_numbers_and_texts_and_leaves_empty_what_is_not_determined():

@@ -89,7 +89,7 @@ def rig(tools: Tools, swing_file: Path) -> Iterator[LaunchedRig]:
     folder = tools.folder / "bench"
     with tools.start(
         "ros2", "launch", "impact_rig", "rig.launch.py", "namespace:=bench", "visualizer:=false",
-        "bag:=true", "seed:=7", f"output:={folder}", f"params_file:={swing_file}",
+        "seed:=7", f"output:={folder}", f"params_file:={swing_file}",
     ) as terminal:  # fmt: skip
         terminal.wait_for("recording to ")
         tools.run_until(lambda text: set(text.split()) >= NODES, "ros2", "node", "list")
@@ -106,7 +106,7 @@ class Bags:
     Attributes
     ----------
     ours, theirs : Path
-        Folder that the rig's recorder wrote, and the one of `ros2 bag record`.
+        File of the rig's recorder, and folder of `ros2 bag record`.
     results : str
         What the campaign found, JSON.
     """
@@ -123,7 +123,7 @@ def bags(tools: Tools, swing_file: Path) -> Bags:
     with (
         tools.start("ros2", "bag", "record", "-a", "-s", "mcap", "-o", theirs) as recorder,
         tools.start(
-            "ros2", "launch", "impact_rig", "rig.launch.py", "visualizer:=false", "bag:=true",
+            "ros2", "launch", "impact_rig", "rig.launch.py", "visualizer:=false",
             f"output:={folder}", f"params_file:={swing_file}",
         ) as launch,
     ):  # fmt: skip
@@ -137,4 +137,4 @@ def bags(tools: Tools, swing_file: Path) -> Bags:
         )  # fmt: skip
         assert launch.interrupt() == 0, launch.text
         assert recorder.interrupt() == 0, recorder.text
-    return Bags(folder / "session", theirs, (folder / "results.json").read_text("utf-8"))
+    return Bags(folder / "session.mcap", theirs, (folder / "results.json").read_text("utf-8"))

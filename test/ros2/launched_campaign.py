@@ -42,7 +42,7 @@ class TestEnd(unittest.TestCase):
     """When all have ended."""
 
     def test_tables_were_printed(self, proc_output):
-        assertInStdout(proc_output, "Table 3. Stiffness", "impact-rig")
+        assertInStdout(proc_output, "Contact time, stiffness, damping", "impact-rig")
 
     def test_every_process_ended_well(self, proc_info):
         assertExitCodes(proc_info)

@@ -39,16 +39,21 @@ def test_ctrl_c_in_a_campaign_closes_the_recording(tools, swing_file):
 
 
 def test_what_is_wrong_with_an_argument_is_said(tools):
-    for argument in ("seed:=many", "rig_file:=/nowhere/rig.toml", "only:=hamer"):
+    for argument in ("seed:=many", "rig_file:=/nowhere/rig.toml", "only:=hamer", "faults:=2"):
         text = tools.run(
             "ros2", "launch", "impact_rig", "rig.launch.py", "visualizer:=false", argument, code=1
         )
         assert argument.partition(":=")[2] in text
 
 
+def test_a_recording_that_is_not_there_ends_the_replay(tools):
+    text = tools.run("ros2", "launch", "impact_rig", "replay.launch.py", "file:=/no.mcap", code=1)
+    assert text.count("/no.mcap") == 1
+
+
 def test_a_replay_without_rerun_goes_on_without_the_view(bags, tools):
     text = tools.run(
-        "ros2", "launch", "impact_rig", "replay.launch.py", f"file:={bags.ours}", "rate:=0",
+        "ros2", "launch", "impact_rig", "replay.launch.py", f"file:={bags.ours}", "rate:=5.0",
         "exit_when_done:=true", "namespace:=replayed", f"view:={tools.folder}/replay.rrd",
     )  # fmt: skip
     assert "rerun-sdk is not installed" in text or (tools.folder / "replay.rrd").exists()

@@ -11,45 +11,30 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+import scipy
 
+from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.estimation.contact_law import ContactLaw
-from impact_rig.core.model.impact import Body, ImpactModel
-from impact_rig.core.model.stiffness import estimate_equivalent_mass
+from impact_rig.core.model import Body, ImpactModel
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.records import FloatArray
+from impact_rig.core.setup import RigSetup
+from impact_rig.core.stiffness import estimate_equivalent_mass
 
 HERTZ_EXPONENT = 1.5
-TIP_RADIUS = 10e-3
-"""Of the hammer's tip [m], our choice: 212 us on the control sample, as in the paper."""
+TIP_RADIUS = 10e-3  # [m], of the hammer's tip: 212 us on the control sample, as in the paper
 TIP_MATERIAL = "aluminium"
-LONGEST_CONTACT = 100.0
-"""Until which a contact is followed, in its own unit of time [-]: at e = 0.05 it takes 26."""
-RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-10, 1e-12
-"""Of the integration [-], our choice: the force is then good to 1e-8 of its peak."""
+LONGEST_CONTACT = 100.0  # in the contact's unit of time; at e = 0.05 it takes 26
+RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-10, 1e-12  # the force is good to 1e-8 of its peak
 
 
 @dataclass(frozen=True)
 class Material:
-    """What a contact needs of a material.
+    """What a contact needs of a material."""
 
-    Attributes
-    ----------
-    elastic_modulus : float
-        [Pa]
-    poisson_ratio : float
-        [-]
-    restitution : float
-        At the rig's impact speed [-], our choice: metals at some cm/s lose a tenth to a third of
-        their energy.
-    """
-
-    elastic_modulus: float
-    poisson_ratio: float
-    restitution: float
+    elastic_modulus: float  # [Pa]
+    poisson_ratio: float  # [-]
+    restitution: float  # [-], at some cm/s: metals lose a tenth to a third of their energy
 
     @property
     def compliance(self) -> float:
@@ -68,28 +53,14 @@ MATERIALS = {
 
 @dataclass(frozen=True)
 class Contact:
-    """Two free bodies and the law between them.
+    """Two free bodies and the law between them."""
 
-    Attributes
-    ----------
-    hammer_mass, moving_mass : float
-        [kg]
-    exponent : float
-        n [-].
-    stiffness : float
-        k [N/m^n].
-    damping : float
-        alpha [s/m].
-    impact_speed : float
-        v [m/s].
-    """
-
-    hammer_mass: float
-    moving_mass: float
-    exponent: float
-    stiffness: float
-    damping: float
-    impact_speed: float
+    hammer_mass: float  # [kg]
+    moving_mass: float  # [kg]
+    exponent: float  # n [-]
+    stiffness: float  # k [N/m^n]
+    damping: float  # alpha [s/m]
+    impact_speed: float  # v [m/s]
 
     @property
     def equivalent_mass(self) -> float:
@@ -189,7 +160,7 @@ def integrate_contact(exponent: float, damping: float) -> Any:
 
     separate.terminal = True  # type: ignore[attr-defined]
     separate.direction = -1.0  # type: ignore[attr-defined]
-    return solve_ivp(
+    return scipy.integrate.solve_ivp(
         change,
         (0.0, LONGEST_CONTACT),
         [0.0, 1.0],
@@ -214,7 +185,7 @@ def compute_damping(restitution: float) -> float:
         return damping - math.log1p(damping) + rebound + math.log1p(-rebound)
 
     # A e = 1 would take infinite energy.
-    return float(brentq(miss, 1e-5, (1.0 - 1e-12) / restitution, xtol=1e-14))
+    return float(scipy.optimize.brentq(miss, 1e-5, (1.0 - 1e-12) / restitution, xtol=1e-14))
 
 
 def make_nominal_contact(

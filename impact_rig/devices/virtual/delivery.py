@@ -2,14 +2,14 @@
 
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass, replace
 from zlib import crc32
 
 import numpy as np
 
-from impact_rig.core.checks import check_between
-from impact_rig.core.signals.record import Block, ChannelBlock, RawArray
-from impact_rig.devices.protocols import HeldBlocks
+from impact_rig.core.errors import check_between
+from impact_rig.core.records import Block, ChannelBlock, RawArray
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import (
     CountArray,
@@ -21,11 +21,9 @@ from impact_rig.devices.virtual.rig import (
 )
 
 MOST_NOISE_BLOCKS = 50
-"""Different blocks of noise [-], our choice: drawn once and handed out in turn, so that a fast
-stream costs no more than handing them out. What a recorder compresses at a time holds none
-twice."""
-MOST_NOISE_POINTS = 2_500_000
-"""The same in points per channel, where blocks are long: 20 MB in all."""
+"""Different blocks of noise, drawn once and used in turn: drawing is slower than the stream. No
+chunk of a recording holds one twice."""
+MOST_NOISE_POINTS = 2_500_000  # per channel, where blocks are long: 20 MB in all
 FEWEST_NOISE_BLOCKS = 2
 
 
@@ -140,9 +138,7 @@ def _lay_into(noise: ChannelBlock, records: list[tuple[int, ChannelBlock]]) -> C
     return replace(noise, output=counts)
 
 
-SHORTEST_TURN = 5e-3
-"""Least time from one look at the clock to the next [s], our choice: each look costs as much as
-handing a block on."""
+SHORTEST_TURN = 5e-3  # [s], between two looks at the clock: each costs as much as a block
 
 
 class StreamingDigitizer:
@@ -227,11 +223,10 @@ class StreamingDigitizer:
         )
 
 
-NANO = 1e-9
-
-
-class TriggeredDigitizer(HeldBlocks):
+class TriggeredDigitizer:
     """Delivers the record of a hit when the hammer strikes.
+
+    `lay_hit` may come from another thread than the others.
 
     Parameters
     ----------
@@ -240,11 +235,43 @@ class TriggeredDigitizer(HeldBlocks):
     """
 
     def __init__(self, block_size: int) -> None:
-        super().__init__()
         self._block_size = block_size
+        self._changed = threading.Condition()
+        self._is_armed = False
+        self._blocks: deque[Block] = deque()
+        self._due = 0.0  # contact, by the monotonic clock [s]
+
+    def arm(self) -> None:
+        """Wait for one hit."""
+        with self._changed:
+            self._blocks.clear()
+            self._is_armed = True
+
+    def disarm(self) -> None:
+        """Forget the hit."""
+        with self._changed:
+            self._blocks.clear()
+            self._is_armed = False
 
     def lay_hit(self, hit: VirtualHit, contact: float) -> None:
-        """Let a hit trigger at a time of the monotonic clock [s]; unless its trigger is missed."""
-        if Fault.MISSED_TRIGGER not in hit.faults:
-            stamp = time.time_ns() + round((contact - time.monotonic()) / NANO)
-            self.lay(hit.split(self._block_size, stamp), contact)
+        """Let a hit trigger at a time of the monotonic clock [s], unless its trigger is missed."""
+        stamp = time.time_ns() + round((contact - time.monotonic()) * 1e9)
+        with self._changed:
+            if self._is_armed and Fault.MISSED_TRIGGER not in hit.faults:
+                self._is_armed = False
+                self._blocks.extend(hit.split(self._block_size, stamp))
+                self._due = contact
+                self._changed.notify()
+
+    def read(self, timeout: float) -> Block | None:
+        """Return the next block; None: it has not come within so many seconds."""
+        deadline = time.monotonic() + timeout
+        with self._changed:
+            while True:
+                now = time.monotonic()
+                if self._blocks and now >= self._due:
+                    return self._blocks.popleft()
+                until = min(deadline, self._due) if self._blocks else deadline
+                if now >= until:
+                    return None
+                self._changed.wait(until - now)

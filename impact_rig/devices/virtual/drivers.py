@@ -1,16 +1,17 @@
 """The virtual rig as a source and a holder: drivers like any other, without a device."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import ClassVar, TypeVar
+from importlib import import_module
+from typing import Any, ClassVar, TypeVar
 
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.core.model.pulses import PULSE_SHAPES
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.setup.sensors import Sensor
-from impact_rig.core.signals.record import Block, HitLabel
+from impact_rig.core.pulses import PULSE_SHAPES, VERSED_SINE
+from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.sensors import Sensor
+from impact_rig.core.setup import RigSetup
 from impact_rig.devices.protocols import (
     Acquisition,
     AcquisitionPlan,
@@ -32,7 +33,7 @@ from impact_rig.devices.virtual.rig import (
 
 T = TypeVar("T")
 LARGEST_SEED = 2**62
-DIGITIZER_QUANTITIES = {
+QUANTITIES = {
     "sampling_rate": ("Hz", "2.5 MHz"),
     "record_duration": ("s", "2 ms"),
     "pre_trigger": ("s", "200 us"),
@@ -41,13 +42,15 @@ DIGITIZER_QUANTITIES = {
     "coupling_frequency": ("Hz", "0.1 Hz"),
     "trigger_jitter": ("s", "1 us"),
 }
-KEYS = (
-    "plant", "seed", "contact_time_scatter", "amplitude_scatter", "pulse_shape", "asymmetry",
-    "contact_exponent", "restitution", "hammer_damping", "fault_probability", "faults",
-    "scheduled_faults", "hammer_full_scale", "specimen_full_scale", "noise", "offset",
-    "drift", "coupling_frequency", "trigger_jitter", "bits",
+PARTS = ("noise", "offset", "drift")
+NUMBERS = (
+    "contact_time_scatter", "amplitude_scatter", "asymmetry", "contact_exponent", "restitution",
 )  # fmt: skip
-"""Of the table [source], beside those that all sources have."""
+KEYS = (
+    *QUANTITIES, *PARTS, *NUMBERS, "bits", "plant", "seed", "pulse_shape", "hammer_damping",
+    "fault_probability", "faults", "scheduled_faults",
+)  # fmt: skip
+"""Of the table [source]."""
 EXAMPLE = f"""\
 [source]
 driver = "virtual"                # every other key may be left out
@@ -76,9 +79,7 @@ driver = "virtual"                # every other key may be left out
 #                                 # {", ".join(item.value for item in Fault)}
 # scheduled_faults = "3:double_hit, steel small/1:overload"    # at the first attempt
 """
-TRIGGER_LEVEL = 0.02
-"""Part of the hammer's full scale that would trigger [-], our choice; the simulation knows when a
-hit comes."""
+TRIGGER_LEVEL = 0.02  # part of the hammer's full scale
 
 
 class VirtualSource:
@@ -129,6 +130,7 @@ class VirtualSource:
             else TriggeredDigitizer(plan.block_size)
         )
         self._make_rig()
+        import_module("scipy.signal")  # which the first hit needs, and waits for no more
         return Acquisition(IDENTITY, plan.sampling_rate, is_simulated=True)
 
     def arm(self) -> None:
@@ -152,7 +154,7 @@ class VirtualSource:
         self._get_digitizer()
 
     def close(self) -> None:
-        """Let the digitizer go."""
+        """Forget the digitizer."""
         self._digitizer = None
 
     def take_setup(self, setup: RigSetup) -> None:
@@ -203,53 +205,41 @@ def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
         If a value cannot be meant; the message names its line.
     """
     rig = VirtualRigSettings()
-
-    def take(key: str, low: float, high: float) -> float:
-        return table.take_number(key, low, high, getattr(rig, key))
-
-    digitizer = read_digitizer(table)
     shapes = {shape.name: shape for shape in PULSE_SHAPES}
+    plants = {plant.value: plant for plant in Plant}
+    faults = FaultPlan(
+        probability=table.take_number("fault_probability", 0.0, 1.0, 0.0),
+        faults=tuple(_take_each(table, "faults", fault_from_name)) or tuple(Fault),
+        scheduled=tuple(_take_each(table, "scheduled_faults", scheduled_fault_from_text)),
+    )
+    values = {
+        "plant": plants[table.take_choice("plant", tuple(plants), rig.plant.value)],
+        "seed": table.take_whole("seed", 0, LARGEST_SEED, rig.seed),
+        "pulse_shape": shapes[table.take_choice("pulse_shape", tuple(shapes), VERSED_SINE.name)],
+        "hammer_damping": table.take_quantity(
+            "hammer_damping", "N*s/m", "1170 N*s/m", rig.hammer_damping
+        ),
+        **_take_numbers(table, NUMBERS, rig),
+    }
+    digitizer = read_digitizer(table)
     try:
-        return VirtualRigSettings(
-            plant=Plant(
-                table.take_choice("plant", [item.value for item in Plant], rig.plant.value)
-            ),
-            seed=table.take_whole("seed", 0, LARGEST_SEED, rig.seed),
-            contact_time_scatter=take("contact_time_scatter", 0.0, 0.2),
-            amplitude_scatter=take("amplitude_scatter", 0.0, 0.2),
-            pulse_shape=shapes[
-                table.take_choice("pulse_shape", tuple(shapes), rig.pulse_shape.name)
-            ],
-            asymmetry=take("asymmetry", -0.5, 0.5),
-            contact_exponent=take("contact_exponent", 0.5, 4.0),
-            restitution=take("restitution", 0.0, 1.0),
-            hammer_damping=table.take_quantity(
-                "hammer_damping", "N*s/m", "1170 N*s/m", rig.hammer_damping, low=0.0
-            ),
-            digitizer=digitizer,
-            faults=FaultPlan(
-                probability=table.take_number("fault_probability", 0.0, 1.0, 0.0),
-                faults=tuple(_take_each(table, "faults", fault_from_name)) or tuple(Fault),
-                scheduled=tuple(_take_each(table, "scheduled_faults", scheduled_fault_from_text)),
-            ),
-        )
+        return VirtualRigSettings(digitizer=digitizer, faults=faults, **values)
     except ParameterError as error:
-        if str(error).startswith("line "):
-            raise
         raise table.locate(error) from None
+
+
+def _take_numbers(table: TomlTable, keys: Sequence[str], defaults: object) -> dict[str, Any]:
+    return {key: table.take_number(key, default=getattr(defaults, key)) for key in keys}
 
 
 def read_digitizer(table: TomlTable) -> DigitizerSettings:
     """Return what a table [source] says of the virtual digitizer; errors as `read_virtual_rig`."""
     default = DigitizerSettings()
     quantities = {
-        key: table.take_quantity(key, unit, example, getattr(default, key), low=0.0)
-        for key, (unit, example) in DIGITIZER_QUANTITIES.items()
+        key: table.take_quantity(key, unit, example, getattr(default, key))
+        for key, (unit, example) in QUANTITIES.items()
     }
-    parts = {
-        key: table.take_number(key, 0.0, 1.0, getattr(default, key))
-        for key in ("noise", "offset", "drift")
-    }
+    parts = _take_numbers(table, PARTS, default)
     bits = table.take_whole("bits", 4, 31, default.bits)
     try:
         return DigitizerSettings(bits=bits, **quantities, **parts)

@@ -4,174 +4,54 @@
 back Tables 2 to 4. `dynamics` and `dynamics_printed` are the two forms of the model, with known
 truth: on them the bias of an estimator is measured. `contact` are free bodies that meet by a
 contact law, as metals do, which the paper's procedure reads as springs: see `contact.py`.
-
-The versed-sine has a closed form in the core. For the other shapes the force is taken as linear
-between the points of a fine grid over the contact, for which the answer of a linear system is
-exact (first-order hold); afterwards the sample is left alone, again exact.
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
-from scipy.signal import cont2discrete, lfilter, ss2tf
 
-from impact_rig.core.damping.log_decrement import estimate_damping_ratio_from_coefficient
+from impact_rig.core.damping import estimate_damping_ratio_from_coefficient
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.model.impact import (
+from impact_rig.core.model import (
     Body,
     ImpactModel,
     ModelVariant,
     compute_peak_force,
     simulate_impact,
 )
-from impact_rig.core.model.oscillator import (
-    FreeOscillator,
-    compute_padding,
-    simulate_free_oscillators,
-)
-from impact_rig.core.model.pulses import (
+from impact_rig.core.pulses import (
     VERSED_SINE,
     PulseShape,
     compute_pulse,
 )
-from impact_rig.core.model.stiffness import (
+from impact_rig.core.records import FloatArray
+from impact_rig.core.setup import RigSetup
+from impact_rig.core.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
     estimate_hammer_stiffness,
 )
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.record import FloatArray
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.contact import Contact
-
-CONTACT_STEPS = 4096
-"""Points of the grid over a contact [-]. A force F bends by pi^2 F0 / tau_p^2 at most where it is
-large, so that a straight line misses it by 7e-8 of F0; what that does to the sample is less. The
-kinks of the shapes, at start, top and end, are points of the grid."""
-
-
-def simulate_driven(
-    model: ImpactModel, shape: PulseShape, sampling_rate: float, count: int, start: float
-) -> tuple[FloatArray, FloatArray]:
-    """Simulate both bodies: the hammer's trace is the pulse, the sample is driven by it alone.
-
-    Parameters
-    ----------
-    model : ImpactModel
-        m1, F0, tau_p and the sample are used.
-    shape : PulseShape
-        Of the force.
-    sampling_rate : float
-        [Hz]
-    count : int
-        Number of points.
-    start : float
-        Time of the first point from the start of the contact [s].
-
-    Returns
-    -------
-    hammer, specimen : ndarray, shape (count,)
-        [m/s^2], signed as those of `simulate_impact`; within 1e-6 of the peak.
-    """
-    time = start + np.arange(count) / sampling_rate
-    force = model.peak_force * compute_pulse(time, model.contact_time, shape)
-    body = model.specimen
-    matrix = np.array(
-        [[0.0, 1.0], [-body.stiffness / body.mass, -body.damping_coefficient / body.mass]]
-    )
-    grid = np.linspace(0.0, model.contact_time, CONTACT_STEPS + 1)
-    position, speed = _drive(
-        matrix, model.peak_force * compute_pulse(grid, model.contact_time, shape) / body.mass, grid
-    )
-    record = np.zeros(count + compute_padding(count))
-    specimen = record[:count]
-    inside = (time >= 0.0) & (time <= model.contact_time)
-    specimen[inside] = force[inside] / body.mass + matrix[1] @ np.stack(
-        [position(time[inside]), speed(time[inside])]
-    )
-    free = int(np.searchsorted(time, model.contact_time, side="right"))
-    if free < count:
-        oscillator = FreeOscillator(
-            stiffness=-matrix[1, 0] / sampling_rate**2,
-            damping=-matrix[1, 1] / sampling_rate,
-            position=float(position(model.contact_time)) * sampling_rate**2,
-            speed=float(speed(model.contact_time)) * sampling_rate,
-            first=(time[free] - model.contact_time) * sampling_rate,
-        )
-        simulate_free_oscillators([oscillator], count - free, [record[np.newaxis, free:]])
-    return -force / model.hammer.mass, specimen
-
-
-def _drive(
-    matrix: FloatArray, drive: FloatArray, grid: FloatArray
-) -> tuple[CubicHermiteSpline, CubicHermiteSpline]:
-    """Return position [m] and speed [m/s] over the contact, from rest, as functions of time.
-
-    Parameters
-    ----------
-    matrix : ndarray, shape (2, 2)
-        Of the state (x, x') [1/s].
-    drive : ndarray, shape (n,)
-        Force over mass on the grid [m/s^2].
-    grid : ndarray, shape (n,)
-        Uniform [s].
-    """
-    # In units of the contact time, so that the polynomials below are well scaled.
-    length = float(grid[-1])
-    scaled = np.array([[0.0, 1.0], [matrix[1, 0] * length**2, matrix[1, 1] * length]])
-    step = 1.0 / (grid.size - 1)
-    discrete = cont2discrete(
-        (scaled, np.array([[0.0], [1.0]]), np.eye(2), np.zeros((2, 1))), step, method="foh"
-    )
-    numerators, denominator = ss2tf(*discrete[:4])
-    position, speed = (lfilter(row, denominator, drive * length**2) for row in numerators)
-    speed = speed / length
-    acceleration = drive + matrix[1, 0] * position + matrix[1, 1] * speed
-    return (
-        CubicHermiteSpline(grid, position, speed),
-        CubicHermiteSpline(grid, speed, acceleration),
-    )
 
 
 @dataclass(frozen=True)
 class HitPhysics:
-    """One hit as it really happens.
+    """One hit as it really happens."""
 
-    Attributes
-    ----------
-    model : ImpactModel
-        Bodies, tau_p, v1 and F0 of this hit.
-    shape : PulseShape
-        Of the contact force.
-    asymmetry : float
-        Of the contact force on the published plant, see `compute_pulse` [-]; the model's force
-        is symmetric.
-    contact : Contact or None
-        The bodies and their law on the plant `contact`, where the model only says how long and
-        how hard; None: on the others.
-    """
-
-    model: ImpactModel
-    shape: PulseShape = VERSED_SINE
-    asymmetry: float = 0.0
-    contact: Contact | None = None
+    model: ImpactModel  # bodies, tau_p, v1 and F0 of this hit
+    shape: PulseShape = VERSED_SINE  # of the contact force
+    asymmetry: float = 0.0  # of the force on the published plant [-], see `compute_pulse`
+    contact: Contact | None = None  # the law on the plant `contact`; None: on the others
 
 
 def check_pulse_shape(plant: Plant, shape: PulseShape) -> None:
     """Raise `ParameterError` if a plant cannot have that shape of the contact force."""
-    if shape is VERSED_SINE:
-        return
-    if plant is Plant.DYNAMICS_PRINTED:
+    if shape is not VERSED_SINE and plant is not Plant.PUBLISHED:
         raise ParameterError(
-            f"pulse shape {shape.name!r} is not for the plant {plant.value}, whose printed"
-            f" equation (4) is the {VERSED_SINE.name}: choose {Plant.DYNAMICS.value}"
-        )
-    if plant is Plant.CONTACT:
-        raise ParameterError(
-            f"pulse shape {shape.name!r} is not for the plant {plant.value}, whose contact law"
-            " makes the pulse: give a contact_exponent"
+            f"pulse shape {shape.name!r} is not for the plant {plant.value}: only"
+            f" {Plant.PUBLISHED.value} can have another one than the {VERSED_SINE.name}"
         )
 
 
@@ -264,8 +144,6 @@ def simulate_plant(
     if plant is Plant.PUBLISHED:
         time = start + np.arange(count) / sampling_rate
         return _play_hammer(physics, time), _play_specimen(physics, time)
-    if physics.shape is not VERSED_SINE:
-        return simulate_driven(physics.model, physics.shape, sampling_rate, count, start)
     variant = ModelVariant.DRIVEN if plant is Plant.DYNAMICS else ModelVariant.PRINTED
     return simulate_impact(physics.model, sampling_rate, count, start=start, variant=variant)
 

@@ -5,17 +5,19 @@ from dataclasses import dataclass, field, replace
 from zlib import crc32
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
-from impact_rig.core.checks import check_between, check_not_negative, check_positive
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.model.impact import ImpactModel
-from impact_rig.core.model.pulses import VERSED_SINE, PulseShape
-from impact_rig.core.origin import SIMULATED, Origin
-from impact_rig.core.setup.paper import HAMMER_DAMPING_COEFFICIENT
-from impact_rig.core.setup.samples import RigSetup
-from impact_rig.core.signals.record import Block, ChannelBlock, FloatArray, HitLabel
+from impact_rig.core.errors import (
+    ParameterError,
+    check_between,
+    check_not_negative,
+    check_positive,
+)
+from impact_rig.core.model import ImpactModel
+from impact_rig.core.pulses import VERSED_SINE, PulseShape
+from impact_rig.core.records import SIMULATED, Block, ChannelBlock, FloatArray, HitLabel, Origin
+from impact_rig.core.setup import HAMMER_DAMPING_COEFFICIENT, RigSetup
 from impact_rig.devices.virtual.choices import IDENTITY, Fault, Plant
 from impact_rig.devices.virtual.contact import HERTZ_EXPONENT, Contact, make_nominal_contact
 from impact_rig.devices.virtual.plants import (
@@ -37,21 +39,11 @@ def fault_from_name(name: str) -> Fault:
 
 @dataclass(frozen=True)
 class ScheduledFault:
-    """A fault ordered for one hit, at its first attempt.
-
-    Attributes
-    ----------
-    fault : Fault
-        What.
-    impact : int
-        Impact of the series, counted from 1.
-    sample : str
-        Name of the sample; empty: every sample.
-    """
+    """A fault ordered for one hit, at its first attempt."""
 
     fault: Fault
-    impact: int
-    sample: str = ""
+    impact: int  # of the series, counted from 1
+    sample: str = ""  # empty: every sample
 
     def __post_init__(self) -> None:
         """Refuse an impossible impact number."""
@@ -78,21 +70,11 @@ def scheduled_fault_from_text(text: str) -> ScheduledFault:
 
 @dataclass(frozen=True)
 class FaultPlan:
-    """When which fault is injected.
+    """When which fault is injected."""
 
-    Attributes
-    ----------
-    probability : float
-        Of each of `faults`, drawn for each hit on its own [-].
-    faults : tuple of Fault
-        Those that are drawn.
-    scheduled : tuple of ScheduledFault
-        Those ordered for one hit.
-    """
-
-    probability: float = 0.0
+    probability: float = 0.0  # of each of `faults`, for each hit
     faults: tuple[Fault, ...] = tuple(Fault)
-    scheduled: tuple[ScheduledFault, ...] = field(default_factory=tuple)
+    scheduled: tuple[ScheduledFault, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse a probability that is none."""
@@ -119,49 +101,24 @@ class FaultPlan:
 CountArray = NDArray[np.int32]
 
 SHORTEST_RECORD = 100
-"""Least points of a record [-], our choice: fewer show no pulse and its baseline."""
+"""Points of a record: fewer show no pulse and its baseline."""
 
 
 @dataclass(frozen=True)
 class DigitizerSettings:
-    """The virtual acquisition chain; the paper's digitizer by default.
+    """The virtual acquisition chain; the paper's digitizer by default."""
 
-    Attributes
-    ----------
-    sampling_rate : float
-        [Hz]
-    record_duration : float
-        [s]
-    pre_trigger : float
-        Time from the first point to the contact, jitter apart [s].
-    bits : int
-        Resolution.
-    hammer_full_scale, specimen_full_scale : float
-        Largest acceleration of each channel [m/s^2]. Our choice: the paper's hits reach 22 to
-        53 % and 8 to 45 % of them.
-    noise : float
-        White noise, standard deviation as part of full scale [-]. Our choice: two steps.
-    offset : float
-        Unknown offset, part of full scale [-].
-    drift : float
-        Change of the offset over one record, part of full scale [-].
-    coupling_frequency : float
-        -3 dB of the AC coupling [Hz]; 0: DC coupled.
-    trigger_jitter : float
-        Standard deviation of the trigger's position [s].
-    """
-
-    sampling_rate: float = 2.5e6
-    record_duration: float = 2e-3
-    pre_trigger: float = 0.2e-3
+    sampling_rate: float = 2.5e6  # [Hz]
+    record_duration: float = 2e-3  # [s]
+    pre_trigger: float = 0.2e-3  # [s], from the first point to the contact, jitter apart
     bits: int = 12
-    hammer_full_scale: float = 2000.0
-    specimen_full_scale: float = 4000.0
-    noise: float = 1e-3
-    offset: float = 2e-3
-    drift: float = 0.0
-    coupling_frequency: float = 0.1
-    trigger_jitter: float = 1e-6
+    hammer_full_scale: float = 2000.0  # [m/s^2]: the paper's hits reach 22 to 53 % of it
+    specimen_full_scale: float = 4000.0  # [m/s^2]: the paper's hits reach 8 to 45 % of it
+    noise: float = 1e-3  # white, standard deviation, part of full scale: two steps
+    offset: float = 2e-3  # unknown to the estimator, part of full scale
+    drift: float = 0.0  # change of the offset over one record, part of full scale
+    coupling_frequency: float = 0.1  # [Hz], -3 dB of the AC coupling; 0: DC coupled
+    trigger_jitter: float = 1e-6  # [s], standard deviation of the trigger's position
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
@@ -234,7 +191,7 @@ def couple(signal: FloatArray, coupling_frequency: float, sampling_rate: float) 
         return signal
     pole = math.exp(-2.0 * math.pi * coupling_frequency / sampling_rate)
     gain = (1.0 + pole) / 2.0
-    coupled: FloatArray = lfilter([gain, -gain], [1.0, -pole], signal)
+    coupled: FloatArray = scipy.signal.lfilter([gain, -gain], [1.0, -pole], signal)
     return coupled
 
 
@@ -251,43 +208,17 @@ DOUBLE_DELAY_RANGE = (1.2, 4.0)
 
 @dataclass(frozen=True)
 class VirtualRigSettings:
-    """Physics, scatter and faults of the virtual rig.
-
-    Attributes
-    ----------
-    plant : Plant
-        Which physics.
-    seed : int
-        The same seed gives the same hits, in whatever order and however often they are asked.
-    contact_time_scatter : float
-        Standard deviation of tau_p from hit to hit, relative [-].
-    amplitude_scatter : float
-        Standard deviation of F0 from hit to hit, on the plant `contact` of v, relative [-].
-    pulse_shape : PulseShape
-        Of the contact force.
-    contact_exponent : float
-        n of the plant `contact` [-].
-    restitution : float
-        e of the plant `contact` [-]; 0: the material's.
-    asymmetry : float
-        Of the contact pulse [-], see `HitPhysics`.
-    hammer_damping : float
-        c1 [N s/m].
-    digitizer : DigitizerSettings
-        The acquisition chain.
-    faults : FaultPlan
-        What goes wrong.
-    """
+    """Physics, scatter and faults of the virtual rig."""
 
     plant: Plant = Plant.PUBLISHED
-    seed: int = 1
-    contact_time_scatter: float = 3e-3
-    amplitude_scatter: float = 2e-2
+    seed: int = 1  # the same seed gives the same hits, in any order
+    contact_time_scatter: float = 3e-3  # of tau_p from hit to hit, standard, relative
+    amplitude_scatter: float = 2e-2  # of F0, on the plant `contact` of v, standard, relative
     pulse_shape: PulseShape = VERSED_SINE
-    asymmetry: float = 0.02
-    contact_exponent: float = HERTZ_EXPONENT
-    restitution: float = 0.0
-    hammer_damping: float = HAMMER_DAMPING_COEFFICIENT
+    asymmetry: float = 0.02  # of the contact pulse, see `HitPhysics`
+    contact_exponent: float = HERTZ_EXPONENT  # n of the plant `contact`
+    restitution: float = 0.0  # e of the plant `contact`; 0: the material's
+    hammer_damping: float = HAMMER_DAMPING_COEFFICIENT  # c1 [N s/m]
     digitizer: DigitizerSettings = field(default_factory=DigitizerSettings)
     faults: FaultPlan = field(default_factory=FaultPlan)
 
@@ -311,30 +242,14 @@ class VirtualRigSettings:
 
 @dataclass(frozen=True)
 class VirtualHit:
-    """One hit: the truth, and what the digitizer made of it.
-
-    Attributes
-    ----------
-    label : HitLabel
-        Which hit.
-    faults : tuple of Fault
-        What went wrong.
-    model : ImpactModel
-        True parameters of this hit.
-    hammer, specimen : ChannelBlock
-        The whole record.
-    sampling_rate : float
-        [Hz]
-    origin : Origin
-        Simulated, by which plant.
-    """
+    """One hit: the truth, and what the digitizer made of it."""
 
     label: HitLabel
     faults: tuple[Fault, ...]
-    model: ImpactModel
-    hammer: ChannelBlock
+    model: ImpactModel  # true parameters of this hit
+    hammer: ChannelBlock  # the whole record
     specimen: ChannelBlock
-    sampling_rate: float
+    sampling_rate: float  # [Hz]
     origin: Origin
 
     def split(self, block_size: int, stamp: int) -> tuple[Block, ...]:
@@ -445,8 +360,8 @@ class VirtualRig:
     def strike(self, label: HitLabel) -> VirtualHit:
         """Simulate one hit.
 
-        The hit depends on seed, sample, impact and attempt alone. Faults are drawn from a
-        stream of their own, so that they change nothing in the good hits.
+        The hit depends on seed, sample, impact and attempt alone. Faults are drawn from
+        another stream, so that they change nothing in the good hits.
 
         Raises
         ------

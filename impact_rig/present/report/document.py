@@ -1,9 +1,8 @@
 """What a page is made of, without a word on how it looks."""
 
-import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from impact_rig.present.figures.markup import ReportFigure
+from impact_rig.present.figures.picture import Picture
 from impact_rig.results.remarks import Remark
 from impact_rig.results.tables import Table
 
@@ -39,13 +38,6 @@ class Facts:
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A figure of the report."""
-
-    figure: ReportFigure
-
-
-@dataclass(frozen=True)
 class Listing:
     """Text whose lines stay as they are."""
 
@@ -76,14 +68,14 @@ class Section:
         In their order.
     sections : tuple of Section
         Below it, one level deeper.
-    is_listed : bool
-        The table of contents names it.
+    is_page : bool
+        On paper it begins a page.
     """
 
     title: str
     parts: tuple[Part, ...] = ()
     sections: tuple["Section", ...] = ()
-    is_listed: bool = True
+    is_page: bool = False
 
 
 @dataclass(frozen=True)
@@ -93,11 +85,11 @@ class Document:
     Attributes
     ----------
     title, subtitle, name : str
-        The heading of all, what it is about, and what tells it from other reports.
+        Heading, subject, and the name of the run.
     banner : str
         Where the numbers come from, before all else.
     is_warning : bool
-        The banner is one that nobody may overlook.
+        The banner is coloured as a warning.
     facts : tuple of (str, str)
         The few that belong beside the title.
     sections : tuple of Section
@@ -111,29 +103,6 @@ class Document:
     is_warning: bool
     facts: tuple[tuple[str, str], ...]
     sections: tuple[Section, ...]
-
-
-@dataclass
-class Identifiers:
-    """Gives out the ids of a page: readable, and each once.
-
-    Attributes
-    ----------
-    taken : set of str
-        Those that are in use.
-    """
-
-    taken: set[str] = field(default_factory=set)
-
-    def make(self, text: str) -> str:
-        """Return an id made of the words of a text."""
-        words = "-".join(re.findall(r"[a-z0-9]+", text.lower())) or "part"
-        name, number = words, 1
-        while name in self.taken:
-            number += 1
-            name = f"{words}-{number}"
-        self.taken.add(name)
-        return name
 
 
 def drop_empty(*sections: Section | None) -> tuple[Section, ...]:

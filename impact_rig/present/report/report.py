@@ -1,14 +1,13 @@
-"""The whole report of one run or several."""
+"""The whole report of a run."""
 
 from collections.abc import Callable, Sequence
 
-from impact_rig.core.origin import IMPORTED, MEASURED, join_origins
-from impact_rig.present.report.comparison import make_comparison_section
+from impact_rig.core.records import IMPORTED, MEASURED, join_origins
 from impact_rig.present.report.document import Document, Facts, Section
-from impact_rig.present.report.run import make_run_sections, make_warnings_section
+from impact_rig.present.report.run import make_run_sections
 from impact_rig.present.report.setup import format_time, is_dated
 from impact_rig.results.remarks import describe_origin
-from impact_rig.results.run import Run
+from impact_rig.results.run import Provenance, Run
 
 TITLE = "Impact test report"
 GUIDE = {
@@ -39,7 +38,7 @@ GUIDE = {
     ),
     "Paper, reference": (
         "The published value of the same sample, or the value that the rig's set-up expects."
-        " The difference is measured minus expected, in percent of the expected."
+        " Δ/U is measured minus expected, over the half-width of the measured value's interval."
     ),
     "Hits left out": (
         "A hit is judged before it counts: overload, double hit, too weak, truncated, no"
@@ -49,25 +48,15 @@ GUIDE = {
 """How to read the report, for people who were not there: signs, methods and words."""
 
 
-def make_report(
-    runs: Sequence[Run],
-    unread: Sequence[str] = (),
-    report: Callable[[int], None] = lambda _: None,
-    *,
-    with_simulators: bool = False,
-) -> Document:
-    """Tell of runs: of one by itself; of several a comparison first, then each.
+def make_report(runs: Sequence[Run], report: Callable[[int], None] = lambda _: None) -> Document:
+    """Return the report of a run.
 
     Parameters
     ----------
     runs : sequence of Run
-        At least one; the others are held against the first.
-    unread : sequence of str
-        Why others are not in it, a sentence each.
+        The campaigns of a recording, usually one.
     report : callable, optional
-        Told how many runs are done, after each.
-    with_simulators : bool
-        With a chapter on the contacts in simulators for each run.
+        Takes how many campaigns are done, after each.
 
     Raises
     ------
@@ -75,34 +64,28 @@ def make_report(
         If a run names a sample that is not in its set-up.
     """
     kind = join_origins(run.campaign.results.origin for run in runs).kind
-    sections = [make_warnings_section(runs, unread)]
-    if len(runs) == 1:
-        sections += make_run_sections(runs[0], with_simulators=with_simulators)
-        report(1)
-    else:
-        sections.append(make_comparison_section(runs))
-        for number, run in enumerate(runs, start=1):
-            inner = make_run_sections(run, with_simulators=with_simulators)
-            title = f"Run {number}: {run.name}"
-            sections.append(Section(title, (), (make_warnings_section([run]), *inner)))
-            report(number)
+    sections: list[Section] = []
+    for number, run in enumerate(runs, start=1):
+        parts = make_run_sections(run)
+        sections += parts if len(runs) == 1 else [Section(run.name, (), parts)]
+        report(number)
     return Document(
         title=TITLE if kind == MEASURED else f"{TITLE}: {kind}",
         subtitle=_describe_rigs(runs),
         name=", ".join(run.name for run in runs),
-        banner=_tell_origins(runs),
+        banner=_describe_origins(runs),
         is_warning=kind not in (MEASURED, IMPORTED),
         facts=_list_facts(runs),
-        sections=(*sections, Section("How to read this", (Facts(tuple(GUIDE.items())),))),
+        sections=(*sections, Section("Method", (Facts(tuple(GUIDE.items())),))),
     )
 
 
-def _tell_origins(runs: Sequence[Run]) -> str:
+def _describe_origins(runs: Sequence[Run]) -> str:
     """Return where the numbers come from, run by run where there are several."""
-    told = [describe_origin(hit.origin for hit in run.campaign.results.hits) for run in runs]
+    texts = [describe_origin(hit.origin for hit in run.campaign.results.hits) for run in runs]
     if len(runs) == 1:
-        return told[0]
-    return " ".join(f"{run.name}: {text}" for run, text in zip(runs, told, strict=True))
+        return texts[0]
+    return " ".join(f"{run.name}: {text}" for run, text in zip(runs, texts, strict=True))
 
 
 def _describe_rigs(runs: Sequence[Run]) -> str:
@@ -120,22 +103,16 @@ def _list_facts(runs: Sequence[Run]) -> tuple[tuple[str, str], ...]:
     hits = sum(len(item.hits) for item in results)
     left_out = sum(len(item.rejections) for item in results)
     facts = [
-        ("Run" if len(runs) == 1 else "Runs", ", ".join(run.name for run in runs)),
+        ("Run", ", ".join(run.name for run in runs)),
         ("Rig", ", ".join(rigs)),
-        ("Recorded", _format_dates(runs)),
+        ("Recorded", _format_date(runs[0].provenance)),
         ("Samples", str(len(names))),
         ("Hits in the means", f"{hits - left_out} of {hits}"),
     ]
     return tuple((name, text) for name, text in facts if text)
 
 
-def _format_dates(runs: Sequence[Run]) -> str:
-    """Return the days of the recordings, and the moment where there is one run."""
-    found = [run.provenance for run in runs if run.provenance]
-    known = sorted(format_time(item.start_time) for item in found if is_dated(item))
-    if not known:
+def _format_date(provenance: Provenance | None) -> str:
+    if provenance is None or not is_dated(provenance):
         return "date not known"
-    if len(runs) == 1:
-        return known[0]
-    days = list(dict.fromkeys(text.partition(" ")[0] for text in known))
-    return days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
+    return format_time(provenance.start_time)

@@ -2,13 +2,16 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from impact_rig.core.quantity import list_stored
-from impact_rig.core.setup.samples import DEFAULT_CLOCK_UNCERTAINTY, RigSetup, format_angle
-from impact_rig.core.setup.sensors import Sensor
-from impact_rig.core.setup.settings import AnalysisSettings
+from impact_rig.core.sensors import Sensor
+from impact_rig.core.setup import (
+    DEFAULT_CLOCK_UNCERTAINTY,
+    AnalysisSettings,
+    RigSetup,
+    format_angle,
+)
 from impact_rig.present.report.document import Facts, Folded, Listing, Paragraph, Part, Section
 from impact_rig.results.hit_traces import Acquisition
 from impact_rig.results.numbers import MEGA, MICRO, MISSING, format_count, format_number
@@ -26,76 +29,26 @@ WITHOUT_TRACES = (
 )
 
 
-@dataclass(frozen=True)
-class SetupField:
-    """How a field of the set-up is shown: its name in words, its unit, and the scale to it."""
-
-    label: str
-    unit: str = ""
-    scale: float = 1.0
-
-    def format(self, value: float | str | None) -> str:
-        """Return a value in this unit; a dash for what is not known."""
-        if isinstance(value, str):
-            return value or MISSING
-        if isinstance(value, bool):
-            return "yes" if value else "no"
-        if value is None or not math.isfinite(value):
-            return MISSING
-        return f"{value * self.scale:.7g}"
-
-
 SETTINGS = {
-    "cutoff_frequency": SetupField("low-pass, 0 for none", "kHz", 1e-3),
-    "pulse_factor": SetupField("F in τp = F w50"),
-    "pre_trigger": SetupField("record before the trigger", "ms", 1e3),
-    "record_duration": SetupField("length of a record", "ms", 1e3),
-    "detection_level": SetupField("pulse found from, of full scale", "%", 100.0),
-    "minimum_peak": SetupField("weak below, of full scale", "%", 100.0),
-    "maximum_peak": SetupField("overload above, of full scale", "%", 100.0),
-    "overload_run": SetupField("points at the rail that make an overload"),
-    "double_hit_level": SetupField("second pulse that makes a double hit, of the first", "%", 100),
-    "double_hit_window": SetupField("second pulse counts within, 0 for anywhere", "ms", 1e3),
-    "turns_polarity": SetupField("hits of the other sign are turned"),
-    "contact_exponent": SetupField("n of the contact law, 0 where it is fitted"),
-    "keep_hits": SetupField("hits of a sample averaged at most, 0 for all"),
+    "cutoff_frequency": ("low-pass, 0 for none", "kHz", 1e-3),
+    "pulse_factor": ("F in τp = F w50", "", 1.0),
+    "pre_trigger": ("record before the trigger", "ms", 1e3),
+    "record_duration": ("length of a record", "ms", 1e3),
+    "detection_level": ("pulse found from, of full scale", "%", 100.0),
+    "minimum_peak": ("weak below, of full scale", "%", 100.0),
+    "maximum_peak": ("overload above, of full scale", "%", 100.0),
+    "overload_run": ("points at the rail that make an overload", "", 1.0),
+    "double_hit_level": ("second pulse that makes a double hit, of the first", "%", 100.0),
+    "double_hit_window": ("second pulse counts within, 0 for anywhere", "ms", 1e3),
+    "turns_polarity": ("hits of the other sign are turned", "", 1.0),
+    "contact_exponent": ("n of the contact law, 0 where it is fitted", "", 1.0),
+    "keep_hits": ("hits of a sample averaged at most, 0 for all", "", 1.0),
 }
-"""Fields of `AnalysisSettings`."""
-SETUP_FIELDS = {
-    **SETTINGS,
-    "hammer_mass": SetupField("mass of the hammer m1", "g", GRAM),
-    "hammer_mass_uncertainty": SetupField("standard uncertainty of m1", "g", GRAM),
-    "hammer_stiffness": SetupField("given stiffness of the hammer k1", "MN/m", MEGA),
-    "accelerometer_mass": SetupField("mass of the accelerometer", "g", GRAM),
-    "accelerometer_mass_uncertainty": SetupField("standard uncertainty of it", "g", GRAM),
-    "clock_uncertainty": SetupField("standard uncertainty of the clock", "ppm", 1e6),
-    "impact_speed": SetupField("impact speed v1", "cm/s", 100.0),
-    "release_angle": SetupField("release angle", "°", math.degrees(1.0)),
-    "control_sample": SetupField("control sample"),
-    "material": SetupField("material"),
-    "mass": SetupField("mass", "g", GRAM),
-    "mass_uncertainty": SetupField("standard uncertainty of the mass", "g", GRAM),
-    "reference_contact_time": SetupField("reference τp", "µs", MICRO),
-    "reference_stiffness": SetupField("reference k2", "MN/m", MEGA),
-    "reference_damping_coefficient": SetupField("reference c2", "N s/m"),
-    "quantity": SetupField("quantity"),
-    "unit": SetupField("unit"),
-    "sensitivity": SetupField("sensitivity", "mV per unit", 1e3),
-    "full_scale": SetupField("full scale", "unit"),
-    "serial_number": SetupField("serial number"),
-    "calibration_date": SetupField("calibrated"),
-    "sensitivity_uncertainty": SetupField("standard uncertainty of the sensitivity", "%", 100.0),
-    "resonance": SetupField("resonance", "kHz", 1e-3),
-    "resonance_uncertainty": SetupField("standard uncertainty of the resonance", "kHz", 1e-3),
-    "resonance_damping": SetupField("damping of the resonance"),
-    "low_corner": SetupField("low corner", "Hz"),
-    "low_corner_uncertainty": SetupField("standard uncertainty of the low corner", "Hz"),
-}
-"""Fields of the whole set-up."""
+"""Fields of `AnalysisSettings`: label, unit, and scale to it."""
 
 
 def make_setup_section(run: Run) -> Section:
-    """Tell what was measured and with what."""
+    """Return what was measured and with what."""
     setup = run.campaign.results.setup
     parts: list[Part] = [] if run.has_traces else [Paragraph(WITHOUT_TRACES)]
     parts += [
@@ -106,7 +59,7 @@ def make_setup_section(run: Run) -> Section:
         _fold_settings(setup.analysis),
         *_list_software(run.provenance),
     ]
-    return Section("What was measured, and with what", tuple(parts))
+    return Section("Set-up", tuple(parts))
 
 
 def format_time(nanoseconds: int) -> str:
@@ -165,10 +118,13 @@ def _list_recording_facts(provenance: Provenance) -> list[tuple[str, str]]:
     ]
 
 
-def _format_unit(value: float, field: str) -> str:
-    shown = SETUP_FIELDS[field]
-    text = shown.format(value)
-    return text if text == MISSING else f"{text} {shown.unit}"
+def _format_value(value: float | str, scale: float = 1.0) -> str:
+    """Return a value of the set-up; a dash for what is not known."""
+    if isinstance(value, str):
+        return value or MISSING
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value * scale:.7g}" if math.isfinite(value) else MISSING
 
 
 def _describe_speeds(setup: RigSetup) -> str:
@@ -177,7 +133,7 @@ def _describe_speeds(setup: RigSetup) -> str:
     if math.isnan(setup.impact_speed):
         return "not known"
     if not series:
-        return _format_unit(setup.impact_speed, "impact_speed")
+        return f"{100.0 * setup.impact_speed:.7g} cm/s"
     return ", ".join(
         f"{100.0 * setup.for_series(name).impact_speed:.4g} cm/s from {format_angle(angle)}"
         for angle, name in series.items()
@@ -187,15 +143,15 @@ def _describe_speeds(setup: RigSetup) -> str:
 def _describe_clock(uncertainty: float) -> str:
     if not uncertainty:
         return "uncertainty not stated"
-    text = f"standard uncertainty {_format_unit(uncertainty, 'clock_uncertainty')}"
+    text = f"standard uncertainty {1e6 * uncertainty:.7g} ppm"
     is_default = uncertainty == DEFAULT_CLOCK_UNCERTAINTY
     return f"{text}, the default: a crystal good for 100 ppm" if is_default else text
 
 
 def _describe_hammer_stiffness(setup: RigSetup) -> str:
     if math.isfinite(setup.hammer_stiffness):
-        given = _format_unit(setup.hammer_stiffness, "hammer_stiffness")
-        return f"{given}, from an earlier control experiment"
+        given = setup.hammer_stiffness * MEGA
+        return f"{given:.7g} MN/m, from an earlier control experiment"
     if setup.samples.control_sample:
         return f"from the control experiment on {setup.samples.control_sample}"
     return "not known: the set has no control sample"
@@ -207,7 +163,7 @@ def _tabulate_bodies(setup: RigSetup) -> Table:
     samples = {item.body: item for item in carried.samples}.values()
     rows = [
         ("hammer", "", setup.hammer_mass, setup.hammer_mass_uncertainty),
-        # Without one nobody has stated it.
+        # A mass of zero was not stated.
         (
             "accelerometer",
             "",
@@ -217,9 +173,8 @@ def _tabulate_bodies(setup: RigSetup) -> Table:
         *((item.body, item.material, item.mass, item.mass_uncertainty) for item in samples),
     ]
 
-    def refer(field: str, digits: int) -> list[str]:
-        shown = SETUP_FIELDS[field]
-        values = (getattr(item, field) * shown.scale for item in samples)
+    def refer(field: str, digits: int, scale: float = 1.0) -> list[str]:
+        values = (getattr(item, field) * scale for item in samples)
         return ["", "", *(format_number(value, digits) for value in values)]
 
     roles = ["", "part of every m2"] + [
@@ -231,8 +186,8 @@ def _tabulate_bodies(setup: RigSetup) -> Table:
         make_text_column("Material", [material for _, material, *_ in rows]),
         make_column("Mass [g]", [format_number(mass * GRAM, 2) for *_, mass, _ in rows]),
         make_column("u [g]", [f"{wide * GRAM:.2g}" if wide else MISSING for *_, wide in rows]),
-        make_column("Ref. τp [µs]", refer("reference_contact_time", 2)),
-        make_column("Ref. k2 [MN/m]", refer("reference_stiffness", 2)),
+        make_column("Ref. τp [µs]", refer("reference_contact_time", 2, MICRO)),
+        make_column("Ref. k2 [MN/m]", refer("reference_stiffness", 2, MEGA)),
         make_column("Ref. c2 [N s/m]", refer("reference_damping_coefficient", 0)),
         make_text_column("Role", roles),
     ]
@@ -247,18 +202,18 @@ def _tabulate_sensors(sensors: Sequence[Sensor]) -> list[Part]:
     if not sensors:
         return []
     columns = [make_text_column("Sensor", [sensor.channel for sensor in sensors])]
-    for name, header, make in (
-        ("quantity", "Quantity", make_text_column),
-        ("unit", "Unit", make_text_column),
-        ("sensitivity", "Sensitivity [mV per unit]", make_column),
-        ("full_scale", "Full scale [unit]", make_column),
-        ("serial_number", "Serial number", make_text_column),
-        ("calibration_date", "Calibrated", make_text_column),
-        ("resonance", "Resonance [kHz]", make_column),
-        ("low_corner", "Low corner [Hz]", make_column),
+    for name, header, make, scale in (
+        ("quantity", "Quantity", make_text_column, 1.0),
+        ("unit", "Unit", make_text_column, 1.0),
+        ("sensitivity", "Sensitivity [mV per unit]", make_column, 1e3),
+        ("full_scale", "Full scale [unit]", make_column, 1.0),
+        ("serial_number", "Serial number", make_text_column, 1.0),
+        ("calibration_date", "Calibrated", make_text_column, 1.0),
+        ("resonance", "Resonance [kHz]", make_column, 1e-3),
+        ("low_corner", "Low corner [Hz]", make_column, 1.0),
     ):
         values = [getattr(sensor, name) or "" for sensor in sensors]
-        columns.append(make(header, [SETUP_FIELDS[name].format(value) for value in values]))
+        columns.append(make(header, [_format_value(value, scale) for value in values]))
     return [make_table("Sensors, by their calibration sheets", columns)]
 
 
@@ -285,13 +240,16 @@ def _tabulate_acquisitions(acquisitions: Sequence[Acquisition]) -> list[Part]:
 
 
 def _fold_settings(settings: AnalysisSettings) -> Folded:
-    named = [(SETTINGS[name], value) for name, value in list_stored(settings).items()]
-    rows = [(shown.label, shown.format(value), shown.unit) for shown, value in named]
-    labels, values, units = zip(*rows, strict=True)
+    stored = list_stored(settings)
+    fields = [SETTINGS[name] for name in stored]
+    values = [
+        _format_value(value, scale)
+        for value, (_, _, scale) in zip(stored.values(), fields, strict=True)
+    ]
     columns = [
-        make_text_column("Setting", labels),
+        make_text_column("Setting", [label for label, _, _ in fields]),
         make_column("Value", values),
-        make_text_column("Unit", units),
+        make_text_column("Unit", [unit for _, unit, _ in fields]),
     ]
     title = "Settings of judgement and evaluation"
     return Folded(title, (make_table(title, columns),))

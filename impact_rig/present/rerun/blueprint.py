@@ -1,55 +1,34 @@
-"""Layout of the view: tabs of plots, texts and drawings, apart from what is logged."""
+"""Layout of the view: four tabs of plots and texts, apart from what is logged."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from impact_rig.present.rerun import entities, paper_figures
+from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.entities import BODIES, Path, make_body_path
 from impact_rig.present.rerun.health import DISK, LEVELS, LOSSES, RATES
 from impact_rig.present.rerun.rerun_sdk import import_rerun
-from impact_rig.results.figure_rows import sort_as_figure_5
 from impact_rig.results.numbers import show_unit
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
-TAB_LAST_HIT = "Last hit"
-TAB_SAMPLES = "Samples"
-TAB_PRINTED = "Samples, model as printed"
-TAB_LAW = "Contact law"
+TAB_HIT = "Hit"
+TAB_SAMPLE = "Sample"
 TAB_CAMPAIGN = "Campaign"
-TAB_TRENDS = "Trends"
-TAB_RESULTS = "Results"
-TAB_HEALTH = "Rig health"
-TABS = (
-    TAB_LAST_HIT,
-    TAB_SAMPLES,
-    TAB_PRINTED,
-    TAB_LAW,
-    TAB_CAMPAIGN,
-    TAB_TRENDS,
-    TAB_RESULTS,
-    TAB_HEALTH,
-)
+TAB_HEALTH = "Health"
+TABS = (TAB_HIT, TAB_SAMPLE, TAB_CAMPAIGN, TAB_HEALTH)
 LARGEST_GRID_WIDTH = 4
 """Most plots side by side [-], our choice."""
 BEFORE, AFTER = 1.0, 4.5
 """What plots of samples begin with, in longest contact times from the middle of the pulse [-], our
 choice: some periods of the sample's decay."""
-MARGIN = 0.03
-"""What Figs. 3 and 4 show beside the shortest and longest pulse, parts of it [-], our choice."""
-CASES = 3
-"""Samples at once in Fig. 5 [-]: as in the paper."""
 OVERVIEW = "All [m/s²]: hammer blue, sample orange, model on top, residual grey, contact green"
-OVERVIEW_AS_PRINTED = "All [m/s²]: hammer blue, sample orange, model on top, residual grey"
 LAYERS = (entities.CONTACT, entities.OVERLAY, entities.MODELS, entities.POINTS)
 """What is drawn of a body, from below."""
-Legend = Literal["left", "right", "none"]
-"""In which upper corner of a plot names stand."""
 Range = tuple[float, float]
 """First and last time that a plot begins with [s]."""
 
@@ -72,8 +51,7 @@ def make_blueprint(
     Returns
     -------
     rerun.blueprint.Blueprint
-        Tabs: the last hit, the samples against both models, their contact laws, the paper's
-        figures, trends over the hits, the results, the rig's health.
+        Tabs: the last hit, the samples, the campaign, the rig's health.
 
     Raises
     ------
@@ -83,16 +61,11 @@ def make_blueprint(
     layout = import_rerun().blueprint
     known = [time for time in contact_times if math.isfinite(time) and time > 0.0]
     decay = (-BEFORE * max(known), AFTER * max(known)) if known else None
-    widths = ((1 - MARGIN) * min(known), (1 + MARGIN) * max(known)) if known else None
     return layout.Blueprint(
         layout.Tabs(
-            _lay_out_last_hit(),
+            _lay_out_hit(),
             _lay_out_samples(sample_names, decay),
-            _lay_out_printed(sample_names, decay),
-            _lay_out_laws(sample_names),
-            _lay_out_campaign(sample_names, decay, widths),
-            _lay_out_trends(hammer_unit),
-            _lay_out_results(),
+            _lay_out_campaign(hammer_unit),
             _lay_out_health(),
             active_tab=0,
         ),
@@ -103,18 +76,18 @@ def make_blueprint(
     )
 
 
-def _lay_out_last_hit() -> rrb.Container:
+def _lay_out_hit() -> rrb.Container:
     title = "Measured acceleration [m/s²] over the time in the record"
     return import_rerun().blueprint.Horizontal(
         _make_time_view(title, [entities.HITS]),
         _make_text_view("Verdict", entities.VERDICT),
         column_shares=[2, 1],
-        name=TAB_LAST_HIT,
+        name=TAB_HIT,
     )
 
 
 def _lay_out_samples(names: Sequence[str], time_range: Range | None) -> rrb.Container:
-    """Return a tab with an overview, and a tab for each sample with hammer, sample and values."""
+    """Return a tab with an overview, and a tab for each sample."""
     cells = [
         _make_time_view(
             name,
@@ -126,21 +99,22 @@ def _lay_out_samples(names: Sequence[str], time_range: Range | None) -> rrb.Cont
                 if (body, layer) != (entities.SPECIMEN, entities.CONTACT)
             ],
             time_range,
-            legend="none",
+            has_legend=False,
         )
         for name in names
     ]
     return import_rerun().blueprint.Tabs(
         _make_grid(OVERVIEW, cells),
         *(_lay_out_sample(name, time_range) for name in names),
-        name=TAB_SAMPLES,
+        name=TAB_SAMPLE,
         active_tab=0,
     )
 
 
 def _lay_out_sample(sample: str, time_range: Range | None) -> rrb.Container:
+    """Return a tab with hammer, sample, contact law and what was found."""
     layout = import_rerun().blueprint
-    plots = [
+    traces = [
         _make_time_view(
             f"{body} of {sample} [m/s²]",
             [(*make_body_path(sample, body), layer) for layer in LAYERS],
@@ -148,56 +122,23 @@ def _lay_out_sample(sample: str, time_range: Range | None) -> rrb.Container:
         )
         for body in BODIES
     ]
+    law = [
+        _make_time_view(
+            f"Force on the hammer of {sample} [N]", [make_body_path(sample, entities.LAW)]
+        ),
+        _make_time_view(
+            f"What law and versed-sine leave of {sample} [N]",
+            [make_body_path(sample, entities.LAW_RESIDUAL)],
+            has_legend=False,
+        ),
+    ]
     return layout.Horizontal(
-        layout.Vertical(*plots),
-        _make_text_view("What was found", (*entities.SAMPLES, sample, entities.SUMMARY)),
-        column_shares=[3, 2],
+        layout.Vertical(*traces),
+        layout.Vertical(*law, row_shares=[2, 1]),
+        _make_text_view("What was found", make_body_path(sample, entities.SUMMARY)),
+        column_shares=[3, 2, 2],
         name=sample,
     )
-
-
-def _lay_out_printed(names: Sequence[str], time_range: Range | None) -> rrb.Container:
-    """Return a tab with every sample against the model as printed, and a tab for each of them."""
-    layout = import_rerun().blueprint
-
-    def view(sample: str, heading: str, legend: Legend) -> rrb.TimeSeriesView:
-        parent = (*entities.SAMPLES, sample, entities.AS_PRINTED)
-        return _make_time_view(heading, [parent], time_range, legend=legend)
-
-    return layout.Tabs(
-        _make_grid(OVERVIEW_AS_PRINTED, [view(name, name, "none") for name in names]),
-        *(layout.Vertical(view(name, f"{name} [m/s²]", "right"), name=name) for name in names),
-        name=TAB_PRINTED,
-        active_tab=0,
-    )
-
-
-def _lay_out_laws(names: Sequence[str]) -> rrb.Container:
-    """Return a tab with a tab for each sample: pulse, what is left of it, loop."""
-    layout = import_rerun().blueprint
-    pages = [
-        layout.Horizontal(
-            layout.Vertical(
-                _make_time_view(
-                    f"Force on the hammer of {name} [N]", [make_body_path(name, entities.LAW)]
-                ),
-                _make_time_view(
-                    f"What law and versed-sine leave of {name} [N]",
-                    [make_body_path(name, entities.LAW_RESIDUAL)],
-                    legend="none",
-                ),
-                row_shares=[2, 1],
-            ),
-            _make_drawing(
-                f"Force [N] over indentation [µm] of {name}",
-                make_body_path(name, entities.LOOP),
-            ),
-            column_shares=[3, 2],
-            name=name,
-        )
-        for name in names
-    ]
-    return layout.Tabs(*pages, name=TAB_LAW)
 
 
 def _make_grid(name: str, cells: Sequence[rrb.View]) -> rrb.Container:
@@ -205,76 +146,12 @@ def _make_grid(name: str, cells: Sequence[rrb.View]) -> rrb.Container:
     return import_rerun().blueprint.Grid(contents=cells, grid_columns=max(columns, 1), name=name)
 
 
-def _lay_out_campaign(
-    names: Sequence[str], time_range: Range | None, widths: Range | None
-) -> rrb.Container:
-    """Return a tab with Figs. 3 to 6."""
-    layout = import_rerun().blueprint
-    figure_3 = "Fig. 3, axes exchanged: relative mass [g] and pulse width τp"
-    figure_4 = "Fig. 4: peak of the {} [m/s²] against pulse width τp"
-    peaks = [
-        _make_time_view(
-            figure_4.format(whose), [(*entities.FIGURE_4, body)], widths, legend="none"
-        )
-        for whose, body in (("hammer", entities.HAMMER), ("samples", entities.SPECIMEN))
-    ]
-    return layout.Horizontal(
-        layout.Vertical(
-            _make_time_view(figure_3, [entities.FIGURE_3], widths, legend="left"),
-            *peaks,
-            row_shares=[8, 3, 3],
-        ),
-        layout.Vertical(
-            _lay_out_figure_5(names, time_range),
-            layout.Horizontal(
-                *(
-                    _make_drawing(
-                        f"Fig. 6{letter}: mean square error, {whose}", (*entities.FIGURE_6, body)
-                    )
-                    for letter, whose, body in (
-                        ("a", "hammer", entities.HAMMER),
-                        ("b", "samples", entities.SPECIMEN),
-                    )
-                )
-            ),
-        ),
-        name=TAB_CAMPAIGN,
-    )
-
-
-def _lay_out_figure_5(names: Sequence[str], time_range: Range | None) -> rrb.Container:
-    layout = import_rerun().blueprint
-    names = sort_as_figure_5(tuple(names))
-    pages = [
-        layout.Horizontal(
-            *(
-                _make_time_view(f"Fig. 5: {name}", [(*entities.FIGURE_5, name)], time_range)
-                for name in cases
-            ),
-            name=" · ".join(cases),
-        )
-        for cases in (names[i : i + CASES] for i in range(0, len(names), CASES))
-    ]
-    return layout.Tabs(*pages, name="Fig. 5")
-
-
-def _make_drawing(name: str, path: Path) -> rrb.Spatial2DView:
-    """Return a view of what is drawn into a plane."""
+def _lay_out_campaign(hammer_unit: str) -> rrb.Container:
+    """Return a tab with tables, verdicts, and contact time and peaks of each hit."""
     sdk = import_rerun()
-    return sdk.blueprint.Spatial2DView(
-        origin=sdk.new_entity_path(path),
-        name=name,
-        visual_bounds=sdk.blueprint.VisualBounds2D(
-            x_range=[-paper_figures.LEFT, paper_figures.WIDTH + paper_figures.RIGHT],
-            y_range=[-paper_figures.ABOVE, paper_figures.HEIGHT + paper_figures.BELOW],
-        ),
-    )
-
-
-def _lay_out_trends(hammer_unit: str) -> rrb.Container:
-    """Return a tab with contact time and peaks of each hit."""
+    layout = sdk.blueprint
     when = f"of each hit (timeline {entities.HIT} or {entities.WALL_CLOCK}, chosen below)"
-    plots = [
+    trends = [
         _make_time_view(f"{title} {when}", [(*entities.TRENDS, quantity)])
         for title, quantity in (
             ("Contact time τp [µs]", entities.CONTACT_TIME),
@@ -282,12 +159,6 @@ def _lay_out_trends(hammer_unit: str) -> rrb.Container:
             ("Peak of the sample [m/s²]", entities.SPECIMEN_PEAK),
         )
     ]
-    return import_rerun().blueprint.Vertical(*plots, name=TAB_TRENDS)
-
-
-def _lay_out_results() -> rrb.Container:
-    sdk = import_rerun()
-    layout = sdk.blueprint
     columns = layout.TextLogColumns(
         timeline_columns=[layout.encodings.TimelineColumn(entities.HIT, visible=False)],
         text_log_columns=["LogLevel", "Body"],
@@ -295,11 +166,15 @@ def _lay_out_results() -> rrb.Container:
     verdicts = layout.TextLogView(
         origin=sdk.new_entity_path(entities.LOG), name="Verdicts", columns=columns
     )
-    return layout.Vertical(
-        _make_text_view("Measured and expected", entities.TABLES),
-        verdicts,
-        row_shares=[2, 1],
-        name=TAB_RESULTS,
+    return layout.Horizontal(
+        layout.Vertical(
+            _make_text_view("Measured and expected", entities.TABLES),
+            verdicts,
+            row_shares=[2, 1],
+        ),
+        layout.Vertical(*trends),
+        column_shares=[3, 2],
+        name=TAB_CAMPAIGN,
     )
 
 
@@ -337,7 +212,7 @@ def _make_time_view(
     parents: Sequence[Path],
     time_range: Range | None = None,
     *,
-    legend: Legend = "right",
+    has_legend: bool = True,
 ) -> rrb.TimeSeriesView:
     """Return a plot over time of everything below `parents`.
 
@@ -349,17 +224,16 @@ def _make_time_view(
         Entity paths.
     time_range : tuple of float, optional
         What it begins with [s]; without one, everything.
-    legend : str
-        In which upper corner names stand.
+    has_legend : bool
+        Whether names stand in the upper right corner.
     """
     sdk = import_rerun()
     layout = sdk.blueprint
-    corner = layout.Corner2D.LeftTop if legend == "left" else layout.Corner2D.RightTop
     return layout.TimeSeriesView(
         contents=[f"+ {sdk.new_entity_path(parent)}/**" for parent in parents],
         name=name,
         axis_x=_make_axis(time_range) if time_range else None,
-        plot_legend=layout.PlotLegend(corner, visible=legend != "none"),
+        plot_legend=layout.PlotLegend(layout.Corner2D.RightTop, visible=has_legend),
     )
 
 

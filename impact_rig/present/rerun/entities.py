@@ -5,7 +5,7 @@ APPLICATION = "impact_rig"
 
 HIT_TIME = "hit_time"
 """Timeline: time inside a hit. Plots live on it. 0 is the first point of a record, and in what is
-laid over each other the middle of the hammer pulse; in Figs. 3 and 4 it is the pulse width."""
+laid over each other the middle of the hammer pulse."""
 HIT = "hit"
 """Timeline: number of the record."""
 WALL_CLOCK = "wall_clock"
@@ -17,11 +17,9 @@ Path = tuple[str, ...]
 HITS: Path = ("hits",)
 """Parent of one entity per record: its hammer and sample traces."""
 VERDICT: Path = ("verdict",)
-"""The last hit in words."""
+"""Text on the last hit."""
 SAMPLES: Path = ("samples",)
 """Parent of sample / body / what is laid over each other."""
-FIGURES: Path = ("figures",)
-"""Parent of the paper's figures, by number."""
 TABLES: Path = ("results",)
 """Everything found, in tables."""
 LOG: Path = ("log",)
@@ -38,12 +36,6 @@ HAMMER_PEAK = "hammer_peak"
 SPECIMEN_PEAK = "sample_peak"
 """Below the trends: what is followed over the hits."""
 
-FIGURE_3: Path = (*FIGURES, "3")
-FIGURE_4: Path = (*FIGURES, "4")
-FIGURE_5: Path = (*FIGURES, "5")
-FIGURE_6: Path = (*FIGURES, "6")
-"""Below Figs. 4 and 6 hammer and sample, below Fig. 5 the samples by name."""
-
 HAMMER = "hammer"
 SPECIMEN = "sample"
 BODIES = (HAMMER, SPECIMEN)
@@ -56,14 +48,12 @@ OVERLAY = "hits"
 """Below a body: all hits."""
 MODELS = "models"
 """Below a body: mean, models and residual."""
-AS_PRINTED = "printed"
-"""Below a sample: mean, model as printed and residual of both bodies."""
 POINTS = "points"
 """Below a body: what was read from the mean."""
-LAW, LAW_RESIDUAL, LOOP = "law", "law residual", "loop"
-"""Below a sample: its contact's pulse, what law and versed-sine leave of it, its loop."""
+LAW, LAW_RESIDUAL = "law", "law residual"
+"""Below a sample: its contact's pulse, and what law and versed-sine leave of it."""
 SUMMARY = "summary"
-"""Below a sample: what was found of it, in words."""
+"""Below a sample: its results as text."""
 
 
 def make_body_path(sample: str, part: str) -> Path:

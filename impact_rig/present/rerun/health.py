@@ -1,4 +1,4 @@
-"""How the rig is doing, as its nodes say it: the newest state in words, and its history."""
+"""Health of the nodes: the newest state as text, and its history."""
 
 from __future__ import annotations
 

@@ -1,21 +1,21 @@
-"""What is said in words, as Markdown: tables, remarks, one sample, one hit; no Rerun in here."""
+"""Text of the view as Markdown: tables, remarks, one sample, one hit; needs no Rerun."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.origin import SIMULATED
-from impact_rig.core.setup.samples import ACCELERATION
+from impact_rig.core.records import SIMULATED
+from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.setup import ACCELERATION
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO, MISSING, format_number, show_unit
-from impact_rig.results.references import explain_misprint, find_reference
+from impact_rig.results.references import explain_misprint, find_expected
 from impact_rig.results.remarks import (
     Remark,
     describe_origin,
-    gather_notes,
-    gather_warnings,
+    gather_remarks,
+    gather_sample_remarks,
     tabulate_rejections,
 )
 from impact_rig.results.tables import (
@@ -24,6 +24,7 @@ from impact_rig.results.tables import (
     tabulate_errors,
     tabulate_methods,
     tabulate_results,
+    tabulate_summary,
 )
 
 SPECIAL = "\\`*_[]<>|#~"
@@ -98,10 +99,10 @@ def format_results(results: Results) -> str:
     return "\n\n".join(
         [
             f"**{escape_markdown(describe_origin(hit.origin for hit in results.hits))}**",
+            *map(format_table, tabulate_summary(results)),
+            *_format_remarks(gather_remarks(results)),
             *map(format_table, tabulate_results(results)),
             LEGEND,
-            *_format_remarks("Warnings", gather_warnings(results.samples)),
-            *_format_remarks("Notes", gather_notes(results.samples, results.hammer)),
             *map(format_table, tabulate_rejections(results)),
         ]
     )
@@ -121,18 +122,19 @@ def format_table(table: Table) -> str:
     return "\n\n".join([f"## {escape_markdown(table.caption)}", text, *notes])
 
 
-def _format_remarks(title: str, remarks: Sequence[Remark]) -> list[str]:
+def _format_remarks(remarks: Sequence[Remark]) -> list[str]:
     items = [
         f"- **{escape_markdown(remark.about)}**: {escape_markdown(remark.text)}"
+        if remark.about
+        else f"- {escape_markdown(remark.text)}"
         for remark in remarks
     ]
-    return [f"## {title}", "\n".join(items)] if items else []
+    return ["## Remarks", "\n".join(items)] if items else []
 
 
 def format_summary(results: Results, sample: SampleEstimate) -> str:
     """Return one sample by itself: what was found by which method, what to know of it."""
-    reference = find_reference(results.setup.samples, sample.name)
-    fitted = sample.identification
+    reference = find_expected(results, sample.name)
     tables = [
         tabulate_methods(sample, reference),
         *tabulate_errors([sample]),
@@ -149,10 +151,4 @@ def format_summary(results: Results, sample: SampleEstimate) -> str:
             if reference.published is not None
         ),
     ]
-    for title, texts in (
-        ("Warnings", sample.warnings),
-        ("Notes", (*sample.notes, *(fitted.notes if fitted else ()))),
-    ):
-        if texts:
-            paragraphs += [f"## {title}", "\n".join(f"- {escape_markdown(t)}" for t in texts)]
-    return "\n\n".join(paragraphs)
+    return "\n\n".join([*paragraphs, *_format_remarks(gather_sample_remarks(sample))])

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.records import FloatArray
 from impact_rig.present.rerun.entities import HIT_TIME, Path
 from impact_rig.present.rerun.rerun_sdk import import_rerun
 from impact_rig.results.hit_traces import Float32Array
@@ -96,7 +96,6 @@ class PlotLog:
         self._stream = stream
         self._versions: Counter[Path] = Counter()
         self._shown: dict[Path, list[_Drawn]] = {}
-        self._contents: dict[Path, tuple[bytes, bytes, tuple[Mark, ...]]] = {}
 
     def draw_lines(
         self,
@@ -147,16 +146,6 @@ class PlotLog:
         self._send(path, time, values)
         return path
 
-    def replace_points(
-        self, family: Path, time: FloatArray, values: NDArray[Any], marks: Sequence[Mark]
-    ) -> None:
-        """Draw points in place of those before, unless they are the same: entities pile up."""
-        contents = (time.tobytes(), values.tobytes(), tuple(marks))
-        if self._contents.get(family) != contents:
-            self.hide(family)
-            self.draw_points(family, time, values, marks)
-            self._contents[family] = contents
-
     def add_points(self, family: Path, marks: Sequence[Mark]) -> str:
         """Return the path of a new entity whose points the caller logs, on what timeline ever."""
         path = self._add(family, len(marks), is_points=True)
@@ -178,7 +167,6 @@ class PlotLog:
     def hide(self, parent: Path = ()) -> None:
         """Hide everything that is shown at or below `parent`; without one, everything."""
         for family in [item for item in self._shown if item[: len(parent)] == parent]:
-            self._contents.pop(family, None)
             for drawn in self._shown.pop(family):
                 self._hide(drawn)
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.records import FloatArray
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.entities import BODIES, Path, make_body_path
 from impact_rig.present.rerun.plots import Line, Mark, PlotLog
@@ -25,7 +25,6 @@ from impact_rig.results.palette import (
 from impact_rig.results.sample_traces import (
     DRIVEN,
     IDENTIFIED,
-    PRINTED,
     AlignedHit,
     ModelTraces,
     SampleTraces,
@@ -93,27 +92,7 @@ def draw_sample(plots: PlotLog, traces: SampleTraces) -> None:
         plots.hide((*parent, entities.CONTACT))
         plots.hide((*parent, entities.POINTS))
         _draw_contact(plots, traces, row)
-    gathered = [_gather_lines(traces, row, (PRINTED,)) for row in range(len(bodies))]
-    replace_lines(
-        plots,
-        (*entities.SAMPLES, traces.name, entities.AS_PRINTED),
-        traces.time,
-        [column for columns, _ in gathered for column in columns],
-        [line for _, lines in gathered for line in lines],
-    )
     _draw_points(plots, traces)
-
-
-def draw_figure_5(plots: PlotLog, traces: SampleTraces) -> None:
-    """Draw the sample's mean and driven model over their peak, in place of the ones before."""
-    if traces.mean.shape[0] < len(BODIES):
-        return
-    measured, modelled = traces.normalise(1)
-    columns, lines = [measured], [Line("measured", SPECIMEN, MEAN_WIDTH)]
-    if modelled is not None:
-        columns.append(modelled)
-        lines.append(Line("model", SPECIMEN_MODEL, MODEL_WIDTH))
-    replace_lines(plots, (*entities.FIGURE_5, traces.name), traces.time, columns, lines)
 
 
 def _gather_lines(

@@ -8,15 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from impact_rig.core.errors import DeviceError, FileError
-from impact_rig.present.rerun.addresses import check_viewer_address, is_answering
-from impact_rig.present.rerun.opening import make_stream
+from impact_rig.present.rerun.live_view import make_stream
 from impact_rig.present.rerun.rerun_sdk import import_rerun
 from impact_rig.present.rerun.view_log import ViewLog
-from impact_rig.present.rerun.viewer_program import find_viewer
+from impact_rig.present.rerun.viewers import check_answering, find_viewer
 from impact_rig.results.traced_campaign import TracedCampaign
 
-VIEW_SUFFIX = ".rrd"
-"""Of Rerun's files."""
 SEND_TIMEOUT = 60.0
 """How long a viewer may take to accept a file [s], our choice: 25 MB over a slow network."""
 
@@ -69,13 +66,9 @@ def send_view(path: Path, address: str) -> None:
     DeviceError
         If no viewer answers there, or it does not take the file.
     FileError
-        If the file is none of Rerun's.
+        If it is not a file of Rerun.
     """
-    host, port = check_viewer_address(address)
-    if not is_answering(host, port):
-        raise DeviceError(
-            f"no viewer answers at {address}: start one there with rerun --port {port}"
-        )
+    check_answering(address)
     sdk = import_rerun()
     sdk.unregister_shutdown()
     # What carries the file must not be another recording beside those in it.

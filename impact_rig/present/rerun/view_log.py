@@ -8,29 +8,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from impact_rig.core.estimation.contact_law import NO_LAW, ContactLaw
-from impact_rig.core.setup.samples import ACCELERATION, RigSetup
+from impact_rig.core.contact_law import NO_LAW, ContactLaw
+from impact_rig.core.setup import ACCELERATION, RigSetup
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.blueprint import make_blueprint
 from impact_rig.present.rerun.entities import Path
 from impact_rig.present.rerun.health import Health, HealthLog, format_health
-from impact_rig.present.rerun.law_plots import draw_law, draw_loop
+from impact_rig.present.rerun.law_plots import draw_law
 from impact_rig.present.rerun.markdown import (
     format_log_line,
     format_results,
     format_summary,
     format_verdict,
 )
-from impact_rig.present.rerun.paper_figures import (
-    draw_figure_3,
-    draw_figure_4,
-    draw_figure_6,
-)
 from impact_rig.present.rerun.plots import Line, Mark, PlotLog, make_scalars
 from impact_rig.present.rerun.rerun_sdk import import_rerun
-from impact_rig.present.rerun.sample_plots import draw_aligned_hits, draw_figure_5, draw_sample
+from impact_rig.present.rerun.sample_plots import draw_aligned_hits, draw_sample
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.figure_rows import make_figure_rows
 from impact_rig.results.hit_traces import HitTraces
 from impact_rig.results.law_curves import compute_law_curves
 from impact_rig.results.numbers import MICRO
@@ -111,7 +105,6 @@ class ViewLog:
         summaries = (_make_summary_path(sample) for sample in (*self._summarised, *sample_names))
         for path in dict.fromkeys((entities.VERDICT, entities.TABLES, *summaries)):
             self._log_document(path, NO_HIT)
-        draw_figure_6(self._stream, ())
         if name:
             self._stream.send_recording_name(name)
         layout = (*sample_names, hammer_reading[1])
@@ -157,24 +150,18 @@ class ViewLog:
     def log_sample(self, traces: SampleTraces) -> None:
         """Show a sample's mean, models, residuals and marks in place of the ones before."""
         draw_sample(self._plots, traces)
-        draw_figure_5(self._plots, traces)
 
     def log_law(self, traces: SampleTraces, law: ContactLaw, setup: RigSetup) -> None:
         """Show a sample's contact law beside its mean in place of the one before."""
         curves = compute_law_curves(law, traces, setup)
         draw_law(self._plots, traces.name, law, curves)
-        draw_loop(self._stream, traces.name, curves)
 
     def log_results(self, results: Results) -> None:
-        """Show tables, Figs. 3, 4 and 6 and what was found of each sample, replacing the last."""
+        """Show the tables and what was found of each sample, replacing the last."""
         self._log_document(entities.TABLES, format_results(results))
         for sample in results.samples:
             self._summarised.add(sample.name)
             self._log_document(_make_summary_path(sample.name), format_summary(results, sample))
-        rows = make_figure_rows(results)
-        draw_figure_3(self._plots, rows)
-        draw_figure_4(self._plots, rows)
-        draw_figure_6(self._stream, rows)
 
     def log_health(self, health: Health) -> None:
         """Show what the nodes say of themselves, and add their figures to the history."""
@@ -243,7 +230,7 @@ class ViewLog:
             )
 
     def _begin_trend(self, quantity: str) -> str:
-        """Return the entity of a trend, which begins anew with each campaign."""
+        """Return the entity of a trend, which starts again with each campaign."""
         if quantity not in self._trends:
             marks = [
                 Mark(ACCEPTED, TRENDS[quantity], "circle", TREND_SIZE),

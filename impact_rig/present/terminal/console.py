@@ -9,7 +9,7 @@ import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from rich import box
 from rich.cells import cell_len
@@ -21,8 +21,11 @@ from rich.text import Text
 
 from impact_rig.results.numbers import MISSING
 from impact_rig.results.palette import GREEN, VERMILION, format_hex
-from impact_rig.results.tables import Column
-from impact_rig.results.tables import Table as ResultTable
+
+if TYPE_CHECKING:
+    # Commands that print no results need not load what makes them.
+    from impact_rig.results.tables import Column
+    from impact_rig.results.tables import Table as ResultTable
 
 TITLE = "bold"
 NOTE = "dim"
@@ -30,8 +33,7 @@ ALARM = f"bold {format_hex(VERMILION)}"
 """What a person must look at."""
 WARNING = format_hex(VERMILION)
 GOOD = format_hex(GREEN)
-"""What is as it should be. The two are told apart by colour-blind readers, and read well on dark
-and on light."""
+"""A good state. Colour-blind readers can distinguish the two, on dark and on light ground."""
 EASY_LINE = 100
 """Width of a paragraph where there is more room [characters], our choice: longer lines are hard
 to read."""
@@ -93,7 +95,7 @@ def _measure_stream(stream: TextIO, *, can_move: bool) -> int | None:
 
 
 def print_table(
-    console: Console, title: str, columns: Sequence[Column], notes: Iterable[str] = ()
+    console: Console, title: str, columns: "Sequence[Column]", notes: Iterable[str] = ()
 ) -> None:
     """Print a title, a table, notes below it, and an empty line.
 
@@ -126,7 +128,7 @@ def print_table(
     console.print()
 
 
-def print_result(console: Console, table: ResultTable) -> None:
+def print_result(console: Console, table: "ResultTable") -> None:
     """Print a table of results; rows that stand out are coloured."""
     styles = [WARNING if place in table.marked else "" for place in range(len(table.rows))]
     columns = [
@@ -175,7 +177,7 @@ def print_facts(console: Console, rows: Iterable[Sequence[str | Text]]) -> None:
     console.print()
 
 
-def _make_table(columns: Sequence[Column], widths: Sequence[int]) -> Table:
+def _make_table(columns: "Sequence[Column]", widths: Sequence[int]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
     for column, width in zip(columns, widths, strict=True):
         table.add_column(
@@ -189,7 +191,7 @@ def _make_table(columns: Sequence[Column], widths: Sequence[int]) -> Table:
     return table
 
 
-def _print_rows(console: Console, columns: Sequence[Column]) -> None:
+def _print_rows(console: Console, columns: "Sequence[Column]") -> None:
     """Print the rows one below the other: each cell has a line of its own."""
     names, *others = map(_make_cells, columns)
     for name, *cells in zip(names, *others, strict=True):
@@ -204,29 +206,31 @@ def _print_rows(console: Console, columns: Sequence[Column]) -> None:
         console.print(Padding(table, (0, 0, 0, len(COLUMN_GAP)), expand=False))
 
 
-def _make_cells(column: Column) -> list[Text]:
+def _make_cells(column: "Column") -> list[Text]:
     styles = column.styles or [""] * len(column.cells)
     return [
         Text(make_printable(cell), style) for cell, style in zip(column.cells, styles, strict=True)
     ]
 
 
-def _measure_width(column: Column) -> int:
+def _measure_width(column: "Column") -> int:
     """Return the width at which no cell of a column wraps [characters]."""
     return max(cell_len(line) for text in _list_texts(column) for line in text.split("\n"))
 
 
-def _measure_narrowest(column: Column) -> int:
+def _measure_narrowest(column: "Column") -> int:
     """Return the width down to which words may wrap [characters]: hardly any is broken."""
     longest = max(cell_len(word) for text in _list_texts(column) for word in (*text.split(), ""))
     return min(max(NARROWEST_TEXT, longest), EASY_TEXT)
 
 
-def _list_texts(column: Column) -> list[str]:
+def _list_texts(column: "Column") -> list[str]:
     return [make_printable(text) for text in (column.header, *column.cells)]
 
 
-def _choose_columns(columns: Sequence[Column], width: int) -> tuple[list[Column], list[Column]]:
+def _choose_columns(
+    columns: "Sequence[Column]", width: int
+) -> "tuple[list[Column], list[Column]]":
     """Return the columns that are shown, and those that there is no room for.
 
     Optional columns without a single number are in neither. Further ones are left out from the
@@ -254,7 +258,7 @@ def _choose_columns(columns: Sequence[Column], width: int) -> tuple[list[Column]
     return shown, left_out
 
 
-def _share_width(columns: Sequence[Column], width: int) -> list[int] | None:
+def _share_width(columns: "Sequence[Column]", width: int) -> list[int] | None:
     """Return the widths of columns side by side [characters]: words share what numbers leave.
 
     None: there is no room for them side by side.
@@ -266,7 +270,7 @@ def _share_width(columns: Sequence[Column], width: int) -> list[int] | None:
     return None
 
 
-def _compute_widths(columns: Sequence[Column], text_width: int) -> list[int]:
+def _compute_widths(columns: "Sequence[Column]", text_width: int) -> list[int]:
     """Return the widths where texts take so much, as far as they can do with it."""
     return [
         min(_measure_width(column), max(text_width, _measure_narrowest(column)))

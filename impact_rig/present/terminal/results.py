@@ -1,42 +1,39 @@
 """What was found, in a terminal: a campaign, many of them, hits from plain traces."""
 
+import textwrap
 from collections.abc import Sequence
 
 from rich.console import Console
-from rich.text import Text
 
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.origin import IMPORTED, MEASURED, join_origins
+from impact_rig.core.records import IMPORTED, MEASURED, join_origins
 from impact_rig.present.terminal.console import (
     ALARM,
-    GOOD,
     TITLE,
     print_item,
     print_result,
     print_text,
 )
-from impact_rig.results.batch import BatchCampaign, tabulate_batch
+from impact_rig.results.batch import BatchCampaign, tabulate_batch, tabulate_changes
 from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.numbers import format_count
 from impact_rig.results.remarks import (
     Remark,
     describe_origin,
-    gather_notes,
-    gather_warnings,
+    gather_remarks,
+    select_attention,
     tabulate_rejections,
 )
-from impact_rig.results.tables import (
-    find_largest_differences,
-    tabulate_budgets,
-    tabulate_results,
-)
-from impact_rig.results.trace_series import FileResults, tabulate_hits
+from impact_rig.results.tables import tabulate_results, tabulate_summary
+from impact_rig.results.trace_series import tabulate_hits
+
+MOST_REMARKS = 5
+"""Remarks on the screen [-]: what matters most."""
+LONGEST_REMARK = 150
+"""Characters of a remark on the screen [-], two lines of 80 columns; --full shows all."""
 
 
-def print_results(console: Console, results: Results, files: Sequence[FileResults] = ()) -> None:
-    """Print everything that a campaign found.
-
-    The list of rejected hits, which may be long, comes first: the results stay in sight.
+def print_screen(console: Console, results: Results, reading: Sequence[str] = ()) -> None:
+    """Print what a campaign found on one screen: origin, one table, what needs attention.
 
     Parameters
     ----------
@@ -44,23 +41,52 @@ def print_results(console: Console, results: Results, files: Sequence[FileResult
         See `make_console`.
     results : Results
         What was found, and the set-up that the expected values come from.
-    files : sequence of FileResults
-        Imported hits, each by itself: they take the place of the list of rejected ones.
+    reading : sequence of str
+        What was found wrong with the file while it was read.
 
     Raises
     ------
     ParameterError
         If the results name a sample that is not in their set-up.
     """
-    print_origin(console, files or results.hits)
-    hits = [tabulate_hits(files)] if files else tabulate_rejections(results)
-    for table in (*hits, *tabulate_results(results)):
+    print_origin(console, results.hits)
+    for table in tabulate_summary(results):
         print_result(console, table)
-    print_remarks(console, results.samples, results.hammer)
-    _print_summary(console, results)
+    remarks = gather_remarks(results, reading)
+    shown = select_attention(remarks)[:MOST_REMARKS]
+    if shown:
+        print_text(console, "What needs attention", ALARM)
+    for remark in shown:
+        text = textwrap.shorten(_format_remark(remark), LONGEST_REMARK, placeholder=" …")
+        print_item(console, text)
+    if shown:
+        console.print()
+    rejected = len(results.rejections)
+    more = len(remarks) - len(shown)
+    text = f"{format_count(len(results.hits) - rejected, 'hit')} accepted, {rejected} rejected."
+    if more:
+        text += f" {format_count(more, 'remark')} more: --full, or the report."
+    print_text(console, text)
 
 
-def print_origin(console: Console, hits: Sequence[HitResults | FileResults]) -> None:
+def print_full(console: Console, results: Results, reading: Sequence[str] = ()) -> None:
+    """Print everything that a campaign found; parameters as `print_screen`.
+
+    The list of rejected hits, which may be long, comes first: the results stay in sight.
+    """
+    print_origin(console, results.hits)
+    files = results.files
+    hits = [tabulate_hits(files)] if files else tabulate_rejections(results)
+    for table in (*hits, *tabulate_results(results), *tabulate_summary(results)):
+        print_result(console, table)
+    for remark in gather_remarks(results, reading):
+        print_item(console, _format_remark(remark))
+    rejected = len(results.rejections)
+    accepted = format_count(len(results.hits) - rejected, "hit")
+    print_text(console, f"{accepted} accepted, {rejected} rejected.")
+
+
+def print_origin(console: Console, hits: Sequence[HitResults]) -> None:
     """Print where the numbers of hits come from, and an empty line."""
     origins = [hit.origin for hit in hits]
     style = TITLE if join_origins(origins).kind in (MEASURED, IMPORTED) else ALARM
@@ -69,63 +95,12 @@ def print_origin(console: Console, hits: Sequence[HitResults | FileResults]) -> 
 
 
 def print_batch(console: Console, campaigns: Sequence[BatchCampaign]) -> None:
-    """Print one row for each recording, campaign and sample, and the spread between them."""
+    """Print many campaigns below each other, or of two the changes from the first."""
     print_origin(console, [hit for campaign in campaigns for hit in campaign.results.hits])
-    for table in tabulate_batch(campaigns):
+    changes = tabulate_changes(*campaigns) if len(campaigns) == 2 else []  # noqa: PLR2004 - a pair
+    for table in changes or tabulate_batch(campaigns):
         print_result(console, table)
 
 
-def print_budgets(
-    console: Console, samples: Sequence[SampleEstimate], hammer: HammerEstimate
-) -> None:
-    """Print the uncertainty budget of every sample, and of the hammer."""
-    bodies: list[tuple[str, SampleEstimate | HammerEstimate]] = [
-        *((sample.name, sample) for sample in samples),
-        ("hammer", hammer),
-    ]
-    for name, body in bodies:
-        for table in tabulate_budgets(name, body):
-            print_result(console, table)
-
-
-def print_remarks(
-    console: Console, samples: Sequence[SampleEstimate], hammer: HammerEstimate
-) -> None:
-    """Print what fitted models leave open, warnings, and what could not be determined."""
-    undetermined = [
-        Remark(text, sample.name)
-        for sample in samples
-        if sample.identification is not None
-        for text in sample.identification.undetermined
-    ]
-    for title, style, remarks in (
-        ("", "", undetermined),
-        ("Warnings", ALARM, gather_warnings(samples)),
-        ("Not determined", TITLE, gather_notes(samples, hammer)),
-    ):
-        if not remarks:
-            continue
-        if title:
-            print_text(console, title, style)
-        for remark in remarks:
-            print_item(console, f"{remark.about}: {remark.text}")
-        console.print()
-
-
-def _print_summary(console: Console, results: Results) -> None:
-    count, rejected = len(results.samples), len(results.rejections)
-    accepted = sum(sample.impacts_accepted for sample in results.samples)
-    print_text(
-        console,
-        Text.assemble(
-            (f"{count} sample{'s' * (count != 1)}, ", TITLE),
-            (f"{accepted} hit{'s' * (accepted != 1)} accepted", GOOD if accepted else ALARM),
-            (", ", TITLE),
-            (f"{rejected} rejected", ALARM if rejected else TITLE),
-            (".", TITLE),
-        ),
-    )
-    largest = find_largest_differences(results)
-    if largest:
-        parts = (f"{symbol} {percent:.2f} %" for symbol, (percent, _) in largest.items())
-        print_text(console, f"Largest differences: {', '.join(parts)}.")
+def _format_remark(remark: Remark) -> str:
+    return f"{remark.about}: {remark.text}" if remark.about else remark.text

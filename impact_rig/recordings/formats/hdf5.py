@@ -22,6 +22,7 @@ from impact_rig.recordings.formats.measurement import (
     make_unique,
     round_rate,
 )
+from impact_rig.recordings.formats.sizes import SizeLimit
 
 START_NAMES = {"start", "start s", "t0", "x0"}
 """Names of attributes, in small letters, underscores as blanks."""
@@ -52,12 +53,12 @@ def read_hdf5(path: Path) -> Measurement:
     import h5py
 
     with h5py.File(path, "r") as file:
-        arrays = list(_read_group(path, file, {}, set()))
+        arrays = list(_read_group(path, file, {}, set(), SizeLimit(path)))
     return make_measurement(path, arrays)
 
 
 def _read_group(
-    path: Path, group: Any, stated: dict[str, Any], visited: set[int]
+    path: Path, group: Any, stated: dict[str, Any], visited: set[int], limit: SizeLimit
 ) -> Iterator[NamedArray]:
     """Yield the arrays of a group and of those in it; links to other files are left alone."""
     import h5py
@@ -72,9 +73,9 @@ def _read_group(
             continue
         visited.add(address)
         if isinstance(item, h5py.Group):
-            yield from _read_group(path, item, stated, visited)
+            yield from _read_group(path, item, stated, visited, limit)
         elif isinstance(item, h5py.Dataset) and _is_readable(item):
-            yield _read_array(path, item, _inherit(stated, item))
+            yield _read_array(path, item, _inherit(stated, item), limit)
 
 
 def _is_readable(item: Any) -> bool:
@@ -91,10 +92,13 @@ def _is_readable(item: Any) -> bool:
     )
 
 
-def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
+def _read_array(path: Path, item: Any, stated: dict[str, Any], limit: SizeLimit) -> NamedArray:
     name = item.name.strip("/")
     if item.size and not item.id.get_storage_size():
         raise FileError(f"{path}: {name} should have {item.size} numbers, none of them is there")
+    # A chunk is unpacked as a whole, however little of it is in the array.
+    points = max(item.size, math.prod(item.chunks or (0,)))
+    limit.claim(points * item.dtype.itemsize)
     rate = _read_number(stated, RATE_NAMES)
     if is_step := math.isnan(rate):
         rate = round_rate(_read_number(stated, STEP_NAMES))

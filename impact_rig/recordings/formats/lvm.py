@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from impact_rig.core.errors import FileError
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.records import FloatArray
 from impact_rig.recordings.formats.measurement import (
     NANOSECONDS,
     MeasuredChannel,
@@ -34,6 +34,8 @@ COMMENT = "Comment"
 DAY = re.compile(r"(\d{4})\D(\d{1,2})\D(\d{1,2})")
 CLOCK = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)")
 FIRST_WORDS, END_OF_HEADER = "LabVIEW Measurement", "***End_of_Header***"
+SEGMENT_TAGS = {"Channels", "Samples", "Delta_X"}
+"""What the header of a table states, and that of the file does not."""
 SEPARATORS = {"Tab": "\t", "Comma": ","}
 SPECIAL_START, SPECIAL_END = "***Start_Special***", "***End_Special***"
 """Around what a program adds for itself."""
@@ -185,7 +187,7 @@ def _read_rate(segment: Segment, column: int) -> float:
     if not text:
         return math.nan
     step, error = _parse_rounded(segment, text)
-    axis = segment.axes[bisect.bisect(segment.axes, column) - 1]
+    axis = segment.axes[bisect.bisect(segment.axes, column) - 1] if segment.axes else 0
     cells, numbers = segment.get_cells(axis), segment.get_cells(column)
     while numbers and not numbers[-1]:
         numbers.pop()
@@ -271,23 +273,31 @@ def read_lvm(path: Path) -> Measurement:
 
 
 def _split_segments(path: Path, lines: Sequence[Line]) -> Iterator[Segment]:
+    """Yield the tables; headings begin with `X_Value`, or follow the end of a segment's header."""
     style = _read_style(path, lines)
     segment: Segment | None = None
     tags: dict[str, list[str]] = {}
+    number = 0
     for line in _leave_out_special(lines):
         cells = style.split(line.text)
         key = cells[0]
-        if key == X_VALUE:
-            headings = cells[: len(cells) - next(i for i, cell in enumerate(cells[::-1]) if cell)]
+        if not any(cells):
+            continue
+        if key == X_VALUE or (tags.get(END_OF_HEADER) and SEGMENT_TAGS & tags.keys()):
             if segment is not None:
                 yield segment
-            number = 1 if segment is None else segment.number + 1
+            number += 1
+            headings = cells if key in ("", X_VALUE) else ["", *cells]
+            while not headings[-1]:
+                headings.pop()
             segment = Segment(path, number, style, headings, tags)
             tags = {}
         elif segment is not None and not tags and (not key or style.is_number(key)):
-            if any(cells):
-                segment.rows.append((line.number, cells))
+            has_time = not key or segment.headings[0] == X_VALUE
+            segment.rows.append((line.number, cells if has_time else ["", *cells]))
         else:
+            # Of two ends of headers the segment's is the second.
+            tags.pop(END_OF_HEADER, None)
             tags[key] = cells
     if segment is not None:
         yield segment

@@ -14,15 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.checks import check_positive
-from impact_rig.core.errors import FileError, ParameterError, RigError, SignalError
-from impact_rig.core.setup.calibration import (
+from impact_rig.core.errors import FileError, ParameterError, RigError, SignalError, check_positive
+from impact_rig.core.records import FloatArray, RawArray
+from impact_rig.core.sensors import (
     SAMPLES,
     TIME_UNITS,
     normalize_time_unit,
     normalize_unit,
 )
-from impact_rig.core.signals.record import FloatArray, RawArray
 
 DOUBLE_DIGITS = 17
 """Digits that tell every float64 from all others [-]."""
@@ -42,11 +41,15 @@ rounding to the printed digits makes of even steps, far below a point that is mi
 MANY_UNEVEN = 10
 """So many steps are uneven where points are missing; where times are rounded, more are [-]. Our
 choice."""
+MANY_STEPS = 500
+"""Of the largest size that fit between uneven times whose mean step is a rate [-], our choice."""
+SPECTRUM_WORDS = {"hz", "khz", "mhz", "frequency", "freq", "frequenz", "f"}
+"""In the heading of an axis, in small letters: it is no time."""
 TIME_HEADING = re.compile(r"[\s_/:.()\[\]-]+")
 """What stands between the words of a heading."""
 
 
-def parse_time_unit(name: str, unit: str = "") -> str:
+def find_time_unit(name: str, unit: str = "") -> str:
     """Return the unit that the heading of a column of times states.
 
     Parameters
@@ -58,17 +61,18 @@ def parse_time_unit(name: str, unit: str = "") -> str:
     -------
     str
         One of `TIME_UNITS`, or `SAMPLES`; empty: it states none.
-
-    Raises
-    ------
-    SignalError
-        If it states one that is unknown.
     """
-    found = normalize_time_unit(unit)
-    if unit.strip() and not found:
-        raise SignalError(f"times are in {unit!r}: they must be in {', '.join(TIME_UNITS)}")
-    words = map(normalize_time_unit, TIME_HEADING.split(name))
-    return found or next(filter(None, words), "")
+    return next(filter(None, map(normalize_time_unit, (unit, *TIME_HEADING.split(name)))), "")
+
+
+def refuse_spectrum(path: Path, name: str, unit: str) -> None:
+    """Raise `SignalError` if the heading of an axis is that of frequencies."""
+    words = {word.lower() for word in (unit.strip(), *TIME_HEADING.split(name))}
+    if words & SPECTRUM_WORDS and not words & TIME_NAMES:
+        raise SignalError(
+            f"{path}: its axis is {name!r}{unit and f' in {unit}'}: it is a spectrum; a hit is a"
+            " trace over time"
+        )
 
 
 def round_rate(step: float, error: float = 0.0) -> float:
@@ -101,17 +105,15 @@ def compute_rounding(value: float, digits: int) -> float:
     return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) - digits + 1)
 
 
-def compute_sampling_rate(path: Path, times: FloatArray, unit: str = "") -> float:
+def compute_sampling_rate(times: FloatArray, unit: str = "") -> float:
     """Find the rate of a column of times.
 
     Parameters
     ----------
-    path : Path
-        Of the file, for the message.
     times : ndarray, shape (n,)
         Of each point, finite; two at least.
     unit : str
-        Of the times, as the file states it; empty: seconds.
+        Of the times, one of `TIME_UNITS`; empty: seconds.
 
     Returns
     -------
@@ -121,63 +123,73 @@ def compute_sampling_rate(path: Path, times: FloatArray, unit: str = "") -> floa
     Raises
     ------
     SignalError
-        If time does not run in even steps, or its unit is unknown.
+        If time does not run in even steps.
     """
-    time = times * TIME_UNITS[parse_time_unit("", unit) or "s"]
+    time = times * TIME_UNITS[unit or "s"]
     step = (time[-1] - time[0]) / (time.size - 1)
     steps = np.diff(time)
-    deviation = np.abs(time - (time[0] + step * np.arange(time.size)))
-    is_even = deviation.max() <= LARGEST_TIME_ERROR * step
-    if not is_even and step > 0 and _is_rounded(steps, deviation):
+    if not steps.any():
+        raise SignalError(f"its times are rounded: all are {time[0]:g} s. Give --rate")
+    if steps.min() < 0 or not (step > 0 and math.isfinite(step)):
+        worst = int(np.argmin(steps))
         raise SignalError(
-            f"{path}: its times have too few digits: they go on by {steps.min():.6g} to"
+            f"time does not grow from point {worst} to {worst + 1}"
+            f" ({time[worst]:g} s, {time[worst + 1]:g} s): is this the time column?"
+        )
+    deviation = np.abs(time - (time[0] + step * np.arange(time.size)))
+    if deviation.max() <= LARGEST_TIME_ERROR * step:
+        return float(f"{1.0 / step:.{RATE_DIGITS}g}")
+    # Rounded times are off by their last digit at most, and many are; or they repeat.
+    least = steps[steps > 0].min()
+    uneven = np.count_nonzero(np.abs(steps - np.median(steps)) > LARGEST_TIME_ERROR * least)
+    if steps.min() == 0 or (deviation.max() <= least and uneven > MANY_UNEVEN):
+        raise SignalError(
+            f"its times are rounded, they have too few digits: they go on by {steps.min():.6g} to"
             f" {steps.max():.6g} s from point to point, by {step:.6g} s on average. If its points"
             f" are evenly spaced, give --rate, about {1.0 / step:.3g} Hz"
         )
-    if not (step > 0 and np.isfinite(step)) or steps.min() <= 0:
-        worst = int(np.argmin(steps))
-        raise SignalError(
-            f"{path}: time does not grow from point {worst} to {worst + 1}"
-            f" ({time[worst]:g} s, {time[worst + 1]:g} s): is this the time column?"
-        )
-    if not is_even:
-        worst = int(np.argmax(np.abs(steps - step)))
-        raise SignalError(
-            f"{path}: time does not run in even steps of {step:g} s: it goes on by"
-            f" {steps[worst]:g} s at point {worst}"
-        )
-    return float(f"{1.0 / step:.{RATE_DIGITS}g}")
+    worst = int(np.argmax(np.abs(steps - step)))
+    raise SignalError(
+        f"time does not run in even steps of {step:g} s: it goes on by {steps[worst]:g} s at point"
+        f" {worst}"
+    )
 
 
-def read_clock(path: Path, name: str, times: RawArray, unit: str = "") -> tuple[float, str]:
-    """Return the rate of a column of times, and their unit as its heading states it.
-
-    Parameters and errors as `parse_time_unit` and `compute_sampling_rate`.
+def read_clock(path: Path, name: str, times: RawArray, unit: str = "") -> tuple[float, str, str]:
+    """Read a column of times by its heading.
 
     Returns
     -------
-    tuple of float and str
-        [Hz]; where no unit is stated it is as of seconds.
+    tuple of float, str and str
+        Rate [Hz], as of seconds where no unit is stated; NaN: not known. Unit as stated; empty:
+        it is not. Why the times make no sound rate; empty: they do.
+
+    Raises
+    ------
+    SignalError
+        If it is no column of times but of frequencies.
     """
+    found, flaw = find_time_unit(name, unit), ""
+    refuse_spectrum(path, name, unit)
+    if found == SAMPLES:
+        return math.nan, "", f"{path}: {name!r} counts samples: give their rate (--rate)"
+    if unit.strip() and not normalize_time_unit(unit):
+        flaw = f"times are in {unit!r}: they must be in {', '.join(TIME_UNITS)}"
+        return math.nan, "", f"{path}: {flaw}; if they are, skip them and give --rate"
+    times = times.astype(np.float64)
     try:
-        stated = parse_time_unit(name, unit)
+        rate = compute_sampling_rate(times, found)
     except SignalError as error:
-        raise SignalError(f"{path}: {error}; if they are, skip them and give --rate") from None
-    if stated == SAMPLES:
-        raise SignalError(f"{path}: {name!r} counts samples: give their rate (--rate)")
-    return compute_sampling_rate(path, times.astype(np.float64), stated), stated
+        flaw = f"{path}: {error}"
+        span = TIME_UNITS[found or "s"] * float(times[-1] - times[0])
+        is_known = span > 0.0 and MANY_STEPS * np.diff(times).max() < times[-1] - times[0]
+        rate = (times.size - 1) / span if is_known else math.nan
+    return rate, found, flaw
 
 
 def is_clock(values: RawArray) -> bool:
     """Tell whether a column that never falls must be one of times: no signal is like that."""
     return values.size > 1 and bool(np.all(values[1:] >= values[:-1]) and values[-1] > values[0])
-
-
-def _is_rounded(steps: FloatArray, deviation: FloatArray) -> bool:
-    """Tell whether no time is further off an even grid than its last digit, and many are off."""
-    smallest = steps[steps > 0].min()
-    uneven = np.count_nonzero(np.abs(steps - np.median(steps)) > LARGEST_TIME_ERROR * smallest)
-    return bool(steps.min() >= 0 and deviation.max() <= smallest and uneven > MANY_UNEVEN)
 
 
 SHOWN_LETTERS = 200
@@ -257,7 +269,7 @@ class MeasuredChannel:
     sampling_rate : float
         [Hz]; NaN: the file does not state it.
     unit : str
-        Of the values, spelled as `impact_rig.core.setup.calibration` does if it is known there;
+        Of the values, spelled as `impact_rig.core.sensors` does if it is known there;
         empty: the file does not state it.
     start : float
         Time of the first point [s].
@@ -272,7 +284,8 @@ class MeasuredChannel:
         Of the times that the rate is of, as the file states it; empty: it does not, and the rate
         is as of seconds.
     time_flaw : str
-        Why the file's times make no rate; empty: they do, or there are none.
+        Why the file's times make no sound rate, then a rate that is given goes before it; empty:
+        they do, or there are none.
     """
 
     name: str
@@ -516,13 +529,11 @@ def _make_channels(
         if fitting:
             time = _find_nearest(fitting, array)
             times = time.values.ravel()
-            try:
-                sampling_rate, time_unit = read_clock(
-                    path, clean_name(time.name), times, time.unit
-                )
+            sampling_rate, time_unit, time_flaw = read_clock(
+                path, clean_name(time.name), times, time.unit
+            )
+            if not time_flaw:
                 start = TIME_UNITS[time_unit or "s"] * float(times[0])
-            except SignalError as error:  # a given rate goes before them
-                time_flaw = str(error)
     return [
         MeasuredChannel(
             name=array.name + place,
@@ -599,6 +610,7 @@ def _is_time(array: NamedArray) -> bool:
         and max(array.values.shape) == array.values.size
         and (
             name in TIME_NAMES
+            or name in SPECTRUM_WORDS
             or (word in TIME_NAMES and all(units))
             or normalize_time_unit(name) == SAMPLES
         )

@@ -15,6 +15,7 @@ from impact_rig.recordings.formats.measurement import (
     make_measurement,
     split_columns,
 )
+from impact_rig.recordings.formats.sizes import SizeLimit
 
 
 def read_npy(path: Path) -> Measurement:
@@ -55,10 +56,12 @@ def read_npz(path: Path) -> Measurement:
         If the file is no sound archive, holds objects, or no vector of real numbers.
     """
     arrays = []
+    limit = SizeLimit(path)
     with zipfile.ZipFile(path) as archive:
-        for member in archive.infolist():
-            if not member.filename.endswith(".npy"):
-                continue
+        members = [item for item in archive.infolist() if item.filename.endswith(".npy")]
+        for member in members:
+            limit.claim(member.file_size)
+        for member in members:
             name = member.filename.removesuffix(".npy")
             with archive.open(member) as file:
                 values = np.lib.format.read_array(file, allow_pickle=False)

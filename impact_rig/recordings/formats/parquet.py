@@ -10,9 +10,12 @@ from impact_rig.recordings.formats.measurement import (
     make_unique,
     read_described,
 )
+from impact_rig.recordings.formats.sizes import SizeLimit
 
 CHANNELS = b"channels"
 """Ours, in the metadata of the table: names, units, rates, starts and dates, as JSON."""
+NUMBER_SIZE = 8
+"""Of a number in memory, at most [byte]."""
 UNITS = (b"unit", b"units")
 """In the metadata of a column."""
 
@@ -30,7 +33,14 @@ def read_parquet(path: Path) -> Measurement:
 
     # pyarrow's own pool asks for far more memory than it needs.
     pa.set_memory_pool(pa.system_memory_pool())
-    table = parquet.read_table(path, use_threads=False, pre_buffer=False)
+    heading = parquet.read_metadata(path)
+    limit = SizeLimit(path)
+    limit.claim(heading.num_rows * heading.num_columns * NUMBER_SIZE)
+    for number in range(heading.num_row_groups):
+        limit.claim(heading.row_group(number).total_byte_size)
+    table = parquet.read_table(
+        path, use_threads=False, pre_buffer=False, page_checksum_verification=True
+    )
     text = (table.schema.metadata or {}).get(CHANNELS)
     arrays, values = [], {}
     for field, column in zip(table.schema, table.columns, strict=True):
@@ -71,4 +81,4 @@ def write_parquet(path: Path, measurement: Measurement) -> None:
         pa.chunked_array([channel.values, pa.nulls(longest - channel.values.size, field.type)])
         for channel, field in zip(channels, fields, strict=True)
     ]
-    parquet.write_table(pa.table(columns, schema=schema), path)
+    parquet.write_table(pa.table(columns, schema=schema), path, write_page_checksum=True)

@@ -10,7 +10,6 @@ from impact_rig.recordings.formats.mat import read_mat, write_mat
 from impact_rig.recordings.formats.measurement import Measurement, blame_file
 from impact_rig.recordings.formats.numpy_files import read_npy, read_npz
 from impact_rig.recordings.formats.parquet import read_parquet, write_parquet
-from impact_rig.recordings.formats.reading_process import ReadingProcess
 from impact_rig.recordings.formats.tdms import read_tdms, write_tdms
 from impact_rig.recordings.formats.text import read_text, write_text
 from impact_rig.recordings.formats.uff import read_uff, write_uff
@@ -38,13 +37,11 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
     ".npz": (read_npz, None),
 }
 """Who reads and writes a format, by suffix; None: it is not written."""
+POINTER = b"version https://git-lfs.github.com/spec/"
+"""Beginning of what git-lfs leaves in place of a file."""
 READABLE = tuple(FORMATS)
 WRITABLE = tuple(suffix for suffix, (_, write) in FORMATS.items() if write)
 """Suffixes of what can be read, and written."""
-
-
-PROCESS = ReadingProcess()
-"""Where files are read, so that none of them can harm this process."""
 
 
 def read_measurement(path: Path) -> Measurement:
@@ -64,8 +61,8 @@ def read_measurement(path: Path) -> Measurement:
     Raises
     ------
     FileError
-        If the file is not there, of a kind unknown here, damaged, takes more memory or time than
-        one of its size may, or holds no channel.
+        If the file is not there, of a kind unknown here, damaged, unpacks to more than one of its
+        size may, or holds no channel.
     SignalError
         If its times do not run in even steps.
     """
@@ -74,15 +71,8 @@ def read_measurement(path: Path) -> Measurement:
     read, _ = FORMATS.get(path.suffix.lower(), (None, None))
     if read is None:
         raise _make_suffix_error(path, READABLE)
-    # Text passes piece by piece, and its numbers may be more than memory holds; all else is read
-    # by libraries, in a process of its own.
-    return parse_file(path) if read is read_text else PROCESS.read(path)
-
-
-def parse_file(path: Path) -> Measurement:
-    """Read the same here, without limits; see `read_measurement`."""
     with blame_file(path):
-        return FORMATS[path.suffix.lower()][0](path)
+        return read(path)
 
 
 def write_measurement(path: Path, measurement: Measurement) -> None:
@@ -120,10 +110,14 @@ def _check_readable(path: Path) -> None:
         raise FileError(f"{path} cannot be read: it is no file")
     try:
         with path.open("rb") as file:
-            is_empty = not file.read(1)
+            beginning = file.read(len(POINTER))
     except FileNotFoundError:
         raise FileError(f"there is no file {path}") from None
     except OSError as error:
         raise FileError(f"{path} cannot be read: {error.strerror or error}") from None
-    if is_empty:
+    if not beginning:
         raise FileError(f"{path} is empty")
+    if beginning == POINTER:
+        raise FileError(
+            f"{path} is what git-lfs leaves in place of the file: `git lfs pull` brings the file"
+        )

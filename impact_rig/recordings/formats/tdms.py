@@ -20,7 +20,10 @@ from impact_rig.recordings.formats.measurement import (
     read_stated_rate,
     round_rate,
 )
+from impact_rig.recordings.formats.sizes import SizeLimit
 
+NUMBER_SIZE = 8
+"""Of a number in memory, at most [byte]."""
 GROUP = "traces"
 """Where channels are written."""
 STEP, START, UNIT = "wf_increment", "wf_start_offset", "unit_string"
@@ -55,6 +58,9 @@ def read_tdms(path: Path) -> Measurement:
         TdmsFile.open(file, raw_timestamps=True) as tdms,
     ):
         groups = tdms.groups()
+        limit = SizeLimit(path)
+        for channel in (channel for group in groups for channel in group.channels()):
+            limit.claim(len(channel) * NUMBER_SIZE)
         arrays = [
             _read_channel(
                 channel,
@@ -117,12 +123,12 @@ class _Complaints(logging.Handler):
 
 @contextlib.contextmanager
 def _refuse_doubtful() -> Iterator[None]:
-    logger, complaints = logging.getLogger("nptdms"), _Complaints(logging.WARNING)
-    logger.addHandler(complaints)
+    logger = logging.getLogger("nptdms")
+    before, logger.handlers = logger.handlers, [_Complaints(logging.WARNING)]
     try:
         yield
     finally:
-        logger.removeHandler(complaints)
+        logger.handlers = before
 
 
 def write_tdms(path: Path, measurement: Measurement) -> None:

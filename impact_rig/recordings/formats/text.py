@@ -21,22 +21,22 @@ from typing import NamedTuple
 import numpy as np
 
 from impact_rig.core.errors import FileError
-from impact_rig.core.setup.calibration import (
+from impact_rig.core.records import FloatArray
+from impact_rig.core.sensors import (
     SAMPLES,
     TIME_UNITS,
     UNITS,
     normalize_time_unit,
     normalize_unit,
 )
-from impact_rig.core.signals.record import FloatArray
 from impact_rig.recordings.formats.measurement import (
     ORIGIN,
     RATE_NAMES,
     STEP_NAMES,
     MeasuredChannel,
     Measurement,
+    find_time_unit,
     is_clock,
-    parse_time_unit,
     round_rate,
 )
 
@@ -54,6 +54,9 @@ SHOWN_LETTERS = 40
 COMMENT_MARKS = ("#", "%", "//")
 """Beginnings of lines that are no numbers."""
 BLANKS_AND_MARKS = " \t#%/"
+FORMULA_MARKS = ("=", "+", "-", "@", "\t", "\r", "'")
+"""Beginnings of words that spreadsheets take for formulas: written behind an apostrophe, which
+goes when they are read."""
 INFINITY = "∞"
 """What PicoScope writes where a channel is beyond its range."""
 BRACKETS = {"]": "[", ")": "("}
@@ -233,7 +236,7 @@ def read_text(path: Path) -> Measurement:
     units = [*statements.get(HORIZONTAL, [""])[:1], *units] if units else []
     channels = [
         MeasuredChannel(
-            name=headings[column][0] or f"column {number}",
+            name=_read_word(headings[column][0]) or f"column {number}",
             values=values,
             unit=headings[column][1] or (units[number - 1] if number <= len(units) else ""),
             flaw=flaw,
@@ -244,6 +247,11 @@ def read_text(path: Path) -> Measurement:
         )
     ]
     return Measurement(path, _set_clock(channels, statements))
+
+
+def _read_word(cell: str) -> str:
+    """Return a word without the apostrophe that keeps spreadsheets from computing it."""
+    return cell[1:] if cell.startswith("'") and cell[1:].startswith(FORMULA_MARKS) else cell
 
 
 def _set_clock(
@@ -259,7 +267,7 @@ def _set_clock(
     if RATE in statements and first.name == TIME and len(channels) > 1:
         del channels[0]
     elif any(is_clock(channel.values) for channel in channels):
-        if (normalize_time_unit(first.unit) or parse_time_unit(first.name)) != SAMPLES:
+        if find_time_unit(first.name, first.unit) != SAMPLES:
             return tuple(channels)
         times = start + first.values / rate
         return MeasuredChannel(TIME, times, unit="s"), *channels[1:]
@@ -290,10 +298,10 @@ def _find_table(
     first, last, style, kinds = _find_longest_run(path, plain)
     # Settings of an instrument may stand beside the first rows: below them these cells are empty.
     below = style.describe(plain[last].text)
-    kinds = "".join(
-        NOTHING if kind == WORD and end == NOTHING else kind
-        for kind, end in zip(kinds, below, strict=True)
-    )
+    if any(pair == (WORD, NOTHING) for pair in zip(kinds, below, strict=True)):
+        kinds = "".join(
+            NOTHING if end == NOTHING else kind for kind, end in zip(kinds, below, strict=True)
+        )
     at = [cell for cell, kind in enumerate(kinds) if kind == NUMBER]
     while first > 0:
         above = style.describe(plain[first - 1].text)
@@ -354,7 +362,7 @@ def _join_kinds(kinds: str, others: str) -> str:
 
 
 def unquote(text: str) -> str:
-    """Return a line without quotes; of cells in quotes that commas part, semicolons do."""
+    """Return a line without quotes; where all cells stand in quotes semicolons part them."""
     if '"' not in text:
         return text
     inner = text.strip()
@@ -362,7 +370,8 @@ def unquote(text: str) -> str:
         return inner[1:-1]
     delimiter = next((sign for sign in ";\t" if sign in text), ",")
     cells = next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
-    return (";" if delimiter == "," else delimiter).join(cells)
+    has_commas = delimiter == "," and text.count('"') == 2 * len(cells)
+    return (";" if has_commas else delimiter).join(cells)
 
 
 def _guess_style(line: str) -> Style:
@@ -687,6 +696,7 @@ def write_text(path: Path, measurement: Measurement) -> None:
             file.write(f"# {RATE}: {rate!r}\n# {START}: {start!r}\n")
             columns.insert(0, (start + np.arange(points) / rate).tolist())
             headings.insert(0, f"{TIME} [s]")
+        headings = [f"'{name}" if name.startswith(FORMULA_MARKS) else name for name in headings]
         csv.writer(file, lineterminator="\n", quoting=csv.QUOTE_ALL).writerow(headings)
         csv.writer(file, lineterminator="\n").writerows(zip_longest(*columns, fillvalue=""))
 

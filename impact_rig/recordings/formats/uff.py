@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from impact_rig.core.errors import FileError
-from impact_rig.core.setup.calibration import TIME_UNITS, normalize_time_unit
-from impact_rig.core.signals.record import FloatArray
+from impact_rig.core.sensors import TIME_UNITS, normalize_time_unit
 from impact_rig.recordings.formats.measurement import (
     ORIGIN,
+    SPECTRUM_WORDS,
     MeasuredChannel,
     Measurement,
     compute_rounding,
-    compute_sampling_rate,
+    read_clock,
     round_rate,
 )
 
@@ -56,7 +56,7 @@ def read_uff(path: Path) -> Measurement:
     FileError
         If the file is no universal file, is cut off, or has no time response.
     SignalError
-        If a trace has times that do not run in even steps.
+        If it is over frequencies.
     """
     import pyuff
 
@@ -91,6 +91,9 @@ def _name_function(function: dict[str, Any]) -> str:
     kind = int(function["func_type"])
     if kind != TIME_RESPONSE:
         return FUNCTIONS.get(kind, f"a function of type {kind}")
+    axis = str(function["abscissa_axis_units_lab"]).strip()
+    if axis.lower() in SPECTRUM_WORDS:
+        return f"a spectrum, whose axis is in {axis}"
     return "" if function["ord_data_type"] in REAL_TYPES else "complex numbers"
 
 
@@ -103,7 +106,7 @@ def _make_channel(path: Path, function: dict[str, Any], number: int) -> Measured
         raise FileError(
             f"{path} {what}: {name!r} should have {points} points, it has {values.size}"
         )
-    rate, start, time_unit = _read_clock(path, function, points)
+    rate, start, time_unit, time_flaw = _read_clock(path, function, points)
     return MeasuredChannel(
         name=name if name not in ("", NONE) else f"channel {number}",
         values=values,
@@ -112,6 +115,7 @@ def _make_channel(path: Path, function: dict[str, Any], number: int) -> Measured
         start=start,
         origin=_read_origin(str(function["id2"])),
         time_unit=time_unit,
+        time_flaw=time_flaw,
     )
 
 
@@ -120,21 +124,25 @@ def _read_origin(line: str) -> str:
     return line.strip().removeprefix(mark) if line.startswith(mark) else ""
 
 
-def _read_clock(path: Path, function: dict[str, Any], points: int) -> tuple[float, float, str]:
-    """Return sampling rate [Hz], start [s] and the unit that the file states for them."""
+def _read_clock(
+    path: Path, function: dict[str, Any], points: int
+) -> tuple[float, float, str, str]:
+    """Return sampling rate [Hz], start [s], the unit that the file states for them, and a flaw."""
     stated = STATED.match(str(function["id5"]))
     if stated is not None:
-        return float(stated[1]), float(stated[2]), "s"
-    unit = normalize_time_unit(str(function["abscissa_axis_units_lab"]))
+        return float(stated[1]), float(stated[2]), "s", ""
+    label = str(function["abscissa_axis_units_lab"])
+    unit = normalize_time_unit(label)
     scale = TIME_UNITS.get(unit, 1.0)
     if function["abscissa_spacing"] == 0:
-        times: FloatArray = scale * np.asarray(function["x"], dtype=np.float64)[:points]
-        return compute_sampling_rate(path, times), float(times[0]), unit
+        times = np.asarray(function["x"], dtype=np.float64)[:points]
+        rate, _, flaw = read_clock(path, "", times, unit)
+        return rate, scale * float(times[0]), unit, flaw
     step = float(function["abscissa_inc"])
     digits = next((n for n in STEP_DIGITS if float(f"{step:.{n - 1}e}") == step), None)
     error = compute_rounding(step, digits) if digits and step > 0 else 0.0
     start = scale * float(function["abscissa_min"])
-    return round_rate(scale * step, scale * error), start, unit
+    return round_rate(scale * step, scale * error), start, unit, ""
 
 
 def write_uff(path: Path, measurement: Measurement) -> None:

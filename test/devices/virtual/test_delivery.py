@@ -5,8 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.records import HitLabel
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.delivery import (
     MOST_NOISE_POINTS,

@@ -8,10 +8,10 @@ import pytest
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
 from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.core.model.pulses import HALF_SINE
-from impact_rig.core.setup.paper import CONTROL_SAMPLE, PAPER_SETUP
-from impact_rig.core.setup.sensors import Sensor
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.pulses import HALF_SINE
+from impact_rig.core.records import HitLabel
+from impact_rig.core.sensors import Sensor
+from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.devices.protocols import SourceChannel
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.drivers import (
@@ -27,7 +27,7 @@ from impact_rig.devices.virtual.rig import (
     VirtualRig,
     VirtualRigSettings,
 )
-from impact_rig.testing.contract import (
+from impact_rig.testing import (
     AccelerationSourceContract,
     HammerHolderContract,
     HolderBench,
@@ -128,7 +128,7 @@ def test_what_a_plan_says_of_the_digitizer_goes_before_its_own_settings():
 FULL = """
 [source]
 driver = "virtual"
-plant = "dynamics"
+plant = "published"
 seed = 3
 contact_time_scatter = 0.01
 amplitude_scatter = 0.05
@@ -155,7 +155,7 @@ bits = 16
 def test_all_that_a_rig_file_says_of_it_is_taken():
     table = parse_toml_table(FULL).take_table("source")
     assert read_virtual_rig(table) == VirtualRigSettings(
-        plant=Plant.DYNAMICS,
+        plant=Plant.PUBLISHED,
         seed=3,
         contact_time_scatter=0.01,
         amplitude_scatter=0.05,
@@ -188,7 +188,8 @@ def test_an_empty_table_is_the_rig_of_the_paper():
         ('colour = "red"', r"unknown key 'colour'"),
         ('plant = "jelly"', r"plant of \[source\] is 'jelly': it must be one of published, "),
         ("seed = -1", "seed of .* is -1: it must be a whole number between 0"),
-        ("noise = 2", "noise of .* is 2: it must be a plain number between 0 and 1"),
+        ("noise = 2", "noise is 2.0: it must lie between 0 and 1"),
+        ('noise = "much"', "noise of .* is 'much': it must be a plain number"),
         ("trigger_jitter = 1e-6", "has no unit"),
         ('scheduled_faults = "3"', "scheduled fault '3': write IMPACT:FAULT"),
         (

@@ -12,8 +12,6 @@ from .desk_rig import SOURCE
         (SOURCE.replace("serial = 7", "serial = 70"), "it must be a whole number between 1 and 9"),
         (SOURCE.replace("serial", "cereal"), "unknown key 'cereal': did you mean 'serial'?"),
         (SOURCE.replace("10 mV/g", "10 mV/bar", 1), "per 'bar': it must be a voltage per"),
-        # A source that measures nothing needs no sensors, only what it plays.
-        ('[source]\ndriver = "recording"\nfile = "none.mcap"\n', "there is no file none.mcap"),
     ],
 )
 def test_what_a_rig_file_says_wrongly_is_named_with_file_and_line(harness, rig, source, words):

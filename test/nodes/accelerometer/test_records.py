@@ -5,7 +5,7 @@ import pytest
 from impact_rig_msgs.msg import AcquisitionState
 from std_srvs.srv import Trigger
 
-from impact_rig.core.origin import MEASURED, Origin
+from impact_rig.core.records import MEASURED, Origin
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.recordings.messages import block_from_msg

@@ -6,7 +6,7 @@ import queue
 import numpy as np
 import pytest
 
-from impact_rig.core.signals.record import Block, ChannelBlock, HitLabel
+from impact_rig.core.records import Block, ChannelBlock, HitLabel
 from impact_rig.nodes import accelerometer_source
 from impact_rig.nodes.accelerometer_source import COMPLETE, Arming, SourceThread
 

@@ -7,8 +7,8 @@ import pytest
 from impact_rig_msgs.srv import Arm
 from std_srvs.srv import Trigger
 
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.records import HitLabel
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode

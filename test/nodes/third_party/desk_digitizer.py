@@ -4,7 +4,7 @@ import threading
 from collections import deque
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.core.signals.record import Block
+from impact_rig.core.records import Block
 from impact_rig.devices.protocols import Acquisition, FoundDevice
 
 

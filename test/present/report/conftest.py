@@ -1,26 +1,19 @@
 """A small campaign with everything there is to tell, and names that no page should trust."""
 
-import shutil
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.setup.sensors import Sensor
+from impact_rig.core.sensors import Sensor
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.rig import FaultPlan, ScheduledFault, VirtualRigSettings
-from impact_rig.present.figures.markup import ReportFigure, make_missing_figure
 from impact_rig.present.report.page import render_page
-from impact_rig.present.report.pdf import BROWSERS
 from impact_rig.present.report.report import make_report
 from impact_rig.results.hit_traces import Acquisition, ChannelCalibration
 from impact_rig.results.run import Note, Provenance, RecordedFile, Run
-from impact_rig.results.traced_campaign import TracedCampaign
 
 from ..conftest import START, Trace
-from .browser import Browser
 from .reader import Reader
 
 HOSTILE = "<script>alert('sample')</script>--><b>"
@@ -92,57 +85,3 @@ def page(told: Run) -> str:
 def read(page: str) -> Reader:
     """Return it as a parser reads it."""
     return Reader(page)
-
-
-@pytest.fixture(scope="session")
-def later(told: Run) -> Run:
-    """Return another run, in which the damping is a tenth larger and nothing else has changed."""
-    results = told.campaign.results
-    samples = tuple(
-        replace(
-            item,
-            damping_coefficient=replace(
-                item.damping_coefficient, value=1.1 * item.damping_coefficient.value
-            ),
-        )
-        for item in results.samples
-    )
-    campaign = TracedCampaign(replace(results, samples=samples), (), ())
-    return replace(told, name="after", campaign=campaign)
-
-
-@pytest.fixture(scope="session")
-def comparison_page(told: Run, later: Run) -> str:
-    """Return the report of two runs, without the traces: drawing takes its time."""
-    first = replace(told, campaign=TracedCampaign(told.campaign.results, (), ()))
-    return render_page(make_report([first, later], unread=["there is no file <gone>"]))
-
-
-@pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave the figures out, where words are what is asked for."""
-
-    def miss(*values: object) -> tuple[ReportFigure, ...]:
-        return tuple(make_missing_figure(str(n), "A figure", "Not here.") for n in range(4))
-
-    report = "impact_rig.present.report"
-    monkeypatch.setattr(f"{report}.run.draw_campaign_figures", miss)
-    monkeypatch.setattr(f"{report}.run.draw_sample_figure", lambda *a: miss()[0])
-    monkeypatch.setattr(f"{report}.comparison.draw_comparison_figure", miss)
-
-
-@pytest.fixture(scope="session")
-def chromium() -> Path:
-    """Return the browser, or skip."""
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        pytest.skip("no browser looks at the page: on Debian, apt-get install chromium")
-    return Path(found)
-
-
-@pytest.fixture(scope="session")
-def browser(chromium: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """Return a browser that is started once."""
-    opened = Browser(chromium, tmp_path_factory.mktemp("profile"))
-    yield opened
-    opened.close()

@@ -5,65 +5,52 @@ import re
 from collections import Counter
 from pathlib import Path
 
-import pytest
-
-from impact_rig.present.report.document import Document, Identifiers, Paragraph, Section
+from impact_rig.present.report.document import Document, Paragraph, Section
 from impact_rig.present.report.page import render_page
-from impact_rig.present.report.report import make_report
 
 from .conftest import HOSTILE, HOSTILE_NOTE
 from .reader import HEADINGS, Reader
 
 
-@pytest.fixture(scope="module", params=["page", "comparison_page"])
-def any_page(request: pytest.FixtureRequest) -> Reader:
-    return Reader(request.getfixturevalue(request.param))
-
-
-def test_headings_go_down_one_level_at_a_time_from_a_single_first_one(any_page):
-    levels = [HEADINGS.index(tag) + 1 for tag, _ in any_page.elements if tag in HEADINGS]
+def test_headings_go_down_one_level_at_a_time_from_a_single_first_one(read):
+    levels = [HEADINGS.index(tag) + 1 for tag, _ in read.elements if tag in HEADINGS]
     assert levels.count(1) == 1
     assert levels[0] == 1
     assert all(b - a <= 1 for a, b in itertools.pairwise(levels))
 
 
-def test_ids_are_unique_and_every_reference_leads_to_one(any_page):
-    ids = Counter(attributes["id"] for _, attributes in any_page.elements if "id" in attributes)
+def test_ids_are_unique_and_every_link_leads_to_one(read):
+    ids = Counter(attributes["id"] for _, attributes in read.elements if "id" in attributes)
     assert max(ids.values()) == 1
-    for tag, attributes in any_page.elements:
-        for name in ("href", "clip-path", "aria-labelledby"):
-            for target in re.findall(r"#([^)\"]+)", attributes.get(name) or ""):
-                assert target in ids, f"{tag} {name} leads to {target}"
-        if "aria-labelledby" in attributes:
-            assert attributes["aria-labelledby"] in ids
+    links = [attributes["href"].removeprefix("#") for attributes in read.find("a")]
+    named = [attributes.get("aria-labelledby") for _, attributes in read.elements]
+    assert set(links) | set(filter(None, named)) <= set(ids)
 
 
-def test_tables_have_a_caption_a_head_and_cells_that_say_what_they_head(any_page):
-    tables = any_page.find("table")
-    assert len(tables) == len(any_page.find("caption")) == len(any_page.find("thead")) > 10
-    assert all(cell.get("scope") in ("col", "row") for cell in any_page.find("th"))
-    for caption, rows in zip(any_page.captions, any_page.tables, strict=True):
+def test_tables_have_a_caption_a_head_and_cells_that_say_what_they_head(read):
+    tables = read.find("table")
+    assert len(tables) == len(read.find("caption")) == len(read.find("thead")) > 10
+    assert all(cell.get("scope") in ("col", "row") for cell in read.find("th"))
+    for caption, rows in zip(read.captions, read.tables, strict=True):
         assert caption
         assert len({len(row) for row in rows}) == 1, caption
         assert len(rows) > 1, caption
 
 
-def test_every_figure_is_described_in_words_with_numbers(any_page):
-    described = [a["aria-label"] for a in any_page.find("div") if a.get("role") == "img"]
-    assert len(described) == len(any_page.find("figure")) >= 6
-    assert all(text and re.search(r"\d", text) for text in described)
+def test_every_image_is_described(read):
+    assert len(read.find("img")) >= len(read.find("figure")) >= 6
+    assert all(image["alt"] for image in read.find("img"))
 
 
-def test_the_page_speaks_of_no_other_place_and_runs_nothing(any_page, page):
-    assert not {"script", "iframe", "object", "embed", "img"} & {
-        tag for tag, _ in any_page.elements
-    }
-    for tag, attributes in any_page.elements:
+def test_the_page_loads_nothing_and_runs_nothing(read, page):
+    assert not {"script", "iframe", "object", "embed"} & {tag for tag, _ in read.elements}
+    for tag, attributes in read.elements:
         for name, value in attributes.items():
             assert not name.startswith("on")
-            assert name == "xmlns" or not re.search(r"(https?:)?//", value or ""), (tag, name)
-        if tag in ("a", "use"):
-            assert (attributes.get("href") or attributes.get("xlink:href", "")).startswith("#")
+            if tag == "img" and name == "src":
+                assert (value or "").startswith("data:image/svg+xml;base64,")
+            else:
+                assert not re.search(r"(https?:)?//", value or ""), (tag, name)
     (style,) = re.findall(r"<style>(.*?)</style>", page, re.DOTALL)
     assert "url(" not in style
     assert "@import" not in style
@@ -82,34 +69,12 @@ def test_names_and_notes_of_files_are_text_and_nothing_else(read, page):
     assert 'evil.example/x.png"' not in page
 
 
-def test_on_paper_nothing_stays_folded(told, undrawn):
-    document = make_report([told])
-    folded = Reader(render_page(document)).find("details")
-    unfolded = Reader(render_page(document, is_unfolded=True)).find("details")
-    assert len(folded) == len(unfolded) > 0
-    assert not any("open" in attributes for attributes in folded)
-    assert all("open" in attributes for attributes in unfolded)
-
-
-def test_identifiers_are_made_of_words_and_given_once():
-    identifiers = Identifiers({"report"})
-    assert [
-        identifiers.make(text) for text in ("Contact time", "Contact time", "report", "τ")
-    ] == [
-        "contact-time",
-        "contact-time-2",
-        "report-2",
-        "part",
-    ]
-
-
-def test_a_section_that_is_not_listed_is_not_in_the_contents():
-    sections = (
-        Section("listed", (Paragraph("a"),), (Section("hidden", (Paragraph("b"),), (), False),)),
-    )
+def test_the_contents_name_every_section():
+    inner = Section("inner", (Paragraph("b"),), is_page=True)
+    sections = (Section("outer", (Paragraph("a"),), (inner,)),)
     read = Reader(render_page(Document("t", "s", "n", "b", True, (), sections)))
     links = [attributes["href"] for attributes in read.find("a")]
-    assert links == ["#report", "#listed"]
+    assert links == ["#report", "#section-1", "#section-2"]
 
 
 def test_the_templates_are_installed_with_the_package():

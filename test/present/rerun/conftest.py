@@ -9,13 +9,12 @@ import numpy as np
 import psutil
 import pytest
 
-from impact_rig.core.setup.paper import PAPER_SETUP
-from impact_rig.core.signals.record import FloatArray
-from impact_rig.present.rerun.destination import DestinationPlan
+from impact_rig.core.records import FloatArray
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.present.rerun.entities import APPLICATION
-from impact_rig.present.rerun.opening import open_destinations
+from impact_rig.present.rerun.live_view import LiveView, ViewPlan
 from impact_rig.present.rerun.view_log import ViewLog
-from impact_rig.present.rerun.viewer_program import find_viewer
+from impact_rig.present.rerun.viewers import find_viewer
 from impact_rig.results.traced_campaign import TracedCampaign
 
 from ..conftest import Trace
@@ -173,17 +172,17 @@ def campaign(trace: Trace) -> TracedCampaign:
 
 
 @pytest.fixture
-def open_all():
-    """Return a function that opens destinations, which are closed at the end."""
+def open_view():
+    """Return a function that opens a live view, which is closed at the end."""
     opened = []
 
     def run(*, announce=fail, notify=fail, **plan):
-        opened.extend(open_destinations(DestinationPlan(**plan), announce=announce, notify=notify))
-        return opened
+        opened.append(LiveView(ViewPlan(**plan), announce=announce, notify=notify))
+        return opened[-1]
 
     yield run
-    for destination in opened:
-        destination.close()
+    for view in opened:
+        view.close()
     # A server goes after its stream: none is to be found by the next test.
     own = psutil.Process()
     wait_until(lambda: all(item.status != psutil.CONN_LISTEN for item in own.net_connections()))

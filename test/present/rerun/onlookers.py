@@ -1,7 +1,6 @@
-"""What tests of destinations show, and what they see of viewers and their sockets."""
+"""What tests of the live view show, and what they see of viewers and their sockets."""
 
 import contextlib
-import socket
 import threading
 import time
 from dataclasses import replace
@@ -9,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import psutil
 
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.records import HitLabel
 from impact_rig.results.hit_traces import HitTraces
 
 PATIENCE = 20.0
@@ -24,15 +23,8 @@ def fail(text):
     raise AssertionError(text)
 
 
-def show_noise(destination, record=1):
-    hit = replace(NOISE, label=HitLabel("steel small", record))
-    destination.put(lambda log: log.log_hit(hit), hit.values.nbytes)
-
-
-def find_free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+def show_noise(view, record=1):
+    view.log.log_hit(replace(NOISE, label=HitLabel("steel small", record)))
 
 
 def wait_until(condition):
@@ -41,19 +33,6 @@ def wait_until(condition):
     while not condition():
         assert time.monotonic() < deadline, "it never came true"
         pause.wait(0.01)
-
-
-class Notices:
-    """Keeps what it is told, and waits for it."""
-
-    def __init__(self):
-        self.texts = []
-
-    def __call__(self, text):
-        self.texts.append(text)
-
-    def wait_for(self, part):
-        wait_until(lambda: any(part in text for text in self.texts))
 
 
 def has_hit(read_recording, path):

@@ -3,7 +3,7 @@
 import re
 from dataclasses import replace
 
-from impact_rig.core.origin import SIMULATED, Origin
+from impact_rig.core.records import SIMULATED, Origin
 from impact_rig.present.rerun.markdown import (
     escape_markdown,
     format_log_line,
@@ -12,7 +12,7 @@ from impact_rig.present.rerun.markdown import (
     format_verdict,
 )
 from impact_rig.results.campaign import HitResults
-from impact_rig.results.tables import tabulate_results
+from impact_rig.results.tables import tabulate_results, tabulate_summary
 
 DRAWN = "±²µΔδζτⁿ"
 """Signs that the viewer draws, as `test_rendering` has seen."""
@@ -34,7 +34,7 @@ def read_rows(markdown):
 def test_every_table_of_the_results_is_there_row_by_row(results):
     text = format_results(results)
 
-    tables = tabulate_results(results)
+    tables = [*tabulate_summary(results), *tabulate_results(results)]
     expected = [[cell.strip(" *") for cell in row] for table in tables for row in table.rows]
     assert read_rows(text) == expected
     assert all(f"## {escape_markdown(table.caption)}" in text for table in tables)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from impact_rig.core.signals.record import HitLabel
+from impact_rig.core.records import HitLabel
 from impact_rig.results.sample_traces import (
     DRIVEN,
     IDENTIFIED,
@@ -85,14 +85,6 @@ def test_a_mean_is_drawn_with_its_models_and_the_residual_of_the_first(record):
     _, values = view.find_traces(entity)
     np.testing.assert_allclose(values.max(axis=0), [1600.0, 1120.0, 1440.0, 160.0], rtol=1e-6)
     np.testing.assert_allclose(values[:, 3], values[:, 0] - values[:, 2], atol=1e-3)
-    names = view.find_static(f"{PARENT}/printed/1", "SeriesLines:names")
-    assert names[1] == "hammer, model (MSE 0.0001 %)"
-    _, values = view.find_traces(f"{PARENT}/printed/1")
-    np.testing.assert_allclose(np.abs(values).max(axis=0), [800, 640, 160, 1600, 1280, 320])
-    figure_5 = r"/figures/5/steel\ small/1"
-    assert view.find_static(figure_5, "SeriesLines:names") == ["measured", "model"]
-    _, values = view.find_traces(figure_5)
-    np.testing.assert_allclose(values.max(axis=0), [1.0, 0.9], rtol=1e-6)
 
 
 @pytest.mark.parametrize("peak", [1000, 1003])
@@ -140,10 +132,8 @@ def test_a_new_mean_takes_the_place_of_the_last_one_of_the_same_sample_only(reco
     assert view.find_hidden() == {
         *(f"{PARENT}/{body}/models/1" for body in ("hammer", "sample")),
         *(f"{PARENT}/{body}/contact/1" for body in ("hammer", "sample")),
-        f"{PARENT}/printed/1",
         f"{PARENT}/hammer/points/1",
         f"{PARENT}/sample/points/1",
-        r"/figures/5/steel\ small/1",
     }
     assert r"/samples/a\/b\ \*c\*/hammer/models/1" in view.entities
 
@@ -158,7 +148,7 @@ def test_a_sample_whose_response_was_not_measured_has_its_hammer(record):
 
     assert view.find_traces(f"{PARENT}/hammer/models/1")[1].max() == 800.0
     assert not [entity for entity in view.entities if entity.startswith(f"{PARENT}/sample/")]
-    assert view.find_static(f"{PARENT}/printed/1", "SeriesLines:names") == [
+    assert view.find_static(f"{PARENT}/hammer/models/1", "SeriesLines:names") == [
         "hammer, mean (no model)"
     ]
 

@@ -24,8 +24,8 @@ COLUMNS = (
     Column("Sample", NAMES, is_text=True),
     Column("Measured", ("203.20 ± 0.14", "1170.0 ± 7.9", "-")),
     Column("Why", (WHY, "", WHY), is_text=True, styles=(ALARM, "", ALARM), note="Why: in words."),
-    make_optional("w10/\nw50", ("1.591", "1.590", "-"), "w10/w50: the widths."),
-    make_optional("Spread", ("-", "-", "-"), "Spread: of nothing."),
+    Column("w10/\nw50", ("1.591", "1.590", "-"), is_optional=True, note="w10/w50: the widths."),
+    Column("Spread", ("-", "-", "-"), is_optional=True, note="Spread: of nothing."),
 )
 
 

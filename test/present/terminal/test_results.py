@@ -7,16 +7,13 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from impact_rig.core.estimation.fits import FittedModel
-from impact_rig.core.estimation.paper_method import HammerEstimate
-from impact_rig.core.estimation.sample import SampleEstimate
-from impact_rig.core.origin import IMPORTED, Origin
-from impact_rig.core.quantity import BudgetLine, Quantity
-from impact_rig.core.setup.paper import PAPER_SETUP, PUBLISHED_SAMPLES
-from impact_rig.core.setup.samples import Sample, SampleSet
-from impact_rig.present.terminal.results import print_budgets, print_results
-from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.trace_series import FileResults
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.records import IMPORTED, Origin
+from impact_rig.core.sample import FittedModel, SampleEstimate
+from impact_rig.core.setup import PAPER_SETUP, PUBLISHED_SAMPLES, Sample, SampleSet
+from impact_rig.present.terminal.results import print_full, print_screen
+from impact_rig.results.campaign import FileResults, HitResults, Results
 
 REASONS = (
     "overload: 250 points in a row of the hammer at the rail of 1999 m/s^2 (203.8 g)",
@@ -44,11 +41,32 @@ def make_sample(name: str, **values: object) -> SampleEstimate:
 
 
 def test_eighty_columns_are_enough_and_every_name_keeps_its_line(results):
-    text = render(print_results, results)
+    text = render(print_full, results)
     assert max(map(len, text.splitlines())) <= 80
     for cell in PUBLISHED_SAMPLES:
-        # Tables 2 to 4, Fig. 6, pulse shape, contact law and free decay; no model describes it.
+        # Tables 2 to 4, Fig. 6, pulse shape, free decay, summary; no law or model describes it.
         assert len(re.findall(rf"^{cell.name}(?![,:])", text, re.MULTILINE)) == 7
+
+
+def test_twelve_samples_fit_one_screen_with_the_five_largest_remarks(results):
+    warned = [
+        replace(sample, warnings=(f"remark {place}: " + "far too long " * 20,))
+        for place, sample in enumerate(results.samples)
+    ]
+    text = render(print_screen, replace(results, samples=tuple(warned)), ["the file is cut"])
+    lines = text.splitlines()
+    assert len(lines) <= 40
+    assert max(map(len, lines)) <= 80
+    for cell in PUBLISHED_SAMPLES:
+        assert len(re.findall(rf"^{cell.name}(?![,:])", text, re.MULTILINE)) == 1
+    assert sum(line.startswith("- ") for line in lines) == 5
+    assert "24 hits accepted, 0 rejected. 10 remarks more: --full, or the report." in text
+
+
+def test_a_screen_without_remarks_has_no_list_of_them(results):
+    text = render(print_screen, results)
+    assert text.startswith("Origin: simulated (virtual rig, plant published).\n")
+    assert "attention" not in text
 
 
 @pytest.mark.parametrize(("terminal", "no_color"), [(True, ""), (True, "1"), (False, "")])
@@ -56,54 +74,39 @@ def test_a_row_that_stands_out_says_why_and_is_coloured_where_colour_is_wanted(
     monkeypatch, terminal, no_color
 ):
     monkeypatch.setenv("NO_COLOR", no_color)
-    sample = make_sample("steel medium", contact_time=Quantity(204.2e-6, expanded=0.99e-6))
-    text = render(print_results, make_results(sample), force_terminal=terminal)
+    sample = make_sample("steel medium", contact_time=Quantity(204.2e-6, expanded=0.5e-6))
+    text = render(print_full, make_results(sample), force_terminal=terminal)
     line = next(line for line in text.splitlines() if "203.20" in line)
-    assert "no" in line
+    assert "2.0" in line.partition("0.50")[2]
     assert ("\x1b[3" in line) is (terminal and not no_color)
     assert terminal or "\x1b" not in text
 
 
-def test_budgets_and_what_the_traces_do_not_determine_are_printed():
+def test_what_the_traces_do_not_determine_is_printed():
     fitted = FittedModel("driven", True, undetermined=("k2 and c2 only together",))
-    budget = (BudgetLine("sampling clock", "B", 1e4, 1.0),)
-    stiffness = Quantity(45e6, 1e4, 2e4, budget=budget)
-    sample = make_sample("steel medium", stiffness=stiffness, identifications=(fitted,))
-    text = render(print_results, make_results(sample))
+    sample = make_sample("steel medium", identifications=(fitted,))
+    text = render(print_full, make_results(sample))
     assert "- steel medium: k2 and c2 only together" in text
-    budgets = render(print_budgets, [sample], NO_HAMMER)
-    assert "steel medium: k = 45.000 ± 0.020 MN/m" in budgets
 
 
 def test_a_rejected_hit_is_listed_with_its_reasons_and_what_was_injected(results):
     rejected = HitResults(
         "steel small", 3, 2, 17, reasons=REASONS, injected_faults=("overload", "weak_hit")
     )
-    text = render(print_results, replace(results, hits=(rejected,)), width=120)
+    text = render(print_full, replace(results, hits=(rejected,)), width=120)
     listed = text[text.index("Rejected hits: 1") :].partition("Table 2")[0]
     assert re.search(r"^steel small +3\.2 +17 +overload", listed, re.MULTILINE)
     for words in ("203.8 g", "weak: hammer peak", "weak_hit", "overload (1), weak (1)"):
         assert words in listed
     real = replace(rejected, injected_faults=())
-    assert "Injected" not in render(print_results, replace(results, hits=(real,)))
-
-
-def test_what_is_not_determined_is_named_once_with_whom_it_is_about():
-    note = "k2: not determined without k1"
-    samples = [make_sample(name, notes=(note,)) for name in ("steel small", "steel large")]
-    other = make_sample("brass small", contact_time=Quantity(1e-4))
-    hammer = HammerEstimate(notes=("k1: no control sample",))
-    text = render(print_results, make_results(*samples, other, hammer=hammer))
-    assert f"- steel small, steel large: {note}" in text
-    assert "- hammer: k1: no control sample" in text
-    assert f"- all samples: {note}" in render(print_results, make_results(*samples))
+    assert "Injected" not in render(print_full, replace(results, hits=(real,)))
 
 
 def test_names_and_notes_are_shown_as_they_are():
     name = "[red]alloy :bomb:"
     setup = replace(PAPER_SETUP, samples=SampleSet((Sample(name, 0.1),), ""))
     sample = make_sample(name, notes=("k2: [bold]no",))
-    text = render(print_results, Results(setup, NO_HAMMER, (sample,), ()))
+    text = render(print_full, Results(setup, NO_HAMMER, (sample,), ()))
     assert name in text
     assert "[bold]no" in text
 
@@ -114,8 +117,13 @@ def test_plain_traces_are_shown_hit_by_hit_and_their_mean():
         FileResults(Origin(IMPORTED, "npy file", "lab/hit_2.npy"), False, REASONS),
     )
     sample = make_sample("steel small", contact_time=Quantity(2e-4), notes=("k: no mass given",))
-    text = render(print_results, make_results(sample), hits)
-    assert text.startswith("Origin: imported (npy file): hit_1.npy, hit_2.npy.")
+    results = make_results(sample)
+    found = tuple(
+        HitResults("steel small", n, 1, n, hit.accepted, hit.reasons, origin=hit.origin)
+        for n, hit in enumerate(hits, start=1)
+    )
+    text = render(print_full, replace(results, hits=found, files=hits))
+    assert text.startswith("Origin: imported (npy file) of 2 files: hit_1.npy and 1 more.")
     for words in (
         "hit_1.npy",
         "accepted",

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import SignalError
-from impact_rig.core.setup.calibration import Sensitivity
-from impact_rig.core.setup.sensors import ChannelPlan, ChannelUse
+from impact_rig.core.sensors import ChannelPlan, ChannelUse, Sensitivity
+from impact_rig.recordings.channels import map_channels
 from impact_rig.recordings.formats.registry import read_measurement
-from impact_rig.recordings.importing import map_channels
 
 COUNT, RATE, START = 400, 1e6, -100e-6
 TIME = START + np.arange(COUNT) / RATE
@@ -52,6 +51,20 @@ def write_tektronix_mso(pairs: Pairs) -> Iterator[str]:
     yield from ("Gating,0.0% to 100.0%,", "Probe Attenuation,1,", "Vertical Units,V,")
     yield from ("Vertical Offset,0,", "Vertical Scale,0.5,", ",,", ",,", "Label,,", "TIME,CH1")
     yield from (f"{time:.4e},{value:.6g}" for time, value in pairs)
+
+
+def write_tektronix_quoted(pairs: Pairs) -> Iterator[str]:
+    """TDS3000, TDS5000, TDS7000: as the TDS above, words of the settings in quotes.
+
+    TDS5000B online help, "Waveform file (.CSV)".
+    """
+    beside = [
+        f'"Record Length",{COUNT},"Points"', f'"Sample Interval",{1 / RATE:g},"s"',
+        '"Trigger Point",100,"Samples"', '"Trigger Time",0.0,"s"', '"",,',
+        '"Horizontal Offset",0.0,"s"',
+    ]  # fmt: skip
+    for number, (time, value) in enumerate(pairs):
+        yield f"{beside[number] if number < len(beside) else ',,'},{time:.9f},{value:.5f}"
 
 
 def write_rigol(pairs: Pairs) -> Iterator[str]:
@@ -168,6 +181,7 @@ def write_dates(pairs: Pairs) -> Iterator[str]:
 
 DIALECTS = {
     "tektronix_tds.csv": write_tektronix_tds,
+    "tektronix_quoted.csv": write_tektronix_quoted,
     "tektronix_mso.csv": write_tektronix_mso,
     "rigol.csv": write_rigol,
     "rigol_steps.csv": write_rigol_steps,
@@ -184,6 +198,8 @@ DIALECTS = {
     "quoted_commas.csv": write_quoted_commas,
     "labview.lvm": write_labview_without_header,
 }
+UNSTATED = ("lecroy.csv", "labview.lvm", "tektronix_quoted.csv")
+"""Files that do not state the unit."""
 COARSE = {"rigol.csv": 0.005}
 """Files that give fewer digits [V]."""
 SENSOR = ChannelUse(sensitivity=Sensitivity(0.01, "m/s^2"))
@@ -198,7 +214,7 @@ def save(folder: Path, name: str, lines: Iterator[str]) -> Path:
 @pytest.mark.parametrize("name", DIALECTS)
 def test_every_point_is_found_with_its_time_and_unit(tmp_path, name):
     file = read_measurement(save(tmp_path, name, DIALECTS[name](PAIRS)))
-    assert file.channels[-1].unit == ("" if name in ("lecroy.csv", "labview.lvm") else "V")
+    assert file.channels[-1].unit == ("" if name in UNSTATED else "V")
     (found,) = map_channels(file, ChannelPlan(SENSOR))
     assert found.sampling_rate == pytest.approx(RATE, rel=1e-6)
     # 10 mV for a m/s².

@@ -14,7 +14,6 @@ from impact_rig.core.errors import FileError, RigError
 from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
 from impact_rig.recordings.formats.registry import (
     WRITABLE,
-    parse_file,
     read_measurement,
     write_measurement,
 )
@@ -32,7 +31,7 @@ def test_a_missing_library_is_named_whether_a_file_is_read_or_written(
     path = tmp_path / f"hit{suffix}"
     path.write_bytes(b"\0" * 600)
     with pytest.raises(ModuleNotFoundError) as caught:
-        parse_file(path)
+        read_measurement(path)
     assert caught.value.name == library
     with pytest.raises(ModuleNotFoundError):
         write_measurement(tmp_path / f"new{suffix}", Measurement(path, CHANNELS))
@@ -118,3 +117,14 @@ def test_a_file_that_is_cut_off_anywhere_is_refused_or_complete(written):
         else:
             assert read == whole[: len(read)]
     assert refused > 30
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".wav"])
+def test_what_git_lfs_leaves_in_place_of_a_file_is_called_so(tmp_path, suffix):
+    path = tmp_path / f"hit{suffix}"
+    path.write_text(
+        "version https://git-lfs.github.com/spec/v1\n"
+        "oid sha256:4d7a214614ab2935c943f9e0ff69d22eadbb8f32b1258daaa5e2ca24d17e2393\nsize 12345\n"
+    )
+    with pytest.raises(FileError, match=rf"hit\{suffix} is what git-lfs leaves.*git lfs pull"):
+        read_measurement(path)

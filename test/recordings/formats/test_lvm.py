@@ -77,6 +77,12 @@ def drop_times(text):
     return change(head, ("X_Columns\tOne", "X_Columns\tNo")) + "X_Value" + lines[0] + "".join(rows)
 
 
+def drop_first_column(text):
+    """Return the text without times, and without a heading or a separator in their place."""
+    head, _, table = drop_times(text).partition("X_Value")
+    return head + table.replace("\n\t", "\n").removeprefix("\t")
+
+
 MULTI = (
     change(HEADER, ("X_Columns\tOne", "X_Columns\tMulti"))
     + "Channels\t2\t\t\t\nSamples\t3\t\t2\t\nY_Unit_Label\tm/s²\t\tN\t\n"
@@ -98,10 +104,22 @@ MULTI = (
         change(HEADER + SEGMENT, (".", ",")),
         change(HEADER + SEGMENT, ("Decimal_Separator\t.\n", "")),
         drop_times(HEADER + SEGMENT),
+        change(drop_times(HEADER + SEGMENT), ("X_Value\t", "\t")),
+        drop_first_column(HEADER + SEGMENT),
         change(HEADER, ("***End", "***Start_Special***\nChannels\t9\n***End_Special***\n***End"))
         + SEGMENT,
     ],
-    ids=["tab", "crlf", "comma", "decimal comma", "version 1", "no times", "special"],
+    ids=[
+        "tab",
+        "crlf",
+        "comma",
+        "decimal comma",
+        "version 1",
+        "no times",
+        "no X_Value",
+        "no first column",
+        "special",
+    ],
 )
 def test_all_ways_to_write_the_same_are_understood(tmp_path, text):
     assert describe(write(tmp_path, text)) == [HAMMER, FORCE]

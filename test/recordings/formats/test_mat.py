@@ -1,5 +1,8 @@
 """Files of MATLAB, written by scipy and, the new ones, by h5py."""
 
+import struct
+import zlib
+
 import h5py
 import numpy as np
 import pytest
@@ -137,3 +140,39 @@ def test_picoscope_states_start_and_step_beside_the_channels(tmp_path):
     assert {name: channel.sampling_rate for name, channel in channels.items()} == dict.fromkeys(
         "AB", RATE
     )
+
+
+def test_a_file_that_crashes_the_library_is_refused_and_the_next_one_read(tmp_path):
+    good, bad = tmp_path / "good.mat", tmp_path / "bad.mat"
+    scipy.io.savemat(good, {"hammer": TRACE, "Fs": RATE})
+    content = good.read_bytes()
+    doubles, unknown = (struct.pack("<II", kind, 8 * TRACE.size) for kind in (9, 10))
+    assert content.count(doubles) == 1
+    bad.write_bytes(content.replace(doubles, unknown))
+    with pytest.raises(FileError, match=r"bad\.mat is no sound \.mat file: it crashes"):
+        read_measurement(bad)
+    assert list(read_channels(good)) == ["hammer"]
+
+
+def make_opaque(name, kind):
+    """Return a variable of a class of MATLAB's own, a `datetime` say: it has no shape."""
+    parts = [struct.pack("<IIII", 6, 8, 17, 0)]
+    parts += [
+        struct.pack("<II", 1, len(word)) + word.ljust(-(-len(word) // 8) * 8, b"\0")
+        for word in (name, b"MCOS", kind)
+    ]
+    content = b"".join(parts)
+    return struct.pack("<II", 14, len(content)) + content
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_variables_that_only_matlab_knows_are_passed_over(tmp_path, compressed):
+    path = tmp_path / "hit.mat"
+    scipy.io.savemat(path, {"hammer": TRACE, "Fs": RATE}, do_compression=compressed)
+    data = path.read_bytes()
+    opaque = make_opaque(b"recorded", b"datetime")
+    if compressed:
+        packed = zlib.compress(opaque)
+        opaque = struct.pack("<II", 15, len(packed)) + packed
+    path.write_bytes(data[:128] + opaque + data[128:])
+    assert describe(read_channels(path)["hammer"]) == (TRACE.tolist(), RATE, "", 0.0)

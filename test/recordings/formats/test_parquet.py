@@ -35,3 +35,15 @@ def test_a_table_without_numbers_is_named(tmp_path):
     parquet.write_table(pa.table({"who": ["B"]}), tmp_path / "words.parquet")
     with pytest.raises(FileError, match=r"words\.parquet has no vector of real numbers"):
         read_measurement(tmp_path / "words.parquet")
+
+
+def test_numbers_that_changed_on_the_disk_are_noticed(tmp_path):
+    path = tmp_path / "hit.parquet"
+    channel = MeasuredChannel("a", np.random.default_rng(1).normal(size=4000), RATE, "N")
+    write_measurement(path, Measurement(path, (channel,)))
+    assert read_channels(path)["a"].values.tolist() == channel.values.tolist()
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(FileError, match=r"hit\.parquet is no sound \.parquet file: .*checksum"):
+        read_measurement(path)

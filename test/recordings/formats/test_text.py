@@ -169,3 +169,14 @@ def test_what_text_cannot_hold_is_refused_and_leaves_no_file(tmp_path, channels,
     with pytest.raises(FileError, match=told):
         write_measurement(path, measurement)
     assert not list(tmp_path.glob("*hit*"))
+
+
+@pytest.mark.parametrize("name", ["=SUM(A1:A9)", "+a", "-a", "@a", "'=a", "'quoted'"])
+def test_names_that_spreadsheets_would_compute_are_quoted_and_come_back(tmp_path, name):
+    channel = MeasuredChannel(name, np.array([1.0, 2.0]), 51_200.0, "N")
+    path = tmp_path / "hit.csv"
+    write_measurement(path, Measurement(path, (channel,)))
+    with path.open(encoding="utf-8", newline="") as file:
+        cells = [cell for row in csv.reader(file) for cell in row if not cell.startswith("#")]
+    assert not [cell for cell in cells if cell[:1] in "=+@" or cell[:2] == "-a"]
+    assert read_names(path) == [(name, "N")]

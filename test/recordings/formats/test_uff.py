@@ -32,6 +32,7 @@ def test_universal_files_are_read(tmp_path, suffix, binary, spacing):
         (make_function(func_type=4), "it has a frequency response"),
         (make_function(func_type=9), "it has a power spectral density"),
         (make_function(data=TRACE + 1j), "it has complex numbers"),
+        (make_function(abscissa_axis_units_lab="Hz"), "it has a spectrum, whose axis is in Hz"),
     ],
 )
 def test_universal_files_of_something_else_say_what_they_hold(tmp_path, function, told):

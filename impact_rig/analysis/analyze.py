@@ -1,0 +1,264 @@
+"""From anything that yields set-ups and blocks to results, and the traces behind them.
+
+Recordings, the recordings of a run and files of other instruments take this one way, which is that
+of the live run from the session on.
+"""
+
+import contextlib
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+from impact_rig.core.detection import ImpactDetector
+from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.core.hits import (
+    NO_OVERRULES,
+    JudgedHit,
+    Overrules,
+    average_hits,
+    describe_label,
+    find_label,
+)
+from impact_rig.core.pulse_shape import NO_SHAPE, estimate_pulse_shape
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.session import Session
+from impact_rig.core.setup import RigSetup
+from impact_rig.core.uncertainty import estimate_hit_contact_time
+from impact_rig.results.campaign import (
+    FileResults,
+    drop_scale,
+    hit_results_from_judged,
+    results_from_session,
+)
+from impact_rig.results.hit_traces import HitTraces, TraceAssembler
+from impact_rig.results.sample_traces import AlignedHit, align_hit, sample_traces_from_estimate
+from impact_rig.results.traced_campaign import TracedCampaign, TracedHit
+
+Settings = Mapping[str, Any]
+"""Fields of `AnalysisSettings` to use in place of the recorded ones, by name."""
+NO_CHANGES: Settings = {}
+Report = Callable[[str, int, int], None]
+"""Gets now and then what is done (``reading`` [byte] or ``estimating`` [samples]), how much of it,
+and of how much."""
+
+
+class HitSource(Protocol):
+    """What yields hits, one campaign after another; it can be read more than once."""
+
+    path: Path  # what a person named
+    warnings: tuple[str, ...]  # what the user should know of it
+
+    @property
+    def size(self) -> int:
+        """Of all that is read [byte]."""
+
+    @property
+    def has_scale(self) -> bool:
+        """Whether the hammer's numbers make accelerations."""
+
+    @property
+    def hammer_unit(self) -> str | None:
+        """What the hammer's channel is in, where each hit is a file's; None: they are recorded."""
+
+    @property
+    def faults(self) -> Mapping[HitLabel, tuple[str, ...]]:
+        """Injected faults by hit, as far as `events` was read."""
+
+    def events(self, report: Callable[[int], None]) -> Iterator[RigSetup | Block]:
+        """Yield set-ups, each of which begins a campaign, and its blocks."""
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """What a source holds."""
+
+    campaigns: tuple[TracedCampaign, ...]  # with hits, in their order; traces if asked for
+    warnings: tuple[str, ...]  # what the user should know
+
+
+@dataclass(frozen=True)
+class _JudgedCampaign:
+    """One campaign as it is read: its session, and what is kept of its hits."""
+
+    session: Session
+    traces: list[HitTraces] = field(default_factory=list)
+    aligned: dict[HitLabel, AlignedHit] = field(default_factory=dict)
+    files: dict[HitLabel, FileResults] = field(default_factory=dict)
+
+
+def analyze(
+    source: HitSource,
+    settings: Settings = NO_CHANGES,
+    accept: Sequence[str] = (),
+    reject: Sequence[str] = (),
+    *,
+    keep_traces: bool = False,
+    with_models: bool = True,
+    report: Report = lambda *_: None,
+) -> Analysis:
+    """Judge every hit, as the estimator does live, and estimate.
+
+    Parameters
+    ----------
+    settings : mapping, optional
+        Fields of `AnalysisSettings` to use in place of the source's.
+    accept, reject : sequence of str
+        Hits that a person takes into the mean or leaves out, by name (see `find_label`), or by
+        the file that they were imported from.
+    keep_traces : bool
+        Whether the traces are wanted as well.
+    with_models : bool
+        Fit the model as well, which takes a tenth of a second for each sample.
+
+    Raises
+    ------
+    FileError
+        If the source cannot be read, or holds no hit.
+    ParameterError
+        If the settings cannot be used, or a person's word on a hit makes no sense.
+    """
+    overrules = _find_overrules(source, settings, accept, reject)
+    judged: list[_JudgedCampaign] = []
+    assembler = TraceAssembler()
+    for event in source.events(_bind(report, "reading", source.size)):
+        if not isinstance(event, Block):
+            # Each campaign begins with its set-up, and its estimates start afresh.
+            setup = replace(event, analysis=replace(event.analysis, **settings))
+            judged.append(_JudgedCampaign(Session(setup, overrules)))
+        elif judged:
+            campaign = judged[-1]
+            for hit in campaign.session.feed(event):
+                if source.hammer_unit is not None:
+                    file = _describe_file(hit, source.hammer_unit, campaign.session.setup)
+                    campaign.files[hit.label] = file
+                if keep_traces and (aligned := align_hit(hit)) is not None:
+                    campaign.aligned[hit.label] = aligned
+            if keep_traces and (joined := assembler.feed(event)) is not None:
+                campaign.traces.append(joined)
+    faults = {label.record: names for label, names in source.faults.items()}
+    campaigns = tuple(
+        _finish(campaign, source, faults, report, with_models=with_models)
+        for campaign in judged
+        if campaign.session.names
+    )
+    if not campaigns:
+        raise FileError(f"{source.path} holds no hit: no block of it completes a record")
+    return Analysis(campaigns, source.warnings)
+
+
+def _describe_file(hit: JudgedHit, hammer_unit: str, setup: RigSetup) -> FileResults:
+    """Return what the hit of a file says by itself: contact time, shape, verdict."""
+    contact_time, shape = Quantity(hit.contact_time), NO_SHAPE
+    if hit.filtered is not None:
+        settings = setup.analysis
+        contact_time = estimate_hit_contact_time(hit.filtered, settings, setup.clock_uncertainty)
+        # A series of one: every hit is asked for its shape.
+        with contextlib.suppress(RigError):
+            shape = estimate_pulse_shape(
+                average_hits([hit.filtered]), settings.cutoff_frequency, setup.responses[0]
+            )
+    best = shape.best_fit
+    return FileResults(
+        origin=hit.origin,
+        accepted=hit.accepted,
+        reasons=tuple(map(str, hit.rejections)),
+        half_amplitude_width=hit.half_amplitude_width,
+        contact_time=contact_time,
+        width_ratio=hit.width_ratio,
+        hammer_peak=hit.hammer_peak,
+        specimen_peak=hit.specimen_peak,
+        best_shape=shape.best_shape,
+        shape_residual_percent=best.residual_percent if best else math.nan,
+        measured_peak=setup.hammer_reading[0] * hit.hammer_peak,
+        measured_unit=hammer_unit,
+    )
+
+
+def _bind(report: Report, what: str, total: int) -> Callable[[int], None]:
+    return lambda done: report(what, done, total)
+
+
+def _find_overrules(
+    source: HitSource, settings: Settings, accept: Sequence[str], reject: Sequence[str]
+) -> Overrules:
+    """Return a person's word on the hits of a source, which is read for their names alone."""
+    if not (accept or reject):
+        return NO_OVERRULES
+    files: dict[HitLabel, str] = {}
+    counts: Counter[HitLabel] = Counter()
+    detector: ImpactDetector | None = None
+    for event in source.events(lambda _: None):
+        if not isinstance(event, Block):
+            detector = ImpactDetector(replace(event.analysis, **settings))
+        elif detector is not None:
+            for record in detector.feed(event):
+                files[record.label] = record.origin.file
+                counts[record.label] += 1
+    overrules = Overrules(
+        frozenset(label for name in accept for label in _find_labels(name, files)),
+        frozenset(label for name in reject for label in _find_labels(name, files)),
+    )
+    for label in overrules.accepted | overrules.rejected:
+        if counts[label] > 1:
+            raise ParameterError(
+                f"hit {describe_label(label)} is in {counts[label]} campaigns of the recording:"
+                " it cannot be told which one is meant"
+            )
+    return overrules
+
+
+def _find_labels(name: str, files: Mapping[HitLabel, str]) -> list[HitLabel]:
+    """Return the hits that a person names: those of a file, or one."""
+    found = [label for label, file in files.items() if file and name in (file, Path(file).name)]
+    if len({files[label] for label in found}) > 1:
+        raise ParameterError(f"{name!r} may be any of several files: name one as it was given")
+    return found or [find_label(name, files)]
+
+
+def _finish(
+    campaign: _JudgedCampaign,
+    source: HitSource,
+    faults: Mapping[int, tuple[str, ...]],
+    report: Report,
+    *,
+    with_models: bool,
+) -> TracedCampaign:
+    session = campaign.session
+    tell = _bind(report, "estimating", len(session.names))
+    tell(0)
+    found = session.estimate_all(tell) if with_models else session.estimate_all_without_models()
+    judged = {hit.label: hit for hit in (*found.accepted, *found.rejected)}
+    means = [(estimate, session.compute_mean(estimate.name)) for estimate in found.samples]
+    samples = [
+        sample_traces_from_estimate(estimate, mean)
+        for estimate, mean in means
+        if campaign.traces and mean is not None
+    ]
+    # With the last word on each: a later hit may have made it an outlier.
+    files = tuple(
+        replace(
+            file,
+            accepted=judged[label].accepted,
+            reasons=tuple(map(str, judged[label].rejections)),
+        )
+        for label, file in campaign.files.items()
+    )
+    results = replace(results_from_session(found, faults), files=files)
+    return TracedCampaign(
+        results=results if source.has_scale else drop_scale(results),
+        samples=tuple(item for item in samples if item is not None),
+        hits=tuple(
+            TracedHit(
+                result=hit_results_from_judged(hit, faults.get(hit.label.record, ())),
+                stamp=hit.stamp,
+                recorded=recorded,
+                aligned=campaign.aligned.get(hit.label),
+            )
+            for recorded in campaign.traces
+            if (hit := judged.get(recorded.label)) is not None
+        ),
+    )

@@ -1,1 +1,0 @@
-"""The sensitivity of a sensor from hits that a second sensor sees as well."""

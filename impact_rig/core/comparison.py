@@ -1,0 +1,230 @@
+"""Model and measurement, compared as the paper does."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from impact_rig.core.errors import SignalError
+from impact_rig.core.filtering import interpolate_between, low_pass, respond
+from impact_rig.core.hits import MeanHit
+from impact_rig.core.model import ImpactModel, ModelVariant, simulate_impact
+from impact_rig.core.records import FloatArray, make_read_only
+from impact_rig.core.sensors import FLAT, SensorResponse
+
+LARGEST_SHIFT = 1.0
+"""Largest shift of the model, in contact times [-], our choice: beyond it another oscillation
+would be laid onto the measured one."""
+
+
+@dataclass(frozen=True)
+class TraceComparison:
+    """One body's model trace laid onto its measured one.
+
+    Attributes
+    ----------
+    measured, model : ndarray, shape (n,)
+        Normalised to their own peaks [-], the model shifted; read-only.
+    peak : float
+        By which the measured trace was divided, sign included [m/s^2].
+    shift : float
+        Applied to the model, later is positive [s].
+    mse_percent : float
+        Mean square error over the record [%], as in Fig. 6. Forgiving: most of the record is
+        quiet.
+    contact_error_percent : float
+        RMS error over the contact alone [%].
+    """
+
+    measured: FloatArray
+    model: FloatArray
+    peak: float
+    shift: float
+    mse_percent: float
+    contact_error_percent: float
+
+
+@dataclass(frozen=True)
+class ModelComparison:
+    """Both bodies of one sample's mean hit against the model.
+
+    Attributes
+    ----------
+    variant : ModelVariant
+        Which model.
+    sampling_rate : float
+        [Hz]
+    start_time : float
+        Time of the first point from the start of the contact [s].
+    contact_time : float
+        tau_p of the model [s].
+    hammer : TraceComparison
+        Of the hammer.
+    specimen : TraceComparison
+        Of the sample.
+    """
+
+    variant: ModelVariant
+    sampling_rate: float
+    start_time: float
+    contact_time: float
+    hammer: TraceComparison
+    specimen: TraceComparison
+
+
+def normalise_trace(trace: FloatArray) -> FloatArray:
+    """Divide a trace, shape (n,), by its value of largest magnitude, sign included.
+
+    So the comparison is blind to polarity, as it must be for equation (1), whose force on body 2
+    is printed with a minus.
+
+    Raises
+    ------
+    SignalError
+        If the trace is flat or not finite.
+    """
+    return trace / find_extreme(trace)
+
+
+def find_extreme(trace: FloatArray) -> float:
+    """Return the value of largest magnitude of a trace, shape (n,), sign included.
+
+    Raises
+    ------
+    SignalError
+        If the trace is flat or not finite.
+    """
+    peak = float(trace[np.argmax(np.abs(trace))])
+    if not np.isfinite(peak) or peak == 0.0:
+        raise SignalError("a flat trace cannot be normalised: it has no peak")
+    return peak
+
+
+def find_best_shift(measured: FloatArray, model: FloatArray, largest: int) -> float:
+    """Find the shift of `model` that makes the mean square error least.
+
+    Parameters
+    ----------
+    measured, model : ndarray, shape (n,)
+        Normalised; the model counts as zero beyond its ends.
+    largest : int
+        Largest shift either way [points].
+
+    Returns
+    -------
+    float
+        In points, later is positive, refined below one point by a parabola.
+    """
+    count = measured.size
+    largest = min(largest, count - 1)
+    # What a transform of this length folds back lies beyond the largest shift.
+    length = scipy.fft.next_fast_len(count + largest, real=True)
+    spectra = scipy.fft.rfft(np.stack((measured, model)), length)
+    correlation = scipy.fft.irfft(spectra[0] * np.conj(spectra[1]), length)
+    lags = np.arange(-largest, largest + 1)
+    energy = np.concatenate(([0.0], np.cumsum(model**2)))
+    inside = energy[np.minimum(count, count - lags)] - energy[np.maximum(0, -lags)]
+    error = inside - 2.0 * correlation[lags]
+    best = int(np.argmin(error))
+    if 0 < best < error.size - 1:
+        left, middle, right = error[best - 1 : best + 2]
+        bend = left - 2.0 * middle + right
+        if bend > 0.0:
+            return float(lags[best] + (left - right) / (2.0 * bend))
+    return float(lags[best])
+
+
+def shift_trace(trace: FloatArray, shift: float) -> FloatArray:
+    """Shift a trace, shape (n,), later by `shift` points, zeros coming in from beyond its ends."""
+    whole = math.ceil(shift)
+    part = whole - shift
+    moved = interpolate_between(trace, part) if part else trace
+    shifted = np.zeros(trace.size)
+    first, last = max(whole, 0), min(whole + moved.size, trace.size)
+    if first < last:
+        shifted[first:last] = moved[first - whole : last - whole]
+    return shifted
+
+
+def compare_trace(
+    measured: FloatArray, model: FloatArray, sampling_rate: float, contact: slice, largest: int
+) -> TraceComparison:
+    """Normalise both traces, shift the model onto the measurement and measure what is left.
+
+    Parameters
+    ----------
+    measured, model : ndarray, shape (n,)
+        Filtered alike.
+    sampling_rate : float
+        [Hz]
+    contact : slice
+        The points of the contact.
+    largest : int
+        Largest shift either way [points].
+    """
+    peak = find_extreme(measured)
+    reference, candidate = measured / peak, normalise_trace(model)
+    shift = find_best_shift(reference, candidate, largest)
+    shifted = shift_trace(candidate, shift)
+    error = shifted - reference
+    inside = error[contact]
+    for trace in (reference, shifted):
+        # Nobody else has them: they need not be copied.
+        trace.setflags(write=False)
+    return TraceComparison(
+        measured=make_read_only(reference),
+        model=make_read_only(shifted),
+        peak=peak,
+        shift=shift / sampling_rate,
+        mse_percent=100.0 * float(error @ error) / error.size,
+        contact_error_percent=100.0 * math.sqrt(float(inside @ inside) / inside.size),
+    )
+
+
+def compare_with_model(
+    mean: MeanHit,
+    model: ImpactModel,
+    variant: ModelVariant,
+    cutoff_frequency: float,
+    responses: tuple[SensorResponse, SensorResponse] = (FLAT, FLAT),
+) -> ModelComparison:
+    """Simulate the model on the mean hit's time grid, filter it alike and compare.
+
+    Parameters
+    ----------
+    mean : MeanHit
+        Both channels.
+    cutoff_frequency : float
+        The low-pass that the measurement went through [Hz]; 0: none.
+    responses : tuple of SensorResponse
+        Of the sensors, which it went through before.
+
+    Raises
+    ------
+    SignalError
+        If a trace is flat.
+    """
+    rate = mean.sampling_rate
+    count = mean.traces.shape[1]
+    start_time = model.contact_time / 2.0 - mean.origin / rate
+    bodies = simulate_impact(model, rate, count, start=start_time, variant=variant)
+    simulated = np.stack(
+        [respond(body, how, rate) for body, how in zip(bodies, responses, strict=True)]
+    )
+    filtered = low_pass(simulated, cutoff_frequency, rate)
+    first = max(0, int(np.ceil(-start_time * rate)))
+    last = min(count, int(np.floor((model.contact_time - start_time) * rate)) + 1)
+    contact = slice(first, last)
+    largest = round(LARGEST_SHIFT * model.contact_time * rate)
+    hammer, specimen = (
+        compare_trace(mean.traces[i], filtered[i], rate, contact, largest) for i in (0, 1)
+    )
+    return ModelComparison(
+        variant=variant,
+        sampling_rate=rate,
+        start_time=start_time,
+        contact_time=model.contact_time,
+        hammer=hammer,
+        specimen=specimen,
+    )

@@ -1,0 +1,769 @@
+"""The contact law of a sample, from the shape of the hammer's pulse."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+import scipy
+
+from impact_rig.core.errors import NotDeterminedError, RigError
+from impact_rig.core.hits import MeanHit
+from impact_rig.core.identification import compute_noise_correlation, compute_raw_noise
+from impact_rig.core.law_pulses import LIMITS as TABLES
+from impact_rig.core.law_pulses import LOSSES, LossForm, compute_pulses
+from impact_rig.core.momenta import (
+    check_hit_momenta,
+    check_momenta,
+    compare_momenta,
+    compute_stated_restitution,
+    cut_contact,
+    find_odd_hits,
+    find_speed_mismatch,
+    name_hits,
+    restore_levels,
+)
+from impact_rig.core.pulse_shape import (
+    Evaluation,
+    PulseWindow,
+    WindowFit,
+    compute_unexplained,
+    cut_window,
+    fit_pulse,
+    minimise,
+)
+from impact_rig.core.pulse_width import PulseWidth, measure_pulse
+from impact_rig.core.pulses import VERSED_SINE
+from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
+from impact_rig.core.records import FloatArray, make_read_only
+from impact_rig.core.sensors import Sensor
+from impact_rig.core.setup import RigSetup
+from impact_rig.core.tail import ZERO_AFTER, compute_share
+from impact_rig.core.uncertainty import (
+    RigNumbers,
+    list_variances,
+    make_label,
+    make_quantity,
+    make_rig_numbers,
+)
+
+COUNT = 6
+START, TIME, HEIGHT, OFFSET, LOSS, EXPONENT = range(COUNT)
+"""Places of the parameters; the last one is not varied where it is given."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of the fit, and of what is said of it; all are our choices."""
+
+    start: tuple[float, float] = (0.1, 1.5)  # B and n [-] metal on metal
+    shorter: float = 0.8  # [-] T of a second start over that of the first
+    step: float = 1e-4  # [-] of n and B, relative of what else there is, for derivatives
+    rough: float = 0.01  # [-] the same for a first look at each form
+    near: float = 2.0  # [-] of the least residual: what is worth another look
+    tolerance: float = 1e-6  # [-] change of sum of squares and parameters that ends a fit
+    evaluations: int = 40  # [-] a pulse of the family needs five to ten
+    shortest_time: float = 0.05  # [w50] T: no pulse of the family is so wide
+    finest: float = 1.0 / 64.0  # [w50] over which the force is averaged
+    margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
+    points: float = 6.0  # [-] in w50: a dozen in the contact for six parameters
+    residual: float = 5e-4  # [-] of the peak: what hits that differ by 2 % in speed leave at most
+    residual_over_noise: float = 3.0  # [-] more than that is no noise
+    versed_residual: float = 0.003  # [-] what a versed-sine leaves of a Hertz contact is 0.006
+    table: float = 1e-5  # [-] of the peak: below, the tables of pulses tell no difference
+    criterion: float = 10.0  # [-] difference of BIC: very strong evidence (Kass and Raftery 1995)
+    correlation: float = 0.95  # [-] of n and B: fixing one makes the other thrice as certain
+    second_top: float = 0.05  # [-] of the peak: over the valley before it
+    crushed: float = 0.01  # [-] e above 1 from which the pulse clearly falls faster than it rises
+    elastic: float = 1e-3  # [-] what e may lie above 1 by the fit's own error
+
+
+LIMITS = Limits()
+
+
+@dataclass(frozen=True)
+class LawFit(WindowFit):
+    """A pulse of one form of loss on one window, in the window's units."""
+
+    form: LossForm
+    parameters: FloatArray  # start and T [w50], height and offset over the peak, B and n [-]
+    jacobian: FloatArray  # of the fitted trace in the varied parameters, shape (varied, n)
+    varied: list[int]  # places of these
+
+    def move_to(self, window: PulseWindow) -> "LawFit":
+        """Return the same pulse on another window of the same trace, not fitted again."""
+        evaluation = evaluate_law(window, self.form, self.parameters, len(self.varied))
+        return _describe_fit(
+            window, self.form, self.parameters, self.varied, evaluation, is_inside=self.is_inside
+        )
+
+    def project(self, changes: FloatArray) -> FloatArray:
+        """Return what changes of the trace, shape (n, k), do to the parameters, shape (6, k)."""
+        moved = np.zeros((self.parameters.size, changes.shape[1]))
+        moved[self.varied] = self._inverse @ changes
+        return moved
+
+    def find_rest(self, change: FloatArray) -> float:
+        """Return the RMS of what no parameter can make of a change of the trace, shape (n,)."""
+        moved = self.project(change[:, np.newaxis])[self.varied, 0]
+        return float(np.std(change - self.jacobian.T @ moved))
+
+    def compute_covariance(self, correlation: FloatArray) -> FloatArray:
+        """Return what noise of variance 1 does to the parameters, shape (6, 6).
+
+        Parameters
+        ----------
+        correlation : ndarray
+            Of the noise, from 0 steps of the window on [-].
+        """
+        both_ways = np.concatenate((correlation[:0:-1], correlation))
+        inverse = self._inverse
+        reach = correlation.size - 1
+        correlated = [np.convolve(row, both_ways)[reach : reach + row.size] for row in inverse]
+        covariance = np.zeros((self.parameters.size, self.parameters.size))
+        covariance[np.ix_(self.varied, self.varied)] = inverse @ np.stack(correlated, axis=1)
+        return covariance
+
+    @cached_property
+    def _inverse(self) -> FloatArray:
+        """Changes of the trace to those of the varied parameters, shape (varied, n)."""
+        return np.asarray(np.linalg.pinv(self.jacobian.T))
+
+
+def fit_law(
+    window: PulseWindow, form: LossForm, start: FloatArray, varied: list[int], tolerance: float
+) -> LawFit:
+    """Fit one form until the sum of squares changes by no more than `tolerance`."""
+
+    def complete(parameters: FloatArray) -> FloatArray:
+        return _complete(np.append(parameters, start[len(varied) :]), form)
+
+    found, evaluation, converged = minimise(
+        lambda parameters: evaluate_law(window, form, complete(parameters), len(varied)),
+        start[varied],
+        tolerance,
+        LIMITS.evaluations,
+    )
+    parameters = complete(found)
+    (least, most), (weakest, strongest) = TABLES.exponents, LOSSES[form]
+    inside = EXPONENT not in varied or least < parameters[EXPONENT] < most
+    inside = inside and weakest < parameters[LOSS] < strongest
+    inside = inside and parameters[TIME] > LIMITS.shortest_time and converged
+    return _describe_fit(window, form, parameters, varied, evaluation, is_inside=bool(inside))
+
+
+def _describe_fit(
+    window: PulseWindow,
+    form: LossForm,
+    parameters: FloatArray,
+    varied: list[int],
+    evaluation: Evaluation,
+    *,
+    is_inside: bool,
+) -> LawFit:
+    residual, jacobian = evaluation
+    return LawFit(
+        form=form,
+        parameters=parameters,
+        jacobian=jacobian,
+        varied=varied,
+        residual=float(np.sqrt(residual @ residual / (residual.size - len(varied)))),
+        fitted=window.measured + residual,
+        is_inside=is_inside,
+    )
+
+
+def _complete(parameters: FloatArray, form: LossForm) -> FloatArray:
+    """Return parameters, shape (6,), with n, B and T within their limits."""
+    values = parameters.copy()
+    values[EXPONENT] = np.clip(values[EXPONENT], *TABLES.exponents)
+    values[LOSS] = np.clip(values[LOSS], *LOSSES[form])
+    values[TIME] = max(values[TIME], LIMITS.shortest_time)
+    return values
+
+
+@lru_cache(maxsize=8)
+def _estimate_start(exponent: float) -> FloatArray:
+    """Return parameters from the pulse's width and peak alone, shape (6,)."""
+    loss = LIMITS.start[0]
+    pulse = compute_pulses(np.array([exponent]), np.array([loss]))
+    times = np.linspace(0.0, pulse.duration[0], 401)
+    force = pulse.compute_force(times)[0]
+    above = times[force >= force.max() / 2.0]
+    time = 1.0 / (above[-1] - above[0])
+    middle = (above[-1] + above[0]) / 2.0
+    return make_read_only(np.array([-middle * time, time, 1.0 / force.max(), 0.0, loss, exponent]))
+
+
+def evaluate_law(
+    window: PulseWindow, form: LossForm, parameters: FloatArray, varied: int = COUNT
+) -> Evaluation:
+    """Return fitted minus measured, and its derivatives in the first `varied` parameters.
+
+    The force is averaged over a point of the model's, from its impulse: it may jump, and what is
+    fitted must not go in steps when the start moves from one point to the next.
+    """
+    start, time, height, offset, loss, exponent = parameters.tolist()
+    more = LIMITS.step
+    pulses = compute_pulses(
+        np.array([exponent, exponent, exponent + more]), np.array([loss, loss + more, loss]), form
+    )
+    reach = min(window.model_time[1] - window.model_time[0], LIMITS.finest) / 2.0
+    part = window.find_part(start - reach, start + time * float(pulses.duration.max()) + reach)
+    scaled = (window.model_time[part] - start) / time
+    edges = np.concatenate((scaled - reach / time, scaled + reach / time))
+    before, after = np.split(pulses.compute_impulse(edges), 2, axis=1)
+    force = (after - before) * (time / (2.0 * reach))
+    rows = np.empty((COUNT, scaled.size))
+    rows[START] = -height / time * np.gradient(force[0], scaled)
+    rows[TIME] = rows[START] * scaled
+    rows[HEIGHT] = force[0]
+    rows[OFFSET] = 0.0
+    rows[LOSS] = height / more * (force[1] - force[0])
+    rows[EXPONENT] = height / more * (force[2] - force[0])
+    shown = window.show(rows, part)
+    shown[OFFSET] = 1.0
+    return height * shown[HEIGHT] + offset - window.measured, shown[:varied]
+
+
+def fit_forms(
+    window: PulseWindow,
+    exponent: float | None,
+    white: float,
+    noise: float,
+    *,
+    is_ringing: bool = False,
+) -> list[LawFit]:
+    """Return the fits that describe the pulse as well as the best; Hunt and Crossley's first.
+
+    All forms have as many parameters: their BIC differ by their sums of squares over the variance
+    of the noise, or of what the best leaves if that is more.
+
+    Parameters
+    ----------
+    exponent : float or None
+        n where it is given [-].
+    white, noise : float
+        Of the trace before and behind the low-pass, over the peak [-].
+    is_ringing : bool
+        The sensor rings, which makes the pulse wider and the fit's minima several.
+    """
+    start = _estimate_start(LIMITS.start[1] if exponent is None else exponent)
+    # A shorter one with the same middle: a pulse lasts some 3.2 T.
+    begin = start[START] + (1.0 - LIMITS.shorter) * 1.6 * start[TIME]
+    shorter = np.concatenate(([begin, LIMITS.shorter * start[TIME]], start[HEIGHT:]))
+    starts = [start, shorter] if is_ringing else [start]
+    varied = list(range(COUNT) if exponent is None else range(COUNT - 1))
+    rough = [
+        min(
+            (fit_law(window, form, one, varied, LIMITS.rough) for one in starts),
+            key=lambda fit: fit.residual,
+        )
+        for form in LossForm
+    ]
+    least = min(fit.residual for fit in rough)
+    fits = [
+        fit_law(window, fit.form, fit.parameters, varied, LIMITS.tolerance)
+        for fit in rough
+        if fit.residual < LIMITS.near * least
+    ]
+    best = min(fits, key=lambda fit: (not fit.is_inside, fit.residual))
+    level = white / math.sqrt(window.step) * max(1.0, best.residual / noise) if noise else 0.0
+    allowed = LIMITS.criterion * max(level, LIMITS.table) ** 2
+    return [
+        fit
+        for fit in fits
+        if fit is best
+        or (fit.is_inside and (fit.residual**2 - best.residual**2) * fit.fitted.size < allowed)
+    ]
+
+
+FORM_OF_LOSS = "form of the loss"
+"""Source of what another form that describes the pulse as well makes of a result."""
+LEAST_HITS = 2
+"""Hits that have a scatter [-]."""
+
+
+@dataclass(frozen=True)
+class ContactLaw(Comparable):
+    """The law of one contact and what follows from it; not known: see the notes."""
+
+    # n [-]: 3/2 is Hertz, 1 a linear spring
+    exponent: Quantity = field(default=UNKNOWN, metadata=describe("", "n", "exponent"))
+    # N/m^n, the k of k δⁿ
+    stiffness: Quantity = field(default=UNKNOWN, metadata=describe("N/m^n", "k", "stiffness"))
+    # alpha [s/m] of a loss k alpha δⁿ δ'
+    damping: Quantity = field(default=UNKNOWN, metadata=describe("s/m", "alpha", "damping"))
+    # of the bodies towards each other at first touch, v [m/s]
+    impact_speed: Quantity = field(
+        default=UNKNOWN, metadata=describe("m/s", "v", "impact speed", shown="cm/s")
+    )
+    # from first touch to separation [s]
+    duration: Quantity = field(
+        default=UNKNOWN, metadata=describe("s", "τ", "contact duration", shown="µs")
+    )
+    # speed of separation over impact speed, e [-]
+    restitution: Quantity = field(default=UNKNOWN, metadata=describe("", "e", "restitution"))
+    # largest, N
+    peak_force: Quantity = field(default=UNKNOWN, metadata=describe("N", "F", "peak force"))
+    # largest approach of the bodies after first touch [m]
+    peak_indentation: Quantity = field(
+        default=UNKNOWN, metadata=describe("m", "δ", "peak indentation", shown="µm")
+    )
+    # [N s]
+    impulse: Quantity = field(
+        default=UNKNOWN, metadata=describe("N s", "J", "impulse", shown="mN s")
+    )
+    # in J
+    energy_loss: Quantity = field(
+        default=UNKNOWN, metadata=describe("J", "ΔE", "energy lost", shown="µJ")
+    )
+    # of the linear spring with this duration between these masses [N/m]
+    equivalent_stiffness: Quantity = field(
+        default=UNKNOWN, metadata=describe("N/m", "k_lin", "linear stiffness", shown="MN/m")
+    )
+    # m2 dv2 / (m1 dv1) [-]: 1 for two free bodies and right gains
+    momentum_ratio: Quantity = field(
+        default=UNKNOWN, metadata=describe("", "m2Δv2/m1Δv1", "momentum ratio")
+    )
+    # J / (m_eq v1) - 1 by the impact speed that is stated, whatever the law is
+    stated_restitution: Quantity = field(
+        default=UNKNOWN, metadata=describe("", "J/(m v1) - 1", "restitution by the stated speed")
+    )
+    form: str = ""  # of the loss, of `LossForm`
+    loss: float = math.nan  # B of `impact_rig.core.law_pulses` [-]
+    residual_percent: float = math.nan  # RMS of what the best law leaves, over the peak [%]
+    correlation: float = math.nan  # of the errors of n and B [-]
+    notes: tuple[str, ...] = ()  # what is not determined, and why; what is not told apart
+    # Of the relative errors of `SCALED`, by sources that no other sample has: masses and clock,
+    # which all share, change no exponent; pairs of a source and an array of shape (4, 4).
+    own_covariances: tuple[tuple[str, FloatArray], ...] = field(
+        default=(), compare=False, repr=False, metadata=INTERNAL
+    )
+    warnings: tuple[str, ...] = field(default=(), metadata=INTERNAL)
+    excludes_versed_sine: bool = field(default=False, metadata=INTERNAL)  # the data allow none
+
+    @property
+    def is_known(self) -> bool:
+        """Whether a law describes the contact."""
+        return self.duration.is_known
+
+
+NO_LAW = ContactLaw()
+"""Where it is not determined."""
+_QUANTITIES = tuple(item.name for item in fields(ContactLaw) if item.type is Quantity)[:-2]
+"""What follows from the hammer's trace alone, in the order of `_describe_law`."""
+
+LIKE_CONTACT = "no law of contact describes the pulse"
+CRUSHED = "; the pulse falls faster than it rises, as of a body that is crushed"
+ODD_RESIDUAL = 0.01
+"""Of the peak [-], our choice: what a hit leaves more than the others."""
+SCALED = ("impact_speed", "duration", "peak_force", "restitution")
+"""What goes with the impact speed, itself first."""
+
+
+SENSORS = (Sensor("hammer"), Sensor("specimen"))
+"""Of which nothing is known."""
+
+
+def estimate_contact_law(
+    mean: MeanHit,
+    cutoff_frequency: float,
+    masses: RigNumbers,
+    sample: str,
+    exponent: float | None = None,
+    sensors: tuple[Sensor, Sensor] = SENSORS,
+    impact_speed: float = math.nan,
+) -> ContactLaw:
+    """Estimate the contact law of one sample from its mean hit.
+
+    Parameters
+    ----------
+    mean : MeanHit
+        Of one hit or more. Type A is the scatter of the hits, or of one hit its noise.
+    cutoff_frequency : float
+        Of the low-pass that the traces went through [Hz]; 0: none.
+    masses : RigNumbers
+        NaN: not known. Without a mass duration, e and n are known, with the hammer's also force
+        and impulse.
+    sample : str
+        Its name, for the budget.
+    exponent : float, optional
+        n where it is known [-]; otherwise it is fitted.
+    sensors : tuple of Sensor
+        Of hammer and sample.
+    impact_speed : float
+        v1 where it is stated [m/s]; NaN: it is not.
+
+    Raises
+    ------
+    NotDeterminedError
+        If the pulse has too few points, or does not come down on both sides.
+    SignalError
+        If there is no pulse.
+    """
+    pulse = measure_pulse(mean.traces[0])
+    width, peak = pulse.half_amplitude_width, abs(pulse.peak)
+    if width < LIMITS.points:
+        raise NotDeterminedError(
+            f"contact law: {width:.2g} points in the pulse's width at half amplitude do not tell"
+            f" it, {LIMITS.points:g} may; sample faster"
+        )
+    seen = (mean.sampling_rate, cutoff_frequency, sensors[0].response)
+    window = cut_window(mean.traces[0], pulse, *seen, LIMITS.margins)
+    correlation = compute_noise_correlation(cutoff_frequency, mean.sampling_rate, window.step)
+    correlation = correlation[correlation.size // 2 :]
+    noise = float(compute_raw_noise(mean)[0]) * math.sqrt(correlation[0]) / peak
+    white = float(mean.raw_noise[0]) / peak
+    fits = fit_forms(window, exponent, white, noise, is_ringing=sensors[0].resonance > 0.0)
+    fit = fits[0]
+    restored = restore_levels(mean, sensors)
+    whole = slice(window.points.start, window.points.stop)
+    scatter, leaves = _compute_scatter(mean, fit, window, pulse.peak)
+    without = ContactLaw(
+        residual_percent=100.0 * fit.residual,
+        stated_restitution=compute_stated_restitution(
+            restored, whole, masses, impact_speed, sample
+        ),
+        warnings=_check_hits(restored, leaves),
+    )
+    versed = _compare_with_versed_sine(fit, cut_window(mean.traces[0], pulse, *seen), white, noise)
+    changes = _change_sensor(mean, pulse, fit, sensors[0], seen[:2])
+    largest = max(LIMITS.residual, LIMITS.residual_over_noise * noise)
+    largest += 2.0 * max((fit.find_rest(change) for _, change in changes), default=0.0)
+    reason = _find_misfit(fit, largest, window, is_worse=versed.is_better)
+    if reason:
+        return _check_speed(replace(without, notes=(reason,)), impact_speed)
+    scales = np.array([1.0, width / mean.sampling_rate, peak, 1.0, 1.0, 1.0])
+    unit = fit.compute_covariance(correlation / correlation[0])
+    # Anything of that size, in the worst direction: no noise, so that it does not average out.
+    left = compute_unexplained(fit.residual, noise) ** 2 * fit.fitted.size / 3.0
+    sources = [
+        (f"scatter of the hits on {sample}", scatter / mean.count, len(mean.hits) - 1.0)
+        if scatter is not None
+        else ("noise", noise**2 * unit, math.inf),
+        ("what the contact law leaves", left * fit.compute_covariance(np.ones(1)), math.inf),
+    ]
+    if mean.zero_uncertainty[0]:
+        moved = _move_step(mean, pulse)[window.points] / pulse.peak
+        change = fit.project(moved[:, np.newaxis])
+        sources.append((ZERO_AFTER, change @ change.T, math.inf))
+    total = sources[0][1] + sources[1][1]
+    sources += [
+        (source, np.outer(*2 * (fit.project(change[:, None])[:, 0],)), math.inf)
+        for source, change in changes
+    ]
+    spread = math.sqrt(total[EXPONENT, EXPONENT] * total[LOSS, LOSS])
+    told = float(total[EXPONENT, LOSS]) / spread if spread > 0.0 else math.nan
+    points = [(one.form, one.parameters * scales) for one in fits]
+    quantities, own = _compute_quantities(points, np.diag(scales), sources, masses)
+    restitution = quantities["restitution"]
+    if restitution.value - 1.0 > max(restitution.expanded, LIMITS.elastic):
+        reason = (
+            f"{LIKE_CONTACT}: e would be {restitution.value:.3f} ± {restitution.expanded:.3f},"
+            f" above 1, and free bodies gain no energy{CRUSHED}"
+        )
+        return _check_speed(replace(without, notes=(reason,)), impact_speed)
+    touch = pulse.middle + width * float(fit.parameters[START])
+    contact = cut_contact(restored, touch, quantities["duration"].value, cutoff_frequency)
+    ratio = compare_momenta(restored, contact, masses, sample)
+    law = ContactLaw(
+        **quantities,
+        stated_restitution=without.stated_restitution,
+        residual_percent=without.residual_percent,
+        momentum_ratio=ratio,
+        form=fit.form.value,
+        loss=float(fit.parameters[LOSS]),
+        correlation=told,
+        own_covariances=own,
+        notes=_list_notes(told, exponent, masses) + _describe_rest(fits, noise),
+        warnings=check_momenta(ratio) + check_hit_momenta(restored, contact) + without.warnings,
+        excludes_versed_sine=versed.is_excluded,
+    )
+    return _check_speed(law, impact_speed)
+
+
+def _find_misfit(fit: LawFit, largest: float, window: PulseWindow, *, is_worse: bool) -> str:
+    """Say why no law describes the pulse; empty: one does.
+
+    Parameters
+    ----------
+    largest : float
+        What may be left of the pulse, over its peak [-].
+    is_worse : bool
+        The law leaves more than a versed-sine does, chance apart.
+    """
+    if not fit.is_inside:
+        return f"{LIKE_CONTACT}: no fit ends{_describe_pulse(window.measured, fit, largest)}"
+    if fit.residual > largest:
+        return (
+            f"{LIKE_CONTACT}: the best leaves {100.0 * fit.residual:.2g} % of the peak, where"
+            f" noise and sensor explain {100.0 * largest:.2g} %"
+            f"{_describe_pulse(window.measured, fit, largest)}"
+        )
+    if is_worse:
+        return f"{LIKE_CONTACT}: a versed-sine comes nearer to it than the best of them"
+    return ""
+
+
+def _describe_rest(fits: list[LawFit], noise: float) -> tuple[str, ...]:
+    """Say which forms of loss are possible, and what the best leaves."""
+    notes = []
+    if len(fits) > 1:
+        forms = ", ".join(fit.form.value for fit in fits)
+        notes.append(f"the pulse does not tell apart the forms of loss {forms}")
+    residual = fits[0].residual
+    if compute_unexplained(residual, noise) > 0.0 < noise:
+        notes.append(
+            f"the law leaves {100.0 * residual:.2g} % of the peak, the noise is"
+            f" {100.0 * noise:.2g} %: the pulse is not quite that of such a contact, which is"
+            " in the uncertainties"
+        )
+    return tuple(notes)
+
+
+def _check_speed(law: ContactLaw, stated: float) -> ContactLaw:
+    mismatch = find_speed_mismatch(law.impact_speed, law.stated_restitution, stated)
+    return law if mismatch is None else replace(law, warnings=(mismatch.text, *law.warnings))
+
+
+def describe_contradiction(law: ContactLaw, contact_time: float, factor: float) -> str:
+    """Say what the law makes of a tau_p = factor * w50 [s]; empty: it does not contradict."""
+    if not (law.is_known and law.excludes_versed_sine):
+        return ""
+    duration, exponent, restitution = (
+        f"{quantity.value * scale:.{digits}f} ± {quantity.expanded * scale:.{digits}f}"
+        for quantity, scale, digits in (
+            (law.duration, 1e6, 1),
+            (law.exponent, 1.0, 3),
+            (law.restitution, 1.0, 3),
+        )
+    )
+    return (
+        "the contact is no versed-sine between linear springs, as k and c take it: by its law it"
+        f" lasts {duration} µs (n = {exponent}, e = {restitution}), where the width times"
+        f" {factor:g} gives {contact_time * 1e6:.1f} µs"
+    )
+
+
+def look_at_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
+    """Return the law of a mean hit on `sample`; where it is not determined, its notes say why."""
+    numbers = make_rig_numbers(setup, sample)
+    settings = setup.analysis
+    exponent = settings.contact_exponent or None
+    sensors = setup.find_sensor("hammer"), setup.find_sensor("specimen")
+    try:
+        return estimate_contact_law(
+            mean,
+            settings.cutoff_frequency,
+            numbers,
+            sample,
+            exponent,
+            sensors,
+            setup.impact_speed,
+        )
+    except RigError as error:
+        return replace(NO_LAW, notes=(str(error),))
+
+
+def _change_sensor(
+    mean: MeanHit, pulse: PulseWidth, fit: LawFit, sensor: Sensor, seen: tuple[float, float]
+) -> list[tuple[str, FloatArray]]:
+    """Return what a standard uncertainty of the hammer's sensor does to the fitted trace."""
+    response = sensor.response
+    changes = []
+    for name, standard in (
+        ("resonance", sensor.resonance_uncertainty),
+        ("low_corner", sensor.low_corner_uncertainty),
+    ):
+        stated = getattr(response, name)
+        if stated and standard:
+            other = replace(response, **{name: stated + standard})
+            moved = fit.move_to(cut_window(mean.traces[0], pulse, *seen, other, LIMITS.margins))
+            what = f"{name.replace('_', ' ')} of the hammer's sensor"
+            changes.append((what, moved.fitted - fit.fitted))
+    return changes
+
+
+@dataclass(frozen=True)
+class _VersedSine:
+    """What a versed-sine makes of the pulse beside a law."""
+
+    is_better: bool
+    is_excluded: bool
+
+
+def _compare_with_versed_sine(
+    law: LawFit, window: PulseWindow, white: float, noise: float
+) -> _VersedSine:
+    """Compare law and versed-sine on the pulse alone: ringing behind it belongs to neither.
+
+    Parameters
+    ----------
+    law : LawFit
+        As it was fitted to pulse and tail.
+    white, noise : float
+        Of the trace before and behind the low-pass, over the peak [-].
+    """
+    ours, versed = law.move_to(window), fit_pulse(window, VERSED_SINE)
+    least = min(ours.residual, versed.residual)
+    level = white / math.sqrt(window.step) * max(1.0, least / noise) if noise > 0.0 else least
+    return _VersedSine(
+        is_better=ours.is_worse(versed, level),
+        is_excluded=versed.is_worse(ours, level) and versed.residual > LIMITS.versed_residual,
+    )
+
+
+def _describe_pulse(measured: FloatArray, fit: LawFit, largest: float) -> str:
+    """Say what a pulse that is of no law looks like; empty: nothing can be told."""
+    tops, _ = scipy.signal.find_peaks(measured, prominence=max(LIMITS.second_top, largest))
+    if len(tops) > 1:
+        return f"; the pulse has {len(tops)} tops, as of so many contacts or of a body that rings"
+    loss, exponent = fit.parameters[LOSS:, np.newaxis]
+    pulse = compute_pulses(exponent, loss, fit.form)
+    return CRUSHED if pulse.restitution[0] > 1.0 + LIMITS.crushed else ""
+
+
+def _compute_scatter(
+    mean: MeanHit, fit: LawFit, window: PulseWindow, peak: float
+) -> tuple[FloatArray | None, FloatArray]:
+    """Return the covariance of the parameters over the hits, linear about their mean's.
+
+    None: one hit shows none. And what each hit leaves of the peak beside the law of its own.
+    """
+    if len(mean.hits) < LEAST_HITS:
+        return None, np.zeros(1)
+    cuts = [hit[0, window.points] / peak - window.measured for hit in mean.cut_hits()]
+    changes = np.stack(cuts, axis=1)
+    moved = fit.project(changes)
+    left = changes - fit.jacobian.T @ moved[fit.varied]
+    return np.asarray(np.cov(moved)), np.asarray(left.std(axis=0))
+
+
+def _check_hits(mean: MeanHit, leaves: FloatArray) -> tuple[str, ...]:
+    """Warn of hits whose pulse is of another contact than the others'."""
+    odd = find_odd_hits(mean, leaves, ODD_RESIDUAL)
+    if not odd:
+        return ()
+    return (f"the pulse of {name_hits(odd)} is of another contact than the others': look at it",)
+
+
+def _move_step(mean: MeanHit, pulse: PulseWidth) -> FloatArray:
+    """Return what changes if the step of the zero came at once, and not with the momentum.
+
+    One standard uncertainty of the zero under the pulse, of 1 / sqrt(12) of the step, is between
+    the two, evenly distributed [m/s^2].
+    """
+    at_once = np.arange(mean.traces.shape[1]) > pulse.middle
+    standard = float(mean.zero_uncertainty[0])
+    return 2.0 * standard * (compute_share(mean.traces[0], pulse) - at_once)
+
+
+def _compute_quantities(
+    points: Sequence[tuple[LossForm, FloatArray]],
+    scales: FloatArray,
+    sources: Sequence[tuple[str, FloatArray, float]],
+    masses: RigNumbers,
+) -> tuple[dict[str, Quantity], tuple[tuple[str, FloatArray], ...]]:
+    """Return the law's quantities, with uncertainties to first order, and `own_covariances`.
+
+    Parameters
+    ----------
+    points : sequence of (LossForm, ndarray of shape (6,))
+        Forms that describe the pulse, and their parameters in SI units; the best first.
+    scales : ndarray, shape (6, 6)
+        Of the parameters in the window's units, diagonal.
+    sources : sequence of tuple
+        What may be wrong with those: its name, covariance of shape (6, 6), degrees of freedom.
+    """
+    bodies = (masses.hammer_mass, masses.moving_mass)
+    known = [body.x for body in bodies]
+    form, point = points[0][0], np.append(points[0][1], known)
+    # Each of those that the quantities follow from moved a little, and none.
+    steps = LIMITS.step * np.where(np.isin(np.arange(point.size), (EXPONENT, LOSS)), 1.0, point)
+    steps[[START, OFFSET]] = 1.0
+    found = _describe_laws(form, np.concatenate((point[np.newaxis], point + np.diag(steps))))
+    values, slopes = found[0], np.nan_to_num((found[1:] - found[0]).T / steps)
+    effect = slopes[:, :COUNT] @ scales
+    parts = [
+        (make_label(source, freedom), np.sum((effect @ covariance) * effect, axis=1))
+        for source, covariance, freedom in sources
+    ]
+    others = [_describe_laws(*one[:1], np.append(one[1], known)[None])[0] for one in points[1:]]
+    if others:
+        # Anywhere between the best and the farthest, evenly distributed.
+        spread = np.abs(np.nan_to_num(np.array(others) - values)).max(axis=0)
+        parts.append((make_label(FORM_OF_LOSS, math.inf), spread**2 / 3.0))
+    inputs = [(TIME, float(point[TIME]), masses.clock)]
+    inputs += [(HEIGHT, float(point[HEIGHT]), masses.gains[0])]
+    inputs += [
+        (place, 1.0, body)
+        for place, body in enumerate(bodies, start=COUNT)
+        if math.isfinite(body.x)
+    ]
+    for place, factor, body in inputs:
+        squares = (factor * slopes[:, place]) ** 2
+        parts += [(label, share * squares) for label, share in list_variances(body).items()]
+    quantities = {
+        _QUANTITIES[row]: make_quantity(
+            float(values[row]), {label: float(part[row]) for label, part in parts}
+        )
+        for row in np.flatnonzero(np.isfinite(values))
+    }
+    rows = [_QUANTITIES.index(name) for name in SCALED]
+    relative = effect[rows] / values[rows, np.newaxis]
+    own = tuple(
+        (make_label(source, freedom), relative @ covariance @ relative.T)
+        for source, covariance, freedom in sources
+    )
+    return quantities, own
+
+
+def _describe_laws(form: LossForm, points: FloatArray) -> FloatArray:
+    """Return the law's quantities in their order, shape (k, 11).
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, 8)
+        Parameters and masses of each law, in SI units.
+    """
+    _, time, height, _, loss, exponent, hammer, sample = points.T
+    pulses = compute_pulses(exponent, loss, form)
+    duration, restitution = time * pulses.duration, pulses.restitution
+    both = hammer * sample / (hammer + sample)
+    speed = height * time * hammer / both
+    return np.stack(
+        [
+            exponent,
+            both / (time ** (exponent + 1.0) * speed ** (exponent - 1.0)),
+            loss / speed * (1.0 if form is LossForm.PROPORTIONAL else math.nan),
+            speed,
+            duration,
+            restitution,
+            hammer * height * pulses.compute_peak_force(),
+            speed * time * pulses.largest_compression,
+            hammer * height * time * (1.0 + restitution),
+            both * speed**2 * (1.0 - restitution**2) / 2.0,
+            both * (math.pi / duration) ** 2,
+        ],
+        axis=1,
+    )
+
+
+def _list_notes(correlation: float, exponent: float | None, masses: RigNumbers) -> tuple[str, ...]:
+    notes = []
+    if exponent is not None:
+        notes.append(f"n was given, {exponent:g}, not found")
+    if abs(correlation) > LIMITS.correlation:
+        notes.append(
+            f"n and the loss are hardly told apart: their errors' correlation is {correlation:.3f}"
+        )
+    bodies = (("hammer", masses.hammer_mass), ("sample", masses.moving_mass))
+    unknown = [body for body, mass in bodies if math.isnan(mass.x)]
+    if unknown:
+        notes.append(
+            "stiffness, damping, impact speed, indentation and energy: the mass of"
+            f" {' and '.join(unknown)} is not known"
+        )
+    return tuple(notes)

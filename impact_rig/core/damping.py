@@ -1,0 +1,539 @@
+"""Log decrement and free decay."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from impact_rig.core.arithmetic import (
+    Number,
+    compute_hypotenuse,
+    compute_square_root,
+    get_value,
+)
+from impact_rig.core.errors import NotDeterminedError, check_not_negative, check_positive
+from impact_rig.core.hits import MeanHit
+from impact_rig.core.pulse_width import measure_pulse
+from impact_rig.core.records import FloatArray
+
+PEAK_PROMINENCE = 5.0
+"""How far U2 must stand out of the noise, in its standard deviations [-], our choice: the baseline
+tells them within a sixth, and of some 5000 filtered points fewer than one in a hundred records
+exceeds four."""
+
+
+@dataclass(frozen=True)
+class LogDecrement:
+    """Two consecutive peaks of the same sign.
+
+    Attributes
+    ----------
+    first_peak, second_peak : float
+        U1 and U2 [unit of the trace].
+    first_index, second_index : int
+        Where they stand, in points.
+    """
+
+    first_peak: float
+    second_peak: float
+    first_index: int
+    second_index: int
+
+    @property
+    def log_decrement(self) -> float:
+        """Delta = ln(U1 / U2) [-], equation (7a)."""
+        return math.log(self.first_peak / self.second_peak)
+
+
+def estimate_log_decrement(trace: FloatArray, noise: float) -> LogDecrement:
+    """Find U1, the largest peak, and U2, the next one of the same sign.
+
+    U1 lies inside the contact, where the response is still forced, so this estimate is biased
+    unless the body really decays freely from there: equation (7a) as published, with its bias.
+
+    Parameters
+    ----------
+    trace : ndarray, shape (n,)
+        Mean filtered acceleration, baseline zero, either polarity.
+    noise : float
+        Standard deviation of the trace's noise [unit of the trace].
+
+    Returns
+    -------
+    LogDecrement
+
+    Raises
+    ------
+    NotDeterminedError
+        If no second peak stands out of the noise, or the second is no lower than the first.
+    SignalError
+        If the trace has no pulse.
+    """
+    pulse = measure_pulse(trace)
+    upright = trace if pulse.peak > 0 else -trace
+    first = pulse.peak_index
+    tail_start = math.ceil(pulse.fall)
+    tail = upright[tail_start:]
+    needed = max(PEAK_PROMINENCE * noise, np.finfo(float).eps * abs(pulse.peak))
+    candidates, _ = scipy.signal.find_peaks(tail, height=needed, prominence=needed)
+    if candidates.size == 0:
+        raise NotDeterminedError(
+            "no log decrement, since no second peak stands out of the noise"
+            f" ({needed / abs(pulse.peak) * 100:.2g} % of the first)"
+        )
+    second = tail_start + int(candidates[np.argmax(tail[candidates])])
+    if upright[second] >= abs(pulse.peak):
+        raise NotDeterminedError(
+            "log decrement: the second peak is as high as the first, so that nothing decays"
+        )
+    return LogDecrement(
+        first_peak=abs(pulse.peak),
+        second_peak=float(upright[second]),
+        first_index=first,
+        second_index=second,
+    )
+
+
+def estimate_damping_ratio(log_decrement: Number) -> Number:
+    """Return zeta = Delta / sqrt(4 pi^2 + Delta^2) [-].
+
+    Equation (7b) prints a minus under the root; the plus is the exact relation of a damped
+    oscillator. Of a float or an uncertain number.
+    """
+    check_positive("log decrement", get_value(log_decrement), "")
+    return log_decrement / compute_hypotenuse(2.0 * math.pi, log_decrement)
+
+
+def estimate_damping_coefficient(damping_ratio: Number, stiffness: Number, mass: Number) -> Number:
+    """Return c = 2 zeta sqrt(k m) [N s/m], equation (8), from N/m and kg.
+
+    Of floats or of uncertain numbers.
+    """
+    check_not_negative("damping ratio", get_value(damping_ratio), "")
+    check_positive("stiffness", get_value(stiffness), "N/m")
+    check_positive("mass", get_value(mass), "kg")
+    return 2.0 * damping_ratio * compute_square_root(stiffness * mass)
+
+
+def estimate_damping_ratio_from_coefficient(
+    damping_coefficient: Number, stiffness: Number, mass: Number
+) -> Number:
+    """Return zeta = c / (2 sqrt(k m)) [-], equation (8), from N s/m, N/m and kg.
+
+    Of floats or of uncertain numbers.
+    """
+    check_not_negative("damping coefficient", get_value(damping_coefficient), "N s/m")
+    check_positive("stiffness", get_value(stiffness), "N/m")
+    check_positive("mass", get_value(mass), "kg")
+    return damping_coefficient / (2.0 * compute_square_root(stiffness * mass))
+
+
+TRIED_DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+"""Decay over the whole tail, a T, of the spectrum's weights [-], our choice: from nearly undamped
+to gone after a few per cent of it."""
+TRIED_PARTS = (1.0, 0.3, 0.1, 0.03)
+"""Parts of the tail over which the integral equation is solved [-], our choice."""
+PADDING = 2
+"""Length of the spectrum over that of the tail [-], our choice: half a line is near enough."""
+LEAST_PERIODS = 0.5
+"""Slowest oscillation looked for in the spectrum, in periods of the tail [-]: slower ones are
+offset."""
+UNKNOWNS = 5
+"""Of the integral equation."""
+ENOUGH_POINTS = 400
+"""On about so many points of a longer tail the fit is found, before it is finished on all [-], our
+choice."""
+TOLERANCE = 1e-6
+"""Relative change of sum of squares and of parameters that ends the fit [-], our choice: of some
+hundred points, a hundredth of what noise makes of the parameters."""
+MOST_EVALUATIONS = 50
+"""Of the model [-], our choice: a decay needs fewer than ten, noise never comes to rest."""
+
+
+class DecayFit:
+    """The least-squares problem of one tail in (a, omega), both per point.
+
+    Parameters
+    ----------
+    measured : ndarray, shape (n,)
+        The tail, equidistant.
+    stride : int
+        Fit every so many points only; a and omega stay per point of `measured`.
+
+    Attributes
+    ----------
+    residual : ndarray, shape (n,)
+        Measured minus fitted, where last evaluated.
+    oscillation : ndarray, shape (n,)
+        The fit without its offset.
+    amplitude : float
+        Of the envelope at the first point.
+    """
+
+    def __init__(self, measured: FloatArray, stride: int = 1) -> None:
+        self._measured = measured = measured[::stride]
+        self._points = stride * np.arange(measured.size, dtype=np.float64)
+        self._at: tuple[float, float] | None = None
+        self.residual = measured
+        self.oscillation = self._quadrature = np.zeros_like(measured)
+        self._orthonormal = np.zeros((measured.size, 3))
+        self.amplitude = 0.0
+
+    def solve(self, relative_cutoff: float) -> FloatArray:
+        """Return the best (a, omega), and stay there; see `find_decay_candidates`."""
+        candidates = find_decay_candidates(self._measured, relative_cutoff)
+        stride = max(1, self._measured.size // ENOUGH_POINTS)
+        sparse = DecayFit(self._measured, stride) if stride > 1 else self
+        solution = sparse.descend(candidates[int(np.argmin(sparse.compute_errors(candidates)))])
+        return self.descend(solution) if stride > 1 else solution
+
+    def descend(self, start: FloatArray) -> FloatArray:
+        """Return the least-squares (a, omega) next to `start`, and stay there."""
+        found = scipy.optimize.least_squares(
+            self.compute_residual,
+            start,
+            jac=self.compute_jacobian,
+            method="lm",
+            x_scale=np.abs(start) + np.finfo(float).tiny,
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
+            gtol=1e-12,
+            max_nfev=MOST_EVALUATIONS,
+        ).x
+        solution = np.array([found[0], abs(found[1])])
+        self._evaluate(solution)
+        return solution
+
+    def compute_errors(self, candidates: FloatArray) -> FloatArray:
+        """Return the sums of squares, shape (m,), that pairs (a, omega), shape (m, 2), leave."""
+        orthonormal, _ = np.linalg.qr(_make_basis(self._compute_wave(candidates)))
+        onto = np.tensordot(self._measured, orthonormal, axes=(0, 1))
+        return np.asarray(self._measured @ self._measured - np.square(onto).sum(axis=1))
+
+    def compute_residual(self, parameters: FloatArray) -> FloatArray:
+        """Return measured minus fitted, shape (n,)."""
+        self._evaluate(parameters)
+        return self.residual
+
+    def compute_jacobian(self, parameters: FloatArray) -> FloatArray:
+        """Return the derivatives of the residual in a and omega, shape (n, 2)."""
+        self._evaluate(parameters)
+        slopes = self._points[:, np.newaxis] * np.stack(
+            (self.oscillation, self._quadrature), axis=1
+        )
+        return np.asarray(slopes - self._orthonormal @ (self._orthonormal.T @ slopes))
+
+    def _compute_wave(self, parameters: FloatArray) -> NDArray[np.complex128]:
+        """Return e^((-a + i omega) t), shape (..., n), of pairs (a, omega), shape (..., 2)."""
+        # A growing trial step must not overflow.
+        decay = np.maximum(parameters[..., 0], -1.0 / (self._points[-1] + 1.0))
+        rates = -decay + 1j * parameters[..., 1]
+        return np.asarray(np.exp(rates[..., np.newaxis] * self._points))
+
+    def _evaluate(self, parameters: FloatArray) -> None:
+        decay, frequency = parameters.tolist()
+        if self._at == (decay, frequency):
+            return
+        self._at = decay, frequency
+        wave = self._compute_wave(parameters)
+        self._orthonormal, triangle = np.linalg.qr(_make_basis(wave))
+        onto = self._measured @ self._orthonormal
+        cosine, sine = _find_amplitudes(triangle.tolist(), onto.tolist())
+        self.residual = self._measured - self._orthonormal @ onto
+        self.oscillation = cosine * wave.real + sine * wave.imag
+        self._quadrature = cosine * wave.imag - sine * wave.real
+        self.amplitude = math.hypot(cosine, sine)
+
+
+def _make_basis(wave: NDArray[np.complex128]) -> FloatArray:
+    """Return cosine, sine and offset as columns, shape (..., n, 3), offset first."""
+    return np.stack((np.ones(wave.shape), wave.real, wave.imag), axis=-1)
+
+
+def _find_amplitudes(triangle: list[list[float]], onto: list[float]) -> tuple[float, float]:
+    """Solve for cosine and sine; 0 for what cannot be told from the columns before it."""
+    least = np.finfo(float).eps * len(onto) * max(abs(triangle[i][i]) for i in range(3))
+    sine = onto[2] / triangle[2][2] if abs(triangle[2][2]) > least else 0.0
+    rest = onto[1] - triangle[1][2] * sine
+    return rest / triangle[1][1] if abs(triangle[1][1]) > least else 0.0, sine
+
+
+def find_decay_candidates(tail: FloatArray, relative_cutoff: float) -> FloatArray:
+    """Find candidates for decay rate and angular frequency.
+
+    Parameters
+    ----------
+    tail : ndarray, shape (n,)
+        Damped oscillation, offset and noise, equidistant.
+    relative_cutoff : float
+        Highest frequency that can be there, over the sampling rate [-]; 0: one half.
+
+    Returns
+    -------
+    ndarray, shape (m, 2)
+        a and omega, per point.
+    """
+    candidates = _search_spectrum(tail, relative_cutoff or 0.5)
+    for part in TRIED_PARTS:
+        count = round(part * tail.size)
+        if count > 2 * UNKNOWNS:
+            candidates += _solve_integral_equation(tail[:count])
+    return np.array(candidates)
+
+
+def _search_spectrum(tail: FloatArray, highest: float) -> list[tuple[float, float]]:
+    count = tail.size
+    # What the oscillation has come down to is the offset.
+    signal = tail - tail[count // 2 :].mean()
+    decays = np.array(TRIED_DECAYS) / count
+    weights = np.exp(-decays[:, np.newaxis] * np.arange(count))
+    length = scipy.fft.next_fast_len(PADDING * count, real=True)
+    first = int(LEAST_PERIODS * length / count)
+    last = max(first + 1, int(min(highest, 0.5) * length))
+    spectra = np.abs(scipy.fft.rfft(weights * signal, length))
+    lines = np.argmax(spectra[:, first:last], axis=1) + first
+    return [
+        (float(decay), float(2.0 * np.pi * line / length))
+        for decay, line in zip(decays, lines, strict=True)
+    ]
+
+
+def _solve_integral_equation(tail: FloatArray) -> list[tuple[float, float]]:
+    """Return one pair, or none where the solution is no decay.
+
+    y'' + 2 a y' + w^2 (y - offset) = 0, integrated twice: y = -2 a I y - w^2 I^2 y + a quadratic
+    in t. Nothing is differentiated, so that noise matters little.
+    """
+    count = tail.size
+    time = np.arange(count) / count
+    once = _integrate(tail)
+    columns = np.stack((once, _integrate(once), np.ones(count), time, time**2), axis=1)
+    some = slice(None, None, max(1, count // ENOUGH_POINTS))
+    solution = np.linalg.lstsq(columns[some], tail[some], rcond=None)[0]
+    decay, stiffness = -solution[0] / 2.0, -solution[1]
+    if decay <= 0.0 or stiffness <= 0.0:
+        return []
+    # Over-critical: the fit shall start, and find out, near critical damping.
+    frequency = np.sqrt(max(stiffness - decay**2, 0.01 * stiffness))
+    return [(float(decay) / count, float(frequency) / count)]
+
+
+def _integrate(values: FloatArray) -> FloatArray:
+    integral = np.zeros_like(values)
+    np.cumsum((values[1:] + values[:-1]) / (2.0 * values.size), out=integral[1:])
+    return integral
+
+
+FILTER_GUARD = 1.0
+"""What is left out beside the contact's end and the record's, in periods of the cutoff [-]: five
+time constants of the low-pass, after which it smears less than 1 % of a step."""
+CONTACT_GUARD = 0.05
+"""Left out after the contact besides, in contact times [-], our choice: tau_p is read from a
+width, and a pulse that falls up to half as long again as it rises ends so much later."""
+POINTS_PER_CUTOFF = 5.0
+"""Sampling rate of the decimated tail over the cutoff [-], our choice: what folds back into the
+pass band has been damped by the low-pass to a hundredth and less."""
+FITTED = 5
+"""Parameters of the fit: a, omega, C, S and the offset."""
+MINIMUM_POINTS = 4 * FITTED
+"""Fewest points of a tail [-], our choice."""
+MINIMUM_PERIODS = 1.0
+"""Shortest tail, in periods of the oscillation found [-], our choice: in less, offset, damping
+and frequency stand in for each other."""
+LARGEST_DAMPING_RATIO = 0.9
+"""Above it the second half-wave is below 0.2 % of the first [-], our choice: critical."""
+SMALLEST_FREQUENCY = 3.0
+"""How far omega must be from zero, in its standard uncertainties [-], our choice."""
+LARGEST_RELATIVE_UNCERTAINTY = 0.25
+"""Of the damping ratio, standard [-], our choice: beyond it the 95 % interval is wider than the
+value."""
+SMALLEST_SIGNAL = 8.0
+"""Root of the oscillation's energy over that of the noise in one parameter [-], our choice: a
+search over some thousand pairs (a, omega) of noise alone reaches 5."""
+MISFIT = 1.5
+"""What the fit leaves, over the noise, beyond which the model is wrong rather than the noise large
+[-], our choice: chance alone stays within a few per cent of 1."""
+SMALLEST_R_SQUARED = 0.99
+"""Where the fit leaves twice `MISFIT` and more, it must explain this part of the tail's variance
+[-], our choice: otherwise it is no single damped oscillation."""
+MISFIT_BAND = 2.0
+MISFIT_LINES = 4
+"""What a wrong model leaves lies near the oscillation: it is measured from zero up to this many
+times its frequency, over so many spectral lines at least [-], our choice."""
+DECAYED = 3.0
+"""a times the tail's length beyond which a tail without one whole period counts as over-critical
+rather than as too short [-], our choice: 5 % is left."""
+ENVELOPE_OVER_NOISE = 2.0
+"""Periods count as above the noise while the envelope exceeds this many standard deviations [-],
+our choice."""
+
+
+@dataclass(frozen=True)
+class FreeDecay:
+    """A damped oscillation found in the tail of a mean hit.
+
+    Attributes
+    ----------
+    decay_rate : float
+        a [1/s].
+    angular_frequency : float
+        omega, damped [rad/s].
+    hit_values : ndarray, shape (hits, 2)
+        a and omega of each hit, to first order about those of the mean, which are their mean
+        [1/s]: their spread is the type A evaluation.
+    r_squared : float
+        Part of the tail's variance that the fit explains [-].
+    residual_over_noise : float
+        Standard deviation of what the fit leaves over that of the noise [-]; NaN: no noise known.
+    periods : float
+        Periods in the tail while the envelope stands out of the noise [-].
+    """
+
+    decay_rate: float
+    angular_frequency: float
+    hit_values: FloatArray
+    r_squared: float
+    residual_over_noise: float
+    periods: float
+
+    @property
+    def frequency(self) -> float:
+        """Of the damped oscillation [Hz]."""
+        return self.angular_frequency / (2.0 * math.pi)
+
+
+def estimate_free_decay(
+    mean: MeanHit, channel: int, contact_time: float, cutoff_frequency: float
+) -> FreeDecay:
+    """Fit a damped oscillation to the tail of one channel.
+
+    Parameters
+    ----------
+    channel : int
+        0: hammer, 1: sample.
+    contact_time : float
+        tau_p [s]: the tail starts behind it.
+    cutoff_frequency : float
+        Of the low-pass that the traces went through [Hz]; 0: none.
+
+    Returns
+    -------
+    FreeDecay
+
+    Raises
+    ------
+    NotDeterminedError
+        If the tail is too short, in the noise, not a decaying oscillation, or too near critical
+        damping; the sentence says which.
+    """
+    check_positive("contact time", contact_time, "s")
+    check_not_negative("cutoff frequency", cutoff_frequency, "Hz")
+    if channel >= mean.traces.shape[0]:
+        raise NotDeterminedError("free decay: this channel was not measured")
+    tail = _find_tail(mean, contact_time, cutoff_frequency)
+    measured = mean.traces[channel, tail]
+    rate = mean.sampling_rate / tail.step
+    spread = float(measured.std())
+    if spread <= np.finfo(float).eps * float(np.abs(mean.traces[channel]).max()):
+        raise NotDeterminedError("free decay: the tail after the contact is flat")
+    fit = DecayFit(measured)
+    solution = fit.solve(cutoff_frequency / rate)
+    jacobian = fit.compute_jacobian(solution)
+    noise = float(mean.noise[channel])
+    left = float(np.sqrt(np.sum(fit.residual**2) / (measured.size - FITTED)))
+    excess = left / noise if noise > 0.0 else math.nan
+    # Filtered noise is white below the cutoff, where the Jacobian lies: as large there as raw
+    # noise, of which decimation leaves all in fewer points.
+    white = float(mean.raw_noise[channel]) / math.sqrt(tail.step)
+    white = white * max(1.0, excess) if noise > 0.0 else left
+    if excess > MISFIT:
+        white = max(white, _estimate_misfit_level(fit.residual, float(solution[1])))
+    covariance = np.asarray(white**2 * np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64)
+    r_squared = 1.0 - float(np.sum(fit.residual**2)) / (measured.size * spread**2)
+    _check_signal(fit.oscillation, white)
+    _check_decay(solution, covariance, measured.size)
+    if excess > 2.0 * MISFIT and r_squared < SMALLEST_R_SQUARED:
+        raise NotDeterminedError(
+            f"free decay: one damped oscillation explains only {100.0 * r_squared:.0f} % of the"
+            f" tail; it must explain {100.0 * SMALLEST_R_SQUARED:.0f} %"
+        )
+    hits = np.stack([hit[channel, tail] for hit in mean.cut_hits()])
+    duration = (measured.size - 1) / rate
+    decay, frequency = (float(value) * rate for value in solution)
+    floor = ENVELOPE_OVER_NOISE * max(noise, np.finfo(float).eps * fit.amplitude)
+    lasting = math.log(max(fit.amplitude / floor, 1.0)) / decay
+    return FreeDecay(
+        decay_rate=decay,
+        angular_frequency=frequency,
+        # J^T B = 0: what the linear parameters of a hit are does not matter.
+        hit_values=rate * (solution - hits @ np.linalg.pinv(jacobian).T),
+        r_squared=r_squared,
+        residual_over_noise=excess,
+        periods=min(lasting, duration) * frequency / (2.0 * math.pi),
+    )
+
+
+def _find_tail(mean: MeanHit, contact_time: float, cutoff_frequency: float) -> slice:
+    rate = mean.sampling_rate
+    guard, step = 0, 1
+    if cutoff_frequency > 0.0:
+        guard = math.ceil(FILTER_GUARD / cutoff_frequency * rate)
+        step = max(1, int(rate / (POINTS_PER_CUTOFF * cutoff_frequency)))
+    first = mean.origin + math.ceil((0.5 + CONTACT_GUARD) * contact_time * rate) + guard
+    last = mean.traces.shape[1] - guard
+    points = max(0, math.ceil((last - first) / step))
+    if points < MINIMUM_POINTS:
+        raise NotDeterminedError(
+            f"free decay: {max(0, last - first) / rate * 1e6:.3g} µs of tail after the contact are"
+            f" {points} points; it needs {MINIMUM_POINTS}: record longer"
+        )
+    return slice(first, last, step)
+
+
+def _estimate_misfit_level(residual: FloatArray, frequency: float) -> float:
+    """Return the standard deviation of the white noise that is as strong near `frequency`."""
+    lines = math.ceil(MISFIT_BAND * frequency / (2.0 * math.pi) * residual.size)
+    power = np.abs(np.fft.rfft(residual))[: max(lines, MISFIT_LINES)] ** 2 / residual.size
+    # Two real numbers a line, of which the fit has taken all parameters but the offset.
+    return math.sqrt(2.0 * float(power.sum()) / (2 * power.size - (FITTED - 1)))
+
+
+def _check_signal(oscillation: FloatArray, white_noise: float) -> None:
+    signal = float(np.linalg.norm(oscillation))
+    if signal < SMALLEST_SIGNAL * white_noise:
+        raise NotDeterminedError(
+            "free decay: the tail after the contact is in the noise (signal to noise of its"
+            f" energy {(signal / white_noise) ** 2:.3g}; it needs {SMALLEST_SIGNAL**2:.3g})"
+        )
+
+
+def _check_decay(parameters: FloatArray, covariance: FloatArray, points: int) -> None:
+    decay, frequency = (float(value) for value in parameters)
+    periods = points * frequency / (2.0 * math.pi)
+    ratio = decay / math.hypot(decay, frequency)
+    if periods < MINIMUM_PERIODS and decay * points < DECAYED:
+        raise NotDeterminedError(
+            f"free decay: a tail of {periods:.2g} periods is too short for a damping ratio; it"
+            f" needs {MINIMUM_PERIODS:g}: record longer"
+        )
+    if decay <= 0.0:
+        raise NotDeterminedError("free decay: the tail after the contact does not decay")
+    if (
+        ratio > LARGEST_DAMPING_RATIO
+        or periods < MINIMUM_PERIODS
+        or frequency < SMALLEST_FREQUENCY * math.sqrt(covariance[1, 1])
+    ):
+        raise NotDeterminedError(
+            f"free decay: damping is critical or nearly so (ratio {ratio:.2f}), and the tail does"
+            " not tell stiffness and damping apart"
+        )
+    # Of the damping ratio a over the root of a^2 + omega^2, in a and omega.
+    slope = np.array([frequency**2, -decay * frequency]) / math.hypot(decay, frequency) ** 3
+    uncertainty = float(np.sqrt(slope @ covariance @ slope))
+    if uncertainty > LARGEST_RELATIVE_UNCERTAINTY * ratio:
+        raise NotDeterminedError(
+            f"free decay: the damping ratio of {ratio:.2g} has a standard uncertainty of"
+            f" {uncertainty:.2g}; it must be below {100 * LARGEST_RELATIVE_UNCERTAINTY:g} %"
+        )

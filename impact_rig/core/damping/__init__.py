@@ -1,1 +1,0 @@
-"""Damping of one body, by the log decrement and by the free decay."""

@@ -1,1 +1,0 @@
-"""From mean traces to contact time, stiffness and damping."""

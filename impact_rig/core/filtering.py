@@ -1,0 +1,202 @@
+"""Low-pass filter and sensor response."""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import scipy
+
+from impact_rig.core.errors import (
+    ParameterError,
+    SignalError,
+    check_between,
+    check_not_negative,
+    check_positive,
+)
+from impact_rig.core.records import FloatArray, make_read_only
+from impact_rig.core.sensors import SensorResponse
+
+
+def interpolate_between(traces: FloatArray, fraction: float) -> FloatArray:
+    """Return what lies by a part of a point behind every point but the last.
+
+    By cubic splines on equidistant points: since the part is the same everywhere, four
+    coefficients stand with the same weights behind every value. At the ends the traces are taken
+    as mirrored, which reaches some ten points inside.
+
+    Parameters
+    ----------
+    traces : ndarray, shape (..., n)
+        Along the last axis; two points or more.
+    fraction : float
+        0 to 1 [points].
+
+    Returns
+    -------
+    ndarray, shape (..., n - 1)
+
+    Raises
+    ------
+    ParameterError
+        If the part is not between 0 and 1.
+    """
+    check_between("part of a point", fraction, 0.0, 1.0)
+    spline = scipy.ndimage.spline_filter1d(traces, order=3, axis=-1, mode="mirror")
+    spline = np.concatenate((spline[..., 1:2], spline, spline[..., -2:-1]), axis=-1)
+    rest = 1.0 - fraction
+    # Cubic B-splines, at two points on either side.
+    weights = (
+        rest**3 / 6.0,
+        2.0 / 3.0 - fraction**2 * (1.0 - fraction / 2.0),
+        2.0 / 3.0 - rest**2 * (1.0 - rest / 2.0),
+        fraction**3 / 6.0,
+    )
+    count = spline.shape[-1] - 3
+    between = weights[0] * spline[..., :count]
+    for place, weight in enumerate(weights[1:], start=1):
+        between += weight * spline[..., place : place + count]
+    return np.asarray(between)
+
+
+FILTER_ORDER = 2
+"""Butterworth order of one pass [-], our choice: with the pass back the roll-off is 24 dB per
+octave, and a pulse is left without visible ringing. Of a higher order, its coefficients as one
+fraction would lose digits."""
+PADDING = 3.0
+"""By which a trace is extended at both ends, in periods of the cutoff [-], our choice: of the
+answer to a step all but 1e-7 is over after three."""
+HIGHEST_RELATIVE_CUTOFF = 0.4
+"""Highest cutoff over the sampling rate [-], our choice: nearer to one half the design's
+bilinear transform bends the roll-off."""
+LOWEST_RELATIVE_CUTOFF = 1e-8
+"""Lowest cutoff over the sampling rate [-], our choice: below 1e-11 the filter cannot be told from
+an integrator in double precision."""
+MINIMUM_POINTS = 16
+"""Shortest trace that can be filtered [-]: longer than the filter's padding."""
+
+
+@lru_cache(maxsize=16)
+def _design_pass(
+    cutoff_frequency: float, sampling_rate: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return both coefficients of one pass, and its state after a long time of ones."""
+    # Two passes of order n have -3 dB where one has -1.5 dB: at (sqrt(2) - 1)^(1 / 2n).
+    one_pass = cutoff_frequency / (np.sqrt(2.0) - 1.0) ** (1.0 / (2 * FILTER_ORDER))
+    numerator, denominator = scipy.signal.butter(FILTER_ORDER, one_pass, fs=sampling_rate)
+    return numerator, denominator, scipy.signal.lfilter_zi(numerator, denominator)
+
+
+def check_cutoff(cutoff_frequency: float, sampling_rate: float) -> None:
+    """Require a sampling rate [Hz] that the low-pass of `cutoff_frequency` [Hz] can work at.
+
+    Raises
+    ------
+    ParameterError
+        If the sampling rate is too low, or absurdly high.
+    """
+    check_not_negative("cutoff frequency", cutoff_frequency, "Hz")
+    check_positive("sampling rate", sampling_rate, "Hz")
+    if cutoff_frequency > HIGHEST_RELATIVE_CUTOFF * sampling_rate:
+        raise ParameterError(
+            f"a sampling rate of {sampling_rate / 1e3:g} kHz is too low for the"
+            f" {cutoff_frequency / 1e3:g} kHz low-pass: sample at"
+            f" {cutoff_frequency / HIGHEST_RELATIVE_CUTOFF / 1e3:g} kHz or more, set a cutoff of"
+            f" {HIGHEST_RELATIVE_CUTOFF * sampling_rate / 1e3:g} kHz or less, or switch it off"
+        )
+    if cutoff_frequency < LOWEST_RELATIVE_CUTOFF * sampling_rate and cutoff_frequency:
+        raise ParameterError(
+            f"a sampling rate of {sampling_rate:g} Hz is too high for the"
+            f" {cutoff_frequency / 1e3:g} kHz low-pass: it must be"
+            f" {cutoff_frequency / LOWEST_RELATIVE_CUTOFF:g} Hz or less"
+        )
+
+
+def low_pass(traces: FloatArray, cutoff_frequency: float, sampling_rate: float) -> FloatArray:
+    """Filter traces forwards and backwards by a Butterworth low-pass.
+
+    Parameters
+    ----------
+    traces : ndarray, shape (..., n)
+        Along the last axis.
+    cutoff_frequency : float
+        -3 dB of both passes together [Hz]; 0: no filter.
+    sampling_rate : float
+        [Hz]
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+
+    Raises
+    ------
+    ParameterError
+        If the sampling rate is too low for the cutoff.
+    SignalError
+        If the traces are too short.
+    """
+    check_cutoff(cutoff_frequency, sampling_rate)
+    if cutoff_frequency == 0.0:
+        return np.array(traces, dtype=np.float64)
+    count = np.shape(traces)[-1]
+    if count < MINIMUM_POINTS:
+        raise SignalError(
+            f"a trace of {count} points is too short for the low-pass: it needs {MINIMUM_POINTS}"
+        )
+    numerator, denominator, steady = _design_pass(float(cutoff_frequency), float(sampling_rate))
+    # Mirrored, since odd padding would pin both ends to single, unfiltered points. This is
+    # scipy's `sosfiltfilt`, which finds the steady state anew for every trace and takes a detour
+    # for many sections: it needs more than twice the time.
+    padding = min(count - 1, int(PADDING * sampling_rate / cutoff_frequency))
+    before, after = traces[..., padding:0:-1], traces[..., -2 : -padding - 2 : -1]
+    filtered = np.concatenate((before, traces, after), axis=-1)
+    for _ in ("forwards", "backwards"):
+        # As if the first point had stood there for ever.
+        start = steady * filtered[..., :1]
+        filtered = scipy.signal.lfilter(numerator, denominator, filtered, zi=start)[0][..., ::-1]
+    return np.ascontiguousarray(filtered[..., padding:-padding])
+
+
+def respond(traces: FloatArray, response: SensorResponse, sampling_rate: float) -> FloatArray:
+    """Return what a sensor shows of accelerations that were zero before their first point.
+
+    Parameters
+    ----------
+    traces : ndarray, shape (..., n)
+        Along the last axis.
+    sampling_rate : float
+        [Hz]
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+    """
+    if response.is_flat:
+        return traces
+    numerator, denominator = _design(
+        response.resonance / sampling_rate, response.damping, response.low_corner / sampling_rate
+    )
+    return np.asarray(scipy.signal.lfilter(numerator, denominator, traces, axis=-1))
+
+
+@lru_cache(maxsize=16)
+def _design(resonance: float, damping: float, low_corner: float) -> tuple[FloatArray, FloatArray]:
+    """Return the coefficients of the filter, its frequencies over the sampling rate."""
+    natural, corner = 2.0 * math.pi * resonance, 2.0 * math.pi * low_corner
+    numerator, denominator = np.ones(1), np.ones(1)
+    if natural:
+        numerator = numerator * natural**2
+        denominator = np.array([1.0, 2.0 * damping * natural, natural**2])
+    if corner:
+        numerator = np.append(numerator, 0.0)
+        denominator = np.convolve(denominator, [1.0, corner])
+    discrete = scipy.signal.cont2discrete((numerator, denominator), 1.0, "foh")
+    return make_read_only(np.ravel(discrete[0])), make_read_only(np.ravel(discrete[1]))
+
+
+def restore_level(traces: FloatArray, low_corner: float, sampling_rate: float) -> FloatArray:
+    """Return traces, shape (..., n), zero before their first point, without the high-pass."""
+    if not low_corner:
+        return traces
+    integrate = scipy.integrate.cumulative_trapezoid
+    lost = integrate(traces, dx=1.0 / sampling_rate, axis=-1, initial=0.0)
+    return np.asarray(traces + 2.0 * math.pi * low_corner * lost)

@@ -1,1 +1,0 @@
-"""One hit judged, several hits chosen, aligned and averaged."""

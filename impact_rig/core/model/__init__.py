@@ -1,1 +1,0 @@
-"""Force pulses and the two-body model in closed form."""

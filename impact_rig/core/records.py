@@ -1,0 +1,334 @@
+"""Blocks of raw counts, where they come from, and the records they make."""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impact_rig.core.errors import ParameterError, SignalError, check_not_negative, check_positive
+from impact_rig.core.quantity import Comparable, describe
+
+MEASURED, SIMULATED, IMPORTED = "measured", "simulated", "imported"
+UNKNOWN_KIND, MIXED = "unknown", "mixed"
+KINDS = (MEASURED, SIMULATED, IMPORTED, UNKNOWN_KIND, MIXED)
+"""Of several hits that are not of one kind the origin is mixed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where the numbers of a hit come from.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`; nothing: unknown.
+    source : str
+        What delivered them, in its own words.
+    file, place : str
+        Of an imported hit the file, as it was named, and where in it.
+    """
+
+    kind: str = field(default=UNKNOWN_KIND, metadata=describe(written="origin"))
+    source: str = field(default="", metadata=describe(written="origin_source"))
+    file: str = ""
+    place: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse an unknown kind; a source's words must not steer a terminal."""
+        object.__setattr__(self, "kind", self.kind or UNKNOWN_KIND)
+        if self.kind not in KINDS:
+            raise ParameterError(
+                f"the origin of a hit is {self.kind!r}: it must be one of {', '.join(KINDS)}"
+            )
+        for name in ("source", "file", "place"):
+            text = "".join(item if item.isprintable() else "?" for item in getattr(self, name))
+            object.__setattr__(self, name, text)
+
+    def __str__(self) -> str:
+        """Return kind and source: ``simulated (virtual rig, plant published)``."""
+        return f"{self.kind} ({self.source})" if self.source else self.kind
+
+
+UNSTATED = Origin()
+"""Of what says nothing of its origin."""
+
+
+def join_origins(origins: Iterable[Origin]) -> Origin:
+    """Return the origin of several hits together; of mixed kinds the source names each."""
+    found = dict.fromkeys(Origin(item.kind, item.source) for item in origins)
+    kinds = {item.kind for item in found}
+    if len(kinds) == 1:
+        return Origin(kinds.pop(), "; ".join(item.source for item in found if item.source))
+    return Origin(MIXED, ", ".join(map(str, found))) if found else UNSTATED
+
+
+FloatArray = NDArray[np.float64]
+RawArray = NDArray[np.int32] | NDArray[np.float64]
+"""A channel before its calibration: counts of a digitizer, or numbers of any other source."""
+
+
+def make_read_only(values: FloatArray) -> FloatArray:
+    """Return `values` as float64 that nobody can change.
+
+    They are copied, unless they are read-only float64 already: who hands those over gives their
+    memory away with them, and changes it no more by another name.
+    """
+    return _freeze(np.asarray(values), np.float64)
+
+
+def _freeze(values: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
+    if values.dtype == dtype and not values.flags.writeable:
+        return values
+    array = values.astype(dtype)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, slots=True)
+class HitLabel(Comparable):
+    """Which hit something belongs to.
+
+    Attributes
+    ----------
+    sample : str
+        Name of the struck sample.
+    record : int
+        Number of the arming, counted from 1.
+    impact : int
+        Impact of the sample's series, counted from 1.
+    attempt : int
+        Attempt at this impact, counted from 1.
+    """
+
+    sample: str
+    record: int = 1
+    impact: int = 1
+    attempt: int = 1
+
+
+NOT_ARMED = HitLabel("", record=0, impact=0, attempt=0)
+"""Of a segment of a running stream that belongs to no arming."""
+
+
+@dataclass(frozen=True)
+class ChannelBlock:
+    """One channel over one block: acceleration = scale * output + offset.
+
+    Attributes
+    ----------
+    output : ndarray of int32 or float64, shape (n,)
+        Counts of a digitizer, or the numbers of a source that does not count; read-only. An
+        array that is so already is kept as it is, and must not be changed by another name.
+    scale, offset : float
+        Acceleration per unit of the output and at zero output [m/s^2].
+    full_scale : float
+        Largest acceleration the channel can show, either sign [m/s^2]; 0: not known.
+    overloaded : bool
+        The device says that the channel was driven beyond its range in this block.
+    """
+
+    output: RawArray
+    scale: float
+    offset: float
+    full_scale: float
+    overloaded: bool = False
+
+    def __post_init__(self) -> None:
+        """Make the output read-only, and refuse what cannot be meant."""
+        output = np.asarray(self.output)
+        is_counted = np.can_cast(output.dtype, np.int32)
+        if output.ndim != 1 or not (is_counted or output.dtype in (np.float32, np.float64)):
+            raise SignalError(
+                f"output of shape {output.shape} and type {output.dtype}: it must be one row of"
+                " whole numbers of 32 bits at most, or of floating-point numbers of 64"
+            )
+        object.__setattr__(self, "output", _freeze(output, np.int32 if is_counted else np.float64))
+        if not (math.isfinite(self.scale) and self.scale != 0):
+            raise SignalError(f"scale is {self.scale!r} m/s^2 per unit: it must not be zero")
+        if not math.isfinite(self.offset):
+            raise SignalError(f"offset is {self.offset!r} m/s^2: it must be a finite number")
+        check_not_negative("full scale", self.full_scale, "m/s^2")
+
+    @property
+    def resolution(self) -> float:
+        """Acceleration of one count [m/s^2]; 0: the source does not count."""
+        return abs(self.scale) if self.output.dtype == np.int32 else 0.0
+
+    def has_calibration_of(self, other: "ChannelBlock") -> bool:
+        """Return whether another block's output means the same acceleration."""
+        return (
+            self.scale == other.scale
+            and self.offset == other.offset
+            and self.full_scale == other.full_scale
+        )
+
+
+@dataclass(frozen=True)
+class Block:
+    """A contiguous segment of both channels: what a device delivers, and all that comes of it.
+
+    Attributes
+    ----------
+    first_sample : int
+        Index of the first point, counted since arming; in a running stream since that began. It
+        never goes back; a jump is a gap: what device or driver has lost.
+    sampling_rate : float
+        [Hz]
+    hammer, specimen : ChannelBlock
+        Of equal length; the specimen's without points: not measured.
+    label : HitLabel
+        The arming it belongs to; `NOT_ARMED`: none, or it is not known yet, as to a device.
+    triggered : bool
+        False: the arming ended without a trigger and the block is empty.
+    last : bool
+        This block ends the record; in a running stream, the arming, or of no arming the stream.
+    stamp : int
+        Time of the first point, nanoseconds since the epoch, as well as it is known; 0: it is
+        not. Carried along, never computed with.
+    origin : Origin
+        Where its points come from; carried along with them.
+    """
+
+    first_sample: int
+    sampling_rate: float
+    hammer: ChannelBlock
+    specimen: ChannelBlock
+    label: HitLabel = NOT_ARMED
+    triggered: bool = True
+    last: bool = False
+    stamp: int = 0
+    origin: Origin = UNSTATED
+
+    def __post_init__(self) -> None:
+        """Refuse channels of different length and a rate that is none."""
+        check_positive("sampling rate", self.sampling_rate, "Hz")
+        if self.specimen.output.size not in (0, self.hammer.output.size):
+            raise SignalError(
+                f"block at point {self.first_sample} of record {self.label.record} has"
+                f" {self.hammer.output.size} hammer points and {self.specimen.output.size}"
+                " sample points: both channels must be equally long"
+            )
+
+    @property
+    def has_specimen(self) -> bool:
+        """Whether the sample's acceleration was measured."""
+        return self.specimen.output.size == self.hammer.output.size
+
+    @property
+    def ends_stream(self) -> bool:
+        """Whether nothing more comes of a running stream: its last block, of no arming."""
+        return self.last and self.label.record == NOT_ARMED.record
+
+    def cut(self, start: int, stop: int) -> "Block":
+        """Return its points from `start` to before `stop`; its end goes with its last point."""
+        count = self.hammer.output.size
+        if start == 0 and stop >= count:
+            return self
+        hammer, specimen = (
+            replace(channel, output=channel.output[start:stop])
+            for channel in (self.hammer, self.specimen)
+        )
+        return replace(
+            self,
+            first_sample=self.first_sample + start,
+            hammer=hammer,
+            specimen=specimen,
+            last=self.last and stop >= count,
+            stamp=self.stamp + round(start / self.sampling_rate * 1e9) if self.stamp else 0,
+        )
+
+    def split(self, size: int) -> Iterator["Block"]:
+        """Yield it in pieces of `size` points at most, or as it is if it is no longer."""
+        for start in range(0, max(self.hammer.output.size, 1), size):
+            yield self.cut(start, start + size)
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One channel of one hit.
+
+    Attributes
+    ----------
+    acceleration : ndarray of float64, shape (n,)
+        [m/s^2]; read-only, see `make_read_only`.
+    full_scale : float
+        Largest acceleration the channel can show, either sign [m/s^2]; 0: not known.
+    resolution : float
+        Acceleration of one count [m/s^2]; 0: not known.
+    overloaded : bool
+        The device says that the channel was driven beyond its range, in a block of this trace.
+    """
+
+    acceleration: FloatArray
+    full_scale: float = 0.0
+    resolution: float = 0.0
+    overloaded: bool = False
+
+    def __post_init__(self) -> None:
+        """Make the trace read-only, and refuse one that is not a vector."""
+        values = make_read_only(self.acceleration)
+        if values.ndim != 1:
+            raise SignalError(f"a trace has shape {values.shape}: it must be one row of points")
+        object.__setattr__(self, "acceleration", values)
+        check_not_negative("full scale", self.full_scale, "m/s^2")
+        check_not_negative("resolution", self.resolution, "m/s^2")
+
+    @cached_property
+    def extremes(self) -> tuple[float, float]:
+        """Least and largest acceleration [m/s^2]; of one point or more."""
+        return float(self.acceleration.min()), float(self.acceleration.max())
+
+
+@dataclass(frozen=True)
+class Record:
+    """Both channels of one hit, cut out of the stream.
+
+    Attributes
+    ----------
+    label : HitLabel
+        Which hit.
+    sampling_rate : float
+        [Hz]
+    hammer : Trace
+        Of the accelerometer inside the hammer.
+    specimen : Trace or None
+        Of the accelerometer on the sample, as long as `hammer`; None: not measured.
+    pulse_index : int or None
+        Point at which the hammer's acceleration first exceeded the detection level; None: it
+        never did.
+    triggered : bool
+        False: the arming ended without a trigger, and the traces are empty.
+    flaws : tuple of str
+        What is wrong with the stream here (gaps), in words; empty: nothing.
+    stamp : int
+        Time of the first point, nanoseconds since the epoch.
+    origin : Origin
+        Where the points come from.
+    """
+
+    label: HitLabel
+    sampling_rate: float
+    hammer: Trace
+    specimen: Trace | None
+    pulse_index: int | None
+    triggered: bool = True
+    flaws: tuple[str, ...] = ()
+    stamp: int = 0
+    origin: Origin = UNSTATED
+
+    def __post_init__(self) -> None:
+        """Refuse traces of different length and a rate that is none."""
+        check_positive("sampling rate", self.sampling_rate, "Hz")
+        if (
+            self.specimen is not None
+            and self.hammer.acceleration.shape != self.specimen.acceleration.shape
+        ):
+            raise SignalError(
+                f"record {self.label.record} has {self.hammer.acceleration.size} hammer points"
+                f" and {self.specimen.acceleration.size} sample points: both traces must be"
+                " equally long"
+            )

@@ -1,0 +1,848 @@
+"""Everything that is estimated of one sample."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from impact_rig.core.comparison import ModelComparison, compare_with_model
+from impact_rig.core.contact_law import (
+    NO_LAW,
+    ContactLaw,
+    describe_contradiction,
+)
+from impact_rig.core.damping import estimate_free_decay
+from impact_rig.core.errors import RigError
+from impact_rig.core.hits import MeanHit
+from impact_rig.core.identification import (
+    GOOD_CHI_SQUARE,
+    LARGEST_RESIDUAL,
+    Identification,
+    MisfitError,
+    StartingValues,
+    identify_model,
+)
+from impact_rig.core.model import Body, ImpactModel, ModelVariant
+from impact_rig.core.paper_method import (
+    CONTACT_TIME,
+    DAMPING_COEFFICIENT,
+    DAMPING_RATIO,
+    NAN,
+    STIFFNESS,
+    BodyEstimate,
+    ContactEstimate,
+    HammerPulse,
+    estimate_bodies,
+    look_at_pulse,
+)
+from impact_rig.core.pulse_shape import (
+    NO_SHAPE,
+    PulseShapeEstimate,
+)
+from impact_rig.core.pulse_width import measure_pulse, measure_rise
+from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
+from impact_rig.core.sensors import CHANNELS
+from impact_rig.core.setup import RigSetup
+from impact_rig.core.uncertainty import (
+    LEAST_HITS,
+    ONE_HIT,
+    FittedBody,
+    compute_quantity,
+    find_decaying_body,
+    find_identified_body,
+    make_ensemble,
+    make_rig_numbers,
+    propagate_fit,
+)
+
+NEAR_LOW_PASS = 2.0
+"""Resonance over the cutoff below which the low-pass lets ringing through [-], our choice: at
+twice the cutoff a sixteenth is left."""
+NEAR_CONTACT = 5.0
+"""Resonance times contact time below which the contact makes a sensor ring [-], our choice: the
+spectrum of a pulse is a few thousandths of its level from there on."""
+PART_OF_CUTOFF = 0.5
+"""Part of the cutoff above which what rings after a contact is no body's [-], our choice."""
+SAME_FREQUENCY = 0.05
+"""Difference of two frequencies that are one [-], our choice: a mount's resonance moves so far."""
+
+
+def check_sensors(setup: RigSetup, contact_time: float) -> tuple[str, ...]:
+    """Warn of stated resonances near the low-pass or the spectrum of a contact [s]."""
+    cutoff = setup.analysis.cutoff_frequency
+    warnings = []
+    for channel in CHANNELS:
+        resonance = setup.find_sensor(channel).resonance
+        what = f"the resonance of the {channel}'s sensor, {resonance * 1e-3:.4g} kHz, lies near"
+        if resonance and cutoff and resonance < NEAR_LOW_PASS * cutoff:
+            warnings.append(
+                f"{what} the low-pass of {cutoff * 1e-3:.4g} kHz: the models are sent through it,"
+                " widths and peaks are read with its ringing; a low-pass of"
+                f" {resonance / NEAR_LOW_PASS * 1e-3:.3g} kHz leaves little of that"
+            )
+        if resonance and resonance * contact_time < NEAR_CONTACT:
+            warnings.append(
+                f"{what} the spectrum of a contact this short, which makes it ring: the models are"
+                " sent through it, widths and peaks are not; take a sensor with a higher one"
+            )
+    return tuple(warnings)
+
+
+def explain_ringing(frequency: float, setup: RigSetup) -> str:
+    """Say why what rings at a frequency [Hz] is the sensor's and no body's; empty: it may be."""
+    sensor, cutoff = setup.find_sensor("specimen"), setup.analysis.cutoff_frequency
+    rings = f"what rings at {frequency * 1e-3:.3g} kHz"
+    if abs(frequency - sensor.resonance) < SAME_FREQUENCY * sensor.resonance:
+        return f"{rings} is the sensor, by the resonance that is stated of it, and no body"
+    if cutoff and frequency > PART_OF_CUTOFF * cutoff:
+        return (
+            f"{rings}, above half the low-pass of {cutoff * 1e-3:.4g} kHz, is a sensor or its"
+            " mount, and no body"
+        )
+    return ""
+
+
+SPECIMEN_CHANNEL = 1
+NO_MODEL = (
+    "identification: not determined, since no variant of the two-body model describes both"
+    f" traces; one must leave {100.0 * LARGEST_RESIDUAL:g} % of the peak or less"
+)
+
+
+@dataclass(frozen=True)
+class FreeDecayEstimate(Comparable):
+    """What the decay after the contact says of a sample; NaN: not determined.
+
+    Attributes
+    ----------
+    stiffness : Quantity
+        m2 times the natural angular frequency squared [N/m].
+    damping_ratio, damping_coefficient : Quantity
+        zeta2 [-] and c2 [N s/m].
+    frequency : float
+        Of the damped oscillation [Hz].
+    periods : float
+        Of it that stand out of the noise [-].
+    r_squared : float
+        Part of the tail's variance that the fit explains [-].
+    residual_over_noise : float
+        RMS of what is left over the noise [-]; 1: nothing but noise.
+    """
+
+    stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
+    damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
+    damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
+    frequency: float = field(default=NAN, metadata=describe("Hz", "f", "frequency", shown="kHz"))
+    periods: float = NAN
+    r_squared: float = NAN
+    residual_over_noise: float = NAN
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it is determined."""
+        return self.damping_ratio.is_known
+
+
+NO_DECAY = FreeDecayEstimate()
+"""Where it is not determined."""
+
+
+@dataclass(frozen=True)
+class FittedModel(Comparable):
+    """One variant of the model laid onto both traces of a sample.
+
+    NaN: the model does not describe them, and the nearest parameters of a model that is not this
+    body's are no measurement of it.
+
+    Attributes
+    ----------
+    model : str
+        "driven": equation (4) on the hammer, the sample driven by F(t) alone; "printed":
+        equations (1) and (2) as they stand.
+    is_preferred : bool
+        It describes both traces, and of all variants that do its criterion is the smallest.
+    criterion : float
+        Bayesian information criterion [-]; ten less is very strong evidence.
+    contact_time, stiffness, damping_ratio, damping_coefficient : Quantity
+        tau_p [s], k2 [N/m], zeta2 [-] and c2 [N s/m].
+    force_balance : float
+        Force on the sample over force on the hammer [-]; 1 by Newton's third law, if masses
+        and calibrations are right and the model holds.
+    residual_hammer_percent, residual_sample_percent : float
+        RMS of what is left, over the trace's peak [%].
+    residual_over_noise : float
+        The same over the noise, both traces together [-]; 1: nothing but noise.
+    parameters : tuple of str
+        Names of all fitted parameters.
+    values : tuple of float
+        Theirs, in SI units.
+    covariance : tuple of float
+        Of one mean trace's noise, row by row, as many rows as parameters.
+    undetermined : tuple of str
+        Which combinations the traces do not determine.
+    notes : tuple of str
+        What else must be known to read the values.
+    identification : Identification or None
+        As fitted, with the traces.
+    """
+
+    model: str
+    is_preferred: bool = False
+    criterion: float = NAN
+    contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)
+    stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
+    damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
+    damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
+    force_balance: float = NAN
+    residual_hammer_percent: float = NAN
+    residual_sample_percent: float = NAN
+    residual_over_noise: float = NAN
+    parameters: tuple[str, ...] = ()
+    values: tuple[float, ...] = ()
+    covariance: tuple[float, ...] = ()
+    undetermined: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    identification: Identification | None = field(default=None, metadata=INTERNAL)
+
+
+def estimate_decay(
+    mean: MeanHit, setup: RigSetup, sample: str, contact_time: float
+) -> FreeDecayEstimate:
+    """Estimate stiffness and damping of a sample from the decay after the contact.
+
+    Parameters
+    ----------
+    contact_time : float
+        tau_p [s].
+
+    Raises
+    ------
+    NotDeterminedError
+        If the tail does not say.
+    """
+    decay = estimate_free_decay(
+        mean, SPECIMEN_CHANNEL, contact_time, setup.analysis.cutoff_frequency
+    )
+    body = propagate_fit(
+        f"scatter of the hits on {sample}",
+        decay.hit_values,
+        find_decaying_body,
+        make_rig_numbers(setup, sample),
+        estimates=(decay.decay_rate, decay.angular_frequency),
+        averaged=mean.count,
+        owner=f"{sample}, free decay",
+    )
+    return FreeDecayEstimate(
+        stiffness=body.stiffness,
+        damping_ratio=body.damping_ratio,
+        damping_coefficient=body.damping_coefficient,
+        frequency=decay.frequency,
+        periods=decay.periods,
+        r_squared=decay.r_squared,
+        residual_over_noise=decay.residual_over_noise,
+    )
+
+
+def fit_models(
+    mean: MeanHit, setup: RigSetup, sample: str, start: StartingValues
+) -> tuple[tuple[FittedModel, ...], tuple[str, ...]]:
+    """Fit the variants of the model to both mean traces of a sample.
+
+    One that leaves nothing but noise cannot be outdone: then the next is not tried.
+
+    Returns
+    -------
+    models : tuple of FittedModel
+        Those that could be fitted.
+    notes : tuple of str
+        Why there is no preferred one.
+    """
+    found: list[Identification] = []
+    notes: list[str] = []
+    for variant in ModelVariant:
+        try:
+            found.append(identify_model(mean, setup, sample, variant, start))
+        except MisfitError:
+            notes.append(NO_MODEL)
+            continue
+        except RigError as error:
+            notes.append(str(error))
+            continue
+        if found[-1].chi_square < GOOD_CHI_SQUARE:
+            break
+    good = [item for item in found if item.describes_traces]
+    best = min(good, key=lambda item: item.criterion, default=None)
+    models = tuple(
+        _describe_model(item, setup, sample, averaged=mean.count, is_preferred=item is best)
+        for item in found
+    )
+    if best is not None:
+        # What else could not be fitted is of no concern where one variant fits.
+        return models, ()
+    return models, tuple(dict.fromkeys([*notes, NO_MODEL] if found else notes))
+
+
+def _describe_model(
+    found: Identification, setup: RigSetup, sample: str, *, averaged: int, is_preferred: bool
+) -> FittedModel:
+    model = FittedModel(
+        model=found.variant.value,
+        is_preferred=is_preferred,
+        criterion=found.criterion,
+        force_balance=found.force_balance,
+        residual_hammer_percent=found.residual_percent[0],
+        residual_sample_percent=found.residual_percent[1],
+        residual_over_noise=math.sqrt(found.chi_square),
+        parameters=found.names,
+        values=tuple(
+            math.nan if name in found.open_parameters else value
+            for name, value in zip(found.names, found.values.tolist(), strict=True)
+        ),
+        covariance=tuple(found.covariance.ravel().tolist()),
+        undetermined=found.undetermined,
+        notes=found.notes,
+        identification=found,
+    )
+    if not found.describes_traces:
+        return model
+    body = estimate_fitted_body(found, setup, sample, averaged)
+    is_open = set(found.open_parameters)
+    return replace(
+        model,
+        contact_time=UNKNOWN if "tau_p" in is_open else body.contact_time,
+        stiffness=UNKNOWN if "k2" in is_open else body.stiffness,
+        damping_coefficient=UNKNOWN if "c2" in is_open else body.damping_coefficient,
+        damping_ratio=UNKNOWN if is_open & {"k2", "c2"} else body.damping_ratio,
+    )
+
+
+def find_frequency(model: FittedModel, sample: str, setup: RigSetup) -> float:
+    """Return the frequency at which a fitted body swings on its spring [Hz]."""
+    stiffness = model.stiffness.value / setup.samples.get_moving_mass(sample)
+    return math.sqrt(stiffness) / (2.0 * math.pi)
+
+
+def estimate_fitted_body(
+    found: Identification, setup: RigSetup, sample: str, averaged: int
+) -> FittedBody:
+    """Estimate tau_p, k2, zeta2 and c2 by a model fitted to the mean of `averaged` hits."""
+    columns = [found.names.index(name) for name in ("tau_p", "k2", "c2")]
+    return propagate_fit(
+        f"scatter of the hits on {sample}",
+        found.hit_values[:, columns],
+        find_identified_body,
+        make_rig_numbers(setup, sample),
+        estimates=found.values[columns].tolist(),
+        averaged=averaged,
+        owner=f"{sample}, {found.variant.value} model",
+    )
+
+
+@dataclass(frozen=True)
+class TraceEstimates:
+    """What the mean traces of a sample say whatever the hammer's stiffness is.
+
+    Attributes
+    ----------
+    shape : PulseShapeEstimate
+        Of the hammer's mean pulse.
+    contact_law : ContactLaw
+        Of hammer and sample.
+    free_decay : FreeDecayEstimate
+        Of the sample after the contact.
+    notes : tuple of str
+        Why they are not determined.
+    """
+
+    shape: PulseShapeEstimate
+    contact_law: ContactLaw
+    free_decay: FreeDecayEstimate
+    notes: tuple[str, ...]
+
+
+def estimate_traces(
+    name: str, mean: MeanHit, setup: RigSetup, form: HammerPulse | None = None
+) -> TraceEstimates:
+    """Estimate pulse shape, contact law and free decay of one sample from its mean hit.
+
+    The form of its pulse may be given where it is known already.
+
+    Raises
+    ------
+    SignalError
+        If the hammer's mean trace has no whole pulse.
+    """
+    width = measure_pulse(mean.traces[0]).half_amplitude_width / mean.sampling_rate
+    contact_time = setup.analysis.pulse_factor * width
+    decay, decay_notes = _look_at_decay(mean, setup, name, contact_time)
+    form = form or look_at_pulse(mean, setup, name)
+    notes = form.notes + (() if form.law.is_known else form.law.notes) + decay_notes
+    return TraceEstimates(form.shape, form.law, decay, tuple(dict.fromkeys(notes)))
+
+
+def _look_at_decay(
+    mean: MeanHit, setup: RigSetup, name: str, contact_time: float
+) -> tuple[FreeDecayEstimate, tuple[str, ...]]:
+    """Return the free decay, or why it is not determined."""
+    if mean.traces.shape[0] <= 1:
+        return NO_DECAY, ()
+    try:
+        decay = estimate_decay(mean, setup, name, contact_time)
+    except RigError as error:
+        return NO_DECAY, (str(error),)
+    ringing = explain_ringing(decay.frequency, setup)
+    return (NO_DECAY, (f"free decay: {ringing}",)) if ringing else (decay, ())
+
+
+PEAK = describe("m/s^2", shown="m/s²")
+TIME = describe("s", shown="µs")
+
+
+@dataclass(frozen=True)
+class SampleEstimate(Comparable):
+    """Everything known of one sample; NaN: not determined, see the notes.
+
+    Attributes
+    ----------
+    name : str
+        Of the sample.
+    impacts_accepted, impacts_rejected : int
+        Hits in the mean and left out.
+    contact_time : Quantity
+        tau_p of the mean trace [s].
+    contact_time_spread : float
+        Its standard deviation over the accepted hits [s].
+    half_amplitude_width : float
+        w50 [s].
+    width_ratio : float
+        w10 / w50 [-].
+    equivalent_stiffness, stiffness : Quantity
+        k_eq and k2 [N/m].
+    damping_ratio, damping_coefficient : Quantity
+        zeta2 [-] and c2 [N s/m].
+    log_decrement : float
+        Delta2 [-].
+    first_peak, second_peak : float
+        Magnitudes of U1 and U2, from which it is read [m/s^2].
+    first_peak_time, second_peak_time : float
+        Of U1 and U2 from the middle of the hammer pulse [s].
+    hammer_peak, specimen_peak : float
+        Of the mean traces [m/s^2].
+    hammer_peak_spread_percent : float
+        Standard deviation of the hammer's peaks over the accepted hits, over their mean [%]: how
+        alike the hammer struck.
+    peak_force : Quantity
+        Largest force on the hammer, m1 max |a1| [N].
+    rise_time : float
+        Of the mean hammer pulse, from a tenth to nine tenths of its peak [s].
+    mse_hammer_percent, mse_sample_percent : float
+        Mean square error of the force-driven model over the record, as in Fig. 6 [%].
+    contact_error_hammer_percent, contact_error_sample_percent : float
+        RMS error of the same over the contact alone [%].
+    shift_hammer, shift_sample : float
+        Applied to that model's traces, later is positive [s].
+    printed_mse_hammer_percent, printed_mse_sample_percent : float
+        Mean square error of equations (1) and (2) as printed [%].
+    pulse_shape : PulseShapeEstimate
+        Of the hammer's mean pulse: whether it is a versed-sine, and what else it may be.
+    contact_law : ContactLaw
+        Of hammer and sample as free bodies, from the shape of the hammer's pulse.
+    free_decay : FreeDecayEstimate
+        Damping from the decay after the contact.
+    identifications : tuple of FittedModel
+        One for each variant that could be fitted; empty: none, or not asked for.
+    warnings : tuple of str
+        What a reader of the numbers must know.
+    notes : tuple of str
+        What could not be determined, and why.
+    comparisons : tuple of ModelComparison
+        The traces, one per model variant; empty: not possible, see the notes.
+    """
+
+    name: str
+    impacts_accepted: int
+    impacts_rejected: int
+    contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)
+    contact_time_spread: float = field(default=NAN, metadata=TIME)
+    half_amplitude_width: float = field(default=NAN, metadata=TIME)
+    width_ratio: float = NAN
+    equivalent_stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
+    stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
+    damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
+    damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
+    log_decrement: float = NAN
+    first_peak: float = field(default=NAN, metadata=PEAK)
+    first_peak_time: float = field(default=NAN, metadata=TIME)
+    second_peak: float = field(default=NAN, metadata=PEAK)
+    second_peak_time: float = field(default=NAN, metadata=TIME)
+    hammer_peak: float = field(default=NAN, metadata=PEAK)
+    specimen_peak: float = field(default=NAN, metadata=PEAK)
+    hammer_peak_spread_percent: float = NAN
+    peak_force: Quantity = field(default=UNKNOWN, metadata=describe("N", "Fmax", "peak force"))
+    rise_time: float = field(default=NAN, metadata=describe("s"))
+    mse_hammer_percent: float = NAN
+    mse_sample_percent: float = NAN
+    contact_error_hammer_percent: float = NAN
+    contact_error_sample_percent: float = NAN
+    shift_hammer: float = field(default=NAN, metadata=TIME)
+    shift_sample: float = field(default=NAN, metadata=TIME)
+    printed_mse_hammer_percent: float = NAN
+    printed_mse_sample_percent: float = NAN
+    pulse_shape: PulseShapeEstimate = NO_SHAPE
+    contact_law: ContactLaw = NO_LAW
+    free_decay: FreeDecayEstimate = NO_DECAY
+    identifications: tuple[FittedModel, ...] = ()
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    comparisons: tuple[ModelComparison, ...] = field(default=(), metadata=INTERNAL)
+
+    @property
+    def identification(self) -> FittedModel | None:
+        """The preferred variant of the model."""
+        return next((item for item in self.identifications if item.is_preferred), None)
+
+
+def estimate_numbers(
+    name: str,
+    mean: MeanHit,
+    contact_time_spread: float,
+    impacts_rejected: int,
+    hammer: BodyEstimate,
+    setup: RigSetup,
+    form: HammerPulse | None = None,
+) -> SampleEstimate:
+    """Estimate tau_p, k2 and c2 of one sample by equations (5) and (6b), and nothing beside them.
+
+    Parameters
+    ----------
+    contact_time_spread : float
+        Standard deviation of tau_p over the accepted hits [s]; NaN: of one hit.
+    hammer : BodyEstimate
+        Of the control experiment; k1 NaN: not known yet, and then k2 and c2 are neither.
+    form : HammerPulse or None
+        Of this mean hit, where it is known already.
+    """
+    contact, body = estimate_bodies(mean, setup, name, hammer, form)
+    peaks = body.peaks
+    return SampleEstimate(
+        name=name,
+        impacts_accepted=mean.count,
+        impacts_rejected=impacts_rejected,
+        contact_time=contact.contact_time,
+        contact_time_spread=contact_time_spread,
+        half_amplitude_width=contact.half_amplitude_width,
+        width_ratio=contact.width_ratio,
+        # Its budget is that of tau_p and the masses: it is not told again.
+        equivalent_stiffness=replace(contact.equivalent_stiffness, budget=()),
+        stiffness=body.stiffness,
+        damping_ratio=body.damping_ratio,
+        damping_coefficient=body.damping_coefficient,
+        log_decrement=body.log_decrement,
+        first_peak=peaks.first_peak if peaks else NAN,
+        first_peak_time=_find_time(mean, peaks.first_index) if peaks else NAN,
+        second_peak=peaks.second_peak if peaks else NAN,
+        second_peak_time=_find_time(mean, peaks.second_index) if peaks else NAN,
+        hammer_peak=float(np.abs(mean.traces[0]).max()),
+        specimen_peak=_find_specimen_peak(mean),
+        hammer_peak_spread_percent=_compute_peak_spread(mean),
+        peak_force=_estimate_peak_force(name, mean, setup),
+        rise_time=measure_rise(mean.traces[0]) / mean.sampling_rate,
+        warnings=check_steps(mean) + check_control(setup),
+        notes=_gather_notes(contact, body),
+    )
+
+
+def add_checks(
+    estimate: SampleEstimate,
+    mean: MeanHit,
+    hammer: BodyEstimate,
+    setup: RigSetup,
+    traces: TraceEstimates | None = None,
+) -> SampleEstimate:
+    """Put pulse shape, contact law, free decay and comparison with the model beside the numbers.
+
+    Most of the work of an estimate; the model is not fitted yet: see `add_models`.
+
+    Parameters
+    ----------
+    traces : TraceEstimates or None
+        Of this mean hit, where they are known already.
+    """
+    traces = traces or estimate_traces(estimate.name, mean, setup)
+    checked = replace(
+        estimate,
+        pulse_shape=_add_stiffness(traces.shape, estimate),
+        contact_law=traces.contact_law,
+        free_decay=traces.free_decay,
+        warnings=check_shape(traces.shape, traces.contact_law, estimate, setup)
+        + check_free_bodies(mean, traces.contact_law, estimate.contact_time.value)
+        + estimate.warnings,
+        notes=estimate.notes + traces.notes,
+    )
+    return _add_comparisons(checked, mean, hammer, setup)
+
+
+def _add_stiffness(shape: PulseShapeEstimate, estimate: SampleEstimate) -> PulseShapeEstimate:
+    """Add k2 as each shape would make it: k_eq, k1 and with them k2 go as F^-2."""
+    return replace(
+        shape,
+        fits=tuple(
+            replace(
+                fit,
+                stiffness=estimate.stiffness.value
+                * (estimate.contact_time.value / fit.contact_time) ** 2,
+            )
+            for fit in shape.fits
+        ),
+    )
+
+
+def _find_specimen_peak(mean: MeanHit) -> float:
+    return float(np.abs(mean.traces[1]).max()) if mean.traces.shape[0] > 1 else NAN
+
+
+def _compute_peak_spread(mean: MeanHit) -> float:
+    peaks = [hit.pulse.peak for hit in mean.hits]
+    return 100.0 * float(np.std(peaks, ddof=1) / abs(np.mean(peaks))) if len(peaks) > 1 else NAN
+
+
+def _estimate_peak_force(name: str, mean: MeanHit, setup: RigSetup) -> Quantity:
+    peak = float(np.abs(mean.traces[0]).max())
+    if len(mean.hits) < LEAST_HITS:
+        return Quantity(setup.hammer_mass * peak, notes=(ONE_HIT,))
+    peaks = [hit.pulse.peak for hit in mean.hits]
+    (number,) = make_ensemble(
+        f"scatter of the peaks on {name}",
+        [peak],
+        np.array([[np.var(peaks, ddof=1) / mean.count]]),
+        len(peaks) - 1,
+        owner=name,
+    )
+    rig = make_rig_numbers(setup, name)
+    force = rig.hammer_mass * rig.gains[0] * number
+    return compute_quantity(setup.hammer_mass * peak, force)
+
+
+def _find_time(mean: MeanHit, index: int) -> float:
+    return (index - mean.origin) / mean.sampling_rate
+
+
+def _gather_notes(contact: ContactEstimate, body: BodyEstimate) -> tuple[str, ...]:
+    """Return the notes of all results, each once."""
+    quantities = (
+        contact.contact_time,
+        contact.equivalent_stiffness,
+        body.stiffness,
+        body.damping_ratio,
+        body.damping_coefficient,
+    )
+    notes = body.notes + tuple(note for item in quantities for note in item.notes)
+    return tuple(dict.fromkeys(notes))
+
+
+def add_models(
+    estimate: SampleEstimate, mean: MeanHit, hammer: BodyEstimate, setup: RigSetup
+) -> SampleEstimate:
+    """Fit the model to the mean traces that `estimate` was made from; parameters as there.
+
+    A tenth of a second's work: for a series that is complete, not after every hit.
+    """
+    if mean.traces.shape[0] <= 1:
+        return estimate
+    known = estimate.free_decay if estimate.free_decay.is_known else estimate
+    start = StartingValues(
+        stiffness=known.stiffness.value,
+        damping_coefficient=known.damping_coefficient.value,
+        hammer_stiffness=hammer.stiffness.value,
+        hammer_damping_coefficient=hammer.damping_coefficient.value,
+    )
+    models, notes = fit_models(mean, setup, estimate.name, start)
+    ringing = {
+        explain_ringing(find_frequency(model, estimate.name, setup), setup)
+        for model in models
+        if model.stiffness.is_known
+    } - {""}
+    if ringing:
+        models, notes = (), tuple(f"identification: {text}" for text in sorted(ringing))
+    return replace(
+        estimate,
+        identifications=models,
+        notes=estimate.notes + notes,
+    )
+
+
+def _add_comparisons(
+    estimate: SampleEstimate,
+    mean: MeanHit,
+    hammer: BodyEstimate,
+    setup: RigSetup,
+) -> SampleEstimate:
+    if not estimate.damping_coefficient.is_known:
+        return estimate
+    variants = [ModelVariant.DRIVEN]
+    if hammer.damping_coefficient.is_known and math.isfinite(setup.impact_speed):
+        variants.append(ModelVariant.PRINTED)
+    model = ImpactModel(
+        # The driven model does not use the hammer's damping, nor the speed.
+        hammer=Body(
+            setup.hammer_mass,
+            hammer.stiffness.value,
+            float(np.nan_to_num(hammer.damping_coefficient.value)),
+        ),
+        specimen=Body(
+            setup.samples.get_moving_mass(estimate.name),
+            estimate.stiffness.value,
+            estimate.damping_coefficient.value,
+        ),
+        contact_time=estimate.contact_time.value,
+        impact_speed=float(np.nan_to_num(setup.impact_speed)),
+        peak_force=setup.hammer_mass * estimate.hammer_peak,
+    )
+    comparisons = tuple(
+        compare_with_model(mean, model, variant, setup.analysis.cutoff_frequency, setup.responses)
+        for variant in variants
+    )
+    driven, *printed = comparisons
+    return replace(
+        estimate,
+        mse_hammer_percent=driven.hammer.mse_percent,
+        mse_sample_percent=driven.specimen.mse_percent,
+        contact_error_hammer_percent=driven.hammer.contact_error_percent,
+        contact_error_sample_percent=driven.specimen.contact_error_percent,
+        shift_hammer=driven.hammer.shift,
+        shift_sample=driven.specimen.shift,
+        printed_mse_hammer_percent=printed[0].hammer.mse_percent if printed else NAN,
+        printed_mse_sample_percent=printed[0].specimen.mse_percent if printed else NAN,
+        comparisons=comparisons,
+    )
+
+
+DITHER = 0.4
+"""Noise over one count below which the converter's steps show in the mean [-]: their remainder
+exp(-2 pi^2 0.4^2) is 4 % of that of a noiseless converter."""
+LARGEST_MASS_DIFFERENCE = 0.2
+"""Of control sample and hammer, over the hammer's mass [-], our choice: the published ones are 5 %
+apart."""
+LARGEST_DELAY = 0.02
+"""Of the sample's momentum behind the hammer's, over the contact time [-], our choice: sound needs
+as long through 20 mm of steel, of a contact of 200 µs."""
+LARGEST_MISMATCH = 0.1
+"""Difference of the momentum ratio from 1 up to which both traces are those of free bodies [-],
+our choice: one on a spring has taken part of the momentum to its support."""
+STEPS = (
+    "the noise is smaller than the converter's steps and does not average them out: the"
+    " uncertainties of free decay and identification leave that out; amplify the signals, or use"
+    " more bits"
+)
+
+
+def check_delay(mean: MeanHit, contact_time: float) -> tuple[str, ...]:
+    """Warn unless hammer and free sample pass half of their momenta at one time."""
+    pulse, rate = measure_pulse(mean.traces[0]), mean.sampling_rate
+    reach = pulse.half_amplitude_width
+    first, last = max(int(pulse.rise - reach), 0), math.ceil(pulse.fall + reach)
+    halves = []
+    for trace in mean.traces[:, first:last]:
+        passed = np.abs(np.cumsum(trace))
+        halves.append(float(np.interp(0.5 * passed[-1], passed, np.arange(passed.size))))
+    delay = (halves[-1] - halves[0]) / rate
+    if abs(delay) <= LARGEST_DELAY * contact_time:
+        return ()
+    side = "after" if delay > 0.0 else "before"
+    warning = (
+        f"the sample's momentum comes {abs(delay) * 1e6:.2g} µs {side} the hammer's: a channel is"
+        " late, or points are missing"
+    )
+    return (warning,)
+
+
+def check_shape(
+    shape: PulseShapeEstimate, law: ContactLaw, estimate: SampleEstimate, setup: RigSetup
+) -> tuple[str, ...]:
+    """Warn of sensors, of momenta, and of a pulse that is neither versed-sine nor the law's."""
+    others = check_sensors(setup, estimate.contact_time.value) + law.warnings
+    contradiction = describe_contradiction(
+        law, estimate.contact_time.value, setup.analysis.pulse_factor
+    )
+    is_doubtful = shape.warning and not contradiction
+    return ((shape.warning,) if is_doubtful else ()) + others
+
+
+def check_free_bodies(mean: MeanHit, law: ContactLaw, contact_time: float) -> tuple[str, ...]:
+    """Warn of channels that are not of one time, where both bodies are free."""
+    is_free = law.is_known and abs(law.momentum_ratio.value - 1.0) < LARGEST_MISMATCH
+    return check_delay(mean, contact_time) if is_free else ()
+
+
+def check_steps(mean: MeanHit) -> tuple[str, ...]:
+    """Warn unless the noise dithers the converter."""
+    step, noise = mean.summary.largest_step, mean.summary.least_noise
+    return (STEPS,) if np.any((step > 0.0) & (noise < DITHER * step)) else ()
+
+
+def check_control(setup: RigSetup) -> tuple[str, ...]:
+    """Warn unless control sample and hammer are alike."""
+    control = setup.samples.control_sample
+    if not control or setup.find_unknown_masses(control):
+        return ()
+    mass, hammer = setup.samples.get_moving_mass(control), setup.hammer_mass
+    if abs(mass - hammer) <= LARGEST_MASS_DIFFERENCE * hammer:
+        return ()
+    warning = (
+        f"the control sample {control!r} of {mass * 1e3:.4g} g is not alike to the hammer of"
+        f" {hammer * 1e3:.4g} g, as k1 = 2 k_eq assumes: k1, and with it every k2 and c2, may be"
+        " wrong"
+    )
+    return (warning,)
+
+
+FEWEST_SAMPLES = 3
+"""That ring at one frequency [-], our choice: of two samples k/m may well be alike."""
+LEAST_MASS_RATIO = 1.5
+"""Of the heaviest over the lightest of them [-], our choice."""
+
+
+def withdraw_shared_ringing(
+    samples: Sequence[SampleEstimate], setup: RigSetup
+) -> tuple[SampleEstimate, ...]:
+    """Take free decay, damping and model from samples that all ring at one frequency."""
+    rings = [sample for sample in samples if sample.free_decay.is_known]
+    masses = [setup.samples.get_moving_mass(sample.name) for sample in rings]
+    if len(rings) < FEWEST_SAMPLES or not max(masses) >= LEAST_MASS_RATIO * min(masses):
+        return tuple(samples)
+    shared = float(np.median([sample.free_decay.frequency for sample in rings]))
+
+    def is_shared(frequency: float) -> bool:
+        return abs(frequency - shared) < SAME_FREQUENCY * shared
+
+    if not all(is_shared(sample.free_decay.frequency) for sample in rings):
+        return tuple(samples)
+    note = (
+        f"what rings at {shared * 1e-3:.2g} kHz does so on all samples, though their masses"
+        " differ: it is a sensor or its mount, and no sample's k, zeta or c comes from it"
+    )
+
+    def withdraw(sample: SampleEstimate) -> SampleEstimate:
+        period = sample.second_peak_time - sample.first_peak_time
+        if is_shared(1.0 / period if period else 0.0):
+            sample = replace(
+                sample,
+                damping_ratio=UNKNOWN,
+                damping_coefficient=UNKNOWN,
+                log_decrement=float("nan"),
+            )
+        if any(
+            is_shared(find_frequency(model, sample.name, setup))
+            for model in sample.identifications
+            if model.stiffness.is_known
+        ):
+            sample = replace(sample, identifications=())
+        return replace(
+            sample,
+            free_decay=NO_DECAY,
+            notes=(*sample.notes, note),
+        )
+
+    names = {sample.name for sample in rings}
+    return tuple(withdraw(sample) if sample.name in names else sample for sample in samples)

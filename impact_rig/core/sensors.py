@@ -1,0 +1,466 @@
+"""Channels as they are: units, sensitivity, resonance, lower corner, and their use."""
+
+import math
+import re
+from dataclasses import dataclass, field
+
+from impact_rig.core.errors import ParameterError, check_not_negative, check_positive
+from impact_rig.core.quantity import Comparable, describe
+
+STANDARD_GRAVITY = 9.80665
+"""[m/s^2], by definition."""
+POUND_FORCE = 4.4482216152605
+"""[N], by definition."""
+
+ACCELERATIONS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "kgn": 1e3 * STANDARD_GRAVITY}
+"""Units of acceleration [m/s^2]; kgn: a thousand g."""
+FORCES = {"N": 1.0, "kN": 1e3, "lbf": POUND_FORCE, "kgf": STANDARD_GRAVITY}
+"""Units of force [N]."""
+VOLTAGES = {"V": 1.0, "mV": 1e-3}
+"""Units of voltage [V]."""
+UNITS = (*ACCELERATIONS, *FORCES, *VOLTAGES)
+
+SPELLINGS = {
+    "m/s²": "m/s^2", "m/s2": "m/s^2", "m/s**2": "m/s^2", "m/s/s": "m/s^2", "m s^-2": "m/s^2",
+    "m/(s^2)": "m/s^2", "m/sec^2": "m/s^2", "ms^-2": "m/s^2", "G": "g", "gn": "g", "g_n": "g",
+    "ms-2": "m/s^2", "m/s-2": "m/s^2", "ms⁻²": "m/s^2", "m s⁻²": "m/s^2", "m·s⁻²": "m/s^2",
+    "kg": "kgn", "kG": "kgn", "kg_n": "kgn", "lb": "lbf", "lbs": "lbf", "kp": "kgf",
+    "g0": "g", "newton": "N", "Newton": "N", "volt": "V", "Volt": "V", "volts": "V", "Volts": "V",
+    "VOLT": "V", "v": "V", "VOLTS": "V", "mVolt": "mV", "millivolts": "mV",
+}  # fmt: skip
+"""How files write these units, too."""
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+"""Units of times [s]."""
+SAMPLES = "samples"
+"""What a column counts that numbers its points."""
+TIME_SPELLINGS = {
+    "µs": "us", "μs": "us", "sec": "s", "sek": "s", "msec": "ms", "usec": "us", "µsec": "us",
+    "nsec": "ns", "second": "s", "millisecond": "ms", "microsecond": "us", "nanosecond": "ns",
+    "minute": "min", "sample": SAMPLES, "point": SAMPLES, "pt": SAMPLES, "index": SAMPLES,
+    "sequence": SAMPLES, "#": SAMPLES,
+}  # fmt: skip
+"""How files write these, too, in small letters and without the s of the plural."""
+
+
+def normalize_time_unit(unit: str) -> str:
+    """Return how a unit of time is written here, or `SAMPLES`; empty: it is none."""
+    name = unit.strip().lower()
+    name = name if name in TIME_UNITS or name in TIME_SPELLINGS else name.removesuffix("s")
+    return name if name in TIME_UNITS else TIME_SPELLINGS.get(name, "")
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What a sensor gives.
+
+    Attributes
+    ----------
+    voltage : float
+        For one `unit` [V]; negative: the sensor looks the other way.
+    unit : str
+        Of acceleration or force.
+    """
+
+    voltage: float
+    unit: str
+
+    def __post_init__(self) -> None:
+        """Refuse a sensitivity of nothing and a unit that is none of acceleration or force."""
+        if not math.isfinite(self.voltage) or self.voltage == 0.0:
+            raise ParameterError(f"sensitivity is {self.voltage!r} V: it must not be zero")
+        unit = normalize_unit(self.unit)
+        if unit not in ACCELERATIONS and unit not in FORCES:
+            raise ParameterError(
+                f"sensitivity is per {self.unit!r}: it must be a voltage per"
+                f" {', '.join((*ACCELERATIONS, *FORCES))}, for example 10 mV/g"
+            )
+
+
+def normalize_unit(unit: str) -> str:
+    """Return how a unit is written here; unchanged if it is unknown."""
+    return SPELLINGS.get(unit.strip(), unit.strip())
+
+
+def list_units() -> str:
+    """Return all units, for messages."""
+    return ", ".join(UNITS[:-1]) + f" or {UNITS[-1]}"
+
+
+def compute_scale(
+    unit: str, mass: float = math.nan, sensitivity: Sensitivity | None = None
+) -> float:
+    """Return the acceleration that one unit of a channel stands for.
+
+    Parameters
+    ----------
+    unit : str
+        One of `UNITS`, in any of its spellings.
+    mass : float
+        Of the body that a force acts on [kg]: force is mass times acceleration; NaN: not known.
+    sensitivity : Sensitivity, optional
+        Of the sensor behind a voltage.
+
+    Returns
+    -------
+    float
+        [m/s^2 per unit]
+
+    Raises
+    ------
+    ParameterError
+        If the unit is unknown, a force has no mass, or a voltage no sensitivity.
+    """
+    name = normalize_unit(unit)
+    if name in ACCELERATIONS:
+        return ACCELERATIONS[name]
+    if name in FORCES:
+        if math.isnan(mass):
+            raise ParameterError(
+                f"a channel in {unit} needs the hammer's mass: acceleration is F/m"
+            )
+        check_positive("hammer mass", mass, "kg")
+        return FORCES[name] / mass
+    if name not in VOLTAGES:
+        raise ParameterError(f"unit {unit!r} is unknown: a channel is in {list_units()}")
+    if sensitivity is None:
+        raise ParameterError(f"a channel in {unit} needs a sensitivity, for example 10 mV/g")
+    return VOLTAGES[name] * compute_scale(sensitivity.unit, mass) / sensitivity.voltage
+
+
+CHANNELS = ("hammer", "specimen")
+"""The rig's channels: the body that a sensor sits in or on."""
+QUANTITIES = {"acceleration": tuple(ACCELERATIONS), "force": tuple(FORCES)}
+"""What a sensor may measure, in which units."""
+_DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
+
+
+LONGEST_INTERVAL = 1
+"""Age of a calibration above which a warning is due [years]: the interval that makers of
+accelerometers and force sensors usually recommend."""
+DEFAULT_RESONANCE_DAMPING = 0.02
+"""Of a mounted accelerometer's resonance where its sheet states none [-], our choice."""
+
+
+@dataclass(frozen=True)
+class SensorResponse(Comparable):
+    """How a sensor answers to what it measures: a second-order system behind a high-pass.
+
+    Attributes
+    ----------
+    resonance : float
+        As mounted [Hz]; 0: too high to matter, or not known.
+    damping : float
+        Of the resonance, over critical [-].
+    low_corner : float
+        -3 dB at the low end [Hz]; 0: none that matters, or not known.
+    """
+
+    resonance: float = 0.0
+    damping: float = DEFAULT_RESONANCE_DAMPING
+    low_corner: float = 0.0
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether it shows what it measures as it is."""
+        return not (self.resonance or self.low_corner)
+
+
+FLAT = SensorResponse()
+"""Of a sensor of which nothing is known."""
+
+
+@dataclass(frozen=True)
+class Sensor(Comparable):
+    """What the calibration sheet of a channel's sensor says.
+
+    Attributes
+    ----------
+    channel : str
+        One of `CHANNELS`.
+    quantity : str
+        One of `QUANTITIES`: a force is that on the hammer's mass.
+    unit : str
+        Of the quantity.
+    sensitivity : float
+        For one `unit` [V], signed; NaN: the source gives the quantity itself and needs none.
+    full_scale : float
+        Largest value that the sensor takes, either sign [unit]; 0: not known.
+    serial_number : str
+        As on the sensor; empty: not known.
+    calibration_date : str
+        Of the sheet, year-month-day; empty: not known.
+    sensitivity_uncertainty : float
+        Relative standard uncertainty of the channel's gain [-]; 0: not stated.
+    resonance, resonance_damping, low_corner : float
+        As in `SensorResponse`.
+    resonance_uncertainty, low_corner_uncertainty : float
+        Their standard uncertainties [Hz]; 0: not stated.
+    """
+
+    channel: str
+    quantity: str = "acceleration"
+    unit: str = "m/s^2"
+    sensitivity: float = field(default=math.nan, metadata=describe("V per unit"))
+    full_scale: float = 0.0
+    serial_number: str = ""
+    calibration_date: str = ""
+    sensitivity_uncertainty: float = field(default=0.0, metadata=describe(written="sensitivity_u"))
+    resonance: float = field(default=0.0, metadata=describe("Hz"))
+    resonance_uncertainty: float = field(
+        default=0.0, metadata=describe("Hz", written="resonance_u")
+    )
+    resonance_damping: float = DEFAULT_RESONANCE_DAMPING
+    low_corner: float = field(default=0.0, metadata=describe("Hz"))
+    low_corner_uncertainty: float = field(
+        default=0.0, metadata=describe("Hz", written="low_corner_u")
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be meant."""
+        if self.channel not in CHANNELS:
+            raise ParameterError(
+                f"sensor channel is {self.channel!r}: it must be one of {', '.join(CHANNELS)}"
+            )
+        name = f"{self.channel} sensor"
+        if self.quantity not in QUANTITIES:
+            raise ParameterError(
+                f"quantity of the {name} is {self.quantity!r}: it must be one of"
+                f" {', '.join(QUANTITIES)}"
+            )
+        if self.quantity == "force" and self.channel != "hammer":
+            raise ParameterError(
+                f"the {name} measures a force: on the sample it must be an acceleration"
+            )
+        object.__setattr__(self, "unit", normalize_unit(self.unit))
+        if self.unit not in QUANTITIES[self.quantity]:
+            raise ParameterError(
+                f"unit of the {name} is {self.unit!r}: {self.quantity} is in one of"
+                f" {', '.join(QUANTITIES[self.quantity])}"
+            )
+        if math.isinf(self.sensitivity) or self.sensitivity == 0.0:
+            raise ParameterError(
+                f"sensitivity of the {name} is {self.sensitivity!r} V per {self.unit}: it must be"
+                " a finite number, not zero"
+            )
+        check_not_negative(f"full scale of the {name}", self.full_scale, self.unit)
+        if self.calibration_date and not _DATE.fullmatch(self.calibration_date):
+            raise ParameterError(
+                f"calibration date of the {name} is {self.calibration_date!r}: write it as"
+                " year-month-day, like 2026-03-01"
+            )
+        check_response(name, self.response)
+        for what, standard, unit in (
+            ("sensitivity", self.sensitivity_uncertainty, ""),
+            ("resonance", self.resonance_uncertainty, "Hz"),
+            ("low corner", self.low_corner_uncertainty, "Hz"),
+        ):
+            check_not_negative(f"uncertainty of the {what} of the {name}", standard, unit)
+
+    @property
+    def response(self) -> SensorResponse:
+        """How it answers to what it measures."""
+        return SensorResponse(self.resonance, self.resonance_damping, self.low_corner)
+
+    def compute_scale(self, moving_mass: float = math.nan) -> float:
+        """Return the acceleration that one volt stands for.
+
+        Parameters
+        ----------
+        moving_mass : float
+            Of the body that a force acts on [kg]; needed for a force only.
+
+        Returns
+        -------
+        float
+            [m/s^2 per V]
+
+        Raises
+        ------
+        ParameterError
+            If the sensor has no sensitivity, or a force no mass.
+        """
+        if math.isnan(self.sensitivity):
+            raise ParameterError(
+                f"the {self.channel} sensor has no sensitivity: a channel in V needs one, for"
+                ' example sensitivity = "10 mV/g"'
+            )
+        return compute_scale("V", moving_mass, Sensitivity(self.sensitivity, self.unit))
+
+    def compute_full_scale(self, moving_mass: float = math.nan) -> float:
+        """Return the largest acceleration that the sensor takes [m/s^2]; 0: not known.
+
+        Parameters and errors as `compute_scale`; a sensitivity is not needed.
+        """
+        return self.full_scale * compute_scale(self.unit, moving_mass) if self.full_scale else 0.0
+
+    def describe_age(self, today: str) -> str:
+        """Say what there is of its calibration on a day, year-month-day; empty: nothing."""
+        day = self.calibration_date
+        if not day:
+            return ""
+        serial = f" {self.serial_number}" if self.serial_number else ""
+        told = f"the {self.channel} sensor{serial} was calibrated on {day}"
+        year, rest = today[:4], today[4:]
+        # Days written year-month-day sort as texts.
+        if day < f"{int(year) - LONGEST_INTERVAL:04d}{rest}":
+            return f"{told}, over a year before {today}: have it calibrated anew"
+        if day > today:
+            return f"{told}, which lies ahead of {today}: check calibration_date and this clock"
+        return ""
+
+    def describe(self) -> str:
+        """Return what is known of the sensor, in a few words."""
+        known = [self.quantity]
+        if not math.isnan(self.sensitivity):
+            known.append(f"{self.sensitivity * 1e3:.6g} mV per {self.unit}")
+        if self.full_scale:
+            known.append(f"up to {self.full_scale:.6g} {self.unit}")
+        if self.serial_number:
+            known.append(f"serial number {self.serial_number}")
+        if self.calibration_date:
+            known.append(f"calibrated {self.calibration_date}")
+        if self.resonance:
+            known.append(f"resonance {self.resonance * 1e-3:.6g} kHz")
+            default = ", the default" * (self.resonance_damping == DEFAULT_RESONANCE_DAMPING)
+            known.append(f"damping {self.resonance_damping:g}{default}")
+        if self.low_corner:
+            known.append(f"low corner {self.low_corner:.6g} Hz")
+        return ", ".join(known)
+
+
+def check_response(name: str, response: SensorResponse) -> None:
+    """Refuse a response that no sensor has; raises `ParameterError` that names the sensor."""
+    check_not_negative(f"resonance of the {name}", response.resonance, "Hz")
+    check_not_negative(f"low corner of the {name}", response.low_corner, "Hz")
+    if not 0.0 < response.damping <= 1.0:
+        raise ParameterError(
+            f"resonance damping of the {name} is {response.damping!r}: it must be above 0 and 1 at"
+            " most, of critical damping"
+        )
+    if response.resonance and response.low_corner >= response.resonance:
+        raise ParameterError(
+            f"low corner of the {name} is {response.low_corner:g} Hz: it must lie below the"
+            f" resonance of {response.resonance:g} Hz"
+        )
+
+
+ROLES = ("time", "hammer", "specimen", "skip")
+"""What a column may hold: time [s], the hammer's or the sample's signal, or nothing of use."""
+
+
+@dataclass(frozen=True)
+class ChannelUse:
+    """What is known of one body's channel beside its file.
+
+    Attributes
+    ----------
+    channel : str
+        Its name in the file, or its number there, counted from 1; empty: by its place.
+    unit : str
+        One of `UNITS`; empty: as the file states it.
+    sensitivity : Sensitivity or None
+        Of the sensor, for a channel in V.
+    full_scale : float
+        Largest value that the channel can show, either sign; 0: not known.
+    full_scale_unit : str
+        One of `UNITS`.
+    response : SensorResponse
+        Of the sensor.
+    """
+
+    channel: str = ""
+    unit: str = ""
+    sensitivity: Sensitivity | None = None
+    full_scale: float = 0.0
+    full_scale_unit: str = "m/s^2"
+    response: SensorResponse = FLAT
+
+    def __post_init__(self) -> None:
+        """Refuse unknown units, and a sensitivity of what is no voltage."""
+        for what, unit in (("", self.unit), ("full scale: ", self.full_scale_unit)):
+            if unit and normalize_unit(unit) not in UNITS:
+                raise ParameterError(
+                    f"{what}unit {unit!r} is unknown: a channel is in {list_units()}"
+                )
+        check_not_negative("full scale", self.full_scale, self.full_scale_unit)
+        check_response("channel's sensor", self.response)
+        if self.sensitivity and self.unit and normalize_unit(self.unit) not in VOLTAGES:
+            raise ParameterError(
+                f"a channel in {self.unit} has no use for a sensitivity: that is for channels in V"
+            )
+
+
+@dataclass(frozen=True)
+class ChannelPlan(Comparable):
+    """Which channels of the files are what.
+
+    Attributes
+    ----------
+    hammer, specimen : ChannelUse
+        Of both bodies.
+    columns : tuple of str or None
+        Role of each channel in its place, one of `ROLES`; several hammers are as many hits. None:
+        by the names in `hammer` and `specimen`, or by their number.
+    sampling_rate : float
+        Of files that do not state it [Hz]; goes before a column of times. NaN: not given.
+    time_unit : str
+        Of times whose file does not state it: one of `TIME_UNITS`; empty: not given.
+    """
+
+    hammer: ChannelUse = field(default_factory=ChannelUse)
+    specimen: ChannelUse = field(default_factory=ChannelUse)
+    columns: tuple[str, ...] | None = None
+    sampling_rate: float = math.nan
+    time_unit: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse roles that contradict each other."""
+        if not math.isnan(self.sampling_rate):
+            check_positive("sampling rate", self.sampling_rate, "Hz")
+        if self.time_unit:
+            object.__setattr__(self, "time_unit", _read_time_unit(self.time_unit))
+        if self.columns is not None:
+            self._check_columns(self.columns)
+        if normalize_unit(self.specimen.unit) in FORCES:
+            raise ParameterError(
+                f"the sample's channel is in {self.specimen.unit}: it must be an acceleration,"
+                " or a voltage of one"
+            )
+        if self.specimen.channel and not self.hammer.channel:
+            raise ParameterError(
+                f"the sample's channel is {self.specimen.channel!r}, and the hammer's is not"
+                " named: its pulse is what is measured"
+            )
+        if self.hammer.channel and self.hammer.channel == self.specimen.channel:
+            raise ParameterError(
+                f"channel {self.hammer.channel!r} is the hammer's and the sample's: name two"
+            )
+
+    def _check_columns(self, columns: tuple[str, ...]) -> None:
+        for role in columns:
+            if role not in ROLES:
+                raise ParameterError(f"column role {role!r} is unknown: it is {', '.join(ROLES)}")
+        if columns.count("time") > 1:
+            raise ParameterError("column role 'time' is given twice")
+        hits, specimens = columns.count("hammer"), columns.count("specimen")
+        if not hits:
+            raise ParameterError("no column has the role 'hammer': its pulse is what is measured")
+        if specimens not in (0, hits):
+            raise ParameterError(
+                f"{hits} columns are the hammer's and {specimens} the sample's: several hits need"
+                " as many of both, or none of the sample"
+            )
+        if self.hammer.channel or self.specimen.channel:
+            raise ParameterError(
+                "channels are told by the roles of all columns or by name: one of the two"
+            )
+
+
+def _read_time_unit(text: str) -> str:
+    unit = normalize_time_unit(text)
+    if unit == SAMPLES:
+        raise ParameterError("times that count samples need a sampling rate in place of a unit")
+    if not unit:
+        raise ParameterError(f"time unit {text!r} is unknown: it is {', '.join(TIME_UNITS)}")
+    return unit

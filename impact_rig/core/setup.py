@@ -1,0 +1,533 @@
+"""What is struck and how it is analysed: samples, hammer, settings, the published samples."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+from impact_rig.core.errors import (
+    ParameterError,
+    check_between,
+    check_mass_uncertainty,
+    check_not_negative,
+    check_positive,
+)
+from impact_rig.core.quantity import INLINE, Comparable, describe
+from impact_rig.core.sensors import Sensor, SensorResponse
+
+CONTACT_EXPONENTS = (0.6, 3.9)
+"""Least and largest n of a contact law that is given [-], our choice: 1 is a linear spring, 3/2
+Hertz; the family ends a little beyond."""
+MOST_KEPT_HITS = 1_000_000
+"""Largest `keep_hits` [-], our choice: more than any campaign strikes."""
+
+
+@dataclass(frozen=True)
+class AnalysisSettings:
+    """Settings of detection, verdict and estimation.
+
+    Attributes
+    ----------
+    cutoff_frequency : float
+        -3 dB frequency of the zero-phase low-pass [Hz]; 0 switches it off. 50 kHz as published.
+    pulse_factor : float
+        F in tau_p = F * w50 [-]; the published 2 belongs to a versed-sine.
+    pre_trigger : float
+        Kept before the impact, and the source of the baseline [s]. Our choice: a tenth of the
+        record.
+    record_duration : float
+        Length of a hit's record [s]; 2 ms as published.
+    detection_level : float
+        Hammer acceleration that starts a hit, part of full scale [-]. Our choice: well above
+        12-bit noise, well below the weakest acceptable hit.
+    minimum_peak : float
+        Weakest acceptable hammer peak, part of full scale [-]. Our choice.
+    maximum_peak : float
+        Strongest acceptable peak of either channel, part of full scale [-]. Our choice: room for
+        offset and noise below the rail.
+    overload_run : int
+        Points in a row at the rail that make an overload [-]. Our choice: one point may be
+        chance, two are not.
+    double_hit_level : float
+        Second pulse that makes a double hit, part of the first [-]. Our choice: noise and what
+        sensors leave behind are less.
+    keep_hits : int
+        How many accepted hits of a sample are averaged at most, the most consistent ones [-]; 0:
+        all.
+    double_hit_window : float
+        Distance of two pulses up to which the second counts [s]; 0: any.
+    turns_polarity : bool
+        Turn hits of the other sign than those before, instead of rejecting them.
+    contact_exponent : float
+        n of the contact law where it is known [-]; 0: it is fitted.
+    """
+
+    cutoff_frequency: float = field(default=50e3, metadata=describe("Hz"))
+    pulse_factor: float = 2.0
+    pre_trigger: float = field(default=0.2e-3, metadata=describe("s"))
+    record_duration: float = field(default=2e-3, metadata=describe("s"))
+    detection_level: float = 0.03
+    minimum_peak: float = 0.15
+    maximum_peak: float = 0.95
+    overload_run: int = 2
+    double_hit_level: float = 0.02
+    keep_hits: int = 0
+    double_hit_window: float = field(default=0.0, metadata=describe("s"))
+    turns_polarity: bool = False
+    contact_exponent: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse values that cannot be meant."""
+        check_not_negative("cutoff_frequency", self.cutoff_frequency, "Hz")
+        check_between("pulse_factor", self.pulse_factor, 1.0, 4.0)
+        check_positive("record_duration", self.record_duration, "s")
+        check_positive("pre_trigger", self.pre_trigger, "s")
+        if self.pre_trigger >= self.record_duration:
+            raise ParameterError(
+                f"pre_trigger is {self.pre_trigger} s: it must be shorter than the record"
+                f" of {self.record_duration} s"
+            )
+        check_between("detection_level", self.detection_level, 1e-6, 1.0)
+        check_between("minimum_peak", self.minimum_peak, 0.0, 1.0)
+        check_between("maximum_peak", self.maximum_peak, 0.0, 1.0)
+        if self.maximum_peak <= self.minimum_peak:
+            raise ParameterError(
+                f"maximum_peak is {self.maximum_peak!r}: it must lie above the minimum_peak of"
+                f" {self.minimum_peak!r}"
+            )
+        check_between("overload_run", self.overload_run, 1, 1000)
+        check_between("double_hit_level", self.double_hit_level, 1e-3, 1.0)
+        check_not_negative("double_hit_window", self.double_hit_window, "s")
+        if self.contact_exponent:
+            check_between("contact_exponent", self.contact_exponent, *CONTACT_EXPONENTS)
+        check_between("keep_hits", self.keep_hits, 0, MOST_KEPT_HITS)
+        if self.keep_hits != int(self.keep_hits):
+            raise ParameterError(f"keep_hits is {self.keep_hits!r}: it must be whole")
+
+
+DEFAULT_CLOCK_UNCERTAINTY = 5.8e-5
+"""Relative standard uncertainty of the sampling rate [-]: a crystal good for 100 ppm, taken as
+rectangular, 1e-4 / sqrt(3)."""
+
+
+def format_angle(angle: float) -> str:
+    """Return an angle [rad] as a person writes it: 10°."""
+    return f"{math.degrees(angle):g}°"
+
+
+def check_release_angles(angles: Sequence[float]) -> None:
+    """Raise `ParameterError` unless a hammer can swing down from these angles [rad]."""
+    names = [format_angle(angle) for angle in angles]
+    for angle, name in zip(angles, names, strict=True):
+        if not 0.0 < angle <= math.pi / 2.0:
+            raise ParameterError(f"release angle is {name}: it must be above 0° and 90° at most")
+        if names.count(name) > 1:
+            raise ParameterError(f"release angle {name} is given twice: once is enough")
+
+
+@dataclass(frozen=True)
+class Sample(Comparable):
+    """One sample of the set.
+
+    Attributes
+    ----------
+    name : str
+        Unique in the set.
+    mass : float
+        Without accelerometer [kg]; NaN: not known, and then neither k2 nor c2 is.
+    material : str
+        In words; may be empty.
+    reference_contact_time, reference_stiffness, reference_damping_coefficient : float
+        Published or expected tau_p [s], k2 [N/m] and c2 [N s/m]; NaN: none. The virtual rig
+        strikes a sample that behaves like this, tables show them beside the measured values.
+    mass_uncertainty : float
+        Standard uncertainty of the mass [kg]; 0: not stated.
+    release_angle : float
+        Of the hammer in this series of hits [rad]; NaN: the rig's. A sample that is struck from
+        several angles is in the set once for each, "steel small 5°" beside "steel small 10°".
+    """
+
+    name: str
+    mass: float = field(metadata=describe("kg"))
+    material: str = ""
+    reference_contact_time: float = field(default=math.nan, metadata=describe("s"))
+    reference_stiffness: float = field(default=math.nan, metadata=describe("N/m"))
+    reference_damping_coefficient: float = field(default=math.nan, metadata=describe("N s/m"))
+    mass_uncertainty: float = field(default=0.0, metadata=describe("kg", written="mass_u"))
+    release_angle: float = field(default=math.nan, metadata=describe("rad"))
+
+    def __post_init__(self) -> None:
+        """Refuse a nameless sample and impossible numbers."""
+        if not self.name.strip():
+            raise ParameterError("a sample has an empty name: every sample needs its own name")
+        for what, text in (("name", self.name), ("material", self.material)):
+            # Progress and logs show it as it is: it must not steer a terminal.
+            if not text.isprintable():
+                raise ParameterError(
+                    f"the {what} of a sample is {text!r}: it must be of letters that can be shown"
+                )
+        if not math.isnan(self.mass):
+            check_positive(f"mass of sample {self.name!r}", self.mass, "kg")
+        check_mass_uncertainty(
+            f"mass uncertainty of sample {self.name!r}", self.mass_uncertainty, self.mass
+        )
+        for quantity, value, unit in (
+            ("reference contact time", self.reference_contact_time, "s"),
+            ("reference stiffness", self.reference_stiffness, "N/m"),
+            ("reference damping coefficient", self.reference_damping_coefficient, "N s/m"),
+        ):
+            if not math.isnan(value):
+                check_positive(f"{quantity} of sample {self.name!r}", value, unit)
+        if self.has_angle:
+            check_release_angles([self.release_angle])
+
+    @property
+    def has_angle(self) -> bool:
+        """Whether this is the series of one release angle."""
+        return not math.isnan(self.release_angle)
+
+    @property
+    def body(self) -> str:
+        """Name of what is struck, without the release angle."""
+        angle = f" {format_angle(self.release_angle)}" if self.has_angle else ""
+        return self.name.removesuffix(angle)
+
+    def at_angle(self, angle: float) -> Self:
+        """Return the series of hits on this sample from one release angle [rad]."""
+        return replace(self, name=f"{self.name} {format_angle(angle)}", release_angle=angle)
+
+
+@dataclass(frozen=True)
+class SampleSet:
+    """The samples of a campaign and the one of them that calibrates the hammer.
+
+    Attributes
+    ----------
+    samples : tuple of Sample
+        In the order of the table.
+    control_sample : str
+        The sample alike to the hammer, for which k1 = k2 is assumed; empty: none, and then
+        neither k1 nor any k2 can be determined.
+    accelerometer_mass : float
+        Carried by every sample, part of m2 [kg].
+    accelerometer_mass_uncertainty : float
+        Standard uncertainty of that mass [kg]; 0: not stated.
+    """
+
+    samples: tuple[Sample, ...]
+    control_sample: str
+    accelerometer_mass: float = field(default=0.0, metadata=describe("kg"))
+    accelerometer_mass_uncertainty: float = field(
+        default=0.0, metadata=describe("kg", written="accelerometer_mass_u")
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse an empty set, double names and a control sample that is not in the set."""
+        check_not_negative("accelerometer mass", self.accelerometer_mass, "kg")
+        check_mass_uncertainty(
+            "accelerometer mass uncertainty",
+            self.accelerometer_mass_uncertainty,
+            self.accelerometer_mass,
+        )
+        if not self.samples:
+            raise ParameterError("the sample set is empty: it needs at least one sample")
+        names = [sample.name for sample in self.samples]
+        for name in names:
+            if names.count(name) > 1:
+                raise ParameterError(f"sample {name!r} appears twice in the set: names are unique")
+        if self.control_sample and self.control_sample not in names:
+            raise ParameterError(
+                f"control sample {self.control_sample!r} is missing from the set, which has "
+                + ", ".join(map(repr, names))
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the samples in the order of the set."""
+        return tuple(sample.name for sample in self.samples)
+
+    def find(self, name: str) -> Sample:
+        """Return the sample called `name`.
+
+        Raises
+        ------
+        ParameterError
+            If the set has no such sample.
+        """
+        for sample in self.samples:
+            if sample.name == name:
+                return sample
+        raise ParameterError(
+            f"unknown sample {name!r}: the set has " + ", ".join(map(repr, self.names))
+        )
+
+    def find_series(self, bodies: Sequence[str]) -> tuple[str, ...]:
+        """Return the names of all series on some bodies, in the order of the bodies."""
+        return tuple(item.name for body in bodies for item in self.samples if item.body == body)
+
+    def find_control(self, angle: float) -> str:
+        """Return the control sample's series of a release angle [rad]; NaN: its only one."""
+        for item in self.samples:
+            if item.release_angle == angle and item.body == self.find(self.control_sample).body:
+                return item.name
+        return self.control_sample
+
+    def get_moving_mass(self, name: str) -> float:
+        """Return m2 of the sample called `name`, accelerometer included [kg]."""
+        return self.find(name).mass + self.accelerometer_mass
+
+
+ACCELERATION = 1.0, "m/s^2"
+"""What an accelerometer measures at 1 m/s^2, and its unit."""
+
+
+@dataclass(frozen=True)
+class RigSetup(Comparable):
+    """Everything that turns records into numbers, and lets a recording explain itself.
+
+    Attributes
+    ----------
+    samples : SampleSet
+        What is struck.
+    hammer_mass : float
+        Effective seismic mass m1 [kg]; NaN: not known, and then neither k nor c is.
+    impact_speed : float
+        Hammer speed at contact v1 [m/s]; NaN: not known, and the printed model is left out.
+    release_angle : float
+        From which the hammer reaches it [rad]; NaN: not known.
+    analysis : AnalysisSettings
+        How hits are judged and evaluated.
+    name, description : str
+        Of the rig, in the operator's words.
+    hammer_mass_uncertainty : float
+        Standard uncertainty of m1 [kg]; 0: not stated.
+    clock_uncertainty : float
+        Relative standard uncertainty of the sampling rate [-]; 0: not stated.
+    hammer_stiffness : float
+        k1 from an earlier control experiment [N/m]; NaN: from the control sample of this set.
+    sensors : tuple of Sensor
+        Of the channels, as far as they are known; one each at most.
+    """
+
+    samples: SampleSet = field(metadata=INLINE)
+    hammer_mass: float = field(metadata=describe("kg"))
+    impact_speed: float = field(metadata=describe("m/s"))
+    analysis: AnalysisSettings = field(default_factory=AnalysisSettings)
+    name: str = ""
+    description: str = ""
+    hammer_mass_uncertainty: float = field(
+        default=0.0, metadata=describe("kg", written="hammer_mass_u")
+    )
+    clock_uncertainty: float = field(
+        default=DEFAULT_CLOCK_UNCERTAINTY, metadata=describe(written="clock_u")
+    )
+    hammer_stiffness: float = field(default=math.nan, metadata=describe("N/m"))
+    sensors: tuple[Sensor, ...] = ()
+    release_angle: float = field(default=math.nan, metadata=describe("rad"))
+
+    def __post_init__(self) -> None:
+        """Refuse impossible numbers."""
+        channels = [sensor.channel for sensor in self.sensors]
+        if len(set(channels)) < len(channels):
+            raise ParameterError(f"sensors are of {', '.join(channels)}: a channel has one")
+        if not math.isnan(self.hammer_mass):
+            check_positive("hammer mass", self.hammer_mass, "kg")
+        if not math.isnan(self.hammer_stiffness):
+            check_positive("hammer stiffness", self.hammer_stiffness, "N/m")
+        if not math.isnan(self.impact_speed):
+            check_positive("impact speed", self.impact_speed, "m/s")
+        if not math.isnan(self.release_angle):
+            check_release_angles([self.release_angle])
+        check_mass_uncertainty(
+            "hammer mass uncertainty", self.hammer_mass_uncertainty, self.hammer_mass
+        )
+        check_not_negative("clock uncertainty", self.clock_uncertainty, "of the sampling rate")
+
+    def find_sensor(self, channel: str) -> Sensor:
+        """Return what is known of the sensor of a channel."""
+        known = (sensor for sensor in self.sensors if sensor.channel == channel)
+        return next(known, Sensor(channel))
+
+    def list_calibration_warnings(self, today: str) -> tuple[str, ...]:
+        """Return in one sentence each which sensors were calibrated too long ago, on a day."""
+        return tuple(filter(None, (sensor.describe_age(today) for sensor in self.sensors)))
+
+    @property
+    def responses(self) -> tuple[SensorResponse, SensorResponse]:
+        """Of both channels' sensors."""
+        return self.find_sensor("hammer").response, self.find_sensor("specimen").response
+
+    @property
+    def hammer_reading(self) -> tuple[float, str]:
+        """What the hammer's sensor measures at 1 m/s^2, and in which unit: N of a force hammer."""
+        if self.find_sensor("hammer").quantity != "force":
+            return ACCELERATION
+        return (1.0 if math.isnan(self.hammer_mass) else self.hammer_mass), "N"
+
+    def find_unknown_masses(self, name: str) -> tuple[str, ...]:
+        """Return whose mass, of hammer and sample called `name`, is not known."""
+        masses = (("hammer", self.hammer_mass), (name, self.samples.find(name).mass))
+        return tuple(body for body, mass in masses if math.isnan(mass))
+
+    def at_angles(self, angles: Sequence[float]) -> Self:
+        """Return the set-up with every sample once for each release angle [rad].
+
+        Raises
+        ------
+        ParameterError
+            If an angle cannot be meant, or no speed can be told from it.
+        """
+        check_release_angles(angles)
+        if math.isnan(self.release_angle):
+            raise ParameterError(
+                "release_angle of the hammer is not known: give in the rig file's [hammer] the"
+                " one from which it reaches its impact_speed, so that others tell theirs"
+            )
+        samples = tuple(item.at_angle(angle) for item in self.samples.samples for angle in angles)
+        control = self.samples.control_sample
+        if control:
+            control = self.samples.find(control).at_angle(angles[0]).name
+        return replace(
+            self, samples=replace(self.samples, samples=samples, control_sample=control)
+        )
+
+    def for_series(self, name: str) -> Self:
+        """Return the set-up as it is for one sample: speed and control sample of its angle.
+
+        A pendulum of length l that falls from the angle theta is at the bottom as fast as
+        v = sqrt(2 g l (1 - cos theta)) = 2 sqrt(g l) sin(theta / 2).
+        """
+        sample = self.samples.find(name)
+        if not sample.has_angle:
+            return self
+        angle = sample.release_angle
+        return replace(
+            self,
+            impact_speed=self.impact_speed
+            * (math.sin(angle / 2.0) / math.sin(self.release_angle / 2.0)),
+            release_angle=angle,
+            samples=replace(self.samples, control_sample=self.samples.find_control(angle)),
+        )
+
+
+HAMMER_MASS = 0.100
+"""m1, Table 1 [kg]."""
+ACCELEROMETER_MASS = 3e-3
+"""Accelerometer on every sample, Table 1 [kg]. It belongs to m2: only so do equations (5) and
+(6) turn Table 2 into Table 3."""
+HAMMER_MASS_UNCERTAINTY = 0.29e-3
+ACCELEROMETER_MASS_UNCERTAINTY = 0.29e-3
+SAMPLE_MASS_UNCERTAINTY = 0.0029e-3
+"""Standard uncertainties of the printed masses by their rounding alone [kg]: half a unit of the
+last digit of 100 g, 3 g and 21.31 g, rectangular, so over sqrt(3)."""
+IMPACT_SPEED = 0.0819
+"""v1 as printed [m/s]; 0.312 rad/s times 265 mm would be 0.0827."""
+RELEASE_ANGLE = math.radians(3.7)
+"""Section 3: the hammer swings from here [rad]."""
+HAMMER_STIFFNESS = 22.54e6
+"""k1, Table 3 [N/m]."""
+HAMMER_DAMPING_COEFFICIENT = 1909.0
+"""c1, Table 4 [N s/m]."""
+PULSE_NAME = "versed-sine"
+"""What equation (4) is called."""
+CONTROL_SAMPLE = "aluminium large"
+
+
+@dataclass(frozen=True)
+class PublishedSample:
+    """One cell of Tables 1 to 4, in SI units.
+
+    Attributes
+    ----------
+    name, material, size : str
+        `name` is material and size.
+    mass : float
+        Without accelerometer [kg], Table 1.
+    printed_contact_time : float
+        tau_p as Table 2 prints it [s].
+    stiffness : float
+        k2 [N/m], Table 3.
+    damping_coefficient : float
+        c2 [N s/m], Table 4.
+    contact_time : float
+        tau_p that agrees with Table 3 [s]: the printed one unless that is a misprint.
+    """
+
+    material: str
+    size: str
+    mass: float
+    printed_contact_time: float
+    stiffness: float
+    damping_coefficient: float
+    contact_time: float
+
+    @property
+    def name(self) -> str:
+        """Material and size."""
+        return f"{self.material} {self.size}"
+
+    @property
+    def is_misprinted(self) -> bool:
+        """Whether Table 2 contradicts Table 3 for this sample."""
+        return self.contact_time != self.printed_contact_time
+
+
+def _cell(
+    material: str,
+    size: str,
+    numbers: tuple[float, float, float, float],
+    corrected: float | None = None,
+) -> PublishedSample:
+    mass_g, contact_time_us, stiffness_mn_per_m, damping = numbers
+    return PublishedSample(
+        material=material,
+        size=size,
+        mass=mass_g / 1e3,
+        printed_contact_time=contact_time_us / 1e6,
+        stiffness=stiffness_mn_per_m * 1e6,
+        damping_coefficient=damping,
+        contact_time=(contact_time_us if corrected is None else corrected) / 1e6,
+    )
+
+
+PUBLISHED_SAMPLES = (
+    _cell("aluminium", "small", (21.31, 144.8, 15.56, 206)),
+    _cell("aluminium", "medium", (61.62, 196.8, 17.99, 531)),
+    _cell("aluminium", "large", (102.38, 212.0, 22.54, 802)),
+    _cell("steel", "small", (56.32, 170.0, 29.18, 483)),
+    _cell("steel", "medium", (166.91, 203.2, 45.29, 1170)),
+    _cell("steel", "large", (277.10, 219.2, 46.11, 1670)),
+    _cell("bronze", "small", (70.48, 188.0, 24.89, 848)),
+    _cell("bronze", "medium", (209.53, 226.4, 31.26, 2028)),
+    _cell("bronze", "large", (348.13, 239.2, 33.22, 2423)),
+    _cell("brass", "small", (60.86, 189.0, 20.71, 667)),
+    # 288.10 us would give 11.7 MN/m; Table 3's 26.99 MN/m needs 228.0 us.
+    _cell("brass", "medium", (180.14, 288.1, 26.99, 1070), corrected=228.0),
+    _cell("brass", "large", (299.60, 244.0, 27.87, 2768)),
+)
+
+PAPER_SETUP = RigSetup(
+    samples=SampleSet(
+        samples=tuple(
+            Sample(
+                name=cell.name,
+                mass=cell.mass,
+                material=cell.material,
+                reference_contact_time=cell.contact_time,
+                reference_stiffness=cell.stiffness,
+                reference_damping_coefficient=cell.damping_coefficient,
+                mass_uncertainty=SAMPLE_MASS_UNCERTAINTY,
+            )
+            for cell in PUBLISHED_SAMPLES
+        ),
+        control_sample=CONTROL_SAMPLE,
+        accelerometer_mass=ACCELEROMETER_MASS,
+        accelerometer_mass_uncertainty=ACCELEROMETER_MASS_UNCERTAINTY,
+    ),
+    hammer_mass=HAMMER_MASS,
+    hammer_mass_uncertainty=HAMMER_MASS_UNCERTAINTY,
+    impact_speed=IMPACT_SPEED,
+    release_angle=RELEASE_ANGLE,
+    name="paper",
+    description="twelve metal cylinders struck by a pendulum hammer",
+)

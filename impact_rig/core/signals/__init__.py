@@ -1,1 +1,0 @@
-"""Blocks of counts, records cut out of the stream, and the low-pass."""

@@ -1,0 +1,371 @@
+"""The level after the impact: step, droop and drift of a sensor, by one least-squares model."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+
+from impact_rig.core.filtering import low_pass
+from impact_rig.core.pulse_width import PulseWidth
+from impact_rig.core.records import FloatArray
+from impact_rig.core.setup import AnalysisSettings
+from impact_rig.core.verdict import Reason
+
+ZERO_AFTER = "zero after the impact"
+"""Source of the uncertainty of what is corrected, in budgets."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What is asked of a tail before it is believed."""
+
+    begin: float = 1.5  # [w50] behind the fall; at e = 0.5 a contact's foot takes one
+    parts: int = 16  # [-] of the tail; their means take noise and ringing out
+    baseline_parts: int = 4  # [-] which tell a drift
+    shortest_part: int = 8  # [points] our choice
+    least_level: float = 2e-3  # [peak] RMS; it changes tau_p by 0.15 %
+    chance: float = 1e-12  # [-] of F, our choice: 5 % of the squares are left; it is for ringing
+    simpler: float = 1e-6  # [-] of F, up to which a simpler cause does not do as well
+    exactness: float = 0.02  # [level] what hum and an integrated baseline leave, our choice
+    fastest: float = 1.0  # [-] rate of a droop times the time to the tail; sooner comes a contact
+    remaining: float = 0.5  # [level] what is left at the record's end of what a body does not do
+    uncertainty: float = 0.03  # [peak] of what is taken off the pulse: that of a step of 10 %
+    surprise: float = 0.4  # [level] RMS that one wave may leave of the means it predicts
+    cycles: int = 6  # [-] in the tail from which a narrow line is ringing, our choice
+    jump_reach: float = 0.25  # [w50] either way of a jump; a cubic follows a pulse within 0.1 %
+    jump_tolerance: float = 0.3  # [step] by the pulse's noise and ringing
+    jump_noise: float = 6.0  # [-] standard deviations; noise jumps so in one pulse of a thousand
+
+
+LIMITS = Limits()
+
+
+@dataclass(frozen=True)
+class ZeroShift:
+    """What the level of one trace is after the impact.
+
+    Attributes
+    ----------
+    reason : Reason
+        Its cause.
+    explanation : str
+        For people, with the figures.
+    correction : ndarray or None
+        To be taken off the trace, shape (n,) [unit of the trace]; None: it is not sure enough.
+    uncertainty : float
+        Standard uncertainty of the correction under the pulse [unit of the trace].
+    stays : bool
+        It is still there at the record's end: no body does that.
+    came_at_once : bool
+        It is a step within the pulse.
+    """
+
+    reason: Reason
+    explanation: str
+    correction: FloatArray | None = None
+    uncertainty: float = 0.0
+    stays: bool = True
+    came_at_once: bool = False
+
+
+def judge_zeros(
+    traces: FloatArray,
+    pulse: PulseWidth,
+    baseline: int,
+    noise: FloatArray,
+    sampling_rate: float,
+    settings: AnalysisSettings,
+    limits: Limits = LIMITS,
+) -> list[ZeroShift | None]:
+    """Judge the level of each trace after the impact.
+
+    Parameters
+    ----------
+    traces : ndarray, shape (channels, n)
+        Hammer, then sample where measured; mean of the baseline zero.
+    pulse : PulseWidth
+        Of the hammer.
+    baseline : int
+        Points of the baseline.
+    noise : ndarray, shape (channels,)
+        Standard deviation of each trace's white noise [unit of the traces].
+    sampling_rate : float
+        [Hz]
+    settings : AnalysisSettings
+        Of the low-pass; and of double hits: a hammer's tail of less than their level, RMS over the
+        peak, needs no explanation.
+
+    Returns
+    -------
+    list of ZeroShift or None
+        By channel; None: the trace comes back to its baseline, or the model does not describe its
+        tail.
+    """
+    count, points = traces.shape
+    begin = math.ceil(pulse.fall + limits.begin * pulse.half_amplitude_width)
+    size, before = (points - begin) // limits.parts, baseline // limits.baseline_parts
+    found: list[ZeroShift | None] = [None] * count
+    if min(size, before) < limits.shortest_part:
+        return found
+    share = compute_share(traces[0], pulse)
+    tails = traces[:, begin : begin + limits.parts * size]
+    means = tails.reshape(count, limits.parts, size).mean(axis=2)
+    levels = np.sqrt(np.mean(np.square(means), axis=1))
+    peaks = np.abs(traces[:, math.floor(pulse.rise) : math.ceil(pulse.fall) + 1]).max(axis=1)
+    is_off = (levels > limits.least_level * peaks) & (peaks > 0.0)
+    for channel in np.flatnonzero(is_off).tolist():
+        tail = _Tail(traces[channel], share, pulse, baseline, begin, size, before, limits)
+        known = float(peaks[channel]), float(noise[channel]), sampling_rate
+        is_droop = channel and found[0] is not None and found[0].reason is Reason.DROOP
+        models = DROOP_FIRST if is_droop else MODELS
+        shift = tail.explain(models, *known, settings.cutoff_frequency)
+        if not channel and shift is not None and shift.correction is not None:
+            # What was corrected is no momentum.
+            share = compute_share(traces[0] - shift.correction, pulse)
+            tail = replace(tail, share=share)
+            shift = tail.explain(models, *known, settings.cutoff_frequency)
+        found[channel] = shift
+    if found[0] is None:
+        whole = math.sqrt(float(np.mean(np.square(tails[0]))))
+        level = settings.double_hit_level * float(peaks[0])
+        frequency = _find_ringing(tails[0], limits) if whole > level else None
+        percent = f"{100.0 * whole / peaks[0]:.2g} % of the peak, RMS"
+        if frequency is not None:
+            text = f"it rings by {percent}, at {frequency * sampling_rate * 1e-3:.2g} kHz"
+            found[0] = ZeroShift(Reason.RINGING, text)
+        elif levels[0] > level and not _is_wave(means[0], limits):
+            text = (
+                f"it wanders by {percent}, as by noise of a cable or strain of the sensor's base"
+            )
+            found[0] = ZeroShift(Reason.UNSTEADY_ZERO, text)
+    return found
+
+
+def _find_ringing(tail: FloatArray, limits: Limits) -> float | None:
+    """Return the frequency of a tail that rings, over the sampling rate [-]; None: it does not."""
+    power = np.square(np.abs(np.fft.rfft((tail - tail.mean()) * np.hanning(tail.size))))
+    line = int(power.argmax())
+    near = np.arange(max(line - 2, 0), min(line + 3, power.size))
+    is_narrow = float(power[near].sum()) > 0.5 * float(power.sum())
+    if not is_narrow or line < limits.cycles:
+        return None
+    return float(near @ power[near] / power[near].sum()) / tail.size
+
+
+def _is_wave(means: FloatArray, limits: Limits) -> bool:
+    """Tell whether each mean follows from the two before it, as in any one decaying wave."""
+    earlier = np.stack([means[1:-1], means[:-2], np.ones(means.size - 2)], axis=1)
+    rest = means[2:] - earlier @ np.linalg.lstsq(earlier, means[2:], rcond=None)[0]
+    return float(rest @ rest) < limits.surprise**2 * float(means[2:] @ means[2:])
+
+
+def compute_share(hammer: FloatArray, pulse: PulseWidth) -> FloatArray:
+    """Return which part of the hammer's momentum has passed over at each point, 0 to 1 [-]."""
+    reach = pulse.half_amplitude_width
+    inside = slice(max(int(pulse.rise - reach), 0), int(pulse.fall + reach) + 1)
+    passed = np.zeros(hammer.size)
+    passed[inside] = np.maximum(hammer[inside] * math.copysign(1.0, pulse.peak), 0.0)
+    passed = np.cumsum(passed)
+    return np.asarray(passed / passed[-1])
+
+
+STEP, DROOP, DRIFT = range(3)
+MODELS = ((STEP,), (DROOP,), (DRIFT,), (STEP, DROOP), (STEP, DROOP, DRIFT))
+"""Which terms a tail may need, the simplest first: of two that cannot be told apart, and take off
+the same, always the same is named. A step that goes is a step with a droop."""
+DROOP_FIRST = ((DROOP,), *MODELS)
+"""The same for a sample whose hammer droops: one cause has one name."""
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Some terms of the model, fitted; rest is the variance of what they leave."""
+
+    terms: tuple[int, ...]
+    factors: FloatArray
+    covariance: FloatArray  # of the factors, for a variance of 1
+    squares: float  # what is left
+    freedom: int
+
+
+@dataclass(frozen=True)
+class _Tail:
+    """One trace and the means that its model is fitted to.
+
+    A step comes with the hammer's momentum. A high-pass of one pole takes its own output's
+    integral away. A drift runs through the baseline, too. A step that goes obeys the equation of
+    the high-pass.
+    """
+
+    trace: FloatArray
+    share: FloatArray
+    pulse: PulseWidth
+    baseline: int
+    begin: int
+    size: int
+    before: int
+    limits: Limits
+
+    def explain(
+        self,
+        models: tuple[tuple[int, ...], ...],
+        peak: float,
+        noise: float,
+        sampling_rate: float,
+        cutoff_frequency: float,
+    ) -> ZeroShift | None:
+        """Return the simplest cause that leaves no more than all together; None: none is sure."""
+        terms = self._make_terms()
+        rows, measured = self._average(terms), self._average(self.trace[np.newaxis])[0]
+        fits = [self._fit(rows, measured, chosen) for chosen in models]
+        full = fits[-1]
+        floor = noise**2 / self.size + np.mean(np.square(self.limits.exactness * measured))
+        variance = max(full.squares / full.freedom, floor)
+        adequate = [fit for fit in fits if self._is_alike(fit, full, variance)]
+        fewest = min(len(fit.terms) for fit in adequate)
+        chosen = next(fit for fit in adequate if len(fit.terms) == fewest)
+        if self._find_rate(chosen) * (self.begin - self.pulse.fall) > self.limits.fastest:
+            return None
+        variance = max(chosen.squares / chosen.freedom, floor)
+        gained = (float(measured @ measured) - chosen.squares) / fewest / variance
+        if gained < scipy.special.fdtri(fewest, chosen.freedom, 1.0 - self.limits.chance):
+            return None
+        jump = None
+        if chosen.terms == (STEP,):
+            jump = self._find_jump(
+                float(chosen.factors[0]), noise, cutoff_frequency, sampling_rate
+            )
+        if jump is not None:
+            terms[STEP] = jump
+        return self._describe(
+            chosen, variance, terms, peak, sampling_rate, came_at_once=jump is not None
+        )
+
+    def _make_terms(self) -> FloatArray:
+        """Return step, droop and drift of the whole trace, each 1 in size, shape (3, n)."""
+        velocity = np.cumsum(self.trace) - self.trace / 2.0
+        middle = (self.baseline - 1) / 2.0
+        drift = (np.arange(self.trace.size) - middle) / self.trace.size
+        return np.stack((self.share, -velocity / self.change, drift))
+
+    @property
+    def change(self) -> float:
+        """The body's change of velocity [unit of the trace times a point]."""
+        return float(np.abs(np.cumsum(self.trace)[self.begin :]).max()) or 1.0
+
+    def _find_rate(self, fit: _Fit) -> float:
+        """Return the rate of a droop [1/point]; 0: it has none."""
+        rate = dict(zip(fit.terms, fit.factors.tolist(), strict=True)).get(DROOP, 0.0)
+        return float(rate) / self.change
+
+    def _average(self, rows: FloatArray) -> FloatArray:
+        """Return means over the parts of baseline and tail, shape (k, parts)."""
+        count, limits = len(rows), self.limits
+        before = rows[:, : limits.baseline_parts * self.before]
+        after = rows[:, self.begin : self.begin + limits.parts * self.size]
+        # Fewer points have more noise.
+        weight = math.sqrt(min(self.before / self.size, 1.0))
+        return np.concatenate(
+            (
+                weight * before.reshape(count, limits.baseline_parts, self.before).mean(axis=2),
+                after.reshape(count, limits.parts, self.size).mean(axis=2),
+            ),
+            axis=1,
+        )
+
+    def _fit(self, rows: FloatArray, measured: FloatArray, terms: tuple[int, ...]) -> _Fit:
+        chosen = rows[list(terms)]
+        covariance = np.asarray(np.linalg.pinv(chosen @ chosen.T), dtype=np.float64)
+        factors = np.asarray(covariance @ (chosen @ measured), dtype=np.float64)
+        rest = measured - factors @ chosen
+        return _Fit(terms, factors, covariance, float(rest @ rest), measured.size - len(terms))
+
+    def _is_alike(self, fit: _Fit, full: _Fit, variance: float) -> bool:
+        """Tell by the F-test that a fit leaves no more than all terms do."""
+        more = len(full.terms) - len(fit.terms)
+        if not more:
+            return True
+        if fit.terms[-1] == DROOP and fit.factors[-1] < 0.0:
+            return False  # it would grow
+        ratio = (fit.squares - full.squares) / more / variance
+        return bool(ratio < scipy.special.fdtri(more, full.freedom, 1.0 - self.limits.simpler))
+
+    def _describe(
+        self,
+        fit: _Fit,
+        variance: float,
+        terms: FloatArray,
+        peak: float,
+        sampling_rate: float,
+        *,
+        came_at_once: bool,
+    ) -> ZeroShift:
+        rows = terms[list(fit.terms)]
+        correction = fit.factors @ rows
+        level, end = (float(correction[place]) for place in (self.begin, -1))
+        under = rows[:, round(self.pulse.middle)]
+        after = rows[:, math.ceil(self.pulse.fall + self.pulse.half_amplitude_width)]
+        standard, spread = (
+            math.sqrt(variance * float(row @ fit.covariance @ row)) for row in (under, after)
+        )
+        percent = 100.0 / peak
+        if fit.terms == (DROOP,):
+            corner = self._find_rate(fit) * sampling_rate / (2.0 * math.pi)
+            wide = abs(corner) * 2.0 * spread / max(abs(float(fit.factors @ after)), 1e-300)
+            reason = Reason.DROOP
+            text = f"it droops as by a lower corner of {corner:.3g} Hz (± {wide:.1g} Hz)"
+        elif fit.terms == (DRIFT,):
+            wide = 2.0 * math.sqrt(variance * float(fit.covariance[0, 0]))
+            reason = Reason.DRIFT
+            text = (
+                f"it drifts by {percent * end:.2g} % of the peak to the record's end"
+                f" (± {percent * wide:.1g} %)"
+            )
+        else:
+            reason = Reason.ZERO_SHIFT
+            step = float(fit.factors @ after)
+            text = (
+                f"a step of {percent * step:.2g} % of the peak"
+                f" (± {percent * 2.0 * spread:.1g} %) came with the impact"
+            )
+            if abs(end) < self.limits.remaining * abs(step):
+                text += " and goes"
+            # When within the shock it came is evenly distributed.
+            unsure = self.limits.jump_tolerance if came_at_once else 1.0
+            standard = math.hypot(standard, unsure * step / math.sqrt(12.0))
+        is_sure = standard <= self.limits.uncertainty * peak
+        stays = reason is Reason.DROOP or abs(end) > self.limits.remaining * abs(level)
+        taken = correction if is_sure else None
+        return ZeroShift(reason, text, taken, standard, stays, came_at_once)
+
+    def _find_jump(
+        self, size: float, noise: float, cutoff_frequency: float, sampling_rate: float
+    ) -> FloatArray | None:
+        """Return a step of 1 where one of this size came at once; None: it did not.
+
+        Around each point of the pulse a cubic and a step are fitted. What the step has is compared
+        with what the tail shows.
+        """
+        limits = self.limits
+        reach = int(limits.jump_reach * self.pulse.half_amplitude_width)
+        first, last = math.floor(self.pulse.rise), math.ceil(self.pulse.fall)
+        if reach < limits.shortest_part or first < reach:
+            return None
+
+        def smooth(place: int) -> FloatArray:
+            step = np.heaviside(np.arange(self.trace.size) - float(place), 0.5)
+            return low_pass(step, cutoff_frequency, sampling_rate)
+
+        step = smooth(first)[first - reach : first + reach + 1]
+        powers = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, 2 * reach + 1), 4))[0]
+        kernel = step - powers @ (powers.T @ step)
+        square = float(kernel @ kernel)
+        if abs(size) < limits.jump_noise * noise / math.sqrt(square):
+            return None
+        near = self.trace[first - reach : last + reach + 1]
+        jumps = np.correlate(near, kernel, "valid") / square
+        place = int(np.argmax(jumps * math.copysign(1.0, size)))
+        is_inside = 0 < place < jumps.size - 1
+        is_alike = abs(jumps[place] - size) < limits.jump_tolerance * abs(size)
+        return smooth(first + place) if is_inside and is_alike else None

@@ -1,0 +1,598 @@
+"""Uncertain numbers by the GUM: inputs, propagation, results."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from impact_rig.core.arithmetic import (
+    UncertainNumber,
+    compute_square_root,
+    load_gtc,
+)
+from impact_rig.core.damping import LogDecrement, estimate_damping_ratio_from_coefficient
+from impact_rig.core.errors import NotDeterminedError, ParameterError, check_not_negative
+from impact_rig.core.hits import FilteredHit, MeanHit
+from impact_rig.core.pulse_errors import (
+    PulseErrors,
+    TraceQuality,
+    compute_peak_excess,
+    compute_quantisation_error,
+    compute_trend,
+    estimate_pulse_errors,
+)
+from impact_rig.core.pulse_width import PulseWidth
+from impact_rig.core.quantity import UNKNOWN, BudgetLine, Quantity
+from impact_rig.core.records import FloatArray
+from impact_rig.core.sensors import CHANNELS
+from impact_rig.core.setup import AnalysisSettings, RigSetup
+from impact_rig.core.tail import ZERO_AFTER
+
+COVERAGE_PERCENT = 95.0
+"""Coverage probability of the expanded uncertainty [%], the usual one (GUM 6.3)."""
+REMEMBERED_INPUTS = 512
+"""Inputs that are told apart by name and value [-], our choice: those that two results of a
+campaign share are asked for within some dozen others. Each hit brings ten, which stay so long."""
+REMEMBERED_ENSEMBLES = 64
+"""The same of ensembles [-], which are larger: each hit brings two."""
+NEGLIGIBLE_SHARE = 1e-9
+"""Share of the variance below which an input has no line of its own [-], our choice: its
+contribution would be less than the rounding of the last digit that anyone prints."""
+SINGULAR_PART = 1e-14
+"""Part of the largest variance below which a combination of parameters does not scatter [-], our
+choice: rounding."""
+
+
+@lru_cache(maxsize=REMEMBERED_INPUTS)
+def make_input(
+    source: str,
+    value: float,
+    standard: float,
+    owner: str = "",  # noqa: ARG001, it tells inputs apart
+) -> UncertainNumber:
+    """Make an input of type B, known otherwise than by repetition: a mass, the clock.
+
+    Parameters
+    ----------
+    source : str
+        In words, for the budget.
+    value : float
+        Best estimate; NaN: not known.
+    standard : float
+        Standard uncertainty, in its unit; 0: exact.
+    owner : str
+        What the input belongs to. The same source, value, uncertainty and owner are the same
+        input, whenever asked for: so correlations outlive the call.
+
+    Raises
+    ------
+    ParameterError
+        If the uncertainty is not a finite number of zero or more.
+    """
+    check_not_negative(f"standard uncertainty of {source}", standard, "")
+    number: UncertainNumber = (
+        load_gtc().constant(value)
+        if math.isnan(value)
+        else load_gtc().ureal(value, standard, label=make_label(source, math.inf))
+    )
+    return number
+
+
+def make_ensemble(
+    source: str,
+    estimates: Sequence[float],
+    covariance: FloatArray,
+    degrees_of_freedom: float,
+    owner: str = "",
+) -> tuple[UncertainNumber, ...]:
+    """Make inputs that were measured together, so that their errors are correlated.
+
+    Parameters
+    ----------
+    source : str
+        In words, for the budget: the inputs make one line of it.
+    covariance : ndarray, shape (p, p)
+        Of the estimates; may be singular.
+    degrees_of_freedom : float
+        n - 1 of n hits; infinite: type B.
+    owner : str
+        As in `make_input`.
+
+    Raises
+    ------
+    ParameterError
+        If the covariance is not finite, or of another shape.
+    """
+    matrix = np.array(covariance, dtype=np.float64)
+    if matrix.shape != (len(estimates), len(estimates)) or not np.all(np.isfinite(matrix)):
+        raise ParameterError(
+            f"covariance of {source} is {matrix.tolist()}: it must be a finite"
+            f" {len(estimates)} x {len(estimates)} matrix"
+        )
+    # Scaled, since the parameters' units may differ by many powers of ten.
+    scale = np.sqrt(np.clip(np.diag(matrix), 0.0, None))
+    divisor = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(divisor, divisor))
+    kept = values > SINGULAR_PART * max(len(estimates), 1)
+    factors = scale[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept])
+    errors = _make_errors(source, int(kept.sum()), degrees_of_freedom, factors.tobytes(), owner)
+    numbers = []
+    for estimate, row in zip(estimates, factors.tolist(), strict=True):
+        number: UncertainNumber = load_gtc().constant(float(estimate))
+        for factor, error in zip(row, errors, strict=True):
+            number = number + factor * error
+        numbers.append(number)
+    return tuple(numbers)
+
+
+@lru_cache(maxsize=REMEMBERED_ENSEMBLES)
+def _make_errors(
+    source: str, count: int, degrees_of_freedom: float, _factors: bytes, _owner: str
+) -> tuple[UncertainNumber, ...]:
+    """Make uncorrelated unit errors that share their degrees of freedom (GUM H.2).
+
+    Factors and owner only tell ensembles apart: the same data are the same inputs.
+    """
+    if count == 0:
+        return ()
+    labels = [make_label(source, degrees_of_freedom)] * count
+    make_numbers = load_gtc().multiple_ureal
+    return tuple(make_numbers([0.0] * count, [1.0] * count, degrees_of_freedom, labels))
+
+
+def make_label(source: str, degrees_of_freedom: float) -> str:
+    """Name an input, so that its contribution can be told from others of other freedom."""
+    return f"{degrees_of_freedom!r} {source}"
+
+
+def compute_quantity(
+    value: float, number: UncertainNumber, notes: tuple[str, ...] = ()
+) -> Quantity:
+    """Return a value with standard and expanded uncertainty of a number, and its budget.
+
+    Inputs of one source make one line: their variances are added. All sums are exact before they
+    are rounded, so that the order in which inputs were made, which differs between a live rig and
+    its recording, changes no bit.
+    """
+    if not math.isfinite(float(number.u)):
+        return Quantity(value, notes=("uncertainty: not determined, it has no finite value",))
+    return make_quantity(value, list_variances(number), notes)
+
+
+def list_variances(number: UncertainNumber) -> dict[str, float]:
+    """Return what each source adds to the variance of a number, by its label."""
+    parts: dict[str, list[float]] = {}
+    for influence in load_gtc().reporting.budget(number, trim=0.0):
+        parts.setdefault(influence.label, []).append(influence.u**2)
+    return {label: math.fsum(squares) for label, squares in parts.items()}
+
+
+def make_quantity(
+    value: float, variances: dict[str, float], notes: tuple[str, ...] = ()
+) -> Quantity:
+    """Return a value whose variance is the sum of independent parts, by `make_label`."""
+    total = math.fsum(variances.values())
+    if total == 0.0:
+        return Quantity(value, 0.0, 0.0, math.inf, (), notes)
+    standard = math.sqrt(total)
+    freedom = _compute_effective_freedom(variances, total)
+    factor = float(load_gtc().reporting.k_factor(freedom, COVERAGE_PERCENT))
+    return Quantity(value, standard, factor * standard, freedom, _make_budget(variances), notes)
+
+
+def _compute_effective_freedom(variances: dict[str, float], total: float) -> float:
+    """Return the effective degrees of freedom by Welch and Satterthwaite (GUM G.4.1)."""
+    spread = math.fsum(
+        (variance / total) ** 2 / float(label.partition(" ")[0])
+        for label, variance in variances.items()
+    )
+    # Rounding may bring one degree of freedom to just below one, which GTC refuses.
+    return max(1.0 / spread, 1.0) if spread > 0.0 else math.inf
+
+
+def _make_budget(variances: dict[str, float]) -> tuple[BudgetLine, ...]:
+    largest = max(variances.values())
+    kept = {
+        label: variance
+        for label, variance in variances.items()
+        if variance > NEGLIGIBLE_SHARE * largest
+    }
+    total = math.fsum(kept.values())
+    lines = []
+    for label, variance in sorted(kept.items(), key=lambda item: (-item[1], item[0])):
+        freedom, _, source = label.partition(" ")
+        kind = "A" if math.isfinite(float(freedom)) else "B"
+        lines.append(BudgetLine(source, kind, math.sqrt(variance), variance / total))
+    return tuple(lines)
+
+
+@dataclass(frozen=True)
+class RigNumbers:
+    """Uncertain inputs that a rig shares among all its hits on one sample.
+
+    The same set-up always gives the same inputs, so that two samples know of their common
+    hammer, accelerometer and clock.
+
+    Attributes
+    ----------
+    hammer_mass : UncertainNumber
+        m1 [kg].
+    moving_mass : UncertainNumber
+        m2, sample and accelerometer [kg].
+    clock : UncertainNumber
+        Factor on every measured time [-], 1 with the uncertainty of the sampling rate: times go
+        with it, rates against it.
+    notes : tuple of str
+        Which masses state no uncertainty.
+    gains : tuple of UncertainNumber
+        Of the channels of hammer and sample over what is taken for them [-]: 1, exact where
+        their sensors state no uncertainty.
+    """
+
+    hammer_mass: UncertainNumber
+    moving_mass: UncertainNumber
+    clock: UncertainNumber
+    notes: tuple[str, ...] = ()
+    gains: tuple[UncertainNumber, ...] = field(default_factory=lambda: make_gains(0.0, 0.0))
+
+
+def make_gains(*uncertainties: float) -> tuple[UncertainNumber, ...]:
+    """Return the gains of the channels, by their relative standard uncertainties [-]."""
+    return tuple(
+        make_input(f"gain of the {body}'s channel", 1.0, uncertainty)
+        for body, uncertainty in zip(("hammer", "sample"), uncertainties, strict=True)
+    )
+
+
+def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
+    """Return masses and clock of the hits on `sample` with their stated uncertainties.
+
+    Raises
+    ------
+    ParameterError
+        If the set has no such sample.
+    """
+    struck, samples = setup.samples.find(sample), setup.samples
+    hammer_mass = make_input(
+        "mass of the hammer", setup.hammer_mass, setup.hammer_mass_uncertainty
+    )
+    accelerometer_mass = make_input(
+        "mass of the accelerometer",
+        samples.accelerometer_mass,
+        samples.accelerometer_mass_uncertainty,
+    )
+    sample_mass = make_input(f"mass of {struck.body}", struck.mass, struck.mass_uncertainty)
+    unstated = [
+        name
+        for name, mass, uncertainty in (
+            ("the hammer", setup.hammer_mass, setup.hammer_mass_uncertainty),
+            (
+                "the accelerometer",
+                samples.accelerometer_mass,
+                samples.accelerometer_mass_uncertainty,
+            ),
+            (struck.body, struck.mass, struck.mass_uncertainty),
+        )
+        if mass > 0.0 and uncertainty == 0.0
+    ]
+    notes = (
+        (f"uncertainty of k and c: none is stated for the mass of {' and '.join(unstated)}",)
+        if unstated
+        else ()
+    )
+    return RigNumbers(
+        hammer_mass=hammer_mass,
+        moving_mass=sample_mass + accelerometer_mass,
+        clock=make_input("sampling clock", 1.0, setup.clock_uncertainty),
+        notes=notes,
+        gains=make_gains(
+            *(setup.find_sensor(channel).sensitivity_uncertainty for channel in CHANNELS)
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class FittedBody:
+    """What was fitted to one body.
+
+    Attributes
+    ----------
+    damping_ratio : Quantity
+        zeta [-].
+    damping_coefficient : Quantity
+        c [N s/m].
+    stiffness : Quantity
+        k [N/m].
+    contact_time : Quantity
+        tau_p [s], where it was fitted too.
+    """
+
+    damping_ratio: Quantity
+    damping_coefficient: Quantity
+    stiffness: Quantity
+    contact_time: Quantity = UNKNOWN
+
+
+Formula = Callable[[Sequence[UncertainNumber], RigNumbers], Sequence[UncertainNumber]]
+"""Fitted parameters, masses and clock to the fields of `FittedBody`; written with + - * / ** and
+`core.arithmetic` alone. The clock is the formula's to apply: times times it, rates over it."""
+
+
+def propagate_fit(
+    source: str,
+    per_hit: FloatArray,
+    formula: Formula,
+    rig: RigNumbers,
+    *,
+    estimates: Sequence[float],
+    averaged: int,
+    owner: str,
+) -> FittedBody:
+    """Propagate the scatter of fitted parameters, masses and clock to results.
+
+    The covariance of the estimates is that of the hits over their number, n - 1 degrees of
+    freedom (GUM 5.2.3, H.2). What noise does to each single hit is in their scatter; a fit whose
+    hits scatter less than the noise explains did so by chance.
+
+    Parameters
+    ----------
+    source : str
+        What scatters, for the budget: "scatter of the hits on steel".
+    per_hit : ndarray, shape (n_hits, p)
+        The parameters of every hit, in any units.
+    formula : callable
+        `find_decaying_body` or `find_identified_body`.
+    estimates : sequence of float, length p
+        The best estimates, say of the mean trace.
+    averaged : int
+        Hits that the estimates are the mean of.
+    owner : str
+        What the parameters belong to, see `make_input`.
+
+    Returns
+    -------
+    FittedBody
+        Of one hit only, its uncertainties are not determined.
+    """
+    hits, count = per_hit.shape
+    if hits < LEAST_HITS:
+        exact = make_ensemble(source, estimates, np.zeros((count, count)), np.inf, owner)
+        return FittedBody(
+            *(Quantity(float(number.x), notes=(ONE_HIT,)) for number in formula(exact, rig))
+        )
+    scatter = np.atleast_2d(np.cov(per_hit, rowvar=False, ddof=1)) / averaged
+    numbers = formula(make_ensemble(source, estimates, scatter, hits - 1, owner), rig)
+    return FittedBody(
+        *(compute_quantity(float(number.x), number, rig.notes) for number in numbers)
+    )
+
+
+def find_decaying_body(
+    parameters: Sequence[UncertainNumber], rig: RigNumbers
+) -> tuple[UncertainNumber, ...]:
+    """Return zeta, c = 2 m a and k = m (a^2 + omega^2) of a decay's a [1/s] and omega [rad/s]."""
+    decay, frequency = (rate / rig.clock for rate in parameters)
+    square = decay * decay + frequency * frequency
+    return (
+        decay / compute_square_root(square),
+        2.0 * rig.moving_mass * decay,
+        rig.moving_mass * square,
+    )
+
+
+def find_identified_body(
+    parameters: Sequence[UncertainNumber], rig: RigNumbers
+) -> tuple[UncertainNumber, ...]:
+    """Return zeta, c2, k2 and tau_p of identified tau_p [s], k2 [N/m] and c2 [N s/m].
+
+    Traces of accelerations determine k2 / m2 and c2 / m2, so that both go with the mass that was
+    stated; times go with the clock, c2 against it, k2 against its square.
+    """
+    contact_time, stiffness, damping = parameters
+    part = rig.moving_mass / rig.moving_mass.x
+    stiffness = stiffness * part / (rig.clock * rig.clock)
+    damping = damping * part / rig.clock
+    ratio = estimate_damping_ratio_from_coefficient(damping, stiffness, rig.moving_mass)
+    return ratio, damping, stiffness, contact_time * rig.clock
+
+
+LEAST_HITS = 2
+"""Hits that have a scatter [-]."""
+ONE_HIT = (
+    "uncertainty: not determined, since one accepted hit shows no scatter; it takes"
+    f" {LEAST_HITS} or more"
+)
+PULSE_SHAPE = "shape of the pulse"
+"""Source of what another shape than the paper's makes of tau_p."""
+LARGEST_STEP = 0.1
+"""Quantisation error of the second peak, part of it, up to which its logarithm is taken as linear
+[-], our choice: without noise to smooth the converter's steps, a peak of three counts."""
+
+
+@dataclass(frozen=True)
+class ContactNumbers:
+    """What the hits of one series say, as uncertain numbers with their correlation.
+
+    Attributes
+    ----------
+    contact_time : UncertainNumber
+        tau_p [s], clock included.
+    log_decrements : mapping of int to UncertainNumber
+        Delta [-] by channel, where its uncertainty is determined.
+    notes : mapping of int to str
+        By channel, where not: why.
+    """
+
+    contact_time: UncertainNumber
+    log_decrements: Mapping[int, UncertainNumber] = field(default_factory=dict)
+    notes: Mapping[int, str] = field(default_factory=dict)
+
+
+def estimate_contact_numbers(
+    mean: MeanHit,
+    pulse: PulseWidth,
+    decrements: Mapping[int, LogDecrement],
+    settings: AnalysisSettings,
+    clock_uncertainty: float,
+    sample: str,
+    shape_error: tuple[float, float] = (0.0, 0.0),
+) -> ContactNumbers:
+    """Estimate tau_p and log decrements of a mean hit with their uncertainties.
+
+    Parameters
+    ----------
+    decrements : mapping of int to LogDecrement
+        Peaks of the mean traces by channel.
+    settings : AnalysisSettings
+        `pulse_factor` and `cutoff_frequency` are used.
+    clock_uncertainty : float
+        Relative standard uncertainty of the sampling rate [-].
+    shape_error : tuple of float
+        Standard uncertainty of tau_p by the shapes that the pulse may have, signed, and that of
+        this sample's own contact [s].
+
+    Raises
+    ------
+    NotDeterminedError
+        If there is one hit only.
+    """
+    if len(mean.hits) < LEAST_HITS:
+        raise NotDeterminedError(ONE_HIT)
+    factor = settings.pulse_factor / mean.sampling_rate
+    channels = sorted(decrements)
+    estimates = [factor * pulse.half_amplitude_width]
+    estimates += [decrements[channel].log_decrement for channel in channels]
+    rows = [[factor * hit.pulse.half_amplitude_width for hit in mean.hits]]
+    rows += _read_decrements(mean, decrements)
+    scatter = np.atleast_2d(np.cov(np.array(rows), ddof=1)) / mean.count
+    contact_time, *changes = make_ensemble(
+        f"scatter of the hits on {sample}", estimates, scatter, len(rows[0]) - 1, owner=sample
+    )
+    errors = estimate_pulse_errors(
+        mean.traces[0], pulse, _describe_mean(mean, 0, settings.cutoff_frequency)
+    )
+    contact_time = contact_time + _make_common_errors(errors, factor, sample)
+    if any(shape_error):
+        # The same law on all samples makes the same error on all.
+        contact_time = contact_time + shape_error[0] * make_input(PULSE_SHAPE, 0.0, 1.0)
+        contact_time = contact_time + make_input(PULSE_SHAPE, 0.0, shape_error[1], sample)
+    clock = make_input("sampling clock", 1.0, clock_uncertainty)
+    numbers: dict[int, UncertainNumber] = {}
+    notes: dict[int, str] = {}
+    for channel, change in zip(channels, changes, strict=True):
+        quality = _describe_mean(mean, channel, settings.cutoff_frequency)
+        try:
+            numbers[channel] = change + _make_decrement_errors(
+                mean.traces[channel], decrements[channel], quality, f"{sample} {channel}"
+            )
+        except NotDeterminedError as error:
+            notes[channel] = str(error)
+    return ContactNumbers(contact_time * clock, numbers, notes)
+
+
+def estimate_hit_contact_time(
+    hit: FilteredHit, settings: AnalysisSettings, clock_uncertainty: float
+) -> Quantity:
+    """Estimate tau_p of one hit [s], as it was; the next may well differ by more.
+
+    Parameters
+    ----------
+    settings : AnalysisSettings
+        `pulse_factor` and `cutoff_frequency` are used.
+    clock_uncertainty : float
+        Relative standard uncertainty of the sampling rate [-].
+    """
+    factor = settings.pulse_factor / hit.sampling_rate
+    quality = TraceQuality(
+        noise=float(hit.noise[0]),
+        raw_noise=float(hit.raw_noise[0]),
+        dither=float(hit.raw_noise[0]),
+        resolution=float(hit.resolution[0]),
+        baseline_points=hit.baseline_points,
+        relative_cutoff=settings.cutoff_frequency / hit.sampling_rate,
+        zero_uncertainty=hit.zero_uncertainty[0],
+    )
+    errors = estimate_pulse_errors(hit.traces[0], hit.pulse, quality)
+    number = factor * hit.pulse.half_amplitude_width + _make_common_errors(errors, factor, "hit")
+    number = number + make_input("noise", 0.0, factor * errors.noise, "hit")
+    number = number + make_input("zero of the baseline", 0.0, factor * errors.zero, "hit")
+    return compute_quantity(
+        settings.pulse_factor * (hit.pulse.half_amplitude_width / hit.sampling_rate),
+        number * make_input("sampling clock", 1.0, clock_uncertainty),
+    )
+
+
+def _make_common_errors(errors: PulseErrors, factor: float, owner: str) -> UncertainNumber:
+    """Return what is wrong with all hits of a series alike, in s."""
+    total = make_input("quantisation", 0.0, factor * errors.quantisation, owner)
+    total = total + make_input("trend of the baseline", 0.0, factor * errors.trend, owner)
+    total = total + make_input("sampling", 0.0, factor * errors.sampling, owner)
+    total = total + make_input("peak reading", 0.0, factor * errors.peak_reading, owner)
+    if errors.correction:
+        total = total + make_input(ZERO_AFTER, 0.0, factor * errors.correction, owner)
+    # A known error that is not corrected (GUM F.2.4.5), alike on every sample of the rig.
+    return total + factor * errors.low_pass * make_input("low-pass", 0.0, 1.0)
+
+
+def _describe_mean(mean: MeanHit, channel: int, cutoff_frequency: float) -> TraceQuality:
+    """Return how well one trace of a mean hit is known."""
+    return TraceQuality(
+        noise=float(mean.noise[channel]),
+        raw_noise=float(mean.raw_noise[channel]),
+        dither=float(mean.summary.least_noise[channel]),
+        resolution=float(mean.summary.largest_step[channel]),
+        baseline_points=mean.baseline_points,
+        relative_cutoff=cutoff_frequency / mean.sampling_rate,
+        zero_uncertainty=0.0 if channel else float(mean.zero_uncertainty[0]),
+    )
+
+
+def _read_decrements(mean: MeanHit, decrements: Mapping[int, LogDecrement]) -> list[list[float]]:
+    """Return Delta of every hit, shape (channels, hits), about that of the mean.
+
+    Read at the mean's two peaks and linearised: a weak second peak may drown in one hit's noise,
+    and the highest point near it would be too high.
+    """
+    if not decrements:
+        return []
+    cuts = list(mean.cut_hits())
+    rows = []
+    for channel in sorted(decrements):
+        peaks = decrements[channel]
+        first = float(mean.traces[channel, peaks.first_index])
+        second = float(mean.traces[channel, peaks.second_index])
+        rows.append(
+            [
+                float(cut[channel, peaks.first_index]) / first
+                - float(cut[channel, peaks.second_index]) / second
+                for cut in cuts
+            ]
+        )
+    return rows
+
+
+def _make_decrement_errors(
+    trace: FloatArray, peaks: LogDecrement, quality: TraceQuality, owner: str
+) -> UncertainNumber:
+    """Return what is wrong with Delta in all hits alike [-]."""
+    step = compute_quantisation_error(quality.resolution, quality.dither)
+    if step > LARGEST_STEP * peaks.second_peak:
+        raise NotDeterminedError(
+            "uncertainty of zeta and c: not determined, since the second peak is"
+            f" {peaks.second_peak / quality.resolution:.2g} counts high and no noise smooths the"
+            " converter's steps; use a smaller full scale"
+        )
+    quantisation = step * math.hypot(1.0 / peaks.first_peak, 1.0 / peaks.second_peak)
+    start = (quality.baseline_points - 1) / 2.0
+    trend = compute_trend(trace, quality) * abs(
+        (peaks.second_index - start) / peaks.second_peak
+        - (peaks.first_index - start) / peaks.first_peak
+    )
+    # Between both peaks lies one period of the decay: the second is a cosine's top.
+    curvature = peaks.second_peak * (2.0 * math.pi / (peaks.second_index - peaks.first_index)) ** 2
+    excess = compute_peak_excess(quality.noise, curvature, quality.relative_cutoff)
+    total = make_input("quantisation of the peaks", 0.0, quantisation, owner)
+    total = total + make_input("trend of the baseline", 0.0, trend, owner)
+    return total + make_input("second peak reading", 0.0, excess / peaks.second_peak, owner)

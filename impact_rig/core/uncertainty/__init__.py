@@ -1,1 +1,0 @@
-"""Uncertainty by the GUM: inputs, propagation, budgets."""

@@ -1,0 +1,599 @@
+"""Digitizers and output lines of National Instruments, by NI-DAQmx: the drivers `nidaqmx`."""
+
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from impact_rig.configuration.toml_table import REQUIRED, TomlTable
+from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.records import Block, ChannelBlock, FloatArray
+from impact_rig.devices.protocols import (
+    NOT_MEASURED,
+    Acquisition,
+    AcquisitionPlan,
+    FoundDevice,
+    HolderState,
+    SourceChannel,
+    ToldHolder,
+    take_energized_state,
+)
+
+if TYPE_CHECKING:
+    from nidaqmx import Task
+    from nidaqmx.system.device import Device
+
+# Names of errors, as in `nidaqmx.error_codes`.
+UNKNOWN_PROPERTY = "ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT"
+OVERWRITTEN = "SAMPLES_NO_LONGER_AVAILABLE"
+NOT_YET = "SAMPLES_NOT_YET_AVAILABLE"
+NOT_DONE = "WAIT_UNTIL_DONE_DOES_NOT_INDICATE_DONE"
+RESERVED = (
+    "DIG_LINES_RESERVED_OR_UNAVAILABLE",
+    "NETWORK_DEVICE_IN_USE",
+    "NETWORK_DEVICE_RESERVED_BY_ANOTHER_HOST",
+    "PAL_RESOURCE_RESERVED",
+    "RESOURCE_ALREADY_RESERVED",
+    "RESOURCE_RESERVED_WITH_CONFLICTING_SETTINGS",
+)
+"""Another task or program has the device, or the line."""
+STOPPED_EARLY = 200010  # number of the warning that a task was stopped before its last sample
+
+
+@contextmanager
+def report_errors(subject: str, options: TomlTable | None = None, key: str = "") -> Iterator[None]:
+    """Turn what `nidaqmx` raises into errors of the rig.
+
+    Parameters
+    ----------
+    subject : str
+        Of the message: "NI device Dev1".
+    options, key : TomlTable, str
+        Where the rig file says what is now set, if it does.
+
+    Raises
+    ------
+    ParameterError
+        If the device refuses what the rig file says.
+    DeviceError
+        If it is not there, held by another program, or anything else is wrong; or if NI-DAQmx is
+        not installed.
+    """
+    from nidaqmx.errors import (
+        DaqError,
+        DaqFunctionNotSupportedError,
+        DaqNotFoundError,
+        DaqNotSupportedError,
+    )
+
+    try:
+        yield
+    except (DaqNotFoundError, DaqNotSupportedError, DaqFunctionNotSupportedError) as error:
+        raise DeviceError(
+            f"{subject}: NI-DAQmx is not installed on this computer, or too old for it: install it"
+            f" from ni.com ({_join_lines(error)})"
+        ) from None
+    except DaqError as error:
+        text = _join_lines(error)
+        if error.error_type.name in RESERVED:
+            raise DeviceError(f"{subject} is held by another program: end it ({text})") from None
+        text = f"{subject}: NI-DAQmx says: {text}"
+        raise (DeviceError(text) if options is None else options.make_error(key, text)) from None
+
+
+def _join_lines(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def find_devices() -> tuple[FoundDevice, ...]:
+    """Return the devices that NI-DAQmx knows; `DeviceError` if it is not installed."""
+    from nidaqmx.system import System
+
+    with report_errors("NI-DAQmx"):
+        return tuple(
+            FoundDevice(device.name, describe_device(device)) for device in System().devices
+        )
+
+
+def describe_device(device: "Device") -> str:
+    """Return maker, model and serial number."""
+    kind = ", simulated" if device.is_simulated else ""
+    return f"NI {device.product_type} {device.serial_num:08X}{kind}"
+
+
+def find_device(terminal: str, key: str, table: TomlTable) -> "Device":
+    """Return the device of a channel or line like "Dev1/ai0", which is a key of a table.
+
+    Raises
+    ------
+    ParameterError
+        If this is no name of a terminal.
+    DeviceError
+        If NI-DAQmx knows no such device: it may come.
+    """
+    from nidaqmx.system import System
+
+    name, slash, rest = terminal.partition("/")
+    if not (name and slash and rest) or "," in terminal:
+        raise table.make_error(
+            key, f"{key} of {table.place} is {terminal!r}: give device and terminal, like Dev1/ai0"
+        )
+    known = System().devices.device_names
+    if name not in known:
+        listed = ", ".join(known) or "none"
+        raise DeviceError(
+            str(table.make_error(key, f"NI-DAQmx knows no device {name!r}: known are {listed}"))
+        )
+    return System().devices[name]
+
+
+def close_task(task: "Task | None") -> None:
+    """End a task; never raises: where the device is gone there is nothing left to end."""
+    if task is not None:
+        with suppress(RigError), report_errors("NI task"):
+            task.close()
+
+
+RAIL = 0.999  # part of the range from which on a channel is overloaded; 16 bits end at 0.99997
+
+
+@dataclass(frozen=True)
+class Input:
+    """A channel of a task, whose numbers are volts."""
+
+    name: str  # of the virtual channel
+    scale: float  # [m/s^2 per V], signed
+    full_scale: float  # [m/s^2], that sensor and input can show
+    limit: float  # [V], end of the input's range
+
+    def make_block(self, volts: FloatArray, *, overloaded: bool) -> ChannelBlock:
+        """Return voltages as a block; at the end of the range they are overloaded, too."""
+        at_rail = bool(np.any(np.abs(volts) >= RAIL * self.limit))
+        return ChannelBlock(volts, self.scale, 0.0, self.full_scale, overloaded or at_rail)
+
+
+def add_input(task: "Task", channel: SourceChannel) -> Input:
+    """Add a sensor's channel to a task; options: iepe_current, coupling, range.
+
+    Raises
+    ------
+    ParameterError
+        If an option is wrong, or the device cannot do it.
+    """
+    from nidaqmx.constants import Coupling
+
+    options = channel.options
+    options.check_keys("iepe_current", "coupling", "range")
+    try:
+        scale = channel.compute_scale()
+    except ParameterError as error:
+        raise options.locate(error) from None
+    limit = _take_range(channel)
+    current = _take_current(options)
+    name = channel.sensor.channel
+    with report_errors(f"analog input {channel.name}", options):
+        if current:
+            # NI-DAQmx supplies accelerometers only. At 1 V/g their numbers are volts.
+            found = task.ai_channels.add_ai_accel_chan(
+                channel.name, name, min_val=-limit, max_val=limit, sensitivity=1000.0,
+                current_excit_val=current,
+            )  # fmt: skip
+        else:
+            found = task.ai_channels.add_ai_voltage_chan(
+                channel.name, name, min_val=-limit, max_val=limit
+            )
+        if current or "coupling" in options:
+            # AC keeps the supply's bias out.
+            found.ai_coupling = Coupling[options.take_choice("coupling", ("AC", "DC"), "AC")]
+        limit = float(found.ai_rng_high)
+    return Input(name, scale, channel.compute_full_scale(limit), limit)
+
+
+def _take_range(channel: SourceChannel) -> float:
+    """Return the largest voltage that is expected [V]."""
+    options = channel.options
+    default = abs(channel.sensor.full_scale * channel.sensor.sensitivity)
+    if "range" not in options and not default:
+        raise options.make_error(
+            "range",
+            f'{options.place} lacks range: give it, for example range = "5 V", or the sensor\'s'
+            " full_scale",
+        )
+    return options.take_quantity("range", "V", "5 V", default, low=1e-3, high=1e3)
+
+
+def _take_current(options: TomlTable) -> float:
+    """Return the current of the sensor's supply [A]; 0: the sensor has its own supply."""
+    if options.get("iepe_current") == "off":
+        return 0.0
+    return options.take_quantity("iepe_current", "A", "4 mA", REQUIRED, low=1e-4, high=0.1)
+
+
+RATE_TOLERANCE = 0.01  # relative; within it the clock's own rate is used
+
+
+class NidaqmxSource:
+    """Analog inputs with a sample clock, and a reference trigger on the hammer's signal.
+
+    Parameters
+    ----------
+    options : TomlTable
+        Has no keys.
+
+    Raises
+    ------
+    ParameterError
+        If it has any.
+    """
+
+    description: ClassVar[str] = "digitizers of National Instruments, by NI-DAQmx"
+    example: ClassVar[str] = """\
+[source]
+driver = "nidaqmx"
+sampling_rate = "2.5 MHz"
+trigger_level = "5 g"        # of the hammer's signal, either sign
+
+[source.hammer]
+channel = "Dev1/ai0"
+sensitivity = "10 mV/g"
+iepe_current = "4 mA"        # or "off": the sensor has its own supply
+# coupling = "AC"            # or "DC"; default: AC with a current, else the device's own
+range = "5 V"                # default: the sensor's full_scale
+
+[source.specimen]
+channel = "Dev1/ai1"
+sensitivity = "10 mV/g"
+iepe_current = "4 mA"
+range = "5 V"
+"""
+
+    def __init__(self, options: TomlTable) -> None:
+        options.check_keys()
+        self._options = options
+        self._subject = "NI device"
+        self._task: Task | None = None
+        self._plan: AcquisitionPlan | None = None
+        self._inputs: tuple[Input, ...] = ()
+        self._reader: Any = None
+        self._rate = 0.0  # [Hz]
+        self._tells_overload = True
+        self._is_running = False
+        self._begin = 0  # [ns since the epoch]
+
+    @classmethod
+    def find_devices(cls) -> tuple[FoundDevice, ...]:
+        """Return what NI-DAQmx of this computer knows."""
+        return find_devices()
+
+    def configure(self, plan: AcquisitionPlan) -> Acquisition:
+        """Set a task up and reserve the device."""
+        self.close()
+        self._subject = f"NI device {plan.hammer.name.partition('/')[0]}"
+        try:
+            with report_errors(self._subject):
+                return self._configure(plan)
+        except BaseException:
+            self.close()
+            raise
+
+    def arm(self) -> None:
+        """Start the task: its sample clock runs, and its trigger waits."""
+        from nidaqmx.errors import DaqWarning
+
+        task, _ = self._require()
+        # Stopping a task before its trigger is no reason for a warning.
+        warnings.filterwarnings("ignore", rf"\s*Warning {STOPPED_EARLY} occurred", DaqWarning)
+        with report_errors(self._subject):
+            self._begin = time.time_ns()
+            task.start()
+        self._is_running = True
+
+    def read(self, timeout: float) -> Block | None:
+        """Return the next block."""
+        task, plan = self._require()
+        if not self._is_running:
+            return None
+        with report_errors(self._subject):
+            if plan.continuous:
+                return self._read_stream(task, plan, timeout)
+            return self._read_record(task, plan, timeout)
+
+    def disarm(self) -> None:
+        """Stop the task, and forget what was not read."""
+        if self._task is not None and self._is_running:
+            self._is_running = False
+            with report_errors(self._subject):
+                self._task.stop()
+
+    def check(self) -> None:
+        """See that NI-DAQmx still knows the device; raises `DeviceError`."""
+        _, plan = self._require()
+        with report_errors(self._subject):
+            for channel in plan.channels:
+                find_device(channel.name, "channel", channel.options)
+
+    def close(self) -> None:
+        """End the task."""
+        task, self._task, self._is_running = self._task, None, False
+        close_task(task)
+
+    def _require(self) -> "tuple[Task, AcquisitionPlan]":
+        if self._task is None or self._plan is None:
+            raise DeviceError(f"{self._subject} is not configured")
+        return self._task, self._plan
+
+    def _configure(self, plan: AcquisitionPlan) -> Acquisition:
+        from nidaqmx import Task
+        from nidaqmx.constants import OverwriteMode, TaskMode
+        from nidaqmx.stream_readers import AnalogMultiChannelReader
+
+        identity, is_simulated = _check_devices(plan.channels)
+        self._task = task = Task()
+        self._plan = plan
+        self._inputs = tuple(add_input(task, channel) for channel in plan.channels)
+        self._rate = self._set_clock(task, plan)
+        if plan.continuous:
+            # A late reader loses samples, not the stream.
+            task.in_stream.overwrite = OverwriteMode.OVERWRITE_UNREAD_SAMPLES
+        else:
+            self._set_trigger(task, plan)
+        # NI-DAQmx reserves the device, and checks what it has not checked before.
+        task.control(TaskMode.TASK_COMMIT)
+        self._reader = AnalogMultiChannelReader(task.in_stream)
+        # The array fits the task's channels: asking for them again costs two calls.
+        self._reader.verify_array_shape = False
+        self._tells_overload = True
+        return Acquisition(identity, self._rate, is_simulated)
+
+    def _set_clock(self, task: "Task", plan: AcquisitionPlan) -> float:
+        """Set sampling rate and length; return the rate that it became [Hz]."""
+        from nidaqmx.constants import AcquisitionType
+
+        mode = AcquisitionType.CONTINUOUS if plan.continuous else AcquisitionType.FINITE
+        # In continuous mode the number is the size of the buffer.
+        count = plan.block_size * plan.depth if plan.continuous else plan.points
+        with report_errors("sample clock", self._options, "sampling_rate"):
+            task.timing.cfg_samp_clk_timing(
+                plan.sampling_rate, sample_mode=mode, samps_per_chan=count
+            )
+            rate = float(task.timing.samp_clk_rate)
+        if abs(rate / plan.sampling_rate - 1.0) > RATE_TOLERANCE:
+            raise self._options.make_error(
+                "sampling_rate",
+                f"sampling_rate of {self._options.place} is {plan.sampling_rate:g} Hz: the"
+                f" nearest that the device can is {rate:g} Hz",
+            )
+        return rate
+
+    def _set_trigger(self, task: "Task", plan: AcquisitionPlan) -> None:
+        from nidaqmx.constants import WindowTriggerCondition1
+
+        hammer = self._inputs[0]
+        if plan.trigger_level >= hammer.full_scale:
+            raise self._options.make_error(
+                "trigger_level",
+                f"trigger_level of {self._options.place} is {plan.trigger_level:g} m/s^2: the"
+                f" hammer's channel shows {hammer.full_scale:g} m/s^2 at most",
+            )
+        level = plan.trigger_level / abs(hammer.scale)
+        with report_errors("trigger", self._options, "trigger_level"):
+            task.triggers.reference_trigger.cfg_anlg_window_ref_trig(
+                hammer.name, level, -level, plan.pre_trigger_points,
+                WindowTriggerCondition1.LEAVING_WINDOW,
+            )  # fmt: skip
+
+    def _read_record(self, task: "Task", plan: AcquisitionPlan, timeout: float) -> Block | None:
+        """Return the record; None if it is not complete in time [s]."""
+        from nidaqmx.errors import DaqError
+
+        try:
+            task.wait_until_done(timeout)
+        except DaqError as error:
+            if error.error_type.name == NOT_DONE:
+                return None
+            raise
+        # The record ended just now.
+        stamp = time.time_ns() - round(plan.points / self._rate * 1e9)
+        volts = self._read_volts(plan.points, 0.0)
+        if volts.shape[1] != plan.points:
+            raise DeviceError(
+                f"NI-DAQmx gave {volts.shape[1]} of the {plan.points} samples of a complete record"
+            )
+        block = self._make_block(task, 0, volts, last=True, stamp=stamp)
+        self.disarm()
+        return block
+
+    def _read_stream(self, task: "Task", plan: AcquisitionPlan, timeout: float) -> Block | None:
+        """Return the next samples; None if there are none in time [s]."""
+        from nidaqmx.constants import ReadRelativeTo
+        from nidaqmx.errors import DaqError
+
+        stream = task.in_stream
+        try:
+            volts = self._read_volts(plan.block_size, timeout)
+        except DaqError as error:
+            if error.error_type.name != OVERWRITTEN:
+                raise
+            # Go on with the newest block.
+            stream.relative_to = ReadRelativeTo.MOST_RECENT_SAMPLE
+            stream.offset = -plan.block_size
+            volts = self._read_volts(plan.block_size, 0.0)
+            stream.relative_to = ReadRelativeTo.CURRENT_READ_POSITION
+            stream.offset = 0
+        if not volts.size:
+            return None
+        first = int(stream.curr_read_pos) - volts.shape[1]
+        stamp = self._begin + round(first / self._rate * 1e9)
+        return self._make_block(task, first, volts, last=False, stamp=stamp)
+
+    def _read_volts(self, count: int, timeout: float) -> FloatArray:
+        """Return samples, one row per channel; fewer if not all come in time [s]."""
+        from nidaqmx.errors import DaqReadError
+
+        volts = np.full((len(self._inputs), count), np.nan)
+        try:
+            size = self._reader.read_many_sample(volts, count, timeout)
+        except DaqReadError as error:
+            if error.error_type.name != NOT_YET:
+                raise
+            size = error.samps_per_chan_read
+        # Too few samples lie together at the beginning, channel by channel.
+        taken = volts.ravel()[: len(self._inputs) * size]
+        return taken.reshape(len(self._inputs), size)
+
+    def _make_block(
+        self, task: "Task", first: int, volts: FloatArray, *, last: bool, stamp: int
+    ) -> Block:
+        overloaded = self._list_overloaded(task)
+        channels = [
+            channel.make_block(row, overloaded=channel.name in overloaded)
+            for channel, row in zip(self._inputs, volts, strict=True)
+        ]
+        specimen = (*channels[1:], NOT_MEASURED)[0]
+        return Block(first, self._rate, channels[0], specimen, last=last, stamp=stamp)
+
+    def _list_overloaded(self, task: "Task") -> list[str]:
+        """Return the channels that the device says were overloaded since it was asked last."""
+        from nidaqmx.errors import DaqError
+
+        try:
+            if self._tells_overload and task.in_stream.overloaded_chans_exist:
+                return list(task.in_stream.overloaded_chans)
+        except DaqError as error:
+            if error.error_type.name != UNKNOWN_PROPERTY:
+                raise
+            self._tells_overload = False
+        return []
+
+
+def _check_devices(channels: tuple[SourceChannel, ...]) -> tuple[str, bool]:
+    """Require the right devices and inputs; return what they are, and whether of software."""
+    identities, is_simulated = [], False
+    for channel in channels:
+        device = find_device(channel.name, "channel", channel.options)
+        known = device.ai_physical_chans.channel_names
+        if channel.name not in known:
+            raise channel.options.make_error(
+                "channel",
+                f"{device.name} has no analog input {channel.name!r}: it has {', '.join(known)}",
+            )
+        if len(channels) > 1 and not device.ai_simultaneous_sampling_supported:
+            raise channel.options.make_error(
+                "channel",
+                f"{device.name} samples its inputs one behind the other, hammer and sample must be"
+                " sampled at once: take another device, or leave [source.specimen] out",
+            )
+        identities.append(f"{describe_device(device)}, {device.name}")
+        is_simulated = is_simulated or device.is_simulated
+    return " and ".join(dict.fromkeys(identities)), is_simulated
+
+
+WRITE_TIME = 0.1  # [s], of the line itself
+
+
+class NidaqmxHolder(ToldHolder):
+    """A line that drives what holds the hammer, by NI-DAQmx.
+
+    The line keeps its level when the task ends. What it does while the computer starts is the
+    line's power-up state, which is set once with NI's own tools.
+
+    Parameters
+    ----------
+    options : TomlTable
+        line, energized.
+
+    Raises
+    ------
+    ParameterError
+        If a key is unknown or lacks, or a value cannot be meant.
+    """
+
+    description: ClassVar[str] = "a digital output line of National Instruments, by NI-DAQmx"
+    example: ClassVar[str] = """\
+[holder]
+driver = "nidaqmx"
+line = "Dev1/port0/line0"
+energized = "holds"          # with a high line the hammer is held (default), or "releases"
+"""
+
+    def __init__(self, options: TomlTable) -> None:
+        options.check_keys("line", "energized")
+        self._options = options
+        self._line = options.take_text("line", REQUIRED, "Dev1/port0/line0")
+        self._when_high = take_energized_state(options, HolderState.HOLDING)
+        self._subject = f"NI line {self._line}"
+        self._task: Task | None = None
+        self._reader: Any = None
+        self._writer: Any = None
+
+    @classmethod
+    def find_devices(cls) -> tuple[FoundDevice, ...]:
+        """Return what NI-DAQmx of this computer knows."""
+        return find_devices()
+
+    def configure(self) -> str:
+        """Take the line, and hold."""
+        self.close()
+        try:
+            with report_errors(self._subject, self._options, "line"):
+                identity = self._check_line()
+                self._take_line()
+            self.hold()
+        except BaseException:
+            self.close()
+            raise
+        return identity
+
+    def read_state(self) -> HolderState:
+        """Read the line back."""
+        self._require_task()
+        with report_errors(self._subject):
+            is_high = bool(self._reader.read_one_sample_one_line(WRITE_TIME))
+        if is_high is not (self.told is self._when_high):
+            raise DeviceError(
+                f"{self._subject} is {'high' if is_high else 'low'}, though it was told"
+                f" {self.told.value}"
+            )
+        return self.told
+
+    def close(self) -> None:
+        """End the task; the line stays as it is."""
+        task, self._task = self._task, None
+        close_task(task)
+
+    def tell(self, state: HolderState) -> None:
+        """Bring the device into a state; raises `DeviceError` if it does not obey."""
+        self._require_task()
+        with report_errors(self._subject):
+            self._writer.write_one_sample_one_line(state is self._when_high, WRITE_TIME)
+        self.told = state
+
+    def _require_task(self) -> None:
+        if self._task is None:
+            raise DeviceError(f"{self._subject} is not configured")
+
+    def _check_line(self) -> str:
+        """Require the right device and line; return what it is."""
+        device = find_device(self._line, "line", self._options)
+        known = device.do_lines.channel_names
+        if self._line not in known:
+            raise self._options.make_error(
+                "line", f"{device.name} has no output line {self._line!r}: it has"
+                f" {', '.join(known)}",
+            )  # fmt: skip
+        return f"{describe_device(device)}, {self._line}"
+
+    def _take_line(self) -> None:
+        from nidaqmx import Task
+        from nidaqmx.constants import LineGrouping
+        from nidaqmx.stream_readers import DigitalSingleChannelReader
+        from nidaqmx.stream_writers import DigitalSingleChannelWriter
+
+        self._task = Task()
+        self._task.do_channels.add_do_chan(self._line, line_grouping=LineGrouping.CHAN_PER_LINE)
+        self._reader = DigitalSingleChannelReader(self._task.in_stream)
+        self._writer = DigitalSingleChannelWriter(self._task.out_stream, auto_start=True)

@@ -1,1 +1,0 @@
-"""Devices of National Instruments: NI-DAQmx of this computer, or behind NI's gRPC server."""

@@ -1,1 +1,0 @@
-"""Digitizers that speak SCPI over TCP."""

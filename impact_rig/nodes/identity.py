@@ -1,0 +1,114 @@
+"""Whose a message is: the campaign that a node takes part in, or another; the one comparison.
+
+Set-up, blocks, releases, verdicts, estimates and states carry the id of their campaign, blocks
+that of the accelerometers' stream too. So a replay, a bag that is played into a live rig, a late
+message and a second rig are told apart without a clock.
+"""
+
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from unique_identifier_msgs.msg import UUID
+
+from impact_rig.recordings.messages import NO_ID
+
+_LENGTH_OF_FRAME_ID = 12
+"""Where a serialised message with a header says how long its `frame_id` is [byte]."""
+WARNED = 1000
+"""How many foreign campaigns are remembered to have been warned of [-]."""
+
+
+def make_id() -> bytes:
+    """Return a new id."""
+    return uuid.uuid4().bytes
+
+
+def id_to_msg(identity: bytes) -> UUID:
+    """Return an id as a message."""
+    return UUID(uuid=list(identity))
+
+
+def id_from_msg(message: UUID) -> bytes:
+    """Return the id that a message carries."""
+    return bytes(message.uuid)
+
+
+def read_campaign_id(data: bytes) -> bytes:
+    """Return the campaign's id in a serialised message whose second field it is."""
+    order: Literal["little", "big"] = "little" if data[1] else "big"
+    length = int.from_bytes(data[_LENGTH_OF_FRAME_ID : _LENGTH_OF_FRAME_ID + 4], order)
+    begin = _LENGTH_OF_FRAME_ID + 4 + length
+    return data[begin : begin + len(NO_ID)]
+
+
+@dataclass(frozen=True)
+class Identity:
+    """The ids that a message of the rig carries."""
+
+    campaign_id: bytes = NO_ID
+    stream_id: bytes = NO_ID
+
+    def fill(self, message: Any) -> None:
+        """Put the ids into a message, those that it has."""
+        if hasattr(message, "campaign_id"):
+            message.campaign_id = id_to_msg(self.campaign_id)
+        if hasattr(message, "stream_id"):
+            message.stream_id = id_to_msg(self.stream_id)
+
+
+NO_IDENTITY = Identity()
+
+
+def identity_from_msg(message: Any) -> Identity:
+    """Return the ids of a block, whoever decoded it."""
+    return Identity(id_from_msg(message.campaign_id), id_from_msg(message.stream_id))
+
+
+class Membership:
+    """The campaign that a node takes part in.
+
+    A node that no campaign has asked to join follows the set-ups that it receives, those of a
+    replay, and takes everything.
+
+    Parameters
+    ----------
+    warn : callable
+        Called once for each foreign campaign, with a sentence.
+    """
+
+    def __init__(self, warn: Callable[[str], None]) -> None:
+        self.identity = Identity()
+        self.is_joined = False
+        self._warn = warn
+        self._warned: set[bytes] = set()
+
+    def join(self, identity: Identity) -> bool:
+        """Take part in a campaign; return whether it is another than before."""
+        is_new = not self.is_joined or identity != self.identity
+        self.identity, self.is_joined = identity, True
+        return is_new
+
+    def is_foreign(self, message: Any, what: str) -> bool:
+        """Return whether a message is to be ignored; warn of a campaign the first time."""
+        if not self.is_joined or not hasattr(message, "campaign_id"):
+            return False
+        return self.is_foreign_id(id_from_msg(message.campaign_id), what)
+
+    def is_foreign_id(self, campaign_id: bytes, what: str) -> bool:
+        """Return whether something of a campaign is to be ignored."""
+        if not self.is_joined or campaign_id == self.identity.campaign_id:
+            return False
+        # A node that has just been started has not been asked to join yet.
+        if campaign_id not in self._warned and campaign_id != NO_ID and len(self._warned) < WARNED:
+            self._warned.add(campaign_id)
+            self._warn(
+                f"{what} carries the id of another campaign, {uuid.UUID(bytes=campaign_id)}: a"
+                " replay or another rig is in this ROS domain; nothing of it is taken"
+            )
+        return True
+
+    def is_foreign_stream(self, message: Any) -> bool:
+        """Return whether a block is of another stream of accelerations than the campaign's."""
+        return self.is_joined and id_from_msg(message.stream_id) != self.identity.stream_id

@@ -1,0 +1,167 @@
+"""The ledger of a campaign: every hit that was judged, each once, and only if it is stored."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from impact_rig_msgs.msg import AccelerationBlock, RecordStored, SampleCount
+
+from impact_rig.core.errors import RigError
+from impact_rig.core.hits import JudgedHit
+from impact_rig.core.records import Block
+from impact_rig.core.session import Session
+from impact_rig.nodes.identity import id_from_msg
+from impact_rig.recordings.messages import BLOCK_TYPE, block_from_msg
+from impact_rig.recordings.new_file import list_parts
+from impact_rig.recordings.scan import Scan
+from impact_rig.recordings.schemas import SchemaDecoder
+
+Key = tuple[bytes, int]
+"""The stream and the number of a record: no other record of a campaign has both."""
+
+
+def find_key(message: AccelerationBlock | RecordStored) -> Key:
+    """Return which record a message is of."""
+    return id_from_msg(message.stream_id), message.record
+
+
+@dataclass
+class Ledger:
+    """Judges the records of one campaign as they are stored, and counts them.
+
+    Attributes
+    ----------
+    session : Session
+        Which judges, and estimates.
+    recording : str
+        Where the hits are recorded, on the recorder's host; empty: nowhere, and blocks are judged
+        as they come.
+    """
+
+    session: Session
+    recording: str = ""
+    counts: dict[str, SampleCount] = field(default_factory=dict)
+    newest_record: int = 0
+    _known: set[Key] = field(default_factory=set)
+    _waiting: dict[Key, list[Block]] = field(default_factory=dict)
+    _stored: dict[Key, int] = field(default_factory=dict)
+    _cut: Key | None = None
+
+    @property
+    def waiting_record(self) -> int:
+        """The first whole record that waits for the recorder's word; 0: none."""
+        for (_, record), blocks in self._waiting.items():
+            if blocks[-1].last:
+                return record
+        return 0
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether a record is stored of which other blocks have come than are on the disk."""
+        return bool(self._stored)
+
+    def add_block(self, message: AccelerationBlock) -> tuple[JudgedHit, ...]:
+        """Take a block; return the hits that are judged now."""
+        key, block = find_key(message), block_from_msg(message)
+        if key in self._known:
+            return ()
+        if not self.recording:
+            return self._feed(key, [block])
+        self._waiting.setdefault(key, []).append(block)
+        return self._judge_stored(key)
+
+    def add_stored(self, message: RecordStored) -> tuple[JudgedHit, ...]:
+        """Take the word that a record is stored; return the hits that are judged now."""
+        key = find_key(message)
+        if key in self._known or not message.blocks:
+            return ()
+        self._stored[key] = message.blocks
+        return self._judge_stored(key)
+
+    def judge_incomplete(self) -> tuple[JudgedHit, ...]:
+        """Judge stored records by the blocks that have come: the recording is elsewhere."""
+        hits: list[JudgedHit] = []
+        for key in tuple(self._stored):
+            hits += self._judge(key)
+        return tuple(hits)
+
+    def read(self, campaign_id: bytes, namespace: str) -> str:
+        """Judge what the run's recordings have of the campaign, each record once.
+
+        Parameters
+        ----------
+        campaign_id : bytes
+            Of the campaign.
+        namespace : str
+            Of the rig.
+
+        Returns
+        -------
+        str
+            Why not all could be read; empty: it was, or the recordings are on another computer.
+        """
+        self.session = Session(self.session.setup)
+        for memory in (self.counts, self._known, self._waiting, self._stored):
+            memory.clear()
+        self.newest_record, self._cut, problem = 0, None, ""
+        record: list[Block] = []
+        key: Key | None = None
+        for path in filter(Path.exists, list_parts(Path(self.recording))):
+            try:
+                for found, block in _read_blocks(path, campaign_id, namespace):
+                    if key is not None and found != key:
+                        self._feed(key, record)
+                        record = []
+                    key = found
+                    record.append(block)
+            except RigError as error:
+                problem = str(error)
+        if key is not None and record[-1].last:
+            self._feed(key, record)
+        elif key is not None:
+            # The rest of it is still on its way, or will never come.
+            self._waiting[key], self._cut = record, key
+        return problem
+
+    def _judge_stored(self, key: Key) -> tuple[JudgedHit, ...]:
+        if self._stored.get(key) != len(self._waiting.get(key, ())):
+            return ()
+        return self._judge(key)
+
+    def _judge(self, key: Key) -> tuple[JudgedHit, ...]:
+        del self._stored[key]
+        cut, self._cut = self._cut, None
+        if cut is not None and cut != key:
+            self._feed(cut, self._waiting.pop(cut))
+        blocks = self._waiting.pop(key, [])
+        return self._feed(key, blocks) if blocks else ()
+
+    def _feed(self, key: Key, blocks: list[Block]) -> tuple[JudgedHit, ...]:
+        if self.recording:
+            self._known.add(key)
+        self.newest_record = max(self.newest_record, key[1])
+        hits = tuple(hit for block in blocks for hit in self.session.feed(block))
+        for hit in hits:
+            self._count(hit)
+        return hits
+
+    def _count(self, hit: JudgedHit) -> None:
+        name = hit.label.sample
+        count = self.counts.setdefault(name, SampleCount(sample=name))
+        if hit.accepted:
+            count.accepted += 1
+            count.rejected_in_a_row = 0
+        else:
+            count.rejected += 1
+            count.rejected_in_a_row += 1
+
+
+def _read_blocks(path: Path, campaign_id: bytes, namespace: str) -> Iterator[tuple[Key, Block]]:
+    """Yield the blocks of a campaign in a recording; of a damaged one those before that."""
+    decoder, prefix = SchemaDecoder(), namespace.rstrip("/") + "/"
+    for raw in Scan(path).read_messages(
+        lambda channel: channel.type_name == BLOCK_TYPE and channel.topic.startswith(prefix)
+    ):
+        message = decoder.decode(raw.channel, raw.data)
+        if id_from_msg(message.campaign_id) == campaign_id:
+            yield find_key(message), block_from_msg(message)

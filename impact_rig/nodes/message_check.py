@@ -1,0 +1,104 @@
+"""Messages are checked once, when they come: what cannot be meant is dropped, and ends no node."""
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+from impact_rig_msgs import msg
+from rclpy.serialization import deserialize_message
+
+from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.nodes.interfaces import Topic
+from impact_rig.recordings.messages import block_from_msg, origin_from_msg, setup_from_msg
+
+HAMMER_PLACES = 4
+DISARMINGS = 3
+ACQUISITION_STATES = 3
+"""Numbered from 0 in the messages' definitions."""
+
+
+def _check_hammer_state(message: msg.HammerState) -> None:
+    if message.state >= HAMMER_PLACES or message.disarmed_by >= DISARMINGS:
+        raise ParameterError(
+            f"state is {message.state} and disarmed_by {message.disarmed_by}: they must be below"
+            f" {HAMMER_PLACES} and {DISARMINGS}"
+        )
+
+
+def _check_acquisition_state(message: msg.AcquisitionState) -> None:
+    if message.state >= ACQUISITION_STATES:
+        raise ParameterError(f"state is {message.state}: it must be below {ACQUISITION_STATES}")
+
+
+def _check_release(message: msg.HammerRelease) -> None:
+    for name in ("swing_time", "latest_contact"):
+        value = getattr(message, name)
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ParameterError(f"{name} is {value:g} s: it must be zero or more")
+
+
+def _check_comparison(message: msg.ModelComparison) -> None:
+    if not (math.isfinite(message.sampling_rate) and message.sampling_rate > 0.0):
+        raise ParameterError(f"sampling_rate is {message.sampling_rate:g} Hz: it must be above 0")
+    sizes = {
+        len(trace)
+        for trace in (
+            message.hammer_measured, message.hammer_model, message.specimen_measured,
+            message.specimen_model,
+        )
+    }  # fmt: skip
+    if len(sizes) != 1:
+        raise ParameterError(f"its traces have {sorted(sizes)} points: they must be as long")
+
+
+CHECKS: dict[type, Callable[[Any], object]] = {
+    msg.AccelerationBlock: block_from_msg,
+    msg.AcquisitionState: _check_acquisition_state,
+    msg.HammerRelease: _check_release,
+    msg.HammerState: _check_hammer_state,
+    msg.Impact: origin_from_msg,
+    msg.ModelComparison: _check_comparison,
+    msg.RigSetup: setup_from_msg,
+    msg.StreamBlock: block_from_msg,
+}
+"""What raises if a message cannot be meant; of the other types any values can."""
+
+
+class MessageCheck:
+    """Tells sound messages from others, which it counts and names, those of each topic once.
+
+    Parameters
+    ----------
+    warn : callable
+        Called with a sentence.
+    """
+
+    def __init__(self, warn: Callable[[str], None]) -> None:
+        self._warn = warn
+        self._dropped: Counter[str] = Counter()
+
+    @property
+    def dropped(self) -> int:
+        """How many messages were not sound [-]."""
+        return self._dropped.total()
+
+    def accepts(self, topic: Topic, message: Any) -> bool:
+        """Return whether a message is sound; may be called in any thread."""
+        check = CHECKS.get(topic.type)
+        if check is None:
+            return True
+        try:
+            check(message)
+        except (RigError, ValueError, OverflowError) as error:
+            self._dropped[topic.name] += 1
+            if self._dropped[topic.name] == 1:
+                self._warn(f"a message of {topic.name} is dropped, as all like it: {error}")
+            return False
+        return True
+
+    def accepts_bytes(self, topic: Topic, data: bytes) -> bool:
+        """Return the same of a message as it was sent."""
+        if topic.type not in CHECKS:
+            return True
+        return self.accepts(topic, deserialize_message(data, topic.type))

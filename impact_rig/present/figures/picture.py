@@ -1,0 +1,92 @@
+"""A figure of the report: panels drawn by matplotlib, as images for a page."""
+
+import base64
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",  # text stays text
+    "svg.hashsalt": "impact-rig",  # the same results give the same file
+    "text.parse_math": False,  # a sample may be called "$x$"
+    "savefig.transparent": True,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": "medium",
+    "grid.alpha": 0.2,
+    "legend.fontsize": "small",
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+}
+WIDTH = 4.8  # [inch], of a panel: two stand beside each other, on a phone one
+MOST_TICKS = 5  # intervals of an axis: each tick takes time
+LEFT, RIGHT, TOP, BOTTOM = 0.8, 0.1, 0.3, 0.95  # [inch], around the axes; two rows of a legend
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure, ready to be put into a page."""
+
+    title: str
+    caption: str  # how to read it
+    panels: tuple[str, ...]  # SVG as data URLs
+
+
+def make_picture(title: str, caption: str, draw: "Sequence[Callable[[], Figure]]") -> Picture:
+    """Return a figure with the panels that these functions draw, in the report's style."""
+    with drawing_style():
+        return Picture(title, caption, tuple(_embed(panel()) for panel in draw))
+
+
+@contextmanager
+def drawing_style() -> Iterator[None]:
+    """Draw in the report's style, independent of the user's settings of matplotlib."""
+    import matplotlib as mpl
+
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(STYLE)
+        yield
+
+
+def make_panel(*heights: float, left: float = LEFT) -> "Figure":
+    """Return a panel with axes below each other, of these heights [inch], on one abscissa.
+
+    Its margins are fixed: to fit them to the texts takes half the time of a report.
+    """
+    # The Figure itself, not pyplot: no screen, no state that outlives the call.
+    from matplotlib.figure import Figure
+
+    height = sum(heights)
+    panel = Figure(figsize=(WIDTH, height))
+    panel.subplots(len(heights), sharex=True, height_ratios=heights)
+    panel.subplots_adjust(
+        left / WIDTH, BOTTOM / height, 1.0 - RIGHT / WIDTH, 1.0 - TOP / height, hspace=0.12
+    )
+    for axes in panel.axes:
+        axes.locator_params(nbins=MOST_TICKS)
+    return panel
+
+
+def shorten_name(name: str, longest: int = 20) -> str:
+    """Return a name that fits, without characters that XML has not; its ends stay."""
+    shown = "".join(letter if letter.isprintable() else "\ufffd" for letter in name)
+    if len(shown) <= longest:
+        return shown
+    half = (longest - 1) // 2
+    return f"{shown[:half]}…{shown[-half:]}"
+
+
+def _embed(panel: "Figure") -> str:
+    stream = BytesIO()
+    panel.savefig(stream, format="svg", metadata={"Date": None})
+    return f"data:image/svg+xml;base64,{base64.b64encode(stream.getvalue()).decode()}"

@@ -1,0 +1,141 @@
+"""The content of an MCAP record: parsed by the library `mcap`, checked, and bounded in size."""
+
+import io
+import struct
+import zlib
+from typing import Any
+
+import lz4.frame
+import zstandard
+from mcap import records
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+
+MAX_SIZE = 1 << 29
+"""Largest record that is taken into memory [byte], our choice: twice the largest chunk of our
+recorder."""
+MAX_RATIO = 1000
+"""What is unpacked over the size of the file [-], our choice: ten times what constant signals
+reach in practice."""
+FREE_SIZE = 1 << 22
+"""What may be unpacked of any file [byte], our choice: four chunks of our recorder."""
+FRAME = struct.Struct("<BQ")
+"""Kind and length of a record."""
+MESSAGE = struct.Struct("<HIQQ")
+"""Channel, sequence, log time and publish time of a message."""
+PARSE_ERRORS = (McapError, struct.error, ValueError, OverflowError, MemoryError)
+"""What the library raises on bytes that make no sense."""
+_ENGINE_ERRORS = (zstandard.ZstdError, RuntimeError, OverflowError, MemoryError)
+_CHUNK_HEAD = 32
+"""Of a chunk's content up to the name of its compression [byte]."""
+_SMALL: dict[int, tuple[Any, str]] = {
+    Opcode.HEADER: (records.Header, "the header"),
+    Opcode.SCHEMA: (records.Schema, "the description of a type"),
+    Opcode.CHANNEL: (records.Channel, "the description of a topic"),
+    Opcode.ATTACHMENT: (records.Attachment, "an attachment"),
+    Opcode.METADATA: (records.Metadata, "a metadata record"),
+}
+
+
+class DamageError(ValueError):
+    """Bytes that are not what they should be; the message says what is wrong with what."""
+
+
+def parse_small(kind: int, content: bytes, place: int) -> Any:
+    """Return a record of the library, but for chunks and messages.
+
+    The record written again must be the bytes that were read: a length that points anywhere else
+    is found out. An attachment's checksum is checked on the way.
+
+    Raises
+    ------
+    DamageError
+        If the bytes are not those of one.
+    """
+    if kind not in _SMALL:
+        raise DamageError("a chunk holds what is no message")
+    record_class, words = _SMALL[kind]
+    try:
+        record = record_class.read(ReadDataStream(io.BytesIO(content)))
+        builder = RecordBuilder()
+        record.write(builder)
+        written = builder.end()[FRAME.size :]
+    except PARSE_ERRORS:
+        written = None
+    if written and kind == Opcode.ATTACHMENT and content.endswith(bytes(4)):
+        written = written[:-4]  # it was written without a checksum
+    # Later versions of the format may add fields at the end of a record.
+    if written is None or not content.startswith(written):
+        raise DamageError(f"{words} is damaged: the record at byte {place}")
+    return record
+
+
+def read_inner_head(content: bytes, place: int) -> tuple[int, int, int]:
+    """Return kind, start and end of the content of the record at a place in a chunk."""
+    if place + FRAME.size > len(content):
+        raise DamageError("a record has no whole head")
+    kind, length = FRAME.unpack_from(content, place)
+    start = place + FRAME.size
+    if start + length > len(content):
+        raise DamageError("a record is longer than what it is in")
+    if kind == Opcode.MESSAGE and length < MESSAGE.size:
+        raise DamageError("a message is shorter than its head")
+    return kind, start, start + length
+
+
+def parse_chunk(content: bytes) -> records.Chunk:
+    """Return a chunk as it is packed; raises `DamageError`."""
+    try:
+        chunk: records.Chunk = records.Chunk.read(ReadDataStream(io.BytesIO(content)))
+    except PARSE_ERRORS:
+        raise DamageError("the head of a chunk makes no sense") from None
+    place = _CHUNK_HEAD + len(chunk.compression.encode())
+    # The library reads as far as there is something.
+    if int.from_bytes(content[place : place + 8], "little") != len(chunk.data):
+        raise DamageError("the head of a chunk makes no sense")
+    return chunk
+
+
+class Unpacker:
+    """Unpacks the chunks of one file, which may hold `MAX_RATIO` times its size [byte]."""
+
+    def __init__(self, file_size: int) -> None:
+        self._room = max(MAX_RATIO * file_size, FREE_SIZE)
+
+    def unpack(self, chunk: records.Chunk) -> bytes:
+        """Return the records of a chunk; raises `DamageError`."""
+        size = chunk.uncompressed_size
+        if size > min(MAX_SIZE, self._room):
+            raise DamageError(
+                f"a chunk of {len(chunk.data)} byte claims to hold {size}: a file must not hold"
+                f" more than {MAX_RATIO} times its size"
+            )
+        self._room -= size
+        content = _decompress(chunk)
+        if len(content) != size:
+            raise DamageError(f"a chunk holds {len(content)} byte: it should hold {size}")
+        if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
+            raise DamageError("a chunk does not fit its checksum")
+        return content
+
+
+def _decompress(chunk: records.Chunk) -> bytes:
+    """Return what a chunk holds; no more is taken into memory than it states."""
+    data, size = chunk.data, chunk.uncompressed_size
+    try:
+        if chunk.compression == "zstd":
+            if zstandard.frame_content_size(data) not in (-1, size):
+                raise DamageError(f"a chunk should hold {size} byte: its data state another size")
+            return zstandard.ZstdDecompressor().decompress(data, max_output_size=max(size, 1))
+        if chunk.compression == "lz4":
+            engine = lz4.frame.LZ4FrameDecompressor()
+            return bytes(engine.decompress(data, max_length=size + 1))
+    except _ENGINE_ERRORS as error:
+        reason = str(error) or type(error).__name__
+        raise DamageError(f"a chunk cannot be decompressed: {reason}") from None
+    if chunk.compression not in ("", "none"):
+        raise DamageError(
+            f"a chunk is compressed by {chunk.compression[:32]!r}: it must be zstd or lz4"
+        )
+    return data

@@ -1,0 +1,313 @@
+"""The contract of drivers as tests, for pytest: authors of drivers run them on their device.
+
+A test module of the driver subclasses a contract, with a fixture `bench` that says how the device
+is made, struck and unplugged::
+
+    from impact_rig.testing import AccelerationSourceContract, SourceBench
+
+    class MyBench(SourceBench):
+        ...
+
+    class TestMyDigitizer(AccelerationSourceContract):
+        @pytest.fixture
+        def bench(self):
+            with MyBench() as bench:
+                yield bench
+
+What a bench cannot do is skipped, and the skip says so. To see values where an assertion fails,
+call ``pytest.register_assert_rewrite("impact_rig.testing")`` in your conftest.py.
+"""
+
+import time
+from collections.abc import Callable
+from contextlib import closing, suppress
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import pytest
+
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
+from impact_rig.core.detection import to_acceleration
+from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.records import Block, FloatArray
+from impact_rig.devices.drivers import COMMON_KEYS, HOLDERS, SOURCES
+from impact_rig.devices.protocols import (
+    AccelerationSource,
+    AcquisitionPlan,
+    HammerHolder,
+    HolderState,
+)
+
+QUIET = 0.2  # [s], in which nothing may come
+LONGEST_CALL = 3.0  # [s]: half a second, by the protocol, and a busy computer
+
+
+class Bench:
+    """A device on a bench; subclasses override what they can do."""
+
+    patience: ClassVar[float] = 20.0  # [s], before a test fails
+
+    def __enter__(self) -> Self:
+        """Make the device ready."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Put everything away."""
+
+    def get_driver(self) -> Any:
+        """Return the driver's class."""
+        raise NotImplementedError
+
+    def unplug(self) -> None:
+        """Let the device vanish as if its cable was pulled."""
+        pytest.skip("this bench cannot unplug its device")
+
+    def plug(self) -> None:
+        """Let it come back."""
+
+    def wait_until(self, condition: Callable[[], bool]) -> None:
+        """Wait for what a device does, which sends no event."""
+        deadline = time.monotonic() + self.patience
+        while not condition():
+            assert time.monotonic() < deadline, "it never came true"
+            time.sleep(0.005)
+
+    def wait_for_loss(self, action: Callable[[], object]) -> None:
+        """Repeat an action until it says in a sentence that the device is lost."""
+
+        def is_lost() -> bool:
+            try:
+                action()
+            except DeviceError as error:
+                check_sentence(error)
+                return True
+            return False
+
+        self.wait_until(is_lost)
+
+
+class SourceBench(Bench):
+    """A source, and what strikes the hammer."""
+
+    def make_source(self) -> AccelerationSource:
+        """Return a new source for the device, not configured."""
+        raise NotImplementedError
+
+    def make_plan(self, *, continuous: bool = False) -> AcquisitionPlan:
+        """Return a plan that the device can do."""
+        raise NotImplementedError
+
+    def strike(self, source: AccelerationSource) -> None:
+        """Let the hammer strike now, well above the trigger level; do not wait for the record."""
+        pytest.skip("this bench cannot strike")
+
+    def read_block(self, source: AccelerationSource) -> Block:
+        """Return the next block, which must come."""
+        block = source.read(self.patience)
+        assert block is not None, "no block came"
+        return block
+
+    def take_record(self, source: AccelerationSource, plan: AcquisitionPlan) -> None:
+        """Arm and strike; require one whole record with the pulse in its place."""
+        source.arm()
+        self.strike(source)
+        blocks = [self.read_block(source)]
+        while not blocks[-1].last:
+            blocks.append(self.read_block(source))
+        check_blocks(blocks, plan)
+        hammer = join_hammer(blocks)
+        begin = int(np.argmax(hammer > plan.trigger_level))
+        assert hammer.size == plan.points
+        assert hammer.max() > plan.trigger_level, "the pulse is not in the record"
+        # The pulse may begin some points beside the trigger.
+        assert abs(begin - plan.pre_trigger_points) <= 0.05 * plan.points + 2
+        assert source.read(QUIET) is None, "something comes after the last block"
+
+
+class HolderBench(Bench):
+    """A holder, and what its device really does."""
+
+    def make_holder(self) -> HammerHolder:
+        """Return a new holder for the device, not configured."""
+        raise NotImplementedError
+
+    def is_holding(self) -> bool:
+        """Return whether the device holds, asked at the device and not at the driver."""
+        pytest.skip("this bench does not see what its device does")
+
+    def count_releases(self) -> int:
+        """Return how often the device has released so far."""
+        pytest.skip("this bench does not see what its device does")
+
+
+class DriverContract:
+    """Tests of every driver."""
+
+    group: ClassVar[str]  # of entry points
+    table: ClassVar[str]  # of the rig file
+
+    def test_it_says_what_it_is_for_and_takes_its_own_example(self, bench: Bench) -> None:
+        driver = bench.get_driver()
+        assert driver.description
+        table = parse_toml_table(driver.example).take_table(self.table)
+        driver(table.without(*COMMON_KEYS[self.group]))
+
+    def test_an_unknown_key_is_refused_by_name(self, bench: Bench) -> None:
+        with pytest.raises(ParameterError, match="colour"):
+            bench.get_driver()(TomlTable({"colour": "red"}, f"[{self.table}]"))
+
+    def test_a_search_finds_devices_or_says_what_is_missing(self, bench: Bench) -> None:
+        with suppress(DeviceError, ModuleNotFoundError):
+            assert all(device.address for device in bench.get_driver().find_devices())
+
+
+class AccelerationSourceContract(DriverContract):
+    """Tests of a source; subclasses have a fixture `bench`."""
+
+    group = SOURCES
+    table = "source"
+
+    def test_each_arming_gives_one_whole_record(self, bench: SourceBench) -> None:
+        plan = bench.make_plan()
+        with closing(bench.make_source()) as source:
+            source.close()
+            acquisition = source.configure(plan)
+            assert acquisition.identity
+            assert acquisition.sampling_rate == pytest.approx(plan.sampling_rate, rel=0.01)
+            source.arm()
+            assert source.read(QUIET) is None, "something comes though nothing was struck"
+            source.disarm()
+            for _ in range(3):
+                source.check()
+                bench.take_record(source, plan)
+
+    def test_what_was_not_read_is_forgotten_when_it_is_disarmed(self, bench: SourceBench) -> None:
+        plan = bench.make_plan()
+        with closing(bench.make_source()) as source:
+            source.configure(plan)
+            source.arm()
+            bench.strike(source)
+            source.disarm()
+            source.arm()
+            assert source.read(QUIET) is None
+            bench.take_record(source, plan)
+
+    def test_a_stream_has_no_gap_and_no_end_or_is_refused(self, bench: SourceBench) -> None:
+        plan = bench.make_plan(continuous=True)
+        with closing(bench.make_source()) as source:
+            try:
+                source.configure(plan)
+            except RigError as error:
+                check_sentence(error)
+                return
+            source.arm()
+            blocks = [bench.read_block(source)]
+            bench.strike(source)
+
+            def has_come() -> bool:
+                blocks.append(bench.read_block(source))
+                return bool(join_hammer(blocks[-1:]).max() >= plan.trigger_level)
+
+            bench.wait_until(has_come)
+            check_blocks(blocks, plan)
+            assert not any(block.last for block in blocks)
+            source.disarm()
+            assert source.read(QUIET) is None
+
+    def test_it_comes_back_as_often_as_it_is_unplugged(self, bench: SourceBench) -> None:
+        plan = bench.make_plan()
+        with closing(bench.make_source()) as source:
+            source.configure(plan)
+            for notice in (source.check, lambda: source.read(QUIET)):
+                bench.unplug()
+                bench.wait_for_loss(notice)
+                source.close()
+                bench.wait_for_loss(lambda: source.configure(plan))
+                source.close()
+                bench.plug()
+                source.configure(plan)
+                source.arm()
+            source.close()
+            source.configure(plan)
+            bench.take_record(source, plan)
+
+
+class HammerHolderContract(DriverContract):
+    """Tests of a holder; subclasses have a fixture `bench`."""
+
+    group = HOLDERS
+    table = "holder"
+
+    def test_it_holds_once_configured_and_releases_each_time_it_is_asked(
+        self, bench: HolderBench
+    ) -> None:
+        with closing(bench.make_holder()) as holder:
+            assert holder.configure()
+            assert holder.read_state() is HolderState.HOLDING
+            for count in range(3):
+                bench.wait_until(bench.is_holding)
+                assert bench.count_releases() == count
+                begin = time.monotonic()
+                holder.release()
+                assert time.monotonic() - begin < LONGEST_CALL
+                assert holder.read_state() is HolderState.RELEASED
+                bench.wait_until(lambda: not bench.is_holding())
+                holder.hold()
+                assert holder.read_state() is HolderState.HOLDING
+
+    def test_it_never_releases_by_itself(self, bench: HolderBench) -> None:
+        with closing(bench.make_holder()) as holder:
+            for _ in range(3):
+                holder.close()
+                holder.configure()
+                holder.hold()
+                holder.close()
+            holder.configure()
+            bench.wait_until(bench.is_holding)
+            assert bench.count_releases() == 0
+
+    def test_it_comes_back_as_often_as_it_is_unplugged_and_holds(self, bench: HolderBench) -> None:
+        with closing(bench.make_holder()) as holder:
+            holder.configure()
+            for _ in range(3):
+                bench.unplug()
+                bench.wait_for_loss(holder.read_state)
+                holder.close()
+                bench.wait_for_loss(holder.configure)
+                bench.plug()
+                holder.configure()
+            bench.wait_until(bench.is_holding)
+            assert bench.count_releases() == 0
+
+
+def check_sentence(error: BaseException) -> None:
+    """Require one sentence for people."""
+    text = str(error)
+    assert text
+    assert "\n" not in text
+
+
+def check_blocks(blocks: list[Block], plan: AcquisitionPlan) -> None:
+    """Require blocks without a gap, calibrated, in time."""
+    first, now = blocks[0], time.time()
+    expected = first.first_sample
+    for block in blocks:
+        size = block.hammer.output.size
+        assert block.first_sample == expected, "points are missing"
+        assert size > 0
+        assert block.specimen.output.size == (size if plan.specimen is not None else 0)
+        assert block.hammer.scale != 0.0
+        assert block.stamp * 1e-9 == pytest.approx(now, abs=60.0)
+        delay = (block.first_sample - first.first_sample) / plan.sampling_rate
+        # Some drivers take the time of the arrival.
+        assert (block.stamp - first.stamp) * 1e-9 == pytest.approx(delay, abs=0.1)
+        expected += size
+
+
+def join_hammer(blocks: list[Block]) -> FloatArray:
+    """Return the size of the hammer's acceleration over some blocks, without offset [m/s^2]."""
+    values = np.concatenate(
+        [to_acceleration(block.hammer, block.hammer.output) for block in blocks]
+    )
+    size: FloatArray = np.abs(values - np.median(values))
+    return size

@@ -1,0 +1,117 @@
+"""What there is to see of a recording is what its analysis finds, with the traces behind it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from impact_rig.analysis.analyze import analyze
+from impact_rig.core.records import MEASURED, Block, HitLabel, Origin
+from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
+from impact_rig.recordings.channels import MappedChannels
+from impact_rig.recordings.importing import ImportedHit, write_imported
+from impact_rig.recordings.reader import read_recording
+from impact_rig.results.remarks import tabulate_accepted
+from impact_rig.results.traced_campaign import TracedCampaign
+
+SAMPLES = ("aluminium large", "steel small")
+LABELS = [
+    HitLabel(name, record, impact)
+    for record, (name, impact) in enumerate(
+        ((name, impact) for name in SAMPLES for impact in (1, 2, 3, 4)), start=1
+    )
+]
+
+
+def import_block(block: Block) -> ImportedHit:
+    return ImportedHit(Path(__file__), block, MappedChannels(block.sampling_rate, block.hammer))
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording of two samples, some hits with faults."""
+    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=11, faults=FaultPlan(0.1)))
+    hits = [import_block(rig.strike(label).split(10_000, 0)[0]) for label in LABELS]
+    output = tmp_path_factory.mktemp("traced") / "session.mcap"
+    write_imported(output, PAPER_SETUP, hits)
+    return output
+
+
+@pytest.fixture(scope="module")
+def campaign(path: Path) -> TracedCampaign:
+    """Return all that there is to see of it."""
+    (found,) = analyze(read_recording(path), keep_traces=True, with_models=False).campaigns
+    return found
+
+
+def test_neither_traces_nor_models_change_what_is_found(path, campaign):
+    (analyzed,) = analyze(read_recording(path)).campaigns
+    assert (analyzed.samples, analyzed.hits) == ((), ())
+    assert repr(campaign.results.hits) == repr(analyzed.results.hits)
+    pairs = zip(campaign.results.samples, analyzed.results.samples, strict=True)
+    for sample, other in pairs:
+        assert sample.identifications == ()
+        assert repr(sample.stiffness) == repr(other.stiffness)
+
+
+def test_every_hit_is_there_as_recorded_and_in_its_sample_s_time(campaign):
+    assert [hit.recorded.label for hit in campaign.hits] == LABELS
+    assert [hit.result.record for hit in campaign.hits] == [label.record for label in LABELS]
+    assert {hit.result.accepted for hit in campaign.hits} == {True, False}, "some should be bad"
+    for hit in campaign.hits:
+        assert hit.recorded.values.shape == (hit.recorded.time.size, 2)
+        if hit.aligned is None:
+            assert not hit.result.accepted
+        else:
+            peaks = np.abs(hit.aligned.traces).max(axis=1)
+            assert peaks[0] == pytest.approx(hit.result.hammer_peak, rel=1e-3)
+
+
+def test_a_mean_is_that_of_its_accepted_hits(campaign):
+    for sample in campaign.samples:
+        grid = sample.time[500:2000]
+        hits = [
+            np.interp(grid, hit.aligned.time, hit.aligned.traces[0])
+            for hit in campaign.hits
+            if hit.aligned is not None and hit.result.accepted and hit.result.sample == sample.name
+        ]
+        mean = np.interp(grid, sample.time, sample.mean[0])
+        np.testing.assert_allclose(np.mean(hits, axis=0), mean, atol=1e-6 * np.abs(mean).max())
+
+
+def test_a_person_s_word_and_other_settings_hold(path, campaign):
+    first = next(hit.result for hit in campaign.hits if hit.result.accepted)
+    changes = {"pulse_factor": 1.5}
+    (after,) = analyze(
+        read_recording(path),
+        changes,
+        reject=[str(first.record)],
+        keep_traces=True,
+        with_models=False,
+    ).campaigns
+    assert [hit.result.record for hit in campaign.hits if hit.result.accepted] == [
+        first.record,
+        *(hit.result.record for hit in after.hits if hit.result.accepted),
+    ]
+    assert after.samples[-1].contact_time == pytest.approx(
+        1.5 * after.samples[-1].half_amplitude_width
+    )
+
+
+def test_a_simulated_hit_among_measured_ones_is_told(tmp_path):
+    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=11))
+    measured = Origin(MEASURED, "digitizer 7")
+    blocks = [rig.strike(label).split(10_000, 0)[0] for label in LABELS[:3]]
+    blocks[1:] = [replace(block, origin=measured) for block in blocks[1:]]
+    hits = [import_block(block) for block in blocks]
+    write_imported(tmp_path / "mixed.mcap", PAPER_SETUP, hits)
+    (found,) = analyze(read_recording(tmp_path / "mixed.mcap")).campaigns
+    results = found.results
+    assert [hit.origin.kind for hit in results.hits] == ["simulated", "measured", "measured"]
+    assert results.origin.kind == "mixed"
+    (table,) = tabulate_accepted(results)
+    (column,) = [column for column in table.columns if column.header == "Origin"]
+    assert column.cells[1] == "measured (digitizer 7)"
+    assert column.cells[0].startswith("simulated (virtual rig")

@@ -1,0 +1,72 @@
+"""`python3 -m bench [PART ...]`: measure what is claimed, on this machine.
+
+The exit code is 0 if all goals are reached, 1 if one is missed, 2 if a part could not be measured.
+"""
+
+import argparse
+import json
+import signal
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from bench import PARTS
+from bench.campaigns import Campaigns
+from bench.measure import FULL, Bench, Extent, Figure, load_part
+from impact_rig.core.errors import RigError
+
+
+def run_part(name: str, extent: Extent, campaigns: Campaigns) -> list[Figure]:
+    """Measure one part in an empty folder, and print each figure beside its goal."""
+    figures = []
+    started = time.perf_counter()
+    part = load_part(name)
+    with tempfile.TemporaryDirectory(prefix=f"impact_rig_{name}_") as folder:
+        print(f"{name}: {part.title}, about {part.seconds:g} s", file=sys.stderr)
+        for figure in part.measure(Bench(Path(folder), extent, campaigns)):
+            figures.append(figure)
+            print(figure, file=sys.stderr if extent.as_json else sys.stdout, flush=True)
+    print(f"{name} took {time.perf_counter() - started:.1f} s", file=sys.stderr)
+    return figures
+
+
+def main(words: list[str] | None = None) -> int:
+    """Measure the parts that were asked for, all by default; return the exit code."""
+    parser = argparse.ArgumentParser("bench", description="Measure what is claimed.")
+    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
+    parser.add_argument("--full", action="store_true", help="50 kills, 2000 damaged files ...")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON at the end")
+    for name in ("seconds", "kills", "mutations", "seed"):
+        parser.add_argument(f"--{name}", type=int, metavar="N")
+    given = parser.parse_args(words)
+    if unknown := set(given.parts) - set(PARTS):
+        parser.error(f"there is no part {min(unknown)!r}: choose of {', '.join(PARTS)}")
+    numbers = {name: getattr(given, name) for name in ("seconds", "kills", "mutations", "seed")}
+    extent = replace(
+        FULL if given.full else Extent(),
+        as_json=given.json,
+        **{name: value for name, value in numbers.items() if value is not None},
+    )
+    found: dict[str, list[Figure]] = {}
+    errors = []
+    with tempfile.TemporaryDirectory(prefix="impact_rig_campaigns_") as folder:
+        campaigns = Campaigns(Path(folder))
+        for name in given.parts or PARTS:
+            try:
+                found[name] = run_part(name, extent, campaigns)
+            except (RigError, ModuleNotFoundError) as error:
+                errors.append(f"{name} could not be measured: {error}")
+    if given.json:
+        print(json.dumps({name: list(map(vars, figures)) for name, figures in found.items()}))
+    missed = [figure for figures in found.values() for figure in figures if figure.is_missed]
+    for line in (*map(str, missed), *errors):
+        print(line, file=sys.stderr)
+    return 2 if errors else int(bool(missed))
+
+
+if __name__ == "__main__":
+    # SIGTERM ends the bench as Ctrl-C does: with every process that it has started.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    sys.exit(main())

@@ -1,0 +1,205 @@
+"""Contacts of many laws, integrated step by step; nothing of it is the package's.
+
+Hammer and sample are free bodies, or the sample is a large plate. Force and motion are integrated
+by DOP853 from first touch to separation.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.signal import butter, lfilter
+
+from impact_rig.core.records import Block, ChannelBlock, HitLabel
+
+FloatArray = NDArray[np.float64]
+HAMMER, SAMPLE, SPEED, DURATION = 0.1, 0.10538, 0.0819, 212e-6
+BOTH = HAMMER * SAMPLE / (HAMMER + SAMPLE)
+RATE, COUNT, START = 2.5e6, 5000, 200e-6
+FULL_SCALES = (2000.0, 4000.0)
+Force = Callable[[float, float], float]
+"""Of indentation and its rate, in units of the speed and of T."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One contact in scaled units: unit mass, unit speed, unit stiffness."""
+
+    time: FloatArray
+    force: FloatArray
+    restitution: float
+    recoil: FloatArray | None = None
+    """Acceleration of what was struck, where it is no free body."""
+
+
+def integrate(force: Force, *, sticks: bool = False) -> Motion:
+    """Integrate x'' = -F(x, x') until the bodies part; those that stick part in tension."""
+
+    def part(_time: float, state: FloatArray) -> float:
+        # At touch neither has begun; later the force, or the indentation, comes back to zero.
+        if state[1] > 0.0:
+            return 1.0
+        return float(state[0] if sticks else force(state[0], state[1]))
+
+    part.terminal, part.direction = True, -1  # type: ignore[attr-defined]
+    found = solve_ivp(
+        lambda _time, x: (x[1], -force(x[0], x[1])),
+        (0.0, 60.0),
+        (0.0, 1.0),
+        method="DOP853",
+        rtol=1e-10,
+        atol=1e-12,
+        events=part,
+        dense_output=True,
+        max_step=0.02,
+    )
+    time = np.linspace(0.0, found.t[-1], 4001)
+    pressed = np.array([force(*state) for state in found.sol(time).T])
+    return Motion(time, pressed, -float(found.y[1, -1]))
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law by its name, the restitution that it shall have, and how it presses."""
+
+    name: str
+    restitution: float
+    make_force: Callable[[float], Force]
+    sticks: bool = False
+
+    @property
+    def motion(self) -> Motion:
+        """The contact with that restitution."""
+        return _find_motion(self)
+
+
+@lru_cache(maxsize=32)
+def _find_motion(law: Law) -> Motion:
+    def exceed(loss: float) -> float:
+        return integrate(law.make_force(loss), sticks=law.sticks).restitution - law.restitution
+
+    loss = 0.0 if law.restitution == 1.0 else brentq(exceed, 1e-3, 3.0, xtol=1e-6)
+    return integrate(law.make_force(loss), sticks=law.sticks)
+
+
+def make_viscous(exponent: float, power: float) -> Callable[[float], Force]:
+    """Return F = x^n + c x^m x'."""
+
+    def make_force(loss: float) -> Force:
+        def force(x: float, v: float) -> float:
+            x = max(x, 0.0)
+            return float(x**exponent + loss * x**power * v)
+
+        return force
+
+    return make_force
+
+
+@lru_cache(maxsize=8)
+def strike_plate(restitution: float) -> Motion:
+    """Strike a large plate by Hertz: it yields at the speed F / Z, and its waves do not return."""
+
+    def collide(loss: float) -> Motion:
+        # x: indentation, y: the hammer's speed.
+        def part(_time: float, state: FloatArray) -> float:
+            return 1.0 if state[1] > 0.9 else float(state[0])
+
+        part.terminal, part.direction = True, -1  # type: ignore[attr-defined]
+
+        def press(x: float) -> float:
+            return float(max(x, 0.0) ** 1.5)
+
+        found = solve_ivp(
+            lambda _time, s: (s[1] - loss * press(s[0]), -press(s[0])),
+            (0.0, 60.0), (0.0, 1.0), method="DOP853", rtol=1e-10, atol=1e-12,
+            events=part, dense_output=True, max_step=0.02,
+        )  # fmt: skip
+        time = np.linspace(0.0, found.t[-1], 4001)
+        force = np.maximum(found.sol(time)[0], 0.0) ** 1.5
+        speed = float(found.y[1, -1])
+        return Motion(time, force, -speed, loss * np.gradient(force, time))
+
+    if restitution == 1.0:
+        return collide(0.0)
+    return collide(brentq(lambda z: collide(z).restitution - restitution, 1e-3, 3.0, xtol=1e-6))
+
+
+def make_adhesive(pull: float) -> Force:
+    """Return Derjaguin, Muller and Toporov's: Hertz less a pull while the bodies touch."""
+
+    def force(x: float, _v: float) -> float:
+        return float(max(x, 0.0) ** 1.5 - pull)
+
+    return force
+
+
+@lru_cache(maxsize=8)
+def crush(restitution: float) -> Motion:
+    """Load along a line, unload along a steeper one (Walton and Braun): e^2 = k1 / k2."""
+    load, unload = np.pi / 2.0, np.pi / 2.0 * restitution
+    time = np.linspace(0.0, load + unload, 4001)
+    force = np.where(time < load, np.sin(time), np.cos((time - load) / restitution))
+    return Motion(time, np.maximum(force, 0.0), restitution)
+
+
+@dataclass(frozen=True)
+class Struck:
+    """One hit of a contact as a digitizer records it."""
+
+    motion: Motion
+    duration: float = DURATION
+    speed: float = SPEED
+    sample_mass: float = SAMPLE  # [kg]
+    noise: float = 1e-3  # of full scale
+    low_pass: float = 0.0  # of an amplifier, fourth order [Hz]
+    clip: float = np.inf  # of the peak
+    stated_scale: bool = True
+    sample_delay: float = 0.0  # [s]
+    rate_factor: float = 1.0  # sampling rate that is stated over the true one
+    gain: float = 1.0  # of what is stated
+    seed: int = 0
+
+    @property
+    def equivalent_mass(self) -> float:
+        """Of the bodies that move [kg]."""
+        return 1.0 / (1.0 / HAMMER + 1.0 / self.sample_mass)
+
+    def measure(self) -> FloatArray:
+        """Return both channels as the converter gives them [m/s^2]."""
+        random = np.random.default_rng(self.seed)
+        start = START + 1e-6 * random.standard_normal()
+        motion, unit = self.motion, self.duration / self.motion.time[-1]
+        height = self.equivalent_mass * self.speed / unit / HAMMER
+        time = np.arange(COUNT) / RATE
+        traces = np.zeros((2, COUNT))
+        recoil = -HAMMER / self.sample_mass * height * motion.force
+        if motion.recoil is not None:
+            recoil = -self.speed / unit * motion.recoil
+        shapes = (height * motion.force, 0.0), (recoil, self.sample_delay)
+        for row, (shape, delay) in enumerate(shapes):
+            traces[row] = np.interp((time - start - delay) / unit, motion.time, shape, 0.0, 0.0)
+        if self.low_pass:
+            traces = lfilter(*butter(4, self.low_pass, fs=RATE), traces)
+        traces *= self.gain
+        scales = np.array(FULL_SCALES)[:, np.newaxis]
+        traces += scales * self.noise * random.standard_normal(traces.shape)
+        top = self.clip * np.abs(traces[0]).max()
+        traces[0] = np.clip(traces[0], -top, top)
+        step = scales / 2**11
+        return np.asarray(np.clip(np.rint(traces / step), -2048, 2047) * step)
+
+    def make_block(self, label: HitLabel) -> Block:
+        """Return the hit as a digitizer sends it; where no scale is stated, as a file has it."""
+        channels = []
+        for trace, scale in zip(self.measure(), FULL_SCALES, strict=True):
+            if self.stated_scale:
+                counts = np.rint(trace / scale * 2**11).astype(np.int32)
+                channels.append(ChannelBlock(counts, scale / 2**11, 0.0, scale))
+            else:
+                channels.append(ChannelBlock(trace, 1.0, 0.0, 0.0))
+        rate = self.rate_factor * RATE
+        return Block(0, rate, channels[0], channels[1], label, last=True)

@@ -1,0 +1,126 @@
+"""Model against measurement: normalised, shifted, and what is then left."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from impact_rig.core.comparison import (
+    compare_trace,
+    compare_with_model,
+    find_best_shift,
+    normalise_trace,
+    shift_trace,
+)
+from impact_rig.core.errors import SignalError
+from impact_rig.core.filtering import low_pass
+from impact_rig.core.hits import MeanHit
+from impact_rig.core.model import Body, ImpactModel, ModelVariant, simulate_impact
+
+RATE = 2.5e6
+MODEL = ImpactModel(Body(0.1, 22.5e6, 1909.0), Body(0.17, 45e6, 1170.0), 203.2e-6, 0.0819, 60.0)
+
+
+def make_bell(middle: float, width: float = 30.0, count: int = 600) -> np.ndarray:
+    return np.exp(-(((np.arange(count) - middle) / width) ** 2))
+
+
+class TestNormalise:
+    """To the value of largest magnitude."""
+
+    @pytest.mark.parametrize("trace", [np.zeros(5), np.full(5, np.nan)])
+    def test_refuses_what_has_no_peak(self, trace):
+        with pytest.raises(SignalError, match="cannot be normalised: it has no peak"):
+            normalise_trace(trace)
+
+
+class TestShift:
+    """The best shift and its application."""
+
+    @given(shift=st.floats(-80, 80))
+    def test_of_a_bell_is_found_below_one_point(self, shift):
+        found = find_best_shift(make_bell(300.0 + shift), make_bell(300.0), 100)
+        # The parabola through the least errors leaves 1e-4 points at a width of 30.
+        assert found == pytest.approx(shift, abs=1e-3)
+
+    @given(shift=st.integers(-600, 600).map(lambda tenths: tenths / 10), seed=st.integers(0, 1000))
+    def test_is_what_scipy_makes_of_it(self, shift, seed):
+        trace = np.random.default_rng(seed).standard_normal(50)
+        expected = ndimage.shift(trace, shift, order=3, mode="constant", cval=0.0)
+        np.testing.assert_allclose(shift_trace(trace, shift), expected, rtol=0, atol=1e-11)
+
+
+class TestCompareTrace:
+    """One body's two traces."""
+
+    @given(
+        shift=st.floats(-60, 60),
+        factor=st.floats(-1e4, 1e4).filter(lambda value: abs(value) > 1e-3),
+    )
+    def test_equal_shapes_leave_no_error(self, shift, factor):
+        result = compare_trace(
+            factor * make_bell(300.0 + shift), make_bell(300.0), RATE, slice(200, 400), 100
+        )
+        assert result.shift * RATE == pytest.approx(shift, abs=1e-3)
+        # Peaks between points are read up to 3e-4 low.
+        assert result.mse_percent < 1e-4
+        assert result.contact_error_percent < 0.1
+
+    def test_errors_are_what_their_names_say(self):
+        measured = make_bell(300.0)
+        model = make_bell(300.0, width=45.0)
+        contact = slice(250, 350)
+        result = compare_trace(measured, model, RATE, contact, 100)
+        assert result.shift == pytest.approx(0.0, abs=1e-6 / RATE)
+        error = model - measured
+        assert result.mse_percent == pytest.approx(100 * np.mean(error**2), rel=1e-6)
+        assert result.contact_error_percent == pytest.approx(
+            100 * np.sqrt(np.mean(error[contact] ** 2)), rel=1e-6
+        )
+
+
+class TestCompareWithModel:
+    """A mean hit and the model."""
+
+    def make_mean(self, model: ImpactModel, variant: ModelVariant, origin: int = 754) -> MeanHit:
+        start = model.contact_time / 2 - origin / RATE
+        traces = np.stack(simulate_impact(model, RATE, 5000, start=start, variant=variant))
+        return MeanHit(low_pass(traces, 50e3, RATE), RATE, origin, np.zeros(2), np.zeros(2), ())
+
+    @pytest.mark.parametrize("variant", ModelVariant)
+    def test_of_the_model_itself_is_perfect(self, variant):
+        result = compare_with_model(self.make_mean(MODEL, variant), MODEL, variant, 50e3)
+        for body in (result.hammer, result.specimen):
+            # What has not died away at the end of the record moves the best shift by 1e-4 points.
+            assert body.mse_percent < 1e-9
+            assert body.contact_error_percent < 1e-3
+            assert abs(body.shift) < 1e-3 / RATE
+            assert np.abs(body.measured).max() == 1.0
+        # Half a contact before the middle, which lies at point 754.
+        assert result.start_time == pytest.approx(MODEL.contact_time / 2 - 754 / RATE)
+
+    @given(delay=st.integers(-200, 200))
+    @settings(max_examples=30)
+    def test_reports_a_delay_of_the_sample_as_shift(self, delay):
+        mean = self.make_mean(MODEL, ModelVariant.DRIVEN, origin=1000)
+        hammer, specimen = mean.traces
+        late = replace(mean, traces=np.stack([hammer, shift_trace(specimen, float(delay))]))
+        result = compare_with_model(late, MODEL, ModelVariant.DRIVEN, 50e3)
+        assert result.specimen.shift * RATE == pytest.approx(delay, abs=1e-3)
+        # An earlier sample lacks its end, where 0.3 % of the peak was left.
+        assert result.specimen.mse_percent < 1e-4
+        assert abs(result.hammer.shift) < 1e-3 / RATE
+
+    @given(ratio=st.floats(0.3, 3.0))
+    @settings(max_examples=30)
+    def test_sees_a_wrong_stiffness(self, ratio):
+        assume(abs(np.log(ratio)) > 0.2)
+        mean = self.make_mean(MODEL, ModelVariant.DRIVEN)
+        body = replace(MODEL.specimen, stiffness=ratio * MODEL.specimen.stiffness)
+        other = replace(MODEL, specimen=body)
+        result = compare_with_model(mean, other, ModelVariant.DRIVEN, 50e3)
+        assert result.specimen.contact_error_percent > 1.0
+        assert result.hammer.contact_error_percent < 1e-3

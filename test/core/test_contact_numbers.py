@@ -1,0 +1,257 @@
+"""Uncertainty of the paper's method: hand-made budgets, Monte Carlo, and what has none."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
+from impact_rig.core.paper_method import (
+    BodyEstimate,
+    ContactEstimate,
+    HammerEstimate,
+    estimate_bodies,
+    estimate_hammer,
+)
+from impact_rig.core.pulse_width import measure_pulse
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.sample import estimate_numbers
+from impact_rig.core.setup import PAPER_SETUP, RigSetup
+from impact_rig.core.uncertainty import estimate_hit_contact_time
+
+RATE = 2.5e6
+SETUP = replace(PAPER_SETUP, analysis=replace(PAPER_SETUP.analysis, cutoff_frequency=0.0))
+CONTROL = SETUP.samples.control_sample
+CONTACT_TIMES = {"steel medium": 203.2e-6, CONTROL: 212.0e-6, "aluminium small": 144.8e-6}
+RATIO = 0.25
+TRIALS = 1_000_000
+
+
+def make_hit(tau: float, amplitude: float, ratio: float) -> FilteredHit:
+    """Return a noiseless hit: a versed-sine, and the free decay of a body from its top on."""
+    time = np.arange(5000) / RATE - 300e-6
+    phase = time / tau + 0.5
+    inside = (phase > 0.0) & (phase < 1.0)
+    pulse = np.where(inside, np.sin(np.pi * phase) ** 2, 0.0)
+    natural = 1.6e4
+    decay, frequency = ratio * natural, natural * math.sqrt(1.0 - ratio**2)
+    late = np.maximum(time, 0.0)
+    swing = np.cos(frequency * late) + decay / frequency * np.sin(frequency * late)
+    tail = np.exp(-decay * late) * swing
+    # The hammer's tail, so that it has a second peak.
+    rebound = np.where(phase > 1.0, 0.02 * tail, 0.0)
+    traces = amplitude * np.stack([pulse + rebound, np.where(time < 0.0, pulse, tail)])
+    nothing = np.zeros(2)
+    return FilteredHit(traces, RATE, measure_pulse(traces[0]), nothing, nothing, nothing, 400)
+
+
+@cache
+def make_mean(name: str, count: int = 10, scatter: float = 3e-3) -> MeanHit:
+    generator = np.random.default_rng(len(name))
+    errors = generator.standard_normal((count, 3)) * [scatter, 0.02 * bool(scatter), scatter]
+    tau = CONTACT_TIMES[name]
+    return average_hits(
+        [make_hit(tau * (1 + a), 700.0 * (1 + b), RATIO * (1 + c)) for a, b, c in errors]
+    )
+
+
+def estimate(
+    name: str, setup: RigSetup = SETUP, mean: MeanHit | None = None
+) -> tuple[ContactEstimate, BodyEstimate, HammerEstimate]:
+    """Return contact and body of a sample, and the hammer."""
+    hammer = estimate_hammer(make_mean(CONTROL), setup)
+    return *estimate_bodies(mean or make_mean(name), setup, name, hammer), hammer
+
+
+def read_contact_times(mean: MeanHit) -> NDArray[np.float64]:
+    return np.array([2.0 * hit.pulse.half_amplitude_width / RATE for hit in mean.hits])
+
+
+def find_line(uncertainty: Quantity, source: str) -> float:
+    return next(line.contribution for line in uncertainty.budget if line.source == source)
+
+
+def test_the_budget_of_the_equivalent_stiffness_is_what_the_formula_says():
+    contact, _, _ = estimate("steel medium")
+    found, k = contact.equivalent_stiffness, contact.equivalent_stiffness.value
+    m1, m2 = 0.100, 0.16991
+    # k = m1 m2 / (m1 + m2) (pi / tau)^2: d ln k / d ln m1 = m2 / (m1 + m2), and so on.
+    expected = {
+        "scatter of the hits on steel medium": 2
+        * np.std(read_contact_times(make_mean("steel medium")), ddof=1)
+        / math.sqrt(10)
+        / contact.contact_time.value,
+        "mass of the hammer": m2 / (m1 + m2) * 0.29e-3 / m1,
+        "mass of the accelerometer": m1 / (m1 + m2) * 0.29e-3 / m2,
+        "mass of steel medium": m1 / (m1 + m2) * 0.0029e-3 / m2,
+        "sampling clock": 2 * 5.8e-5,
+    }
+    for source, part in expected.items():
+        assert find_line(found, source) / k == pytest.approx(part, rel=1e-3), source
+
+
+def draw_masses(generator: np.random.Generator) -> dict[str, NDArray[np.float64]]:
+    accelerometer = 3e-3 + 0.29e-3 * generator.standard_normal(TRIALS)
+    masses = {
+        sample.name: sample.mass + accelerometer + 0.0029e-3 * generator.standard_normal(TRIALS)
+        for sample in SETUP.samples.samples
+        if sample.name in CONTACT_TIMES
+    }
+    masses["hammer"] = 0.1 + 0.29e-3 * generator.standard_normal(TRIALS)
+    return masses
+
+
+@pytest.mark.parametrize("name", ["steel medium", "aluminium small", CONTROL])
+def test_monte_carlo_gives_the_same_interval(name):
+    """GUM Supplement 1, section 8: both ends within the tolerance of one digit of u.
+
+    All inputs normal, so that the propagation is tested and not Student's t, for which Welch
+    and Satterthwaite's interval and the Supplement's differ by nature.
+    """
+    _, body, _ = estimate(name)
+    generator = np.random.default_rng(11)
+    masses = draw_masses(generator)
+    clock = 1.0 + SETUP.clock_uncertainty * generator.standard_normal(TRIALS)
+    reduced = {
+        key: masses["hammer"] * masses[key] / (masses["hammer"] + masses[key])
+        for key in {name, CONTROL}
+    }
+    times = {}
+    for key in sorted({name, CONTROL}):
+        hits = read_contact_times(make_mean(key))
+        spread = np.std(hits, ddof=1) / math.sqrt(hits.size)
+        centre = 2.0 * measure_pulse(make_mean(key).traces[0]).half_amplitude_width / RATE
+        times[key] = (centre + spread * generator.standard_normal(TRIALS)) * clock
+    k = {key: reduced[key] * (np.pi / times[key]) ** 2 for key in times}
+    k1 = 2.0 * k[CONTROL]
+    k2 = 1.0 / (1.0 / k[name] - 1.0 / k1)
+    found = body.stiffness
+    tolerance = 0.5 * 10.0 ** math.floor(math.log10(found.standard))
+    half = 1.960 * found.standard
+    low, high = np.quantile(k2, [0.025, 0.975])
+    assert low == pytest.approx(body.stiffness.value - half, abs=tolerance)
+    assert high == pytest.approx(body.stiffness.value + half, abs=tolerance)
+    # What is not linear shifts the ends by up to 3 % of u; 10^6 trials know them to 0.3 %.
+    assert low == pytest.approx(body.stiffness.value - half, abs=0.05 * found.standard)
+    assert high == pytest.approx(body.stiffness.value + half, abs=0.05 * found.standard)
+
+
+def test_damping_comes_from_correlated_hits():
+    _, body, _ = estimate("steel medium")
+    mean = make_mean("steel medium")
+    generator = np.random.default_rng(12)
+    # Independent of the estimate: zeta of every hit from its own two highest peaks.
+    ratios = []
+    for hit in mean.hits:
+        trace = hit.traces[1] / hit.traces[1].max()
+        tail = trace[1000:]
+        delta = -math.log(tail.max())
+        ratios.append(delta / math.hypot(2.0 * math.pi, delta))
+    expected = np.std(ratios, ddof=1) / math.sqrt(10)
+    assert body.damping_ratio.standard == pytest.approx(expected, rel=0.02)
+    assert body.damping_ratio.degrees_of_freedom == pytest.approx(9.0, rel=0.01)
+    # c = 2 zeta sqrt(k m) by Monte Carlo, zeta and tau_p drawn together.
+    masses = draw_masses(generator)
+    taus = read_contact_times(mean)
+    joint = generator.multivariate_normal(
+        [taus.mean(), np.mean(ratios)], np.cov(taus, ratios) / 10, TRIALS
+    )
+    control = read_contact_times(make_mean(CONTROL))
+    other = generator.normal(control.mean(), np.std(control, ddof=1) / math.sqrt(10), TRIALS)
+    m1, m2, mc = masses["hammer"], masses["steel medium"], masses[CONTROL]
+    k_eq = m1 * m2 / (m1 + m2) * (np.pi / joint[:, 0]) ** 2
+    k1 = 2.0 * m1 * mc / (m1 + mc) * (np.pi / other) ** 2
+    c2 = 2.0 * joint[:, 1] * np.sqrt(m2 / (1.0 / k_eq - 1.0 / k1))
+    assert body.damping_coefficient.standard == pytest.approx(c2.std(), rel=0.02)
+
+
+def test_one_hit_determines_no_uncertainty_and_says_so():
+    single = make_mean("steel medium", 1)
+    contact, body, _ = estimate("steel medium", mean=single)
+    assert math.isfinite(body.stiffness.value)
+    for found in (
+        contact.contact_time,
+        contact.equivalent_stiffness,
+        body.stiffness,
+        body.damping_ratio,
+        body.damping_coefficient,
+    ):
+        assert math.isnan(found.standard)
+        assert "one accepted hit shows no scatter" in found.notes[0]
+
+
+def test_one_hit_on_the_control_sample_leaves_every_k2_without_uncertainty():
+    hammer = estimate_hammer(make_mean(CONTROL, 1), SETUP)
+    assert "one accepted hit" in hammer.stiffness.notes[0]
+    found = estimate_numbers("steel medium", make_mean("steel medium"), math.nan, 0, hammer, SETUP)
+    assert found.contact_time.is_known
+    assert math.isfinite(found.equivalent_stiffness.standard)
+    assert math.isfinite(found.stiffness.value)
+    assert found.stiffness.notes == hammer.stiffness.notes
+    assert math.isnan(found.damping_coefficient.standard)
+    assert math.isfinite(found.damping_ratio.standard)
+
+
+def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact():
+    given = BodyEstimate(Quantity(22e6))
+    found = estimate_numbers("steel medium", make_mean("steel medium"), math.nan, 0, given, SETUP)
+    assert found.contact_time.is_known
+    part = found.equivalent_stiffness.standard
+    gain = (found.stiffness.value / found.equivalent_stiffness.value) ** 2
+    assert found.stiffness.standard == pytest.approx(gain * part)
+
+
+def test_masses_without_stated_uncertainty_are_named():
+    silent = replace(SETUP, hammer_mass_uncertainty=0.0)
+    contact, body, hammer = estimate("steel medium", silent)
+    for found in (
+        contact.equivalent_stiffness,
+        body.stiffness,
+        body.damping_coefficient,
+        hammer.stiffness,
+    ):
+        assert math.isfinite(found.standard)
+        assert "none is stated for the mass of the hammer" in found.notes[0]
+    assert contact.contact_time.notes == ()
+
+
+def test_a_converters_steps_count_where_no_noise_smooths_them():
+    mean = make_mean("steel medium")
+    coarse = replace(mean.summary, largest_step=np.array([5.0, 5.0]))
+    contact, body, _ = estimate("steel medium", mean=replace(mean, summary=coarse))
+    fine, _, _ = estimate("steel medium")
+    assert contact.contact_time.standard > fine.contact_time.standard
+    # Two crossings at pi A / tau, and a level at half a wrong peak.
+    step = 5.0 / math.sqrt(12)
+    slope = math.pi * 700.0 / contact.contact_time.value
+    expected = 2.0 * step / slope * math.sqrt(2.0 + 1.0)
+    assert find_line(contact.contact_time, "quantisation") == pytest.approx(expected, rel=0.02)
+    assert "quantisation of the peaks" in {line.source for line in body.damping_ratio.budget}
+
+
+def test_a_second_peak_of_a_few_counts_has_no_uncertainty():
+    # The second peak is some 140 m/s^2: two counts of 70, and no noise.
+    mean = make_mean("steel medium")
+    coarse = replace(mean.summary, largest_step=np.array([1.0, 70.0]))
+    contact, body, _ = estimate("steel medium", mean=replace(mean, summary=coarse))
+    assert math.isfinite(body.damping_coefficient.value)
+    for found in (body.damping_ratio, body.damping_coefficient):
+        assert math.isnan(found.standard)
+        assert "the second peak is 2 counts high" in found.notes[0]
+    assert math.isfinite(contact.contact_time.standard)
+    assert math.isfinite(body.stiffness.standard)
+
+
+def test_a_single_hits_contact_time_has_an_uncertainty_of_its_own():
+    hit = replace(make_hit(200e-6, 700.0, RATIO), noise=np.full(2, 2.0), raw_noise=np.full(2, 2.0))
+    found = estimate_hit_contact_time(hit, SETUP.analysis, 5.8e-5)
+    sources = {line.source: line.contribution for line in found.budget}
+    assert set(sources) >= {"noise", "zero of the baseline", "sampling clock", "sampling"}
+    slope = math.pi * 700.0 / 200e-6
+    assert sources["noise"] == pytest.approx(2.0 * 2.0 / slope * math.sqrt(3.0), rel=0.02)
+    # One hit repeats nothing: no type A, and the normal factor.
+    assert {line.kind for line in found.budget} == {"B"}
+    assert found.expanded == pytest.approx(1.96 * found.standard, rel=1e-3)

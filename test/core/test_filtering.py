@@ -1,0 +1,90 @@
+"""The zero-phase low-pass, seen from its frequency response.
+
+Values between the points of a trace.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import BSpline, make_interp_spline
+from scipy.signal import butter, sosfiltfilt
+
+from impact_rig.core.errors import ParameterError, SignalError
+from impact_rig.core.filtering import check_cutoff, interpolate_between, low_pass
+
+POINTS = np.arange(400.0)
+
+
+@given(fraction=st.floats(0.0, 1.0), seed=st.integers(0, 1000))
+def test_are_those_of_another_cubic_spline_away_from_the_ends(fraction, seed):
+    traces = np.random.default_rng(seed).standard_normal((2, POINTS.size))
+    spline: BSpline = make_interp_spline(POINTS, traces, k=3, axis=1)
+    # What is assumed of the ends dies out by 0.27 a point.
+    np.testing.assert_allclose(
+        interpolate_between(traces, fraction)[:, 25:-25],
+        spline(POINTS[:-1] + fraction)[:, 25:-25],
+        rtol=0,
+        atol=1e-12,
+    )
+
+
+RATE = 2.5e6
+CUTOFF = 50e3
+
+
+def find_response(frequency: float) -> complex:
+    """Return the gain at a frequency, from the answer to an impulse amid a long record."""
+    impulse = np.zeros(20001)
+    impulse[10000] = 1.0
+    answer = low_pass(impulse, CUTOFF, RATE)
+    time = (np.arange(20001) - 10000) / RATE
+    return complex(np.sum(answer * np.exp(-2j * np.pi * frequency * time)))
+
+
+def test_gain_at_the_cutoff_is_minus_3_db():
+    # Both passes together; the bilinear transform bends 50 kHz of 2.5 MHz by less than 0.5 %.
+    assert abs(find_response(CUTOFF)) == pytest.approx(np.sqrt(0.5), rel=5e-3)
+
+
+@given(count=st.integers(16, 1200), channels=st.integers(1, 3), seed=st.integers(0, 100))
+def test_is_what_scipy_makes_of_the_same_filter_and_padding(count, channels, seed):
+    traces = np.random.default_rng(seed).standard_normal((channels, count))
+    one_pass = CUTOFF / (np.sqrt(2) - 1) ** 0.25
+    sections = butter(2, one_pass, fs=RATE, output="sos")
+    expected = sosfiltfilt(sections, traces, padtype="even", padlen=min(count - 1, 150))
+    np.testing.assert_allclose(low_pass(traces, CUTOFF, RATE), expected, rtol=0, atol=1e-12)
+
+
+def test_cutoff_zero_leaves_a_copy():
+    trace = np.arange(5.0)
+    same = low_pass(trace, 0.0, RATE)
+    np.testing.assert_array_equal(same, trace)
+    assert same is not trace
+
+
+def test_a_sampling_rate_that_no_instrument_has_is_refused():
+    with pytest.raises(ParameterError, match=r"1e\+30 Hz is too high for the 50 kHz low-pass"):
+        check_cutoff(50e3, 1e30)
+
+
+def test_a_sampling_rate_that_is_too_low_is_named_with_what_would_do():
+    with pytest.raises(ParameterError) as error:
+        check_cutoff(50e3, 51.2e3)
+    message = str(error.value)
+    assert "sampling rate of 51.2 kHz is too low for the 50 kHz low-pass" in message
+    assert "sample at 125 kHz or more" in message
+    assert "cutoff of 20.48 kHz or less" in message
+    check_cutoff(50e3, 125e3)
+
+
+def test_a_trace_that_is_too_short_is_named():
+    with pytest.raises(SignalError, match=r"a trace of 15 points is too short .* it needs 16"):
+        low_pass(np.zeros(15), CUTOFF, RATE)
+    assert low_pass(np.zeros(16), CUTOFF, RATE).size == 16
+
+
+@pytest.mark.parametrize(("cutoff", "rate"), [(-1.0, RATE), (np.nan, RATE), (50e3, 0.0)])
+def test_impossible_frequencies_are_refused(cutoff, rate):
+    with pytest.raises(ParameterError, match="it must be a finite number"):
+        check_cutoff(cutoff, rate)

@@ -1,0 +1,245 @@
+"""Free decay: known oscillations are found again, and what the tail does not tell is named."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.signal import find_peaks
+from scipy.stats import t as student
+
+from impact_rig.core.damping import FreeDecay, estimate_free_decay
+from impact_rig.core.errors import NotDeterminedError, ParameterError
+from impact_rig.core.filtering import low_pass
+from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
+from impact_rig.core.pulse_width import measure_pulse
+from impact_rig.core.records import FloatArray
+
+RATE = 2.5e6
+COUNT = 5000
+ORIGIN = 750
+TAU = 200e-6
+CUTOFF = 50e3
+NATURAL = 2.0 * np.pi * 4e3
+PEAK = 1000.0
+REAL_DATA = Path(__file__).parents[1] / "data" / "repeat_shock"
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """A body that swings freely from the middle of the pulse on."""
+
+    ratio: float
+    natural: float = NATURAL
+    phase: float = 0.4
+    amplitude: float = PEAK
+    offset: float = 0.0
+
+    def compute(self, time: FloatArray) -> FloatArray:
+        damped = self.natural * np.sqrt(1.0 - self.ratio**2)
+        late = np.maximum(time, 0.0)
+        wave = np.exp(-self.ratio * self.natural * late) * np.cos(damped * late + self.phase)
+        return self.offset + np.where(time > 0.0, self.amplitude * wave, 0.0)
+
+
+def make_mean(
+    specimen: FloatArray,
+    *,
+    noise: float = 0.0,
+    cutoff: float = CUTOFF,
+    hits: int = 1,
+    rate: float = RATE,
+    origin: int = ORIGIN,
+    seed: int = 1,
+) -> MeanHit:
+    """Average hits with a versed-sine on the hammer and white noise of their own."""
+    phase = (np.arange(specimen.size) - origin) / rate / TAU + 0.5
+    pulse = np.where((phase > 0) & (phase < 1), PEAK * np.sin(np.pi * phase) ** 2, 0.0)
+    clean = low_pass(np.stack([pulse, specimen]), cutoff, rate)
+    generator = np.random.default_rng(seed)
+    middle = replace(measure_pulse(clean[0]), rise=float(origin), fall=float(origin))
+    made = []
+    for _ in range(hits):
+        traces, levels = clean, np.zeros(2)
+        if noise:
+            raw = noise * generator.standard_normal((2, specimen.size))
+            disturbance = low_pass(raw, cutoff, rate)
+            traces, levels = clean + disturbance, disturbance.std(axis=1)
+        made.append(
+            FilteredHit(traces, rate, middle, levels, np.full(2, noise), np.zeros(2), origin)
+        )
+    return average_hits(made)
+
+
+def swing(oscillation: Oscillation, count: int = COUNT) -> FloatArray:
+    return oscillation.compute((np.arange(count) - ORIGIN) / RATE)
+
+
+def describe(found: FreeDecay) -> tuple[float, float]:
+    """Return the damping ratio and the natural angular frequency."""
+    natural = float(np.hypot(found.decay_rate, found.angular_frequency))
+    return found.decay_rate / natural, natural
+
+
+def fit(mean: MeanHit, cutoff: float = CUTOFF) -> FreeDecay:
+    return estimate_free_decay(mean, 1, TAU, cutoff)
+
+
+@given(
+    ratio=st.floats(0.005, 0.75),
+    frequency=st.floats(1.2e3, 15e3),
+    phase=st.floats(-3.14, 3.14),
+    offset=st.floats(-20.0, 20.0),
+)
+@settings(max_examples=100, deadline=None)
+def test_any_decay_is_found_from_nothing(ratio, frequency, phase, offset):
+    natural = 2.0 * np.pi * frequency / np.sqrt(1.0 - ratio**2)
+    # Something must be left of it where the tail begins.
+    if ratio * natural * TAU > 12.0:
+        return
+    true = Oscillation(ratio, natural, phase, PEAK, offset)
+    found = fit(make_mean(swing(true), cutoff=0.0), 0.0)
+    assert describe(found) == pytest.approx((ratio, natural), rel=1e-5)
+    assert found.r_squared == pytest.approx(1.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("ratio", [0.01, 0.3, 0.7])
+def test_the_low_pass_does_not_change_what_is_found(ratio):
+    found = fit(make_mean(swing(Oscillation(ratio))))
+    # What the filter smears of the jump at the start falls by e per 3.6 us.
+    assert describe(found) == pytest.approx((ratio, NATURAL), rel=1e-3)
+
+
+def test_a_body_followed_by_integration_gives_its_own_stiffness_and_damping():
+    mass, stiffness, damping, force = 0.06, 20e6, 700.0, 150.0
+
+    def follow(time: float, state: FloatArray) -> list[float]:
+        drive = force * np.sin(np.pi * time / TAU) ** 2 if time < TAU else 0.0
+        return [state[1], (drive - damping * state[1] - stiffness * state[0]) / mass]
+
+    times = (np.arange(COUNT) - ORIGIN) / RATE + TAU / 2
+    path = solve_ivp(
+        follow, (0.0, times[-1]), [0.0, 0.0], "DOP853", t_eval=times[times >= 0], rtol=1e-10,
+        atol=1e-16, max_step=TAU / 20,
+    )  # fmt: skip
+    after = path.t >= 0
+    drive = np.where(path.t < TAU, force * np.sin(np.pi * path.t / TAU) ** 2, 0.0)
+    acceleration = (drive - damping * path.y[1] - stiffness * path.y[0]) / mass
+    specimen = np.concatenate((np.zeros(COUNT - after.size), acceleration))
+    found = fit(make_mean(specimen))
+    assert mass * describe(found)[1] ** 2 == pytest.approx(stiffness, rel=1e-4)
+    assert 2.0 * mass * found.decay_rate == pytest.approx(damping, rel=1e-4)
+
+
+@pytest.mark.parametrize("ratio", [0.01, 0.7])
+def test_in_noise_the_bias_is_small(ratio):
+    runs = 100
+    true = swing(Oscillation(ratio, natural=2 * np.pi * 3e3))
+    found = [fit(make_mean(true, noise=1.0, seed=seed)) for seed in range(runs)]
+    ratios = np.array([describe(item)[0] for item in found])
+    spread = ratios.std(ddof=1)
+    # The mean of 100 lies within four of its standard errors.
+    assert abs(ratios.mean() - ratio) < 4 * spread / np.sqrt(runs) + 1e-3 * ratio
+    assert np.mean([item.residual_over_noise for item in found]) == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_values_of_the_hits_average_to_the_value_of_the_mean():
+    found = fit(make_mean(swing(Oscillation(0.3)), noise=5.0, hits=7))
+    assert found.hit_values.shape == (7, 2)
+    expected = (found.decay_rate, found.angular_frequency)
+    np.testing.assert_allclose(found.hit_values.mean(axis=0), expected, rtol=1e-6)
+
+
+def test_student_intervals_from_the_hits_cover_the_truth():
+    runs, hits, ratio = 150, 4, 0.3
+    true = swing(Oscillation(ratio), 3000)
+    covered = 0
+    for seed in range(runs):
+        found = fit(make_mean(true, noise=4.0, hits=hits, seed=1000 + seed))
+        decay = found.hit_values[:, 0]
+        half = student.ppf(0.975, hits - 1) * decay.std(ddof=1) / np.sqrt(hits)
+        covered += abs(found.decay_rate - ratio * NATURAL) < half
+    # 95 % of 150, within three of the binomial's standard deviations of 1.8 %.
+    assert covered / runs == pytest.approx(0.95, abs=0.054)
+
+
+def test_periods_count_while_the_envelope_stands_out():
+    quiet = fit(make_mean(swing(Oscillation(0.05)), noise=0.5))
+    loud = fit(make_mean(swing(Oscillation(0.15)), noise=20.0))
+    # The tail without what the low-pass disturbs at both of its ends.
+    first = 0.55 * TAU + 1.0 / CUTOFF
+    tail = (COUNT - ORIGIN) / RATE - 1.0 / CUTOFF - first
+    assert quiet.periods == pytest.approx(tail * quiet.frequency, abs=0.05)
+    level = 2 * 20.0 * np.sqrt(2 * CUTOFF / RATE)
+    last = np.log(PEAK / level) / (0.15 * NATURAL)
+    assert loud.periods == pytest.approx((last - first) * loud.frequency, abs=0.5)
+
+
+def test_a_real_ringing_gives_the_decrement_of_its_peaks():
+    time, board = np.loadtxt(REAL_DATA / "acc_pcb_a0_ringing.txt").T
+    rate = 1.0 / np.mean(np.diff(time))
+    # Its noise before the drop, which is not in the extract: 0.17 g.
+    noise = np.full(2, 0.17)
+    pulse = replace(measure_pulse(np.hanning(board.size)), rise=0.0, fall=0.0)
+    hit = FilteredHit(np.stack([board, board]), float(rate), pulse, noise, noise, noise, 300)
+    found = estimate_free_decay(average_hits([hit]), 1, 1e-5, 0.0)
+    peaks, _ = find_peaks(board, distance=40, height=20.0)
+    times = np.polyfit(np.arange(peaks.size), time[peaks], 1)[0]
+    decrements = -np.polyfit(np.arange(peaks.size), np.log(board[peaks]), 1)[0]
+    assert found.frequency == pytest.approx(1.0 / times, rel=0.01)
+    assert 2 * np.pi * found.decay_rate / found.angular_frequency == pytest.approx(
+        decrements, rel=0.1
+    )
+    assert found.frequency == pytest.approx(806.0, rel=0.01)
+    # It is no single oscillation of constant damping, and the uncertainty says so.
+    assert found.residual_over_noise > 3.0
+
+
+@pytest.mark.parametrize(
+    ("oscillation", "count", "noise", "sentence"),
+    [
+        (
+            Oscillation(0.02, natural=2 * np.pi * 400),
+            COUNT,
+            0.1,
+            r"a tail of 0.\d+ periods is too",
+        ),
+        (Oscillation(0.3), 1300, 0.1, r"µs of tail after the contact are"),
+        (Oscillation(0.97), COUNT, 0.02, "damping is critical or nearly so"),
+        (Oscillation(0.3, amplitude=1.0), COUNT, 5.0, "is in the noise"),
+        (Oscillation(0.3, amplitude=0.0), COUNT, 0.0, "is flat"),
+        (Oscillation(-0.01), COUNT, 0.5, "does not decay"),
+        (Oscillation(0.0005), 2500, 10.0, r"standard uncertainty of|does not decay"),
+    ],
+)
+def test_what_the_tail_does_not_tell_is_named(oscillation, count, noise, sentence):
+    with pytest.raises(NotDeterminedError, match=sentence):
+        fit(make_mean(swing(oscillation, count), noise=noise))
+
+
+@pytest.mark.parametrize(("ratio", "noise"), [(1.0, 0.01), (1.5, 1.0), (3.0, 1.0)])
+def test_over_critical_damping_is_never_given_a_ratio(ratio, noise):
+    time = np.maximum((np.arange(COUNT) - ORIGIN) / RATE, 0.0)
+    slow, fast = (NATURAL * (ratio - s * np.sqrt(ratio**2 - 0.999)) for s in (1, -1))
+    specimen = PEAK * (np.exp(-slow * time) + 0.5 * np.exp(-fast * time))
+    specimen[:ORIGIN] = 0.0
+    with pytest.raises(NotDeterminedError, match="free decay: "):
+        fit(make_mean(specimen, noise=noise))
+
+
+def test_two_modes_are_not_called_one():
+    specimen = swing(Oscillation(0.02)) + swing(Oscillation(0.02, natural=2.7 * NATURAL))
+    with pytest.raises(NotDeterminedError, match=r"one damped oscillation explains only \d+ %"):
+        fit(make_mean(specimen, noise=1.0))
+
+
+def test_a_hammer_alone_has_no_sample_to_decay():
+    mean = make_mean(swing(Oscillation(0.3)))
+    alone = replace(mean, traces=mean.traces[:1])
+    with pytest.raises(NotDeterminedError, match="this channel was not measured"):
+        fit(alone)
+    with pytest.raises(ParameterError, match="contact time is -1"):
+        estimate_free_decay(mean, 1, -1.0, CUTOFF)

@@ -1,0 +1,172 @@
+"""The closed-form model against numerical integration and the laws it must obey.
+
+Many impacts in one call are those of single calls.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.integrate import quad, solve_ivp
+
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.model import (
+    BATCH,
+    Body,
+    ImpactModel,
+    ModelVariant,
+    compute_peak_force,
+    simulate_impact,
+    simulate_impacts,
+)
+
+RATE = 2.5e6
+COUNT = 5000
+TAU = 203.2e-6
+
+
+def make_body(mass: float, stiffness: float, ratio: float) -> Body:
+    return Body(mass, stiffness, 2.0 * ratio * np.sqrt(stiffness * mass))
+
+
+def make_model(first_ratio: float = 0.64, second_ratio: float = 0.3) -> ImpactModel:
+    return ImpactModel(
+        make_body(0.1, 22.54e6, first_ratio), make_body(0.17, 45.29e6, second_ratio), TAU, 0.08, 60
+    )
+
+
+def integrate(
+    model: ImpactModel, times: NDArray[np.float64], variant: ModelVariant
+) -> NDArray[np.float64]:
+    """Step equations (1) and (2), or their driven form, through time; both accelerations."""
+    m1, k1, c1 = model.hammer.mass, model.hammer.stiffness, model.hammer.damping_coefficient
+    m2, k2, c2 = model.specimen.mass, model.specimen.stiffness, model.specimen.damping_coefficient
+    tau, peak = model.contact_time, model.peak_force
+    printed = variant is ModelVariant.PRINTED
+
+    def contact(t: float, y: NDArray[np.float64]) -> list[float]:
+        x1, x2, v1, v2 = y
+        force = peak * np.sin(np.pi * t / tau) ** 2
+        if printed:
+            between = c1 * (v1 - v2) + k1 * (x1 - x2)
+            return [v1, v2, -between / m1, (-force + between - c2 * v2 - k2 * x2) / m2]
+        return [v1, v2, -force / m1, (force - c2 * v2 - k2 * x2) / m2]
+
+    def free(_: float, y: NDArray[np.float64]) -> list[float]:
+        x1, x2, v1, v2 = y
+        return [v1, v2, (-c1 * v1 - k1 * x1) / m1 if printed else 0.0, (-c2 * v2 - k2 * x2) / m2]
+
+    during, after = times[times <= tau], times[times > tau]
+    start = [0.0, 0.0, model.impact_speed if printed else 0.0, 0.0]
+    # Between long steps the integrator interpolates worse than it steps: keep them short.
+    options = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-17, "max_step": 10e-6}
+    first = solve_ivp(contact, (0.0, tau), start, t_eval=np.union1d(during, tau), **options)
+    second = solve_ivp(free, (tau, times[-1]), first.y[:, -1], t_eval=after, **options)
+    rates = [contact(t, y)[2:] for t, y in zip(during, first.y.T, strict=False)]
+    rates += [free(t, y)[2:] for t, y in zip(after, second.y.T, strict=True)]
+    return np.array(rates).T
+
+
+def check_against_integration(model: ImpactModel, variant: ModelVariant) -> None:
+    expected = integrate(model, np.arange(COUNT) / RATE, variant)
+    for ours, theirs in zip(
+        simulate_impact(model, RATE, COUNT, variant=variant), expected, strict=True
+    ):
+        # What is asked for; the integrator itself is good to some 1e-10 of the peak.
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-8 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("variant", ModelVariant)
+@pytest.mark.parametrize(
+    ("first_ratio", "second_ratio"),
+    [(0.0, 0.0), (0.64, 0.2), (1.0, 1.0), (1.0, 0.3), (2.5, 1.0), (0.3, 2.5)],
+)
+def test_agrees_with_integration_for_every_damping(first_ratio, second_ratio, variant):
+    check_against_integration(make_model(first_ratio, second_ratio), variant)
+
+
+def test_resonance_without_damping_is_no_special_case():
+    # The pulse's cosine strikes the body at its natural frequency: a particular solution of
+    # that frequency does not exist.
+    mass = 0.17
+    model = ImpactModel(
+        make_body(0.1, 22.54e6, 0.0), Body(mass, mass * (2 * np.pi / TAU) ** 2, 0.0), TAU, 0.0, 60
+    )
+    check_against_integration(model, ModelVariant.DRIVEN)
+
+
+@given(
+    offset=st.integers(0, 3000), count=st.integers(1, 900), variant=st.sampled_from(ModelVariant)
+)
+def test_a_part_of_the_time_grid_gives_a_part_of_the_trace(offset, count, variant):
+    model = make_model()
+    whole = np.stack(simulate_impact(model, RATE, offset + count, variant=variant))
+    part = np.stack(simulate_impact(model, RATE, count, start=offset / RATE, variant=variant))
+    # The start is rounded to some 1e-19 s, which the steps of the model do not feel.
+    np.testing.assert_allclose(part, whole[:, offset:], rtol=0, atol=1e-9 * 600)
+
+
+@given(moving_mass=st.floats(0.01, 1))
+def test_peak_force_carries_the_momentum_of_an_elastic_impact(moving_mass):
+    force = compute_peak_force(0.1, moving_mass, 0.0819, TAU)
+    impulse, _ = quad(lambda t: force * np.sin(np.pi * t / TAU) ** 2, 0.0, TAU)
+    common = 0.1 * 0.0819 / (0.1 + moving_mass)
+    hammer_after = common - moving_mass * 0.0819 / (0.1 + moving_mass)
+    assert impulse == pytest.approx(0.1 * (0.0819 - hammer_after), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ((0.0, 1e7, 1.0), "mass of a body is 0.0 kg"),
+        ((-0.1, 1e7, 1.0), "mass of a body is -0.1 kg"),
+        ((0.1, float("nan"), 1.0), "stiffness of a body is nan N/m"),
+        ((0.1, 1e7, -1.0), "damping coefficient of a body is -1.0 N s/m"),
+    ],
+)
+def test_an_impossible_body_is_refused(numbers, message):
+    with pytest.raises(ParameterError, match=message):
+        Body(*numbers)
+
+
+def test_an_impossible_impact_is_refused():
+    body = make_body(0.1, 1e7, 0.1)
+    with pytest.raises(ParameterError, match=r"contact time is 0.0 s: it must be .* above zero"):
+        ImpactModel(body, body, 0.0, 0.08, 60)
+    with pytest.raises(ParameterError, match="impact speed is inf: it must be a finite number"):
+        ImpactModel(body, body, TAU, float("inf"), 60)
+    with pytest.raises(ParameterError, match="impact peak force is nan"):
+        ImpactModel(body, body, TAU, 0.08, float("nan"))
+    with pytest.raises(ParameterError, match=r"hammer mass is 0.0 kg"):
+        compute_peak_force(0.0, 0.1, 0.08, TAU)
+
+
+def make_random_model(seed: int) -> ImpactModel:
+    """Draw bodies, from soft to hard and from hardly to strongly damped, critical included."""
+    draw = np.random.default_rng(seed)
+    tau = 10 ** draw.uniform(-4.5, -3.2)
+    bodies = []
+    for ratio in (1.0, 1.0) if seed % 5 == 0 else 10 ** draw.uniform(-3.0, 1.0, 2):
+        mass, frequency = 10 ** draw.uniform(-2, 0), np.pi / tau * 10 ** draw.uniform(-1.5, 1.5)
+        bodies.append(Body(mass, mass * frequency**2, 2.0 * ratio * mass * frequency))
+    return ImpactModel(bodies[0], bodies[1], tau, draw.normal(), 60.0 * draw.normal())
+
+
+MODELS = [make_random_model(seed) for seed in range(BATCH + 6)]
+
+
+@pytest.mark.parametrize("variant", ModelVariant)
+def test_many_impacts_in_one_call_are_those_of_single_calls(variant):
+    starts = np.random.default_rng(1).uniform(-2e-4, 4e-4, len(MODELS))
+    found = simulate_impacts(MODELS, RATE, 700, start=starts, variant=variant)
+    assert found.shape == (len(MODELS), 2, 700)
+    for traces, model, start in zip(found, MODELS, starts.tolist(), strict=True):
+        one = np.stack(simulate_impact(model, RATE, 700, start=start, variant=variant))
+        np.testing.assert_allclose(traces, one, rtol=0, atol=1e-11 * np.abs(one).max())
+
+
+@pytest.mark.parametrize("start", [float("nan"), float("inf")])
+def test_a_time_grid_that_begins_nowhere_is_refused(start):
+    with pytest.raises(ParameterError, match=r"start of a time grid .* finite"):
+        simulate_impact(MODELS[0], RATE, 10, start=start)

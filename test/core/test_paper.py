@@ -1,0 +1,114 @@
+"""The paper computed again from its own printed numbers: Table 3 from Tables 1 and 2."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import linregress
+
+from impact_rig.core.damping import (
+    estimate_damping_ratio,
+    estimate_damping_ratio_from_coefficient,
+)
+from impact_rig.core.setup import (
+    ACCELEROMETER_MASS,
+    CONTROL_SAMPLE,
+    HAMMER_DAMPING_COEFFICIENT,
+    HAMMER_MASS,
+    HAMMER_STIFFNESS,
+    IMPACT_SPEED,
+    PUBLISHED_SAMPLES,
+    RELEASE_ANGLE,
+)
+from impact_rig.core.stiffness import (
+    estimate_equivalent_mass,
+    estimate_equivalent_stiffness,
+    estimate_hammer_stiffness,
+    estimate_sample_stiffness,
+)
+
+CELLS = {cell.name: cell for cell in PUBLISHED_SAMPLES}
+MASSES = {
+    name: estimate_equivalent_mass(HAMMER_MASS, cell.mass + ACCELEROMETER_MASS)
+    for name, cell in CELLS.items()
+}
+
+
+def compute_stiffness(name, contact_time):
+    equivalent = estimate_equivalent_stiffness(MASSES[name], contact_time)
+    return estimate_sample_stiffness(equivalent, HAMMER_STIFFNESS)
+
+
+def find_difference(name, contact_time):
+    """Return by how much the computed stiffness differs from the printed one [%]."""
+    return 100.0 * (compute_stiffness(name, contact_time) / CELLS[name].stiffness - 1.0)
+
+
+def test_table_3_agrees_in_eleven_cells_and_the_twelfth_is_the_misprint():
+    found = {
+        name: find_difference(name, cell.printed_contact_time) for name, cell in CELLS.items()
+    }
+    by_size = sorted(found, key=lambda name: abs(found[name]))
+    assert all(abs(found[name]) < 0.06 for name in by_size[:10])
+    assert abs(found[by_size[10]]) == pytest.approx(0.447, abs=0.001)
+    assert by_size[11] == "brass medium"
+    assert compute_stiffness("brass medium", 288.1e-6) == pytest.approx(11.7e6, rel=0.003)
+    assert [name for name, cell in CELLS.items() if cell.is_misprinted] == ["brass medium"]
+    assert abs(find_difference("brass medium", 228e-6)) < 0.06
+    assert CELLS["brass medium"].contact_time == pytest.approx(228e-6)
+
+
+def test_one_cell_by_hand():
+    # Steel small: m2 = 56.32 g + 3 g, tau_p = 170 us, k1 = 22.54 MN/m.
+    reduced = 0.1 * 0.05932 / 0.15932
+    contact = reduced * (math.pi / 170e-6) ** 2
+    expected = 22.54e6 * contact / (22.54e6 - contact)
+    assert compute_stiffness("steel small", 170e-6) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_hammer_comes_from_the_control_sample():
+    control = CELLS[CONTROL_SAMPLE]
+    equivalent = estimate_equivalent_stiffness(MASSES[control.name], control.contact_time)
+    assert estimate_hammer_stiffness(equivalent) == pytest.approx(HAMMER_STIFFNESS, rel=3e-4)
+
+
+def test_damping_of_table_4_spans_what_the_paper_says_of_its_peaks():
+    ratios = [
+        estimate_damping_ratio_from_coefficient(
+            cell.damping_coefficient, cell.stiffness, cell.mass + ACCELEROMETER_MASS
+        )
+        for cell in PUBLISHED_SAMPLES
+    ]
+    assert (min(ratios), max(ratios)) == pytest.approx((0.167, 0.477), abs=0.001)
+    hammer = estimate_damping_ratio_from_coefficient(
+        HAMMER_DAMPING_COEFFICIENT, HAMMER_STIFFNESS, HAMMER_MASS
+    )
+    assert hammer == pytest.approx(0.636, abs=0.001)
+    # Its first peak is 177 times the next one.
+    assert estimate_damping_ratio(math.log(177.0)) == pytest.approx(hammer, abs=0.001)
+
+
+def test_the_impact_speed_was_rounded_on_the_way():
+    # Section 3: 207 ms of swing, 265 mm from the holder to the centre of mass; printed 0.31 rad/s.
+    angular_speed = RELEASE_ANGLE / 0.207
+    assert angular_speed == pytest.approx(0.312, abs=5e-4)
+    assert angular_speed * 0.265 == pytest.approx(0.0827, abs=5e-5)
+    assert IMPACT_SPEED == 0.0819
+
+
+def test_table_2_goes_with_the_mass_like_a_hertz_contact():
+    # tau_p = C m_eq^p, a constant C for each material: p = 2/5 for Hertz, 1/2 for a spring.
+    materials = np.array([cell.material for cell in PUBLISHED_SAMPLES])
+    mass = np.log([MASSES[cell.name] for cell in PUBLISHED_SAMPLES])
+    time = np.log([cell.contact_time for cell in PUBLISHED_SAMPLES])
+    for material in set(materials):
+        chosen = materials == material
+        mass[chosen] -= mass[chosen].mean()
+        time[chosen] -= time[chosen].mean()
+    line = linregress(mass, time)
+    # Four constants take four degrees of freedom, of which the line counts one.
+    standard = line.stderr * math.sqrt((12 - 2) / (12 - 4 - 1))
+    assert line.slope == pytest.approx(0.390, abs=5e-4)
+    assert standard == pytest.approx(0.012, abs=5e-4)
+    assert np.std(time - 2 / 5 * mass) == pytest.approx(0.010, abs=5e-4)
+    assert np.std(time - 1 / 2 * mass) == pytest.approx(0.036, abs=5e-4)

@@ -1,0 +1,470 @@
+"""The driver `scpi`: records as they went in, faults, options, contract."""
+
+import re
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from dataclasses import replace
+from itertools import count
+
+import numpy as np
+import pytest
+from fakes.scpi_digitizer import LineServer, RedPitaya, ScpiDigitizer
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip("pyvisa_py", reason="the extra `scpi` is not installed")
+
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
+from impact_rig.core.detection import to_acceleration
+from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.records import HitLabel
+from impact_rig.core.sensors import Sensor
+from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
+from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
+from impact_rig.devices.scpi import ScpiSource, make_resource_name
+from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
+from impact_rig.testing import AccelerationSourceContract, SourceBench
+
+SENSITIVITIES = {"hammer": 5e-4, "specimen": -2.5e-4}
+"""[V per m/s^2]: one count of a hit is a whole number of the instrument's."""
+NUMBERS = {"hammer": "1", "specimen": "2"}
+SAMPLE = "aluminium large"
+
+
+class ScpiRig:
+    """An instrument and what is around it."""
+
+    def __init__(self) -> None:
+        self.digitizer = ScpiDigitizer(*SENSITIVITIES.values())
+        self._rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
+        self._impacts = count(1)
+        self.sources = []
+
+    def make_hit(self) -> VirtualHit:
+        return self._rig.strike(HitLabel(SAMPLE, impact=next(self._impacts)))
+
+    def strike(self) -> VirtualHit:
+        hit = self.make_hit()
+        assert self.digitizer.feed(hit)
+        return hit
+
+    def make_source(self, address: str = "", timeout: float = ScpiSource.timeout) -> ScpiSource:
+        """Return the source of a rig file whose [source] has an address."""
+        table = self.parse(f'address = "{address or self.digitizer.address}"')
+        source = ScpiSource(table.without(*COMMON_KEYS[SOURCES]))
+        source.timeout = timeout
+        self.sources.append(source)
+        return source
+
+    def make_plan(self, text: str = "", numbers=NUMBERS, **changes) -> AcquisitionPlan:
+        """Return the plan of a rig file whose [source] has a text and these channels."""
+        table = self.parse(text)
+        channels = {
+            name: SourceChannel(
+                number,
+                Sensor(name, sensitivity=changes.pop(f"{name}_sensitivity", SENSITIVITIES[name])),
+                options=table.take_table(name).without("channel"),
+            )
+            for name, number in numbers.items()
+        }
+        values = {
+            "sampling_rate": 2.5e6,
+            "record_duration": 2e-3,
+            "pre_trigger": 3e-4,
+            "trigger_level": 49.0,
+            "specimen": None,
+            **channels,
+        }
+        return AcquisitionPlan(**(values | changes))
+
+    @staticmethod
+    def parse(text: str) -> TomlTable:
+        return parse_toml_table(f"[source]\n{text}").take_table("source")
+
+    @staticmethod
+    def find_counts(hit: VirtualHit, name: str) -> np.ndarray:
+        """Return what a 14-bit converter of 1 V makes of a channel of a hit."""
+        channel = getattr(hit, name)
+        steps = channel.scale * SENSITIVITIES[name] * 2**13
+        assert steps == pytest.approx(round(steps))
+        return np.clip(channel.output * round(steps), -(2**13), 2**13 - 1)
+
+
+@pytest.fixture
+def rig() -> Iterator[ScpiRig]:
+    rig = ScpiRig()
+    rig.digitizer.plug()
+    yield rig
+    for source in rig.sources:
+        source.close()
+    rig.digitizer.unplug()
+
+
+LEVEL = 49.0 * 5e-4 * 2**13
+"""The trigger's, in counts."""
+
+
+def read_record(source):
+    blocks = []
+    while not (blocks and blocks[-1].last):
+        block = source.read(5.0)
+        assert block is not None
+        blocks.append(block)
+    return blocks
+
+
+def take_record(rig, source):
+    source.arm()
+    # As a swing does, and long enough for the whole ring to be written.
+    time.sleep(0.01)
+    hit = rig.strike()
+    return hit, read_record(source)
+
+
+def find_crossing(counts: np.ndarray, level: float) -> int:
+    return int(np.argmax(counts >= level))
+
+
+def test_each_count_of_a_record_is_that_of_the_input_with_the_trigger_in_its_place(rig):
+    source = rig.make_source()
+    source.configure(rig.make_plan())
+    for _ in range(3):
+        hit, blocks = take_record(rig, source)
+        assert [block.hammer.output.size for block in blocks] == [5000]
+        fed = rig.find_counts(hit, "hammer")
+        shift = 750 - find_crossing(fed, LEVEL)
+        for name in ("hammer", "specimen"):
+            counts = np.concatenate([getattr(block, name).output for block in blocks])
+            assert counts.dtype == np.int32
+            np.testing.assert_array_equal(
+                counts[shift:], rig.find_counts(hit, name)[: 5000 - shift]
+            )
+
+
+def test_nothing_of_the_record_before_stands_before_the_trigger(rig):
+    source = rig.make_source()
+    source.configure(rig.make_plan(pre_trigger=1e-3))
+    for _ in range(3):
+        source.arm()
+        hit = rig.strike()
+        counts = np.concatenate([block.hammer.output for block in read_record(source)])
+        shift = 2500 - find_crossing(rig.find_counts(hit, "hammer"), LEVEL)
+        # The quiet input, and not the pulse that the ring still holds.
+        assert np.abs(counts[:shift]).max() < LEVEL
+
+
+def test_a_hit_without_its_sample_has_the_hammer_alone(rig):
+    source = rig.make_source()
+    source.configure(rig.make_plan(numbers={"hammer": "1"}, specimen=None))
+    _, blocks = take_record(rig, source)
+    assert sum(block.hammer.output.size for block in blocks) == 5000
+    assert all(block.specimen.output.size == 0 for block in blocks)
+
+
+def test_an_input_beyond_its_range_is_flagged_in_its_channel(rig):
+    source = rig.make_source()
+    source.configure(rig.make_plan())
+    source.arm()
+    hit = rig.make_hit()
+    rig.digitizer.feed(replace(hit, hammer=replace(hit.hammer, scale=3 * hit.hammer.scale)))
+    blocks = read_record(source)
+    assert [block.hammer.overloaded for block in blocks] == [True]
+    assert not any(block.specimen.overloaded for block in blocks)
+    assert blocks[0].hammer.output.max() == 2**13 - 1
+    assert blocks[0].hammer.full_scale == pytest.approx(1.0 / 5e-4)
+
+
+def test_a_sensor_that_looks_the_other_way_triggers_on_the_falling_voltage(rig):
+    hit = rig.make_hit()
+    hit = replace(hit, hammer=replace(hit.hammer, scale=-hit.hammer.scale))
+    source = rig.make_source()
+    source.configure(rig.make_plan(hammer_sensitivity=-5e-4))
+    source.arm()
+    assert rig.digitizer.feed(hit)
+    block = read_record(source)[0]
+    assert to_acceleration(block.hammer, block.hammer.output).max() > 49.0
+
+
+def test_the_wide_range_has_larger_counts(rig):
+    source = rig.make_source()
+    source.configure(rig.make_plan('[source.hammer]\nrange = "20 V"'))
+    hit, blocks = take_record(rig, source)
+    assert blocks[0].hammer.scale == pytest.approx(20 * blocks[0].specimen.scale * -0.5)
+    found = max(to_acceleration(item.hammer, item.hammer.output).max() for item in blocks)
+    assert found == pytest.approx(
+        to_acceleration(hit.hammer, hit.hammer.output).max(), abs=blocks[0].hammer.scale
+    )
+
+
+def test_the_stamp_is_that_of_the_first_point(rig):
+    source = rig.make_source()
+    source.configure(rig.make_plan())
+    before = time.time_ns()
+    source.arm()
+    rig.strike()
+    blocks = read_record(source)
+    # The trigger is known as well as the instrument is asked often, which a busy computer may
+    # not do; the first point is 0.3 ms before it.
+    assert before - 300_000 < blocks[0].stamp < time.time_ns() - 300_000
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('adress = "10.0.0.1"', r"line 2: .*'adress'.*did you mean 'address'"),
+        ('address = "10.0.0.1:x"', "line 2: address is '10.0.0.1:x'.*192.168.1.20:5000"),
+        ('address = "10.0.0.1:70000"', "line 2: address"),
+        ('address = ""', "line 2: address"),
+        ("address = 7", "line 2: address of .* a text"),
+        ('address = "a"\nboard = "125"', "line 3: board.*125-14, 125-10"),
+    ],
+)
+def test_a_key_is_refused_by_its_line(rig, text, words):
+    with pytest.raises(ParameterError, match=words):
+        ScpiSource(rig.parse(text))
+
+
+def test_an_address_is_a_host_with_a_port():
+    assert make_resource_name("rp-f0a235.local") == "TCPIP::rp-f0a235.local::5000::SOCKET"
+    assert make_resource_name("10.0.0.1:5025") == "TCPIP::10.0.0.1::5025::SOCKET"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"sampling_rate": 2.4e6}, "2400000 Hz: the nearest that the board can is 2403846.15 Hz"),
+        ({"sampling_rate": 3e8, "record_duration": 1e-5, "pre_trigger": 0.0},
+         "300000000 Hz: the nearest .* is 125000000 Hz$"),
+        ({"sampling_rate": 12.5e6, "record_duration": 1e-4, "pre_trigger": 0.0},
+         "the nearest .* is 15625000 Hz"),
+        ({"record_duration": 7e-3}, "17500 points is too long for the board, which holds 16384"),
+        ({"trigger_level": 2000.0}, "trigger_level is 2000 m/s.2, which is 1 V at the input"),
+        ({"numbers": {"hammer": "3"}}, "channel of .source.hammer. is 3: it must be one of 1, 2"),
+        ({"numbers": {"hammer": ""}}, "channel of .source.hammer. is missing"),
+        ({"numbers": {"hammer": "2", "specimen": "2"}}, "hammer and sample are both on channel 2"),
+        ({"continuous": True}, "records of single hits: set mode to triggered"),
+        ({"text": '[source.hammer]\nrange = "2 V"'}, 'line 3: range .* "1 V" or "20 V"'),
+    ],
+)  # fmt: skip
+def test_a_plan_that_the_board_cannot_do_is_refused(rig, changes, words):
+    with pytest.raises(ParameterError, match=words):
+        rig.make_source().configure(rig.make_plan(**changes))
+
+
+TIMEOUT = 0.3
+LATE = 3.0
+"""How much later a call may return on a busy computer [s]."""
+
+
+@contextmanager
+def refusal(*words: str):
+    """Expect a DeviceError of one sentence that matches these words, in time."""
+    begin = time.monotonic()
+    with pytest.raises(DeviceError) as found:
+        yield
+    assert time.monotonic() - begin < TIMEOUT + LATE
+    text = str(found.value)
+    assert "\n" not in text
+    for word in words:
+        assert re.search(word, text), text
+
+
+def test_another_instrument_is_named_by_what_it_says_it_is(rig):
+    rig.digitizer.board.identity = "RIGOL TECHNOLOGIES,DS1054Z,DS1ZA0,00.04.04"
+    with refusal("is 'RIGOL TECHNOLOGIES,DS1054Z", "must contain 'REDPITAYA'"):
+        rig.make_source().configure(rig.make_plan())
+
+
+def test_an_instrument_in_other_hands_is_named(rig):
+    rig.digitizer.server.is_busy = True
+    with refusal("does another program hold it|another program holds it"):
+        rig.make_source().configure(rig.make_plan())
+    rig.digitizer.server.is_busy = False
+    source = rig.make_source()
+    source.configure(rig.make_plan())
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [
+        ("192.0.2.1:5000", "at 192.0.2.1:5000 (does not answer|cannot be reached|refuses)"),
+        ("a" * 70, "cannot be reached: "),
+    ],
+)
+def test_an_address_where_nobody_is_is_named(rig, address, words):
+    with refusal(words):
+        rig.make_source(address, TIMEOUT).configure(rig.make_plan())
+
+
+def test_an_instrument_without_its_server_is_named(rig):
+    rig.digitizer.unplug()
+    with refusal("refuses connections: start its SCPI server"):
+        rig.make_source().configure(rig.make_plan())
+
+
+def test_a_loss_is_noticed_while_it_is_armed(rig):
+    source = rig.make_source(timeout=TIMEOUT)
+    source.configure(rig.make_plan())
+    source.arm()
+    rig.digitizer.unplug()
+    with refusal("closed the connection|refuses connections"):
+        source.read(TIMEOUT)
+
+
+@contextmanager
+def serve(answer):
+    """Serve an instrument that answers as a function says: with bytes, and whether it goes on."""
+    server = LineServer(lambda line: answer(line.decode().strip()))
+    server.open()
+    try:
+        yield server.address
+    finally:
+        server.close()
+
+
+def test_an_instrument_that_does_not_obey_is_named(rig):
+    def answer(line: str) -> tuple[bytes, bool]:
+        return {"*IDN?": b"RedPitaya 9\r\n", "ACQ:DEC:FACTOR?": b"64\r\n"}.get(line, b""), True
+
+    words = "answers '64' to ACQ:DEC:FACTOR., where 50 was set"
+    with serve(answer) as address, refusal(words):
+        rig.make_source(address, TIMEOUT).configure(rig.make_plan())
+
+
+@pytest.mark.parametrize("command", ["ACQ:DEC:FACTOR 64", "ACQ:SOUR2:GAIN HV", "ACQ:RST"])
+def test_settings_that_another_program_has_changed_are_noticed_at_the_next_arming(rig, command):
+    source = rig.make_source()
+    source.configure(rig.make_plan())
+    source.arm()
+    host, port = rig.digitizer.address.split(":")
+    with socket.create_connection((host, int(port))) as other:
+        other.sendall(f"{command}\r\n*OPC?\r\n".encode())
+        assert other.recv(100) == b"1\r\n"
+    with refusal("was set: is it the right board, and does another program talk to it, too"):
+        source.arm()
+
+
+def cut_in_half(answer: bytes) -> bytes:
+    return answer[: (len(answer) + 1) // 2]
+
+
+@pytest.mark.parametrize(
+    ("query", "spoil", "words"),
+    [
+        ("*IDN?", lambda _: (b"", True), "does not answer"),
+        ("ACQ:TRIG:STAT?", lambda answer: (cut_in_half(answer), True), "does not answer"),
+        ("ACQ:SOUR2:DATA", lambda answer: (cut_in_half(answer), False),
+         "does not answer|closed the connection"),
+        ("ACQ:SOUR2:DATA", lambda _: (b"\x00\xffQX!\r\n", True), "a wrong answer"),
+        *(
+            ("ACQ:SOUR1:DATA", lambda _, block=block: (block, True), "ACQ:SOUR1:DATA:START:N")
+            for block in (b"#0", b"#x12", b"{1,2,3}\n", b"#3ab", b"#9999999999", b"#41000")
+        ),
+    ],
+)  # fmt: skip
+def test_a_wrong_answer_to_any_question_is_named_and_the_next_try_works(rig, query, spoil, words):
+    def answer(line: str) -> tuple[bytes, bool]:
+        found = rig.digitizer.board.answer(line)
+        if line.startswith(query):
+            return spoil(found + b"\r\n")
+        return b"" if found is None else found + b"\r\n", True
+
+    with serve(answer) as address, refusal(re.escape(address), words):
+        source = rig.make_source(address, TIMEOUT)
+        source.configure(rig.make_plan())
+        take_record(rig, source)
+    source.close()
+    with closing(rig.make_source()) as again:
+        again.configure(rig.make_plan())
+        assert take_record(rig, again)[1][0].hammer.output.size == 5000
+
+
+EXAMPLES = settings(max_examples=50, deadline=None)
+FUZZ_TIMEOUT = 0.05
+POINTS = 64
+PLAN = AcquisitionPlan(
+    sampling_rate=125e6,
+    record_duration=POINTS / 125e6,
+    pre_trigger=16 / 125e6,
+    trigger_level=100.0,
+    hammer=SourceChannel("1", Sensor("hammer", sensitivity=1e-3)),
+    specimen=SourceChannel("2", Sensor("specimen", sensitivity=1e-3)),
+)
+PULSE = np.stack([np.r_[np.zeros(100), np.full(100, 0.5), np.zeros(100)]] * 2)
+
+
+@EXAMPLES
+@given(
+    place=st.integers(0, 14),
+    begin=st.integers(0, 300),
+    length=st.integers(0, 300),
+    patch=st.binary(max_size=12),
+    goes_on=st.booleans(),
+)
+def test_a_spoilt_answer_gives_an_error_in_words_or_a_whole_record(
+    place, begin, length, patch, goes_on
+):
+    board = RedPitaya()
+    count = 0
+
+    def answer(line: str) -> tuple[bytes, bool]:
+        nonlocal count
+        found = board.answer(line)
+        if line.startswith("ACQ:TRIG CH"):
+            board.strike(PULSE, 125e6)
+        if found is None:
+            return b"", True
+        found += b"\r\n"
+        count += 1
+        if count != place + 1:
+            return found, True
+        first = min(begin, len(found))
+        return found[:first] + patch + found[first + length :], goes_on
+
+    with serve(answer) as address:
+        source = ScpiSource(TomlTable({"address": address}, "[source]"))
+        source.timeout = FUZZ_TIMEOUT
+        with closing(source), suppress(DeviceError):
+            source.configure(PLAN)
+            source.arm()
+            block = source.read(1.0)
+            if count <= place and block is not None:
+                # Nothing was spoilt: every point is that of the pulse.
+                assert block.hammer.output.tolist() == [0] * 16 + [4096] * 48
+            assert block is None or (block.last and block.hammer.output.size == POINTS)
+
+
+class ScpiBench(SourceBench):
+    """An instrument whose cable can be pulled."""
+
+    def __init__(self, rig) -> None:
+        self._rig = rig
+
+    def get_driver(self) -> type[ScpiSource]:
+        return ScpiSource
+
+    def unplug(self) -> None:
+        self._rig.digitizer.unplug()
+
+    def plug(self) -> None:
+        self._rig.digitizer.plug()
+
+    def make_source(self) -> ScpiSource:
+        return self._rig.make_source()
+
+    def make_plan(self, *, continuous: bool = False) -> AcquisitionPlan:
+        return self._rig.make_plan(continuous=continuous, block_size=700)
+
+    def strike(self, source: ScpiSource) -> None:
+        self._rig.strike()
+
+
+class TestScpiSource(AccelerationSourceContract):
+    """The contract, on a peer that speaks SCPI."""
+
+    @pytest.fixture
+    def bench(self, rig) -> ScpiBench:
+        return ScpiBench(rig)

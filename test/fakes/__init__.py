@@ -1,0 +1,1 @@
+"""Stand-ins for instruments, over real sockets and terminals."""

@@ -1,0 +1,198 @@
+"""A stand-in for a sound card: a PulseAudio server of its own, which records what it is told.
+
+Whoever starts with its environment finds the card in PortAudio, bit by bit as it was played.
+"""
+
+import contextlib
+import os
+import shutil
+import subprocess
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from impact_rig.core.errors import DeviceError
+from impact_rig.devices.streaming import CountArray
+
+PROGRAMS = {"pulseaudio": "pulseaudio", "pactl": "pulseaudio-utils"}
+"""What must be installed, and the packages of Debian that bring it."""
+CHANNELS = 2
+SAMPLING_RATE = 192_000
+"""[Hz]"""
+STEP = 0.01
+"""How much is played at a time [s]."""
+START_TIMEOUT = 20.0
+"""For PulseAudio to begin [s], our choice."""
+SYSTEM_CONFIG = Path("/usr/share/alsa/alsa.conf")
+_CONFIG = """\
+pcm.{name} {{
+  type pulse
+  server "unix:{socket}"
+  device "{name}"
+}}
+"""
+
+
+class FakeSoundCard:
+    """A card with two channels of 32 bits.
+
+    Attributes
+    ----------
+    name : str
+        Of the card.
+    environment : dict
+        What a process needs to find the card.
+    is_silent : bool
+        It delivers nothing, as if its driver hung.
+    """
+
+    name = "rig_card"
+
+    def __init__(self) -> None:
+        self.environment: dict[str, str] = {}
+        self.is_silent = False
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._server: subprocess.Popen[bytes] | None = None
+        self._player: threading.Thread | None = None
+        self._is_plugged = False
+        self._lock = threading.Lock()
+        self._waiting: list[CountArray] = []
+
+    def start(self) -> None:
+        """Start the server, and plug the card in.
+
+        Raises
+        ------
+        DeviceError
+            If something is not installed, or the server does not begin.
+        """
+        program = _find_program("pulseaudio")
+        if not any(Path("/usr/lib").glob("*/alsa-lib/libasound_module_pcm_pulse.so")):
+            raise DeviceError("ALSA does not know PulseAudio: install libasound2-plugins")
+        self._folder = tempfile.TemporaryDirectory(
+            prefix="sound_card_", ignore_cleanup_errors=True
+        )
+        config = self._place / "asound.conf"
+        config.write_text(_CONFIG.format(name=self.name, socket=self._socket))
+        self.environment = {"ALSA_CONFIG_PATH": f"{SYSTEM_CONFIG}:{config}"}
+        self._server = subprocess.Popen(
+            [program, "-n", "--daemonize=no", "--use-pid-file=no", "--exit-idle-time=-1",
+             "--high-priority=no", "--realtime=no", "--disable-shm=yes",
+             f"--load=module-native-protocol-unix socket={self._socket} auth-anonymous=1"],
+            env=self._make_environment(), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        deadline = time.monotonic() + START_TIMEOUT
+        while not self._socket.exists():
+            if self._server.poll() is not None or time.monotonic() > deadline:
+                self.stop()
+                raise DeviceError("pulseaudio does not begin")
+            time.sleep(0.01)
+        self.plug()
+
+    def plug(self) -> None:
+        """Let the card be there, and deliver."""
+        pipe = self._place / "card"
+        self._control("load-module", "module-pipe-source", f"source_name={self.name}",
+                      f"file={pipe}", "format=s32le", f"rate={SAMPLING_RATE}",
+                      f"channels={CHANNELS}")  # fmt: skip
+        # Not to wait for a reader: there is one.
+        writer = os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
+        os.set_blocking(writer, True)
+        self._is_plugged = True
+        self._player = threading.Thread(target=self._play, args=(writer,), daemon=True)
+        self._player.start()
+
+    def unplug(self) -> None:
+        """Let the card vanish for all who record it."""
+        self._is_plugged = False
+        self._control("unload-module", "module-pipe-source")
+        if self._player is not None:
+            self._player.join()
+
+    def feed(self, counts: CountArray) -> None:
+        """Let the card hear something next: counts of 32 bits, shape (n, 2)."""
+        with self._lock:
+            self._waiting.append(np.ascontiguousarray(counts, dtype="<i4"))
+
+    def stop(self) -> None:
+        """Take everything away."""
+        self._is_plugged = False
+        if self._server is not None:
+            self._server.terminate()
+            self._server.wait()
+            self._server = None
+        if self._player is not None:
+            self._player.join()
+            self._player = None
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
+
+    @property
+    def _place(self) -> Path:
+        """The peer's own folder, between `start` and `stop`."""
+        if self._folder is None:
+            raise DeviceError("the sound card was not started")
+        return Path(self._folder.name)
+
+    @property
+    def _socket(self) -> Path:
+        return self._place / "socket"
+
+    def _make_environment(self) -> dict[str, str]:
+        """Return an environment in which nothing of the user's own PulseAudio is found."""
+        kept = {key: os.environ[key] for key in ("PATH", "LANG") if key in os.environ}
+        places = dict.fromkeys(
+            ("HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_STATE_HOME"), str(self._place)
+        )
+        return {**kept, **places, "PULSE_SERVER": f"unix:{self._socket}"}
+
+    def _control(self, *words: str) -> None:
+        subprocess.run(
+            [_find_program("pactl"), *words],
+            env=self._make_environment(), check=True, timeout=START_TIMEOUT,
+            stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+
+    def _play(self, writer: int) -> None:
+        """Write silence and what is fed, at the card's rate."""
+        silence = np.zeros((round(STEP * SAMPLING_RATE), CHANNELS), dtype="<i4")
+        begin, played = time.monotonic(), 0
+        # The reader is gone when the card is unplugged.
+        with contextlib.suppress(BrokenPipeError), open(writer, "wb") as file:
+            while self._is_plugged:
+                with self._lock:
+                    piece = self._waiting.pop(0) if self._waiting else silence
+                if not self.is_silent:
+                    file.write(piece.tobytes())
+                    file.flush()
+                played += len(piece)
+                time.sleep(max(begin + played / SAMPLING_RATE - time.monotonic(), 0.0))
+
+
+def _find_program(name: str) -> str:
+    path = shutil.which(name)
+    if path is None:
+        raise DeviceError(f"{name} is not installed: it is in the package {PROGRAMS[name]}")
+    return path
+
+
+def make_pulse(sampling_rate: int, width: float = 2e-3, height: float = 0.5) -> CountArray:
+    """Return a versed-sine on the first channel and half of it on the other.
+
+    Parameters
+    ----------
+    sampling_rate : int
+        [Hz]
+    width : float
+        Of the pulse [s].
+    height : float
+        Of full scale [-].
+    """
+    count = round(width * sampling_rate)
+    pulse = height * 2**31 * np.sin(np.pi * np.arange(count) / count) ** 2
+    return np.stack([pulse, 0.5 * pulse], axis=1).astype(np.int32)

@@ -1,0 +1,71 @@
+"""Messages of other campaigns are told apart by one comparison of ids."""
+
+import impact_rig_msgs.msg
+import pytest
+from impact_rig_msgs.msg import Impact
+from rclpy.serialization import serialize_message
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.identity import Identity, Membership, id_to_msg, make_id, read_campaign_id
+from impact_rig.recordings.messages import NO_ID
+
+WITHOUT_ID = {"note", "replayer/state"}
+"""Anybody's remarks, and what a replay says of itself."""
+TOPICS = [topic for topic in interfaces.RECORDED_TOPICS if topic.name not in WITHOUT_ID]
+
+
+@pytest.mark.parametrize("topic", [*TOPICS, interfaces.STREAM], ids=lambda topic: topic.name)
+@pytest.mark.parametrize("frame", ["", "rig", "hall 3"])
+def test_every_message_of_the_rig_carries_the_id_behind_its_header(topic, frame):
+    campaign_id = make_id()
+    message = topic.type(campaign_id=id_to_msg(campaign_id))
+    message.header.frame_id = frame
+    message.header.stamp.sec = 1_700_000_000
+    assert read_campaign_id(serialize_message(message)) == campaign_id
+
+
+def test_no_other_message_of_the_package_has_an_id():
+    kinds = {topic.type for topic in (*TOPICS, interfaces.STREAM)}
+    for name in dir(impact_rig_msgs.msg):
+        kind = getattr(impact_rig_msgs.msg, name)
+        if isinstance(kind, type) and "campaign_id" in kind.get_fields_and_field_types():
+            assert kind in kinds
+
+
+@pytest.fixture
+def warnings():
+    return []
+
+
+@pytest.fixture
+def membership(warnings):
+    return Membership(warnings.append)
+
+
+def of(campaign_id):
+    return Impact(campaign_id=id_to_msg(campaign_id))
+
+
+def test_a_node_that_has_joined_none_takes_everything(membership, warnings):
+    assert not membership.is_foreign(of(make_id()), "impact")
+    assert not membership.is_foreign(of(NO_ID), "impact")
+    assert not warnings
+
+
+def test_what_carries_another_id_is_foreign_and_warned_of_once(membership, warnings):
+    own, other = make_id(), make_id()
+    assert membership.join(Identity(own))
+    assert not membership.join(Identity(own))
+    for _ in range(3):
+        assert not membership.is_foreign(of(own), "impact")
+        assert membership.is_foreign(of(other), "impact")
+    (warning,) = warnings
+    assert warning.startswith("impact carries the id of another campaign")
+
+
+def test_no_id_is_an_id_like_another(membership):
+    membership.join(Identity(make_id()))
+    assert membership.is_foreign(of(NO_ID), "impact")
+    membership.join(Identity(NO_ID))
+    assert not membership.is_foreign(of(NO_ID), "impact")
+    assert membership.is_foreign(of(make_id()), "impact")

@@ -1,0 +1,117 @@
+"""A campaign that ended goes on where its run stands: nothing twice, and nothing lost."""
+
+import signal
+
+import pytest
+
+from impact_rig.analysis.analyze import analyze
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.client import CampaignClient, CampaignGoal, read_newest_campaign
+from impact_rig.recordings.reader import read_recording
+from impact_rig.results.results_file import format_json, results_to_json
+
+from .campaigns import begin, start_rig
+
+SAMPLES = ["steel small", "brass small"]
+IMPACTS = 6
+RIG = {
+    "hammer": {"swing_time": 0.02},
+    "accelerometer": {"trigger_timeout": 0.1},
+    "estimator": {},
+    "campaign": {"verdict_timeout": 2.0},
+    "recorder": {},
+}
+START_PATIENCE = 60.0
+
+
+def test_a_cancelled_campaign_goes_on_on_the_same_rig(harness):
+    client = start_rig(harness)
+    setups = harness.listen(interfaces.SETUP)
+    handle, feedback = begin(harness, client, samples=SAMPLES, impacts=IMPACTS)
+    feedback.wait(lambda got: got[-1].impact >= 2)
+    harness.wait(handle.cancel_goal_async())
+    first = harness.wait(handle.get_result_async()).result
+    assert first.setup.campaign_id == setups.messages[-1].campaign_id
+    handle, _ = begin(harness, client, resumed=first.setup)
+    second = harness.wait(handle.get_result_async()).result
+    assert second.success, second.message
+    assert second.accepted[: len(first.accepted)] == first.accepted
+    struck = [(hit.sample, hit.impact) for hit in second.accepted]
+    assert struck == [(name, number) for name in SAMPLES for number in range(1, IMPACTS + 1)]
+
+
+class Onlooker:
+    """Sees how far a campaign is; there is nothing to do for a person."""
+
+    def __init__(self, follow):
+        self.follow = follow
+
+    def mount(self, sample):
+        raise AssertionError("nobody is asked")
+
+    put_back = let_go = mount
+
+
+@pytest.fixture
+def power(start_process, tmp_path):
+    """Return functions that start the nodes of a rig on one run, and kill them all at once."""
+    processes = []
+
+    def on():
+        for name, parameters in RIG.items():
+            extra = {"output": str(tmp_path / "session.mcap")} if name == "recorder" else {}
+            processes.append(start_process(name, **parameters, **extra))
+
+    def off():
+        for process in processes:
+            process.send_signal(signal.SIGKILL)
+        for process in processes:
+            process.wait()
+        processes.clear()
+
+    return on, off
+
+
+class PowerCutError(Exception):
+    pass
+
+
+def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
+    power, tmp_path, ros_domain, monkeypatch
+):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    on, off = power
+    goal = CampaignGoal(samples=SAMPLES, impacts=IMPACTS)
+
+    killed = []
+
+    def cut(feedback):
+        if not killed and feedback.sample == SAMPLES[1] and feedback.state == feedback.STRIKING:
+            off()
+            killed.append(True)
+
+    def check():
+        if killed:
+            raise PowerCutError
+
+    on()
+    with CampaignClient(check=check) as client:
+        client.wait_for_rig(START_PATIENCE)
+        with pytest.raises(PowerCutError):
+            client.run(goal, Onlooker(cut))
+    on()
+    with CampaignClient() as client:
+        client.wait_for_rig(START_PATIENCE)
+        client.check_run(tmp_path)
+        goal = CampaignGoal(resumed=read_newest_campaign(tmp_path))
+        outcome = client.run(goal, Onlooker(lambda _: None))
+    assert outcome.success, outcome.message
+    off()
+    hits = outcome.results.hits
+    assert len({hit.record for hit in hits}) == len(hits)
+    accepted = [(hit.sample, hit.impact) for hit in hits if hit.accepted]
+    assert accepted == [(name, number) for name in SAMPLES for number in range(1, IMPACTS + 1)]
+    assert len(list(tmp_path.glob("session*.mcap"))) == 2
+    (campaign,) = analyze(read_recording(tmp_path)).campaigns
+    live = format_json(results_to_json(outcome.results))
+    assert format_json(results_to_json(campaign.results)) == live

@@ -1,0 +1,135 @@
+"""No message on the rig's topics ends a node: it is dropped, counted and named.
+
+The messages of all topics are made of their definitions, over DDS, against all nodes at once.
+"""
+
+import math
+import re
+from array import array
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from impact_rig_msgs import msg
+from impact_rig_msgs.srv import GetResults
+from lifecycle_msgs.srv import GetState
+
+from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.accelerometer import AccelerometerNode
+from impact_rig.nodes.campaign import CampaignNode
+from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.nodes.hammer import HammerNode
+from impact_rig.nodes.interfaces import Topic
+from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
+from impact_rig.nodes.recorder import RecorderNode
+from impact_rig.nodes.visualizer import VisualizerNode
+
+TOPICS = sorted(
+    (item for item in vars(interfaces).values() if isinstance(item, Topic)),
+    key=lambda topic: topic.name,
+)
+NUMBERS = {
+    "boolean": st.booleans(),
+    "octet": st.binary(min_size=1, max_size=1),
+    "float": st.floats(width=32),
+    "double": st.floats(),
+    "string": st.sampled_from(["", "measured", "steel small", "aluminium large", "Prüfkörper"]),
+}
+LONGEST = 9
+"""Of an array [-]."""
+
+
+def make_integers(kind):
+    bits = int(re.sub(r"\D", "", kind))
+    low = 0 if kind.startswith("u") else -(2 ** (bits - 1))
+    return st.integers(low, low + 2**bits - 1) | st.integers(0, 3)
+
+
+def make_field(kind):
+    """Return a strategy for one field, by the type that its message's class names."""
+    if found := re.fullmatch(r"sequence<(.*?)(, \d+)?>", kind):
+        return st.lists(make_field(found[1]), max_size=LONGEST)
+    if found := re.fullmatch(r"(.*)\[(\d+)\]", kind):
+        count = int(found[2])
+        return st.lists(make_field(found[1]), min_size=count, max_size=count)
+    if "/" in kind:
+        package, name = kind.split("/")
+        module = __import__(f"{package}.msg", fromlist=[name])
+        return make_messages(getattr(module, name))
+    return NUMBERS[kind] if kind in NUMBERS else make_integers(kind)
+
+
+def make_messages(kind):
+    fields = kind.get_fields_and_field_types()
+    return st.builds(kind, **{name: make_field(type_) for name, type_ in fields.items()})
+
+
+@pytest.fixture
+def nodes(harness, tmp_path):
+    """All nodes of a rig, active."""
+    kinds = {
+        AccelerometerNode: {}, HammerNode: {}, EstimatorNode: {}, CampaignNode: {},
+        RecorderNode: {"output": str(tmp_path / "session.mcap"), "required_topics": ""},
+        VisualizerNode: {"output": str(tmp_path / "session.rrd")},
+    }  # fmt: skip
+    return [harness.add(kind, **parameters) for kind, parameters in kinds.items()]
+
+
+def answer(harness, nodes):
+    """Wait until each node has answered: what came before has been taken."""
+    for node in nodes:
+        harness.call(GetState, f"{node.get_name()}/get_state")
+
+
+def test_no_message_of_any_topic_ends_a_node(harness, nodes):
+    publishers = [(topic, harness.advertise(topic)) for topic in TOPICS]
+
+    @given(st.data())
+    @settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+    def publish(data):
+        topic, publisher = data.draw(st.sampled_from(publishers))
+        publisher.publish(data.draw(make_messages(topic.type)))
+        answer(harness, nodes)
+
+    publish()
+    assert all(node.is_active for node in nodes)
+    harness.call(GetResults, interfaces.GET_RESULTS)
+
+
+def make_bogus_block():
+    block = msg.AccelerationBlock(record=1, sample="steel small", sampling_rate=1e6)
+    block.hammer = msg.Channel(counts=array("i", [1]), scale=1.0)
+    block.specimen = msg.Channel(counts=array("i", [1]), scale=1.0)
+    block.origin.kind = "bogus"
+    return block
+
+
+def make_bogus_setup():
+    message = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
+    message.hammer_mass = -1.0
+    return message
+
+
+USERS_OF_BLOCKS = {"estimator", "recorder", "visualizer"}
+
+
+@pytest.mark.parametrize(
+    ("topic", "message", "listeners"),
+    [
+        (interfaces.ACCELERATION, make_bogus_block(), USERS_OF_BLOCKS),
+        (interfaces.SETUP, make_bogus_setup(), USERS_OF_BLOCKS | {"accelerometer"}),
+        (interfaces.HAMMER_STATE, msg.HammerState(state=7), {"campaign", "recorder"}),
+        (interfaces.RELEASE, msg.HammerRelease(swing_time=math.nan), {"accelerometer"}),
+    ],
+)
+def test_what_is_not_sound_is_counted_by_who_would_use_it(
+    harness, nodes, topic, message, listeners
+):
+    publisher = harness.advertise(topic)
+    harness.wait_until(lambda: publisher.get_subscription_count() >= len(listeners))
+    publisher.publish(message)
+    harness.wait_until(
+        lambda: listeners <= {node.get_name() for node in nodes if node.message_check.dropped}
+    )
+    assert all(node.is_active for node in nodes)

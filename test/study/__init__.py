@@ -1,0 +1,1 @@
+"""The estimators on simulated hits, where the truth is known: bias, coverage, false rejections."""
