@@ -57,7 +57,8 @@ class RecordCount(BlockCount):
 class RecordWatch:
     """Follows the blocks of one accelerometer pair."""
 
-    gaps: int = 0  # in all records so far
+    blocks: int = 0  # in all records so far
+    gaps: int = 0
     missing_points: int = 0  # that they lack, per channel
     unfinished: RecordCount | None = None  # the record whose last block has not come
     _finished: list[RecordCount] = field(default_factory=list)
@@ -85,6 +86,7 @@ class RecordWatch:
             self._end(self.unfinished)
         count = self.unfinished = self.unfinished or RecordCount(label=label)
         missing = count.add(first_sample, points)
+        self.blocks += 1
         self.gaps += missing > 0
         self.missing_points += missing
         count.stamp = stamp
