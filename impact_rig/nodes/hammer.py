@@ -22,10 +22,12 @@ from impact_rig.nodes.guarded_hammer import (
 )
 from impact_rig.nodes.identity import id_from_msg
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import LONGEST_PAUSE, OWN_NODES, Read
+from impact_rig.nodes.rig_node import OWN_NODES
 from impact_rig.nodes.rig_state import ACCELEROMETER, CAMPAIGN, RECORDER, RigState
 
 Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
+LONGEST_PAUSE = 1.5
+"""Longest time between two callbacks of a process that runs [s], our choice."""
 WATCH_PERIOD = 0.5
 """How often holder, accelerometers and recorder are looked after [s], our choice: an operator who
 pulls a plug wants to see the enable go."""
@@ -46,19 +48,19 @@ class HammerNode(DeviceNode):
         super().__init__("hammer", **options)
         self.declare(
             "swing_time", 0.207, "time from release to contact [s]; the paper's 0.207",
-            low=0.0, high=60.0, read=Read.AT_USE,
+            low=0.0, high=60.0, live=True,
         )  # fmt: skip
         self.declare(
             "return_time", 0.0, "from contact back into the holder [s]",
-            low=0.0, high=60.0, read=Read.AT_USE,
+            low=0.0, high=60.0, live=True,
         )  # fmt: skip
         self.declare(
             "confirm_return", False,
-            "after each swing, wait until somebody calls hammer/confirm_held", read=Read.AT_USE,
+            "after each swing, wait until somebody calls hammer/confirm_held", live=True,
         )  # fmt: skip
         self.declare(
             "require_recorder", True, "refuse to release while nothing is recorded",
-            read=Read.AT_USE,
+            live=True,
         )  # fmt: skip
         self._patience = 0.0
         self._identity = ""
@@ -66,7 +68,8 @@ class HammerNode(DeviceNode):
         self._others: tuple[str, ...] = ()
         self._released: Release.Request | None = None
         self._armed = 0
-        self._swings = 0
+        self._swing = self.create_timer(1.0, lambda: self._end_swing(self._describe_end()))
+        self._swing.cancel()
         self._publish_state = self.advertise_state(interfaces.HAMMER_STATE)
         self._release = self.advertise(interfaces.RELEASE)
         self._hammer = GuardedHammer(self._tell)
@@ -91,6 +94,7 @@ class HammerNode(DeviceNode):
 
     def configure(self) -> None:
         """Open the holder, which holds from now on."""
+        super().configure()
         path = self.get_value("rig_file")
         table = load_rig_file(path).holder
         try:
@@ -163,7 +167,7 @@ class HammerNode(DeviceNode):
             self._released = None
             self._rig.forget_stored(message.record)
         elif message.state == AcquisitionState.IDLE and self._waits_for_operator(message.record):
-            self._end_swing(self._swings, "the record has ended")
+            self._end_swing("the record has ended")
 
     def _waits_for_operator(self, record: int) -> bool:
         """Whether an operator has been told to let the hammer go for a record."""
@@ -384,12 +388,9 @@ class HammerNode(DeviceNode):
             self._losses = self._rig.losses
             self._release.publish(release)
             self._released = request
-            self._swings += 1
-            swing, text = self._swings, self._describe_end()
-            self.run_once_after(
-                self._compute_latest_contact() + float(self.get_value("return_time")),
-                lambda: self._end_swing(swing, text),
-            )
+            duration = self._compute_latest_contact() + float(self.get_value("return_time"))
+            self._swing.timer_period_ns = round(duration * 1e9)
+            self._swing.reset()
         return reason
 
     def _compute_latest_contact(self) -> float:
@@ -400,11 +401,11 @@ class HammerNode(DeviceNode):
             return "back in the holder"
         return f"nobody let the hammer go within {self._patience:g} s"
 
-    def _end_swing(self, swing: int, message: str) -> None:
-        """Hold the hammer again, if no later swing has begun."""
+    def _end_swing(self, message: str) -> None:
+        """Hold the hammer again."""
+        self._swing.cancel()
         is_away = bool(self.get_value("confirm_return"))
-        if swing == self._swings:
-            self._guard(lambda: self._hammer.end_swing(message, confirm_return=is_away))
+        self._guard(lambda: self._hammer.end_swing(message, confirm_return=is_away))
 
 
 def _read_clock() -> float:

@@ -72,7 +72,7 @@ class RigMember:
         self._is_active = True
         self._alive = 0
         self._silent = 0
-        self._heard = node.listen(topic, self._take, note_liveliness=self._take_liveliness)
+        self._heard = node.listen(topic, self._take, on_liveliness=self._take_liveliness)
 
     @property
     def is_gone(self) -> bool:
