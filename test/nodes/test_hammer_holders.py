@@ -6,7 +6,6 @@ import threading
 import pytest
 from fakes.relay_board import RelayBoard
 from impact_rig_msgs.msg import HammerState
-from rclpy.node import Node
 
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.nodes import interfaces
@@ -126,20 +125,3 @@ def test_the_end_of_the_process_does_not_let_go(rig, start_process, board, relea
     process.wait()
     assert board.is_holding
     assert not releases.acquire(blocking=False)
-
-
-def test_who_else_is_in_the_domain_of_a_relay_is_named_once(harness, add_hammer):
-    twin = Node("peer", context=harness.peer.context)  # the graph lists their name twice
-    node = add_hammer()
-    harness.wait_until(lambda: "/peer" in node.describe_warning())
-    assert (
-        "could release the hammer: /peer; give the rig a ROS_DOMAIN_ID" in node.describe_warning()
-    )
-    twin.destroy_node()
-
-
-def test_a_virtual_hammer_is_anybody_s(harness):
-    node = harness.add(HammerNode)
-    harness.wait_until(lambda: "peer" in node.get_node_names())
-    node._look_for_others()
-    assert not node.describe_warning()
