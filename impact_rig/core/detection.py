@@ -3,171 +3,47 @@
 import math
 import sys
 from collections import deque
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impact_rig.core.records import Block, ChannelBlock, FloatArray, RawArray, Record, Trace
 from impact_rig.core.setup import AnalysisSettings
-
-
-class _Chunk(NamedTuple):
-    """What one block brought: points from `start` up to `stop`."""
-
-    start: int
-    stop: int
-    hammer: RawArray
-    specimen: RawArray
-    stamp: int
-    overloads: tuple[bool, bool]
-
-
-class Segment:
-    """Blocks that follow each other without a gap.
-
-    Parameters
-    ----------
-    block : Block
-        The first one, not yet appended: rate, calibration and time of the segment are its.
-    search_from : int
-        What lies before this point belongs to a hit already.
-
-    Attributes
-    ----------
-    block : Block
-        The first one.
-    start, stop : int
-        First point of the segment, and the one behind its last.
-    searched : int
-        Where the search for the next pulse goes on.
-    """
-
-    def __init__(self, block: Block, search_from: int) -> None:
-        self.block = block
-        self.start = self.stop = block.first_sample
-        self.searched = max(search_from, self.start)
-        self._chunks: deque[_Chunk] = deque()
-
-    def append(self, block: Block) -> None:
-        """Take the block that follows."""
-        stop = self.stop + block.hammer.output.size
-        self._chunks.append(
-            _Chunk(
-                self.stop,
-                stop,
-                block.hammer.output,
-                block.specimen.output,
-                block.stamp,
-                (block.hammer.overloaded, block.specimen.overloaded),
-            )
-        )
-        self.stop = stop
-
-    def read(self, first: int, last: int) -> tuple[RawArray, RawArray]:
-        """Return hammer and sample from point `first` up to `last`, as far as they are there.
-
-        At least one such point must be there, and none of them forgotten.
-        """
-        hammers: list[NDArray[Any]] = []
-        specimens: list[NDArray[Any]] = []
-        for chunk in reversed(self._chunks):
-            if chunk.stop <= first:
-                break
-            window = slice(max(first - chunk.start, 0), max(last - chunk.start, 0))
-            hammers.append(chunk.hammer[window])
-            specimens.append(chunk.specimen[window])
-        if len(hammers) == 1:
-            return hammers[0], specimens[0]
-        return np.concatenate(hammers[::-1]), np.concatenate(specimens[::-1])
-
-    def read_hammer(self, first: int, last: int) -> Iterator[tuple[int, RawArray]]:
-        """Yield what the hammer's blocks hold from point `first` up to `last`, and where."""
-        # What has not been read yet lies at the end, most often in the last block.
-        chunks = self._chunks
-        index = len(chunks)
-        while index and chunks[index - 1].stop > first:
-            index -= 1
-        for number in range(index, len(chunks)):
-            chunk = chunks[number]
-            if chunk.start >= last:
-                break
-            begin = max(first, chunk.start)
-            yield begin, chunk.hammer[begin - chunk.start : last - chunk.start]
-
-    def get_overloads(self, first: int, last: int) -> tuple[bool, bool]:
-        """Return whether the device called hammer and sample overloaded from `first` to `last`."""
-        hammers, specimens = [False], [False]
-        for chunk in reversed(self._chunks):
-            if chunk.stop <= first:
-                break
-            if chunk.start < last:
-                hammers.append(chunk.overloads[0])
-                specimens.append(chunk.overloads[1])
-        return any(hammers), any(specimens)
-
-    def get_time(self, point: int) -> int:
-        """Return when a point was taken, by its own block, nanoseconds since the epoch."""
-        for chunk in reversed(self._chunks):
-            if chunk.start <= point:
-                delay = (point - chunk.start) / self.block.sampling_rate
-                return chunk.stamp + round(delay * 1e9)
-        return self.block.stamp
-
-    def forget(self, index: int) -> None:
-        """Forget whole blocks that lie before the point `index`."""
-        while self._chunks and self._chunks[0].stop <= index:
-            self._chunks.popleft()
 
 
 @dataclass(frozen=True)
 class Gap:
     """A place where the stream does not go on as it should.
 
-    Attributes
-    ----------
-    low, high : int
-        First point that is concerned, and the one behind the last; equal where nothing is
-        missing and something else has changed.
-    description : str
-        In words.
-    is_backward : bool
-        Points are repeated, or the stream has begun anew.
+    `low` is the first missing point, `high` the first that is there again; they are equal where
+    nothing is missing and something else has changed.
     """
 
     low: int
     high: int
     description: str
-    is_backward: bool = False
+    is_backward: bool = False  # points are repeated, or the stream has begun anew
 
 
 class Continuity:
-    """Holds each block of a stream against the one before it.
+    """Compares each block of a stream with the one before it.
 
     Parameters
     ----------
     expected : int or None
-        First point of the first block; None: whatever it is.
-
-    Attributes
-    ----------
-    previous : Block or None
-        The last block that came.
-    expected : int or None
-        First point of the next one.
+        First point of the first block; None: any.
     """
 
     def __init__(self, expected: int | None) -> None:
-        self.previous: Block | None = None
-        self.expected = expected
+        self._previous: Block | None = None
+        self._expected = expected
 
     def follow(self, block: Block) -> Gap | None:
-        """Take the next block; return what lies between it and the one before, if it is bad."""
-        previous, expected, start = self.previous, self.expected, block.first_sample
-        self.previous = block
-        self.expected = start + block.hammer.output.size
+        """Take the next block; return what is wrong between it and the one before."""
+        previous, expected, start = self._previous, self._expected, block.first_sample
+        self._previous, self._expected = block, block.stop
         if expected is None:
             return None
         if start > expected:
@@ -183,7 +59,7 @@ class Continuity:
 
 
 def _is_alike(block: Block, other: Block) -> bool:
-    """Whether two blocks may be joined: equal rate, channels and calibration."""
+    """Tell whether two blocks may be joined: equal rate, channels and calibration."""
     # A block without points does not show whether the sample is measured.
     shows_channels = block.hammer.output.size > 0 and other.hammer.output.size > 0
     return (
@@ -192,6 +68,83 @@ def _is_alike(block: Block, other: Block) -> bool:
         and block.hammer.has_calibration_of(other.hammer)
         and block.specimen.has_calibration_of(other.specimen)
     )
+
+
+class Segment:
+    """Blocks that follow each other without a gap.
+
+    `start` is its first point, `stop` the one behind its last; the search for a pulse goes on at
+    `searched`.
+    """
+
+    def __init__(self, block: Block) -> None:
+        self.first = block  # its rate, calibration and origin are those of the segment
+        self.start = self.searched = block.first_sample
+        self.stop = block.stop
+        self._blocks = deque([block])
+
+    def append(self, block: Block) -> None:
+        """Take the block that follows."""
+        self._blocks.append(block)
+        self.stop = block.stop
+
+    def read(self, first: int, last: int) -> Block:
+        """Return the points from `first` up to `last`, as far as they are there, as one block."""
+        parts = self._cut_blocks(first, last)
+        if not parts:
+            return self.first.cut(0, 0)
+        if len(parts) == 1:
+            return parts[0]
+        hammer, specimen = (
+            replace(
+                channels[0],
+                output=np.concatenate([channel.output for channel in channels]),
+                overloaded=any(channel.overloaded for channel in channels),
+            )
+            for channels in ([part.hammer for part in parts], [part.specimen for part in parts])
+        )
+        return replace(parts[0], hammer=hammer, specimen=specimen)
+
+    def find_pulse(
+        self, baseline: "Baseline", settings: AnalysisSettings, last: int
+    ) -> int | None:
+        """Return the first point at or above the detection level from `searched` up to `last`.
+
+        Raw outputs are compared, whole blocks by their extremes: nothing is converted where there
+        is no pulse.
+        """
+        channel = self.first.hammer
+        if channel.full_scale > 0.0:
+            level = settings.detection_level * abs(channel.full_scale / channel.scale)
+        else:
+            output = self.read(self.start, last).hammer.output
+            # A constant trace has no pulse, and no noise to stand out of.
+            largest = float(np.abs(output - baseline.level).max(initial=0.0))
+            level = RELATIVE_LEVEL * largest or math.inf
+        level = max(level, PULSE_NOISE * baseline.noise, channel.resolution / abs(channel.scale))
+        for block in self._cut_blocks(self.searched, last):
+            index = _find_departure(block.hammer.output, baseline.level, level)
+            if index is not None:
+                return block.first_sample + index
+        return None
+
+    def get_time(self, point: int) -> int:
+        """Return when a point was taken, by the newest block [ns since the epoch]."""
+        newest = self._blocks[-1]
+        return newest.stamp + round((point - newest.first_sample) / newest.sampling_rate * 1e9)
+
+    def forget(self, index: int) -> None:
+        """Forget whole blocks that lie before the point `index`."""
+        while self._blocks and self._blocks[0].stop <= index:
+            self._blocks.popleft()
+
+    def _cut_blocks(self, first: int, last: int) -> list[Block]:
+        """Return the parts of its blocks from `first` up to `last`."""
+        return [
+            block.cut(max(first - block.first_sample, 0), last - block.first_sample)
+            for block in self._blocks
+            if block.first_sample < last and block.stop > first
+        ]
 
 
 RELATIVE_LEVEL = 0.1
@@ -210,58 +163,55 @@ SPREAD_OF_MEDIAN = 1.4826
 """Standard deviation over median absolute deviation of normal noise [-]."""
 
 
-class PulseSearch:
-    """Finds the next pulse in a segment of the stream.
+class Baseline(NamedTuple):
+    """What the raw output is without a pulse."""
 
-    Baseline and level are numbers of the raw output, and whole blocks are held against them by
-    their largest and smallest count: nothing is converted where there is no pulse.
+    level: float
+    noise: float  # standard deviation by the median absolute deviation
 
-    Parameters
-    ----------
-    settings : AnalysisSettings
-        `detection_level` is used.
+
+def compute_baseline(quiet: RawArray) -> Baseline:
+    """Return the baseline of points without a pulse."""
+    level = float(np.median(quiet))
+    return Baseline(level, SPREAD_OF_MEDIAN * float(np.median(np.abs(quiet - level))))
+
+
+def find_quietest(output: RawArray, count: int) -> RawArray:
+    """Return that part of `count` points in which least happens; all, if there are no more.
+
+    Parts are counted from the beginning; an incomplete part at the end is left out.
     """
+    parts = output.size // count
+    if not parts:
+        return output
+    split = output[: parts * count].reshape(parts, count)
+    # Counts of 32 bits may lie further apart than 32 bits hold.
+    span = np.subtract(split.max(axis=1), split.min(axis=1), dtype=np.float64)
+    quietest: RawArray = split[int(np.nan_to_num(span, nan=np.inf).argmin())]
+    return quietest
 
-    def __init__(self, settings: AnalysisSettings) -> None:
-        self._settings = settings
-        self._noise = 0.0
 
-    def learn(self, quiet: RawArray) -> float:
-        """Take the noise from what holds no pulse, and return its baseline."""
-        baseline, self._noise = compute_baseline(quiet)
-        return baseline
+def _find_quiet_end(output: RawArray) -> Baseline:
+    """Return the baseline of a record: of its beginning, or of its end.
 
-    def find(self, segment: Segment, baseline: float, last: int) -> int | None:
-        """Find the first pulse that is not searched yet, up to the point `last`.
+    Before the impact nothing happens, unless the pulse begins at once; then what follows is
+    quieter. How long the pulse lasts and rings does not matter.
+    """
+    count = max(int(QUIET_END * output.size), LEAST_END)
+    first, last = compute_baseline(output[:count]), compute_baseline(output[-count:])
+    return last if first.noise > LOUD_BEGINNING * last.noise else first
 
-        Parameters
-        ----------
-        segment : Segment
-            Searched from its `searched` on, which is not changed.
-        baseline : float
-            Of the hammer's raw output.
-        last : int
-            Behind the last point to be looked at.
 
-        Returns
-        -------
-        int or None
-            The first point at or above the level; None: there is none.
-        """
-        channel = segment.block.hammer
-        if channel.full_scale > 0.0:
-            level = self._settings.detection_level * abs(channel.full_scale / channel.scale)
-        else:
-            # Without a full scale the level is a part of the largest pulse: of the whole segment.
-            deviation = np.abs(segment.read(segment.start, last)[0] - baseline)
-            # A constant trace has no pulse, and no noise to stand out of.
-            level = RELATIVE_LEVEL * float(deviation.max()) or math.inf
-        level = max(level, PULSE_NOISE * self._noise, channel.resolution / abs(channel.scale))
-        for start, output in segment.read_hammer(segment.searched, last):
-            index = _find_departure(output, baseline, level)
-            if index is not None:
-                return start + index
-        return None
+def _find_departure(output: RawArray, baseline: float, level: float) -> int | None:
+    """Find the first point that deviates from the baseline by `level` or more."""
+    if output.dtype == np.int32:
+        # Of whole numbers these differences are exact, as those of the points below are.
+        top, bottom = int(np.maximum.reduce(output)), int(np.minimum.reduce(output))
+        if top - baseline < level and baseline - bottom < level:
+            return None
+    above = np.abs(output - baseline) >= level
+    index = int(above.argmax())
+    return index if above[index] else None
 
 
 def count_window_points(settings: AnalysisSettings, sampling_rate: float) -> tuple[int, int]:
@@ -278,285 +228,126 @@ def to_acceleration(channel: ChannelBlock, output: RawArray) -> FloatArray:
     return acceleration
 
 
-def compute_median(values: NDArray[Any]) -> float:
-    """Return what `numpy.median` does, of short arrays in a third of its time.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Of at least one number.
-    """
-    low, high = (values.size - 1) // 2, values.size // 2
-    ordered = np.partition(values, (low, high, values.size - 1))
-    largest = float(ordered[-1])
-    # Numbers that are none lie at the end, and leave no median.
-    return largest if math.isnan(largest) else (float(ordered[low]) + float(ordered[high])) / 2
-
-
-def find_quietest(output: RawArray, count: int) -> RawArray:
-    """Return that part of `count` points in which least happens; all, if there are no more.
-
-    Parameters
-    ----------
-    output : ndarray, shape (n,)
-        Cut into parts from its beginning on; what is left over at its end is left out.
-    count : int
-        Points of a part.
-    """
-    parts = output.size // count
-    if not parts:
-        return output
-    split = output[: parts * count].reshape(parts, count)
-    # Counts of 32 bits may lie further apart than 32 bits hold.
-    span = np.subtract(split.max(axis=1), split.min(axis=1), dtype=np.float64)
-    # Where numbers are none, much happens.
-    quietest: RawArray = split[int(np.nan_to_num(span, nan=np.inf).argmin())]
-    return quietest
-
-
-def find_quiet_end(output: RawArray) -> RawArray:
-    """Return what tells baseline and noise of a record: its beginning, or its end.
-
-    Before the impact nothing happens, unless the pulse begins at once; then what follows is
-    quieter. How long the pulse lasts and rings does not matter.
-    """
-    count = max(int(QUIET_END * output.size), LEAST_END)
-    first, last = output[:count], output[-count:]
-    noises = [compute_baseline(end)[1] for end in (first, last)]
-    return last if noises[0] > LOUD_BEGINNING * noises[1] else first
-
-
-def compute_baseline(quiet: RawArray) -> tuple[float, float]:
-    """Return median, and standard deviation by the median absolute deviation."""
-    baseline = compute_median(quiet)
-    return baseline, SPREAD_OF_MEDIAN * compute_median(np.abs(quiet - baseline))
-
-
-def _find_departure(output: RawArray, baseline: float, level: float) -> int | None:
-    """Find the first point that deviates from the baseline by `level` or more."""
-    if output.dtype == np.int32:
-        # Of whole numbers these differences are exact, as those of the points below are.
-        top, bottom = int(np.maximum.reduce(output)), int(np.minimum.reduce(output))
-        if top - baseline < level and baseline - bottom < level:
-            return None
-    above = np.abs(output - baseline) >= level
-    index = int(above.argmax())
-    return index if above[index] else None
-
-
-EMPTY = np.empty(0)
-QUIET_RECORDS = 10
-"""How much of an arming without a pulse is kept, in record durations [-], our choice: enough to
-see which channel is dead."""
-
-
 class ImpactDetector:
-    """Cuts hits out of what the armings of one accelerometer pair hold.
+    """Cuts the hit of each arming of one accelerometer pair out of its blocks.
 
-    Feed it every block in order; it hands out a `Record` as soon as a hit's whole window has
-    arrived, or the arming ends, or a gap cuts it off. An arming that ends without any pulse
-    gives one record of its last ten record durations. How the stream is split into blocks
+    Feed it every block in order. When an arming has ended it returns one `Record`: the window of
+    the first pulse, or all points if there is no pulse. How the stream is split into blocks
     changes nothing.
-
-    Parameters
-    ----------
-    settings : AnalysisSettings
-        `pre_trigger`, `record_duration` and `detection_level` are used.
     """
 
     def __init__(self, settings: AnalysisSettings) -> None:
         self._settings = settings
-        self._reset()
-
-    def _reset(self) -> None:
-        self._continuity = Continuity(expected=0)
-        self._search = PulseSearch(self._settings)
-        self._segment: Segment | None = None
-        self._is_broken = False
-        self._before = self._length = 0
-        self._resume = 0
-        self._baseline: float | None = None
-        self._hit: RawArray | None = None
-        self._pulse: int | None = None
-        self._found = False
-        self._gaps: list[Gap] = []
+        self._blocks: list[Block] = []
 
     def feed(self, block: Block) -> tuple[Record, ...]:
-        """Take the next block, and return the hits that it completes, oldest first."""
+        """Take the next block, and return the records of the armings that it ends."""
         records: list[Record] = []
-        previous = self._continuity.previous
-        if previous is not None and (block.label != previous.label or not block.triggered):
-            records += self._break_off(previous)
+        held = self._blocks
+        if held and (block.label != held[0].label or not block.triggered):
+            place = held[-1].stop
+            broken = Gap(place, sys.maxsize, f"the stream breaks off at point {place}")
+            records.append(self._finish([broken]))
         if not block.triggered:
-            return (*records, self._make_record(block, triggered=False))
-        if gap := self._continuity.follow(block):
-            self._gaps.append(gap)
-            records += self._cut(end=True)
-            self._is_broken = True
-        if block.hammer.output.size:
-            if self._segment is None or self._is_broken:
-                self._is_broken = False
-                self._segment = Segment(block, search_from=self._resume)
-                self._before, self._length = count_window_points(
-                    self._settings, block.sampling_rate
-                )
-            self._segment.append(block)
-        records += self._cut(end=block.last)
+            return (*records, _make_record(block, block, triggered=False))
+        self._blocks.append(block)
         if block.last:
-            records += self._finish(block)
+            records.append(self._finish([]))
         return tuple(records)
 
-    def _break_off(self, previous: Block) -> list[Record]:
-        """End an arming whose last block never came."""
-        place = self._continuity.expected or 0
-        self._gaps.append(Gap(place, sys.maxsize, f"the stream breaks off at point {place}"))
-        return self._cut(end=True) + self._finish(previous)
-
-    def _finish(self, block: Block) -> list[Record]:
-        """Forget the arming; one record of what there is if it had no pulse."""
-        records = [] if self._found else [self._cut_quiet(block)]
-        self._reset()
-        return records
-
-    def _cut(self, *, end: bool) -> list[Record]:
-        """Cut out every hit whose window is complete; at the `end`, what there is of it."""
-        records: list[Record] = []
-        segment = self._segment
-        while segment is not None:
-            if self._pulse is None:
-                self._pulse = self._find_pulse(segment, end=end)
-            if self._pulse is None:
-                break
-            wanted = self._pulse - self._before
-            first = max(wanted, segment.start)
-            last = first + self._length
-            if segment.stop < last and not end:
-                break
-            gaps = [gap for gap in self._gaps if gap.high > wanted and gap.low < last]
-            hammer, specimen = segment.read(first, min(last, segment.stop))
-            overloads = segment.get_overloads(first, last)
-            records.append(self._make_hit(segment, first, hammer, specimen, gaps, overloads))
-            if segment.stop >= last:
-                self._hit = hammer
-            # Where a gap cut the hit off, the rest of its window still belongs to it.
-            segment.searched = self._resume = last
-            self._found = True
-            self._pulse = None
-        return records
-
-    def _find_pulse(self, segment: Segment, *, end: bool) -> int | None:
-        if segment.stop <= segment.searched:
-            return None
-        before = self._before
-        is_long = segment.stop - segment.start >= before
-        complete = is_long and segment.block.hammer.full_scale > 0.0
-        if not (complete or end):
-            return None
-        if self._hit is not None:
-            self._baseline, self._hit = compute_median(self._hit), None
-        baseline = self._baseline
-        if baseline is None:
-            # Without a full scale all of the arming is there.
-            quiet = (
-                segment.read(segment.start, segment.start + before)[0]
-                if segment.block.hammer.full_scale > 0.0
-                else find_quiet_end(segment.read(segment.start, segment.stop)[0])
-            )
-            baseline = self._search.learn(quiet)
-            self._baseline = baseline if complete else None
-        pulse = self._search.find(segment, baseline, segment.stop)
-        if pulse is None:
-            segment.searched = segment.stop
-            keep = max(before, 0 if self._found else QUIET_RECORDS * self._length)
-            segment.forget(segment.stop - keep)
-        return pulse
-
-    def _make_hit(
-        self,
-        segment: Segment,
-        first: int,
-        hammer: RawArray,
-        specimen: RawArray,
-        gaps: Iterable[Gap],
-        overloads: tuple[bool, bool],
-    ) -> Record:
-        block = segment.block
-        return self._make_record(
-            block,
-            hammer=to_acceleration(block.hammer, hammer),
-            specimen=to_acceleration(block.specimen, specimen) if block.has_specimen else None,
-            pulse_index=None if self._pulse is None else self._pulse - first,
-            gaps=gaps,
-            overloads=overloads,
-            delay=round((first - segment.start) / block.sampling_rate * 1e9),
-        )
-
-    def _cut_quiet(self, block: Block) -> Record:
-        """Make one record of an arming without a pulse."""
-        segment = self._segment
-        if segment is None:
-            return self._make_record(block, gaps=self._gaps)
-        first = max(segment.start, segment.stop - QUIET_RECORDS * self._length)
-        hammer, specimen = segment.read(first, segment.stop)
-        overloads = segment.get_overloads(first, segment.stop)
-        return self._make_hit(segment, first, hammer, specimen, self._gaps, overloads)
-
-    @staticmethod
-    def _make_record(
-        block: Block,
-        *,
-        hammer: FloatArray = EMPTY,
-        specimen: FloatArray | None = EMPTY,
-        pulse_index: int | None = None,
-        triggered: bool = True,
-        gaps: Iterable[Gap] = (),
-        overloads: tuple[bool, bool] = (False, False),
-        delay: int = 0,
-    ) -> Record:
-        return Record(
-            label=block.label,
-            sampling_rate=block.sampling_rate,
-            hammer=Trace(hammer, block.hammer.full_scale, block.hammer.resolution, overloads[0]),
-            specimen=None
-            if specimen is None
-            else Trace(
-                specimen, block.specimen.full_scale, block.specimen.resolution, overloads[1]
-            ),
-            pulse_index=pulse_index,
-            triggered=triggered,
-            flaws=tuple(gap.description for gap in gaps),
-            stamp=block.stamp + delay,
-            origin=block.origin,
-        )
+    def _finish(self, gaps_at_end: list[Gap]) -> Record:
+        """Return the record of an arming, and forget its blocks."""
+        blocks, self._blocks = self._blocks, []
+        segments: list[Segment] = []
+        gaps: list[Gap] = []
+        continuity, is_broken = Continuity(expected=0), True
+        for block in blocks:
+            gap = continuity.follow(block)
+            if gap is not None:
+                gaps.append(gap)
+                is_broken = True
+            if not block.hammer.output.size:
+                continue
+            if is_broken:
+                segments.append(Segment(block))
+                is_broken = False
+            else:
+                segments[-1].append(block)
+        gaps += gaps_at_end
+        before, length = count_window_points(self._settings, blocks[0].sampling_rate)
+        for segment, pulse in _find_pulses(segments, before, self._settings):
+            wanted = pulse - before
+            first, last = max(wanted, segment.start), max(wanted, segment.start) + length
+            near = [gap for gap in gaps if gap.high > wanted and gap.low < last]
+            return _make_record(segment.first, segment.read(first, last), near, pulse - first)
+        if not segments:
+            return _make_record(blocks[-1], blocks[-1], gaps)
+        final = segments[-1]
+        return _make_record(final.first, final.read(final.start, final.stop), gaps)
 
 
-def find_pulse_start(trace: Trace, settings: AnalysisSettings) -> int | None:
-    """Find where a trace that was recorded as a whole first leaves its baseline.
+def _find_pulses(
+    segments: list[Segment], before: int, settings: AnalysisSettings
+) -> Iterable[tuple[Segment, int]]:
+    """Yield the first pulse of each segment that has one.
 
-    Parameters
-    ----------
-    trace : Trace
-        The hammer's.
-    settings : AnalysisSettings
-        `detection_level` is used: of full scale where that is known, else a tenth of the
-        trace's own largest deviation, which must then stand out of the noise.
-
-    Returns
-    -------
-    int or None
-        Index of the first point at or above the level; None: the trace never leaves its
-        baseline, or is not finite.
+    With a full scale the baseline is that of the first segment as long as a pre-trigger, as far
+    as there is one.
     """
-    acceleration = trace.acceleration
-    if acceleration.size == 0 or not np.all(np.isfinite(acceleration)):
-        return None
-    baseline, noise = compute_baseline(find_quiet_end(acceleration))
-    deviation = np.abs(acceleration - baseline)
-    level = (
-        settings.detection_level * trace.full_scale
-        if trace.full_scale > 0.0
-        else RELATIVE_LEVEL * float(deviation.max()) or math.inf
+    known: Baseline | None = None
+    for segment in segments:
+        baseline = known
+        if baseline is None:
+            output = segment.read(segment.start, segment.stop).hammer.output
+            if segment.first.hammer.full_scale > 0.0:
+                baseline = compute_baseline(output[:before])
+                known = baseline if output.size >= before else None
+            else:
+                baseline = _find_quiet_end(output)
+        pulse = segment.find_pulse(baseline, settings, segment.stop)
+        if pulse is not None:
+            yield segment, pulse
+
+
+def _make_record(
+    first: Block,
+    window: Block,
+    gaps: Iterable[Gap] = (),
+    pulse_index: int | None = None,
+    *,
+    triggered: bool = True,
+) -> Record:
+    """Return the record of a window, stamped by the first block of its segment."""
+    hammer, specimen = (
+        Trace(
+            to_acceleration(channel, channel.output),
+            channel.full_scale,
+            channel.resolution,
+            channel.overloaded,
+        )
+        for channel in (window.hammer, window.specimen)
     )
-    above = deviation >= max(level, PULSE_NOISE * noise)
-    index = int(np.argmax(above))
-    return index if above[index] else None
+    delay = (window.first_sample - first.first_sample) / first.sampling_rate
+    return Record(
+        label=first.label,
+        sampling_rate=first.sampling_rate,
+        hammer=hammer,
+        specimen=specimen if window.has_specimen else None,
+        pulse_index=pulse_index,
+        triggered=triggered,
+        flaws=tuple(gap.description for gap in gaps),
+        stamp=first.stamp + round(delay * 1e9),
+        origin=first.origin,
+    )
+
+
+def find_pulse_start(block: Block, settings: AnalysisSettings) -> int | None:
+    """Find where the hammer of a block that was recorded as a whole first leaves its baseline.
+
+    None: it never does, or is not finite.
+    """
+    output = block.hammer.output
+    if output.size == 0 or not np.all(np.isfinite(output)):
+        return None
+    pulse = Segment(block).find_pulse(_find_quiet_end(output), settings, block.stop)
+    return None if pulse is None else pulse - block.first_sample

@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Self
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,31 +28,6 @@ from impact_rig.core.verdict import (
     check_tops,
 )
 
-
-def align_traces(traces: FloatArray, middle: float) -> tuple[FloatArray, int]:
-    """Shift traces by a part of a point so that `middle` falls onto a point.
-
-    Parameters
-    ----------
-    traces : ndarray, shape (channels, n)
-        Filtered, so that cubic splines follow them.
-    middle : float
-        In points, fractional.
-
-    Returns
-    -------
-    traces : ndarray, shape (channels, n - 1 or n)
-        By cubic splines; exact where the shift is zero.
-    origin : int
-        The point of the middle.
-    """
-    origin = int(np.floor(middle))
-    fraction = middle - origin
-    if fraction == 0.0:
-        return traces, origin
-    return interpolate_between(traces, fraction), origin
-
-
 BASELINE_PART = 0.7
 """Part of what precedes the detected pulse that is baseline [-], our choice: the pulse starts
 before it reaches the detection level."""
@@ -60,90 +35,45 @@ before it reaches the detection level."""
 
 @dataclass(frozen=True)
 class FilteredHit:
-    """Traces of one hit, ready to be averaged.
+    """Traces of one hit, filtered, its baseline zero; accelerations are in m/s^2."""
 
-    Attributes
-    ----------
-    traces : ndarray, shape (channels, n)
-        Hammer, then sample where measured: filtered, baseline zero [m/s^2].
-    sampling_rate : float
-        [Hz]
-    pulse : PulseWidth
-        Of the hammer.
-    noise : ndarray, shape (channels,)
-        Standard deviation of the filtered baseline [m/s^2].
-    raw_noise : ndarray, shape (channels,)
-        The same before the low-pass [m/s^2].
-    resolution : ndarray, shape (channels,)
-        Acceleration of one count [m/s^2]; 0: not known.
-    baseline_points : int
-        Points of the baseline that was removed.
-    zero_uncertainty : tuple of float
-        Standard uncertainty of each zero under the pulse, by what was corrected [m/s^2].
-    """
+    traces: FloatArray  # (channels, n): hammer, then sample where measured; float32 once shifted
+    sampling_rate: float  # [Hz]
+    pulse: PulseWidth  # of the hammer
+    noise: FloatArray  # (channels,), standard deviation of the filtered baseline
+    raw_noise: FloatArray  # the same before the low-pass
+    resolution: FloatArray  # (channels,), acceleration of one count; 0: not known
+    baseline_points: int  # of the baseline that was removed
+    zero_uncertainty: tuple[float, ...] = (0.0, 0.0)  # of each zero under the pulse, standard
+    label: HitLabel | None = None
+    origin: int = 0  # point of the pulse's middle, once the hit is shifted
 
-    traces: FloatArray
-    sampling_rate: float
-    pulse: PulseWidth
-    noise: FloatArray
-    raw_noise: FloatArray
-    resolution: FloatArray
-    baseline_points: int
-    zero_uncertainty: tuple[float, ...] = (0.0, 0.0)
+    def align(self) -> tuple[FloatArray, int]:
+        """Return the traces shifted so that the pulse's middle falls onto a point, and that point.
 
-    @cached_property
-    def aligned(self) -> tuple[FloatArray, int]:
-        """Traces shifted so that the pulse's middle falls onto a point, and that point.
-
-        Kept, since every new hit of a sample is averaged with all before it.
+        By cubic splines, which follow filtered traces.
         """
-        return align_traces(self.traces, self.pulse.middle)
+        origin = math.floor(self.pulse.middle)
+        fraction = self.pulse.middle - origin
+        return (interpolate_between(self.traces, fraction) if fraction else self.traces), origin
 
 
 @dataclass(frozen=True, slots=True)
 class JudgedHit:
-    """One hit with its verdict.
-
-    Attributes
-    ----------
-    label : HitLabel
-        Which hit.
-    rejections : tuple of Rejection
-        Every reason against it; empty: accepted.
-    stamp : int
-        Time of the record's first point, nanoseconds since the epoch.
-    impact_time : float
-        Middle of the hammer pulse from the record's first point [s]; NaN: no pulse.
-    contact_time : float
-        tau_p of this hit alone [s]; NaN: not determined.
-    half_amplitude_width : float
-        w50 of this hit alone [s]; NaN: not determined.
-    width_ratio : float
-        w10 / w50 [-]; NaN: not determined.
-    hammer_peak, specimen_peak : float
-        Largest |acceleration| after the low-pass [m/s^2]; NaN: no pulse, or not measured.
-    filtered : FilteredHit or None
-        The traces of a hit whose pulse could be measured, rejected or not.
-    overruled : tuple of Rejection
-        Reasons that were set aside by hand; empty: none.
-    findings : tuple of Rejection
-        What is not as it should be and was corrected, or cannot be told from what is harmless.
-    origin : Origin
-        Where its points come from.
-    """
+    """One hit with its verdict; NaN: not determined."""
 
     label: HitLabel
-    rejections: tuple[Rejection, ...]
-    stamp: int = 0
-    impact_time: float = math.nan
-    contact_time: float = math.nan
-    half_amplitude_width: float = math.nan
-    width_ratio: float = math.nan
-    hammer_peak: float = math.nan
+    rejections: tuple[Rejection, ...]  # every reason against it; empty: accepted
+    stamp: int = 0  # of the record's first point [ns since the epoch]
+    impact_time: float = math.nan  # middle of the hammer's pulse, from the first point [s]
+    contact_time: float = math.nan  # tau_p of this hit alone [s]
+    half_amplitude_width: float = math.nan  # w50 of this hit alone [s]
+    width_ratio: float = math.nan  # w10 / w50 [-]
+    hammer_peak: float = math.nan  # largest |acceleration| after the low-pass [m/s^2]
     specimen_peak: float = math.nan
-    filtered: FilteredHit | None = None
-    overruled: tuple[Rejection, ...] = ()
-    findings: tuple[Rejection, ...] = ()
+    filtered: FilteredHit | None = None  # of a hit with a pulse, rejected or not
+    overruled: tuple[Rejection, ...] = ()  # reasons that were set aside by hand
+    findings: tuple[Rejection, ...] = ()  # what was corrected, or may be harmless
     origin: Origin = UNSTATED
 
     @property
@@ -304,145 +234,59 @@ def _filter_record(
         raw_noise=np.sqrt(np.square(raw[:, :baseline_stop]).sum(axis=1) / (baseline_stop - 1)),
         resolution=np.array([channel.resolution for channel in channels]),
         baseline_points=baseline_stop,
+        label=record.label,
     )
 
 
-@dataclass(frozen=True)
-class AveragedHit:
-    """One hit as it is averaged.
-
-    Attributes
-    ----------
-    scaled : ndarray of float32, shape (channels, n)
-        Hammer, then sample where measured, shifted so that the middle of the hammer pulse falls
-        onto a point [`scale`].
-    scale : float
-        A power of two, so that nothing is rounded by it [m/s^2].
-    origin : int
-        That point.
-    sampling_rate : float
-        [Hz]
-    pulse : PulseWidth
-        Of the hammer.
-    noise, raw_noise, resolution : tuple of float
-        As in `FilteredHit`, one for each channel [m/s^2].
-    baseline_points : int
-        Points of the baseline that was removed.
-    zero_uncertainty : tuple of float
-        As in `FilteredHit` [m/s^2].
-    label : HitLabel or None
-        Which hit it is.
-    """
-
-    scaled: NDArray[np.float32]
-    scale: float
-    origin: int
-    sampling_rate: float
-    pulse: PulseWidth
-    noise: tuple[float, ...]
-    raw_noise: tuple[float, ...]
-    resolution: tuple[float, ...]
-    baseline_points: int
-    zero_uncertainty: tuple[float, ...] = (0.0, 0.0)
-    label: HitLabel | None = None
-
-    @property
-    def traces(self) -> FloatArray:
-        """All of them [m/s^2]."""
-        return self.scale * self.scaled.astype(np.float64)
+def shift_hit(hit: FilteredHit) -> FilteredHit:
+    """Shift a hit so that its pulse's middle falls onto a point; its traces become float32."""
+    traces, origin = hit.align()
+    return _shorten(replace(hit, traces=traces, origin=origin))
 
 
-def shift_hit(hit: FilteredHit, label: HitLabel | None = None) -> AveragedHit:
-    """Shift a hit by a part of a point, so that its pulse's middle falls onto one."""
-    traces, origin = hit.aligned
-    scale = 2.0 ** math.frexp(hit.pulse.peak)[1]
-    scaled = (traces / scale).astype(np.float32)
-    scaled.setflags(write=False)
-    return AveragedHit(
-        scaled=scaled,
-        scale=scale,
-        origin=origin,
-        sampling_rate=hit.sampling_rate,
-        pulse=hit.pulse,
-        noise=tuple(hit.noise.tolist()),
-        raw_noise=tuple(hit.raw_noise.tolist()),
-        resolution=tuple(hit.resolution.tolist()),
-        baseline_points=hit.baseline_points,
-        zero_uncertainty=hit.zero_uncertainty,
-        label=label,
-    )
+def _shorten(hit: FilteredHit) -> FilteredHit:
+    traces: NDArray[Any] = hit.traces.astype(np.float32)
+    traces.setflags(write=False)
+    return replace(hit, traces=traces)
 
 
 @dataclass(frozen=True)
 class HitSummary:
-    """What hits have in common.
+    """What the hits of a mean have in common; arrays have the shape (channels,) [m/s^2]."""
 
-    Attributes
-    ----------
-    count : int
-        Hits.
-    least_noise : ndarray, shape (channels,)
-        The smallest standard deviation of a raw baseline [m/s^2].
-    largest_step : ndarray, shape (channels,)
-        The largest acceleration of one count [m/s^2]; 0: not known.
-    square_steps : ndarray, shape (channels,)
-        Sum of the squares of these accelerations [m^2/s^4].
-    baseline_points : float
-        Points of the baseline that all hits have, counted from the origin: 0 ends there.
-    zero_uncertainty : ndarray, shape (2,)
-        Sum of the uncertainties of the zeros under the pulse, alike in all [m/s^2].
-    """
+    count: int
+    least_noise: FloatArray  # the smallest standard deviation of a raw baseline
+    largest_step: FloatArray  # the largest acceleration of one count; 0: not known
+    square_steps: FloatArray  # sum of the squares of these accelerations
+    baseline_points: int  # that all hits have, counted from the origin: 0 ends there
+    zero_uncertainty: FloatArray  # (2,), sum over the hits: they are alike in all
 
-    count: int = 0
-    least_noise: FloatArray = field(default_factory=lambda: np.array(np.inf))
-    largest_step: FloatArray = field(default_factory=lambda: np.array(0.0))
-    square_steps: FloatArray = field(default_factory=lambda: np.array(0.0))
-    baseline_points: float = math.inf
-    zero_uncertainty: FloatArray = field(default_factory=lambda: np.zeros(2))
 
-    def add(self, hit: AveragedHit) -> Self:
-        """Return the summary with one more hit."""
-        return type(self)(
-            count=self.count + 1,
-            least_noise=np.minimum(self.least_noise, hit.raw_noise),
-            largest_step=np.maximum(self.largest_step, hit.resolution),
-            square_steps=self.square_steps + np.square(hit.resolution),
-            baseline_points=min(self.baseline_points, hit.baseline_points - hit.origin),
-            zero_uncertainty=self.zero_uncertainty + np.abs(hit.zero_uncertainty),
-        )
+def summarise_hits(hits: Sequence[FilteredHit]) -> HitSummary:
+    """Return what shifted hits have in common."""
+    steps = np.stack([hit.resolution for hit in hits])
+    zeros = np.array([hit.zero_uncertainty for hit in hits])
+    return HitSummary(
+        count=len(hits),
+        least_noise=np.min([hit.raw_noise for hit in hits], axis=0),
+        largest_step=steps.max(axis=0),
+        square_steps=np.square(steps).sum(axis=0),
+        baseline_points=min(hit.baseline_points - hit.origin for hit in hits),
+        zero_uncertainty=np.abs(zeros).sum(axis=0),
+    )
 
 
 @dataclass(frozen=True)
 class MeanHit:
-    """The mean of aligned hits.
+    """The mean of aligned hits; accelerations are in m/s^2."""
 
-    Attributes
-    ----------
-    traces : ndarray, shape (channels, n)
-        Hammer, then sample where measured [m/s^2]; read-only.
-    sampling_rate : float
-        [Hz]
-    origin : int
-        Point at which the hammer pulses' middles were laid.
-    noise : ndarray, shape (channels,)
-        Standard deviation of the mean's noise, from the baselines of the hits [m/s^2].
-    raw_noise : ndarray, shape (channels,)
-        The same before the low-pass: white noise of this size would do the same below the
-        cutoff [m/s^2].
-    hits : tuple of AveragedHit
-        Hits in the mean that show the scatter, in the order of arrival: all of them, or some that
-        lie evenly over a long series.
-    summary : HitSummary
-        What all hits in the mean have in common.
-    """
-
-    traces: FloatArray
-    sampling_rate: float
-    origin: int
-    noise: FloatArray
-    raw_noise: FloatArray
-    hits: tuple[AveragedHit, ...]
-    summary: HitSummary = field(default_factory=HitSummary)
+    traces: FloatArray  # (channels, n): hammer, then sample where measured; read-only
+    sampling_rate: float  # [Hz]
+    origin: int  # point at which the middles of the hammer's pulses lie
+    noise: FloatArray  # (channels,), standard deviation of the mean's noise, by the baselines
+    raw_noise: FloatArray  # the same before the low-pass, of white noise
+    hits: tuple[FilteredHit, ...]  # that show the scatter: all, or some of a long series
+    summary: HitSummary  # of all hits in the mean
 
     @property
     def count(self) -> int:
@@ -452,126 +296,92 @@ class MeanHit:
     @property
     def baseline_points(self) -> int:
         """Points of the mean's baseline, 1 or more."""
-        return max(int(self.summary.baseline_points) + self.origin, 1)
+        return max(self.summary.baseline_points + self.origin, 1)
 
     @property
     def zero_uncertainty(self) -> FloatArray:
-        """Standard uncertainty of the hammer's zero under the pulse by corrections [m/s^2]."""
+        """Standard uncertainty of the zeros under the pulse by corrections [m/s^2]."""
         return self.summary.zero_uncertainty / self.count
 
     def cut_hits(self) -> Iterator[FloatArray]:
         """Yield each of `hits` over the mean's window, of shape (channels, n)."""
         for hit in self.hits:
             first = hit.origin - self.origin
-            yield hit.traces[:, first : first + self.traces.shape[1]]
+            yield hit.traces[:, first : first + self.traces.shape[1]].astype(np.float64)
 
 
 @dataclass(frozen=True)
-class HitSum:
-    """The sum of aligned hits.
+class TraceSum:
+    """The sum of shifted traces, as long as what all have in common."""
 
-    That hits do not belong together is said when their mean is asked for.
+    total: FloatArray  # (channels, n) [m/s^2]
+    origin: int  # point at which the middles of the pulses lie
 
-    Attributes
-    ----------
-    summary : HitSummary
-        What all hits in the sum have in common.
-    total : ndarray, shape (channels, n)
-        Sum of their traces, as long as what all have in common [m/s^2].
-    origin : int
-        Point at which the middles of the pulses were laid.
-    variance, raw_variance : ndarray, shape (channels,)
-        Sums of the squares of `noise` and `raw_noise` [m^2/s^4].
-    rates, channels : frozenset
-        Sampling rates [Hz] and numbers of channels that hits have: one of each, or they do not
-        belong together.
+    def add(self, hit: FilteredHit) -> Self:
+        """Return the sum with one more hit; of other channels it is left out."""
+        if len(hit.traces) != len(self.total):
+            return self
+        origin = min(self.origin, hit.origin)
+        after = min(self.total.shape[1] - self.origin, hit.traces.shape[1] - hit.origin)
+        total = (
+            self.total[:, self.origin - origin : self.origin + after]
+            + hit.traces[:, hit.origin - origin : hit.origin + after]
+        )
+        return type(self)(total, origin)
+
+
+def sum_up(hits: Sequence[FilteredHit]) -> TraceSum | None:
+    """Return the sum of shifted hits; None: there is none."""
+    if not hits:
+        return None
+    first = TraceSum(hits[0].traces.astype(np.float64), hits[0].origin)
+    return reduce(TraceSum.add, hits[1:], first)
+
+
+def make_mean(
+    total: TraceSum, hits: Sequence[FilteredHit], step: int = 1, alone: FilteredHit | None = None
+) -> MeanHit:
+    """Return the mean of shifted hits, of which every `step`-th shows the scatter.
+
+    The only hit in a mean may be given as it was before the shift, which would cost some of a
+    coarse pulse's peak.
+
+    Raises
+    ------
+    SignalError
+        If the hits do not belong together.
     """
-
-    summary: HitSummary = field(default_factory=HitSummary)
-    total: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
-    origin: int = 0
-    variance: FloatArray = field(default_factory=lambda: np.zeros(1))
-    raw_variance: FloatArray = field(default_factory=lambda: np.zeros(1))
-    rates: frozenset[float] = frozenset()
-    channels: frozenset[int] = frozenset()
-
-    def add(self, hit: AveragedHit) -> Self:
-        """Return the sum with one more hit."""
-        if not self.summary.count:
-            total, origin = hit.traces, hit.origin
-        elif hit.scaled.shape[0] != self.total.shape[0]:
-            total, origin = self.total, self.origin
-        else:
-            origin = min(self.origin, hit.origin)
-            after = min(self.total.shape[1] - self.origin, hit.scaled.shape[1] - hit.origin)
-            total = (
-                self.total[:, self.origin - origin : self.origin + after]
-                + hit.traces[:, hit.origin - origin : hit.origin + after]
-            )
-        return replace(
-            self,
-            summary=self.summary.add(hit),
-            total=total,
-            origin=origin,
-            variance=self.variance + np.square(hit.noise),
-            raw_variance=self.raw_variance + np.square(hit.raw_noise),
-            rates=self.rates | {hit.sampling_rate},
-            channels=self.channels | {hit.scaled.shape[0]},
+    count = len(hits)
+    rates = {hit.sampling_rate for hit in hits}
+    channels = {len(hit.traces) for hit in hits}
+    if len(rates) > 1 or len(channels) > 1:
+        raise SignalError(
+            f"hits sampled at {sorted(rates)} Hz with {sorted(channels)} channels"
+            " cannot be averaged: all hits of a sample need the same"
         )
-
-    def make_mean(self, hits: Sequence[AveragedHit], alone: FilteredHit | None = None) -> MeanHit:
-        """Return the mean, its scatter shown by `hits`, in the order of arrival.
-
-        Parameters
-        ----------
-        alone : FilteredHit, optional
-            The hit in the mean where there is one: it is not shifted, which would cost some of a
-            coarse pulse's peak.
-
-        Raises
-        ------
-        NotDeterminedError
-            If there is no hit.
-        SignalError
-            If the hits do not belong together.
-        """
-        count = self.summary.count
-        if not count:
-            raise NotDeterminedError("mean trace: no hit was accepted")
-        if len(self.rates) > 1 or len(self.channels) > 1:
-            raise SignalError(
-                f"hits sampled at {sorted(self.rates)} Hz with {sorted(self.channels)} channels"
-                " cannot be averaged: all hits of a sample need the same"
-            )
-        traces = self.total / count
-        if alone is not None:
-            traces = alone.traces
-            scaled = (traces / hits[0].scale).astype(np.float32)
-            scaled.setflags(write=False)
-            hits = [replace(hits[0], scaled=scaled)]
-        return MeanHit(
-            traces=make_read_only(traces),
-            sampling_rate=next(iter(self.rates)),
-            origin=self.origin,
-            noise=make_read_only(np.sqrt(self.variance) / count),
-            raw_noise=make_read_only(np.sqrt(self.raw_variance) / count),
-            hits=tuple(hits),
-            summary=self.summary,
-        )
+    traces, shown = total.total / count, tuple(hits[::step])
+    if alone is not None:
+        traces = alone.traces
+        shown = (replace(_shorten(alone), origin=total.origin),)
+    noise, raw_noise = (
+        np.sqrt(np.square(levels).sum(axis=0)) / count
+        for levels in ([hit.noise for hit in hits], [hit.raw_noise for hit in hits])
+    )
+    return MeanHit(
+        traces=make_read_only(traces),
+        sampling_rate=rates.pop(),
+        origin=total.origin,
+        noise=make_read_only(noise),
+        raw_noise=make_read_only(raw_noise),
+        hits=shown,
+        summary=summarise_hits(hits),
+    )
 
 
 def average_hits(hits: Sequence[FilteredHit]) -> MeanHit:
     """Align hits on the midpoints of their half-amplitude crossings and average them.
 
-    Parameters
-    ----------
-    hits : sequence of FilteredHit
-        All at one sampling rate and with the same channels.
-
-    Returns
-    -------
-    MeanHit
-        As long as what all hits have in common.
+    The mean is as long as what all hits have in common.
 
     Raises
     ------
@@ -580,11 +390,11 @@ def average_hits(hits: Sequence[FilteredHit]) -> MeanHit:
     SignalError
         If the hits do not belong together.
     """
-    total = HitSum()
     shifted = [shift_hit(hit) for hit in hits]
-    for hit in shifted:
-        total = total.add(hit)
-    return total.make_mean(shifted)
+    total = sum_up(shifted)
+    if total is None:
+        raise NotDeterminedError("mean trace: no hit was accepted")
+    return make_mean(total, shifted)
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def restore_levels(mean: MeanHit, sensors: tuple[Sensor, Sensor]) -> MeanHit:
             ]
         ).astype(traces.dtype)
 
-    hits = tuple(replace(hit, scaled=restore(hit.scaled)) for hit in mean.hits)
+    hits = tuple(replace(hit, traces=restore(hit.traces)) for hit in mean.hits)
     return replace(mean, traces=restore(mean.traces), hits=hits)
 
 

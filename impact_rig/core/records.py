@@ -214,6 +214,11 @@ class Block:
             )
 
     @property
+    def stop(self) -> int:
+        """Index behind its last point."""
+        return self.first_sample + self.hammer.output.size
+
+    @property
     def has_specimen(self) -> bool:
         """Whether the sample's acceleration was measured."""
         return self.specimen.output.size == self.hammer.output.size

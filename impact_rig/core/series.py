@@ -9,7 +9,15 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.hits import AveragedHit, FilteredHit, HitSum, JudgedHit, MeanHit, shift_hit
+from impact_rig.core.hits import (
+    FilteredHit,
+    JudgedHit,
+    MeanHit,
+    TraceSum,
+    make_mean,
+    shift_hit,
+    sum_up,
+)
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import FloatArray, HitLabel
 from impact_rig.core.verdict import CHANNELS, Reason, Rejection
@@ -253,12 +261,12 @@ class HitSeries:
         # its figures and its traces.
         self._rows: list[int] = []
         self._figures = array("d")
-        self._traces: list[AveragedHit] = []
+        self._traces: list[FilteredHit] = []
         self._by_hand: list[int] = []
         self._findings: dict[int, tuple[Rejection, ...]] = {}
         self._criteria: tuple[Criterion, ...] = ()
         self._left_out = _LeftOut()
-        self._sum = HitSum()
+        self._sum: TraceSum | None = None
         self._mean: MeanHit | None = None
         self._alone: FilteredHit | None = None  # the only accepted hit so far
 
@@ -313,7 +321,7 @@ class HitSeries:
             Turn a channel of the other sign; False: reject the hit.
         """
         filtered = hit.filtered
-        if filtered is None or not self._sum.summary.count:
+        if filtered is None or self._sum is None:
             return hit
         turned = _find_turned(filtered, self._sum)
         if not turned:
@@ -350,7 +358,7 @@ class HitSeries:
         self._hits.append(replace(hit, filtered=None))
         if not hit.accepted or hit.filtered is None:
             return
-        number, traces = len(self._rows), shift_hit(hit.filtered, hit.label)
+        number, traces = len(self._rows), shift_hit(hit.filtered)
         self._rows.append(len(self._hits) - 1)
         self._figures.extend(read_figures(hit))
         self._traces.append(traces)
@@ -361,10 +369,10 @@ class HitSeries:
         if hit.overruled:
             self._by_hand.append(number)
         before, now = self._left_out.numbers, self._choose()
-        if now == before:
+        if now == before and self._sum is not None:
             self._sum = self._sum.add(traces)
         elif now != before | {number}:
-            self._sum_up()
+            self._sum = sum_up([self._traces[kept] for kept in self._list_kept().tolist()])
 
     def compute_mean(self) -> MeanHit | None:
         """Return the mean hit; None: there is none in it.
@@ -374,12 +382,11 @@ class HitSeries:
         SignalError
             If the hits do not belong together.
         """
-        if self._mean is None and self._sum.summary.count:
-            kept = self._list_kept()
+        if self._mean is None and self._sum is not None:
+            kept = [self._traces[number] for number in self._list_kept().tolist()]
             # Every one, every other, every fourth ...: a new hit seldom changes the others.
-            step = 1 << max(math.ceil(kept.size / SCATTER_HITS) - 1, 0).bit_length()
-            shown = [self._traces[number] for number in kept[::step].tolist()]
-            self._mean = self._sum.make_mean(shown, self._alone)
+            step = 1 << max(math.ceil(len(kept) / SCATTER_HITS) - 1, 0).bit_length()
+            self._mean = make_mean(self._sum, kept, step, self._alone)
         return self._mean
 
     def select(self) -> Selection:
@@ -440,14 +447,8 @@ class HitSeries:
         order = np.argsort(distances, kind="stable")
         return frozenset(candidates[order[wanted:]].tolist())
 
-    def _sum_up(self) -> None:
-        """Sum up the hits in the mean again."""
-        self._sum = HitSum()
-        for number in self._list_kept().tolist():
-            self._sum = self._sum.add(self._traces[number])
 
-
-def _find_turned(hit: FilteredHit, before: HitSum) -> list[int]:
+def _find_turned(hit: FilteredHit, before: TraceSum) -> list[int]:
     """Return the channels of the other sign."""
     middle, reach = round(hit.pulse.middle), math.ceil(hit.pulse.half_amplitude_width)
     reach = min(

@@ -18,7 +18,7 @@ from impact_rig import __version__
 from impact_rig.core import verdict
 from impact_rig.core.detection import ImpactDetector, find_pulse_start
 from impact_rig.core.errors import SignalError
-from impact_rig.core.records import IMPORTED, MIXED, SIMULATED, Block, HitLabel, Origin, Trace
+from impact_rig.core.records import IMPORTED, MIXED, SIMULATED, Block, HitLabel, Origin
 from impact_rig.core.sensors import ChannelPlan
 from impact_rig.core.setup import AnalysisSettings, RigSetup
 from impact_rig.core.stream import cut_impacts
@@ -234,18 +234,13 @@ def _is_whole(hit: ImportedHit, settings: AnalysisSettings) -> bool:
 
 def _find_start(hit: ImportedHit, settings: AnalysisSettings) -> int:
     """Return where the pulse begins; a tenth of the way where there is none."""
-    start = find_pulse_start(_make_trace(hit), settings)
+    start = find_pulse_start(hit.block, settings)
     return hit.block.hammer.output.size // 10 if start is None else start
 
 
 def _find_peak(hit: ImportedHit, _settings: AnalysisSettings) -> int:
-    acceleration = _make_trace(hit).acceleration
-    return int(np.argmax(np.abs(acceleration - np.median(acceleration))))
-
-
-def _make_trace(hit: ImportedHit) -> Trace:
-    channel = hit.block.hammer
-    return Trace(channel.scale * channel.output.astype(np.float64), channel.full_scale)
+    output = hit.block.hammer.output
+    return int(np.argmax(np.abs(output - np.median(output))))
 
 
 def write_imported(output: Path, setup: RigSetup, hits: Sequence[ImportedHit]) -> None:

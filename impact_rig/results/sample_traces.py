@@ -166,7 +166,7 @@ def align_hit(hit: JudgedHit) -> AlignedHit | None:
     """Return the traces of a judged hit in its sample's time; None: it has no whole pulse."""
     if hit.filtered is None:
         return None
-    traces, origin = hit.filtered.aligned
+    traces, origin = hit.filtered.align()
     rate = hit.filtered.sampling_rate
     return AlignedHit(hit.label, rate, -origin / rate, traces)
 

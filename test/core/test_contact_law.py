@@ -17,7 +17,7 @@ from impact_rig.core.contact_law import (
 )
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.filtering import low_pass
-from impact_rig.core.hits import FilteredHit, HitSum, MeanHit, average_hits, shift_hit
+from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
 from impact_rig.core.momenta import check_momenta
 from impact_rig.core.pulse_shape import cut_window
 from impact_rig.core.pulse_width import measure_pulse
@@ -296,11 +296,12 @@ def test_a_wrong_gain_or_a_held_sample_shows_in_the_momentum(part, told):
 
 def label_hits(traces: list[FloatArray]) -> MeanHit:
     generator = np.random.default_rng(2)
-    total, hits = HitSum(), []
-    for impact, trace in enumerate(traces, start=1):
-        hits.append(shift_hit(make_hit(trace, NOISE, generator), HitLabel("steel", 1, impact, 1)))
-        total = total.add(hits[-1])
-    return total.make_mean(hits)
+    return average_hits(
+        [
+            replace(make_hit(trace, NOISE, generator), label=HitLabel("steel", 1, impact, 1))
+            for impact, trace in enumerate(traces, start=1)
+        ]
+    )
 
 
 def test_a_hit_whose_gain_or_pulse_is_another_is_named():

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from impact_rig.core.detection import find_pulse_start
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits import judge_hit
-from impact_rig.core.records import Trace
+from impact_rig.core.records import Block, ChannelBlock
 from impact_rig.core.setup import AnalysisSettings
 from impact_rig.core.verdict import Reason
 
@@ -185,7 +185,8 @@ class TestRealHits:
         path = Path(__file__).parents[1] / "data" / "pyfrf_hammer" / f"{name}_start.npy"
         _, force, acceleration = np.load(path)
         settings = AnalysisSettings(cutoff_frequency=0.0)
-        start = find_pulse_start(Trace(force), settings)
+        hammer, nothing = (ChannelBlock(item, 1.0, 0.0, 0.0) for item in (force, np.empty(0)))
+        start = find_pulse_start(Block(0, 25.6e3, hammer, nothing), settings)
         record = make_record(force, acceleration, pulse_index=start, full_scale=0.0, rate=25.6e3)
         hit = judge_hit(record, settings)
         assert hit.accepted

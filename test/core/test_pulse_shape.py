@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
 from impact_rig.core.filtering import low_pass
-from impact_rig.core.hits import FilteredHit, HitSummary, MeanHit, shift_hit
+from impact_rig.core.hits import FilteredHit, MeanHit, shift_hit, summarise_hits
 from impact_rig.core.pulse_shape import PulseShapeEstimate, estimate_pulse_shape
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.pulses import (
@@ -48,7 +48,7 @@ def make_mean(
     pulse = measure_pulse(traces[0])
     hit = FilteredHit(traces, rate, pulse, levels, np.array([noise]), np.zeros(1), 100)
     shifted = shift_hit(hit)
-    summary = HitSummary().add(shifted)
+    summary = summarise_hits([shifted])
     raw = np.array([noise])
     return MeanHit(traces, rate, round(pulse.middle), levels, raw, (shifted,), summary)
 

@@ -5,7 +5,6 @@ What contradicts the paper's method is said, and what does not is not.
 
 import statistics
 from dataclasses import replace
-from functools import reduce
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from scipy.signal import StateSpace, impulse
 
 from impact_rig.core.comparison import ModelComparison
 from impact_rig.core.damping import estimate_damping_coefficient
-from impact_rig.core.hits import FilteredHit, HitSummary, MeanHit, shift_hit
+from impact_rig.core.hits import FilteredHit, MeanHit, shift_hit, summarise_hits
 from impact_rig.core.model import ModelVariant
 from impact_rig.core.paper_method import BodyEstimate, estimate_hammer
 from impact_rig.core.pulse_width import measure_pulse
@@ -61,8 +60,7 @@ def make_mean(tau: float, natural: float, ratio: float, *, channels: int = 2) ->
     nothing = np.zeros(channels)
     hit = FilteredHit(traces, RATE, measure_pulse(traces[0]), nothing, nothing, nothing, 300)
     hits = (shift_hit(hit),) * 3
-    summary = reduce(HitSummary.add, hits, HitSummary())
-    return MeanHit(traces, RATE, ORIGIN, nothing, nothing, hits, summary)
+    return MeanHit(traces, RATE, ORIGIN, nothing, nothing, hits, summarise_hits(hits))
 
 
 def estimate_sample(
