@@ -5,6 +5,7 @@ import shutil
 import time
 import uuid
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,9 +53,9 @@ def _real_tools() -> None:
         pytest.skip(f"ROS 2 is sourced without a package that these tests need: {error}")
 
 
-@pytest.fixture(scope="session")
-def tools(_real_tools: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tools]:
-    """Return the tools; at the end nothing that they started is left."""
+@contextmanager
+def open_tools(folder: Path) -> Iterator[Tools]:
+    """Yield tools in a ROS domain of their own; at the end nothing that they started is left."""
     mark = uuid.uuid4().hex
     with reserve_domain() as domain:
         environment = {
@@ -65,7 +66,7 @@ def tools(_real_tools: None, tmp_path_factory: pytest.TempPathFactory) -> Iterat
             "PYTHONUNBUFFERED": "1",
             "COLUMNS": "200",
         }
-        tools = Tools(environment, tmp_path_factory.mktemp("tools"))
+        tools = Tools(environment, folder)
         yield tools
         tools.run("ros2", "daemon", "stop")
         # The daemon answers that it stops, and ends a moment later.
@@ -73,6 +74,13 @@ def tools(_real_tools: None, tmp_path_factory: pytest.TempPathFactory) -> Iterat
         while list_marked(mark) and time.monotonic() < deadline:
             time.sleep(0.1)
         assert list_marked(mark) == []
+
+
+@pytest.fixture(scope="session")
+def tools(_real_tools: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tools]:
+    """Return the tools in the domain that all tests of this process share."""
+    with open_tools(tmp_path_factory.mktemp("tools")) as tools:
+        yield tools
 
 
 @pytest.fixture(scope="session")
@@ -117,10 +125,12 @@ class Bags:
 
 
 @pytest.fixture(scope="session")
-def bags(tools: Tools, swing_file: Path) -> Bags:
-    """Return a campaign recorded by the rig and by `ros2 bag record -a` beside it."""
-    folder, theirs = tools.folder / "recorded", tools.folder / "theirs"
+def bags(_real_tools: None, swing_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Bags:
+    """Return a campaign recorded by the rig and by `ros2 bag record -a`, in their own domain."""
+    parent = tmp_path_factory.mktemp("bags")
+    folder, theirs = parent / "recorded", parent / "theirs"
     with (
+        open_tools(parent) as tools,
         tools.start("ros2", "bag", "record", "-a", "-s", "mcap", "-o", theirs) as recorder,
         tools.start(
             "ros2", "launch", "impact_rig", "rig.launch.py", "visualizer:=false",
