@@ -1,7 +1,6 @@
 """USB relay boards at a serial port: the driver `serial`."""
 
 import contextlib
-import errno
 import termios
 from collections.abc import Iterator
 from typing import Any, ClassVar
@@ -89,7 +88,11 @@ baud_rate = 9600
                 self._path, self._baud_rate, write_timeout=SENDING_TIMEOUT, exclusive=True
             )
         except (OSError, ValueError, termios.error) as error:
-            raise DeviceError(_explain(self._path, error)) from None
+            raise DeviceError(
+                f"the serial port {self._path} cannot be opened ({error}): plug the relay in, end"
+                " other programs that use it, and add this user to the group that owns the port,"
+                " often dialout"
+            ) from None
         try:
             self.hold()
         except DeviceError:
@@ -130,21 +133,3 @@ baud_rate = 9600
                 f"the relay at {self._path} is gone ({error}): plug it in again, and see to its"
                 " cable"
             ) from None
-
-
-def _explain(path: str, error: Exception) -> str:
-    """Return why a port could not be opened, and what would help."""
-    number = getattr(error, "errno", None)
-    if number == errno.ENOENT:
-        return (
-            f"there is no serial port {path}: plug the relay in, or correct port in [holder];"
-            " `impact-rig devices` lists what is there"
-        )
-    if number in (errno.EACCES, errno.EPERM):
-        return (
-            f"no permission to open {path}: add this user to the group that owns it, often"
-            " dialout, and log in again"
-        )
-    if number in (errno.EAGAIN, errno.EBUSY):
-        return f"{path} is in use by another program: end it first"
-    return f"{path} cannot be used as a serial port: {error}"

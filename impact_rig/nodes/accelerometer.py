@@ -9,13 +9,10 @@ from impact_rig_msgs.srv import Arm, JoinCampaign
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.processes import CONTINUOUS
-from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core import setup
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.records import HitLabel
-from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.protocols import AcquisitionPlan
-from impact_rig.devices.source_table import make_source, override_source
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.accelerometer_source import (
     COMPLETE,
@@ -28,7 +25,7 @@ from impact_rig.nodes.accelerometer_source import (
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import Read, RigNode
+from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.messages import NO_ID, setup_from_msg
 
 TRIGGERED = "triggered"
@@ -61,12 +58,12 @@ def declare_stream(node: RigNode) -> None:
     node.declare(
         "required_subscribers", "estimator, recorder",
         "nodes of this namespace, by commas, that must be connected to `acceleration` before"
-        " a release", read=Read.AT_USE,
+        " a release", live=True,
     )  # fmt: skip
     node.declare(
         "trigger_timeout", 0.5,
         "how long after the latest contact a trigger may come, and how long the rest of a record"
-        " may take from block to block [s]", low=0.0, high=60.0, read=Read.AT_ACTIVATE,
+        " may take from block to block [s]", low=0.0, high=60.0,
     )  # fmt: skip
 
 
@@ -112,23 +109,18 @@ class OfferedTopic:
         return self.publisher.get_subscription_count() if self.publisher else 0
 
     def describe_missing(self, required: str) -> str:
-        """Return who would miss a hit; empty: nobody.
-
-        Parameters
-        ----------
-        required : str
-            Names of nodes that must not, by commas.
-        """
+        """Return which of the required nodes, named by commas, would miss a hit."""
         if self.publisher is None:
             return "nothing is offered yet"
-        if self._hits is None:
-            return self._node.describe_missing_subscribers(self.publisher, required)
-        hits, stream = interfaces.ACCELERATION.name, self.publisher.topic_name
-        if not self._node.count_publishers(hits):
-            return f"nobody finds impacts in {stream}"
-        return self._node.describe_missing_listeners(
-            self._node.resolve_topic_name(hits), required
-        ) or self._node.describe_missing_subscribers(self.publisher, "")
+        hits = interfaces.ACCELERATION.name
+        if self._hits is not None and not self._node.count_publishers(hits):
+            return f"nobody finds impacts in {self.publisher.topic_name}"
+        topic = self._node.resolve_topic_name(hits)
+        if name := self._node.find_missing_subscriber(topic, required):
+            return f"the node {name!r} does not listen to {topic}"
+        if not self._node.is_connected(self.publisher):
+            return f"a subscriber of {self.publisher.topic_name} is still connecting"
+        return ""
 
 
 ARMING_PAUSE = 0.05
@@ -177,15 +169,9 @@ class AccelerometerNode(DeviceNode):
 
     # Lifecycle.
 
-    def check_parameters(self, get_value: Callable[[str], Any]) -> None:
-        """Refuse a source that cannot be meant, as far as no rig file is needed to see it."""
-        super().check_parameters(get_value)
-        table = override_source(TomlTable({}, "[source]"), get_value("source"))
-        if table and not get_value("rig_file"):
-            make_source(table, PAPER_SETUP)
-
     def configure(self) -> None:
         """Open the source, and offer what the mode wants."""
+        super().configure()
         opened = open_source(self, continuous=self.get_value("mode") == CONTINUOUS)
         self._open = opened
         self._identity = {

@@ -22,7 +22,7 @@ from impact_rig.core.setup import PAPER_SETUP, RigSetup, format_angle
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import Read, RigNode
+from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.messages import setup_from_msg
 
 LOOK_PERIOD = 0.5
@@ -139,19 +139,17 @@ class CampaignNode(RigNode):
         self.declare(
             "attempts_per_impact", 10,
             "hits of a sample in a row that may be rejected, or get no verdict [-]",
-            low=1, high=1000, read=Read.AT_USE,
+            low=1, high=1000, live=True,
         )  # fmt: skip
         self.declare(
             "verdict_timeout", 5.0, "longest time from the latest contact to the verdict [s]",
-            low=0.1, high=3600.0, read=Read.AT_USE,
+            low=0.1, high=3600.0, live=True,
         )  # fmt: skip
         self.declare(
             "pause_timeout", 0.0, "how long a campaign may stand still [s]; 0: for ever",
-            low=0.0, high=1e6, read=Read.AT_USE,
+            low=0.0, high=1e6, live=True,
         )  # fmt: skip
-        self.declare(
-            "require_recorder", True, "count hits only when they are recorded", read=Read.AT_USE
-        )
+        self.declare("require_recorder", True, "count hits only when they are recorded", live=True)
         self._setup_of_rig: RigSetup = PAPER_SETUP
         self._angles: tuple[float, ...] = ()
         self._campaign: Campaign | None = None

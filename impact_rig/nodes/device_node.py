@@ -1,13 +1,12 @@
 """What both nodes with a device share: a rig file, and a device that may go and come back."""
 
 from abc import abstractmethod
-from collections.abc import Callable
 from typing import Any
 
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from impact_rig.core.errors import ParameterError, RigError
-from impact_rig.nodes.rig_node import Read, RigNode
+from impact_rig.nodes.rig_node import RigNode
 
 
 class DeviceNode(RigNode):
@@ -29,15 +28,16 @@ class DeviceNode(RigNode):
         self.declare(
             "reconnect_period", 1.0,
             "how often a device that is not there is looked for [s]; 0: only when the node is"
-            " configured anew", low=0.0, high=3600.0, read=Read.AT_USE,
+            " configured anew", low=0.0, high=3600.0, live=True,
         )  # fmt: skip
+        self._fixed.add("use_sim_time")
         self._is_wanted = False
         self._reconnection = self.create_timer(1.0, self._reconnect)
         self._reconnection.cancel()
 
-    def check_parameters(self, get_value: Callable[[str], Any]) -> None:
+    def configure(self) -> None:
         """Refuse a simulated time, which neither hammer nor digitizer follows."""
-        if get_value("use_sim_time"):
+        if self.get_value("use_sim_time"):
             raise ParameterError(
                 "use_sim_time is true: a node with a device goes by the computer's own clock, it"
                 " must be false"
@@ -73,11 +73,11 @@ class DeviceNode(RigNode):
             return True
         fault = self.fault
         self.trigger_cleanup()
-        self.keep_fault(fault)
+        self.fault = fault
         return False
 
     def _tell_fault(self, text: str) -> None:
-        self.keep_fault(text)
+        self.fault = text
         self.publish_fault(text)
         period = float(self.get_value("reconnect_period"))
         if self._is_wanted and period:

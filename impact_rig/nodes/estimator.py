@@ -24,7 +24,7 @@ from impact_rig.nodes.result_messages import (
     hit_to_msg,
     record_to_msg,
 )
-from impact_rig.nodes.rig_node import Read, RigNode
+from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.messages import setup_from_msg, stamp_from_msg
 
 WAITING_BLOCKS = 1000
@@ -63,7 +63,7 @@ class EstimatorNode(RigNode):
         self.declare(
             "stream_depth", interfaces.STREAM_DEPTH,
             "blocks of a running stream that may wait before the oldest are lost [-]",
-            low=1, high=100_000, read=Read.AT_START,
+            low=1, high=100_000,
         )  # fmt: skip
         self._setup: RigSetup | None = None
         self._ledger: Ledger | None = None
@@ -83,25 +83,23 @@ class EstimatorNode(RigNode):
         self.listen(interfaces.ACCELERATION, self._on_block)
         self.create_service(GetResults, interfaces.GET_RESULTS, self._answer)
         self.offer_to_join()
-        self._stream = StreamListener(
-            self,
-            interfaces.make_stream_topic(self.get_value("stream_depth")),
-            self._on_stream_block,
-        )
+        self._stream: StreamListener | None = None
 
     def configure(self) -> None:
-        """Load what the first hit will need."""
+        """Load what the first hit will need, and listen to a running stream."""
         for name in LIBRARIES:
             import_module(name)
+        topic = interfaces.make_stream_topic(self.get_value("stream_depth"))
+        self._stream = StreamListener(self, topic, self._on_stream_block)
+
+    def cleanup(self) -> None:
+        """Take no more of a running stream."""
+        if self._stream is not None:
+            self._stream.stop()
 
     def deactivate(self) -> None:
         """Forget what has come: who goes on reads it again."""
         self._ledger = self._setup = None
-
-    def destroy_node(self) -> None:
-        """Take no more of the stream, and end."""
-        self._stream.stop()
-        super().destroy_node()
 
     def diagnose(self) -> dict[str, Any]:
         """Return how much has been judged, and what a record waits for."""

@@ -133,7 +133,7 @@ class GuardedHammer:
         taker = Disarming.EMERGENCY_STOP if self.is_stopped else Disarming.OPERATOR
         self._change(is_armed=False, disarmed_by=taker, message=message)
 
-    def note_loss(self, reason: str) -> None:
+    def disarm_by_loss(self, reason: str) -> None:
         """Take the enable back because a hit could not be recorded; empty: nothing is lost."""
         if reason and self._condition.is_armed:
             self._change(is_armed=False, disarmed_by=Disarming.LOSS, message=reason)

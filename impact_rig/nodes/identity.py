@@ -81,8 +81,8 @@ class Membership:
     def __init__(self, warn: Callable[[str], None]) -> None:
         self.identity = Identity()
         self.is_joined = False
+        self.foreign: set[bytes] = set()  # campaigns that a warning has named
         self._warn = warn
-        self._warned: set[bytes] = set()
 
     def join(self, identity: Identity) -> bool:
         """Take part in a campaign; return whether it is another than before."""
@@ -101,8 +101,8 @@ class Membership:
         if not self.is_joined or campaign_id == self.identity.campaign_id:
             return False
         # A node that has just been started has not been asked to join yet.
-        if campaign_id not in self._warned and campaign_id != NO_ID and len(self._warned) < WARNED:
-            self._warned.add(campaign_id)
+        if campaign_id not in self.foreign and campaign_id != NO_ID and len(self.foreign) < WARNED:
+            self.foreign.add(campaign_id)
             self._warn(
                 f"{what} carries the id of another campaign, {uuid.UUID(bytes=campaign_id)}: a"
                 " replay or another rig is in this ROS domain; nothing of it is taken"

@@ -1,7 +1,6 @@
 """The recorder: writes every topic of the rig to MCAP, as received."""
 
 import contextlib
-from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.recorder_run import RecordingRun
-from impact_rig.nodes.rig_node import Read, RigNode, split_names
+from impact_rig.nodes.rig_node import RigNode, split_names
 from impact_rig.nodes.topics import name_type
 from impact_rig.recordings.new_file import DiskFullError, choose_free
 from impact_rig.recordings.provenance import read_attached_file
@@ -40,17 +39,17 @@ def _declare_file(node: RigNode) -> None:
     node.declare(
         "output", "",
         f"the new recording, an {SUFFIX} file; empty: runs/<time>/{RECORDING_NAME} under the"
-        " working directory", read=Read.AT_ACTIVATE,
+        " working directory",
     )  # fmt: skip
-    node.declare("compression", "zstd", "of chunks", choices=COMPRESSIONS, read=Read.AT_ACTIVATE)
+    node.declare("compression", "zstd", "of chunks", choices=COMPRESSIONS)
     node.declare(
         "chunk_size", DEFAULT_CHUNK_SIZE, "size at which a chunk is finished [byte]",
-        low=1000, high=2**28, read=Read.AT_ACTIVATE,
+        low=1000, high=2**28,
     )  # fmt: skip
     node.declare(
         "flush_period", 1.0,
         "how long a message may wait to be written to disk [s]; 0: until its chunk is full",
-        low=0.0, high=3600.0, read=Read.AT_ACTIVATE,
+        low=0.0, high=3600.0,
     )  # fmt: skip
 
 
@@ -58,25 +57,20 @@ def _declare_content(node: RigNode) -> None:
     node.declare(
         "required_topics", "acceleration, release, impact",
         "topics, by commas, that must be connected before the recorder calls itself"
-        " recording, and a release is possible", read=Read.AT_USE,
+        " recording, and a release is possible", live=True,
     )  # fmt: skip
     node.declare(
         "record_stream", False,
         "in continuous mode, whether the running stream of the accelerometers is recorded as a"
         " whole, beside the hits that are found in it; 72 GB an hour at 2.5 MS/s, uncompressed",
-        read=Read.AT_ACTIVATE,
     )  # fmt: skip
     node.declare(
         "stream_depth", 10 * interfaces.STREAM_DEPTH,
         "how many blocks of the running stream may wait to be written; more are lost",
-        low=interfaces.STREAM_DEPTH, high=100_000, read=Read.AT_ACTIVATE,
+        low=interfaces.STREAM_DEPTH, high=100_000,
     )  # fmt: skip
-    node.declare(
-        "notes", "", "in the operator's words; they go into the recording", read=Read.AT_USE
-    )
-    node.declare(
-        "attachments", "", "files, by commas, that go into the recording", read=Read.AT_ACTIVATE
-    )
+    node.declare("notes", "", "in the operator's words; they go into the recording", live=True)
+    node.declare("attachments", "", "files, by commas, that go into the recording")
 
 
 CONNECTION_PERIOD = 0.05
@@ -104,14 +98,11 @@ class RecorderNode(RigNode):
         self._message = ""
         self.offer_to_join()
 
-    def check_parameters(self, get_value: Callable[[str], Any]) -> None:
-        """Refuse a recording without its suffix."""
-        output = get_value("output")
-        if output and Path(output).suffix != SUFFIX:
-            raise ParameterError(f"output is {output!r}: the name must end in {SUFFIX}")
-
     def configure(self) -> None:
         """Check before anything is opened."""
+        output = self.get_value("output")
+        if output and Path(output).suffix != SUFFIX:
+            raise ParameterError(f"output is {output!r}: the name must end in {SUFFIX}")
         for topic in interfaces.RECORDED_TOPICS:
             find_message_definition(name_type(topic.type))
 
@@ -227,10 +218,7 @@ class RecorderNode(RigNode):
         required = split_names(self.get_value("required_topics"))
         if missing := self._run.topics.list_unconnected(required):
             return f"nobody publishes {', '.join(missing)} yet"
-        # The estimator must hear that it is to wait for the recorder's word.
-        return self.describe_missing_subscribers(
-            self._state_publisher, ""
-        ) or self.describe_missing_subscribers(self._stored_publisher, "")
+        return ""
 
     def _look_for_peers(self) -> None:
         """Say that everything is being recorded, once it is; a lost peer is no loss here."""

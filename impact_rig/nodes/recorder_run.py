@@ -25,7 +25,7 @@ from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.recorder_node_parameters import NodeParameters
 from impact_rig.nodes.rig_node import RateMeter, RigNode
 from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, make_qos, name_type
-from impact_rig.recordings.hits import RecordWatch, StreamWatch
+from impact_rig.recordings.hits import BlockCount, RecordWatch
 from impact_rig.recordings.messages import (
     NO_ID,
     STREAM_TYPE,
@@ -73,7 +73,7 @@ class RecordStorage:
     ----------
     watch : RecordWatch
         What the recording has of each record.
-    stream : StreamWatch
+    stream : BlockCount
         What it has of the running stream.
     origins : dict of Origin to None
         Where the blocks so far come from.
@@ -92,7 +92,7 @@ class RecordStorage:
     ) -> None:
         prepare_heads()
         self.watch = RecordWatch()
-        self.stream = StreamWatch()
+        self.stream = BlockCount()
         self.origins: dict[Origin, None] = {}
         self.longest_lag = 0.0
         self.longest_stream_lag = 0.0

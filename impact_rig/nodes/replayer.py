@@ -15,7 +15,7 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.replayer_recording import RecordedMessage, RecordingToReplay
-from impact_rig.nodes.rig_node import Read, RigNode
+from impact_rig.nodes.rig_node import RigNode
 
 FASTEST = 1000.0
 """Times the original speed [-]."""
@@ -37,20 +37,20 @@ def declare_parameters(node: RigNode) -> None:
         "rate", 1.0,
         "speed, part of the original's [-]; may be changed at any time; what comes faster than"
         " the subscribers take it is lost",
-        low=0.001, high=FASTEST, read=Read.AT_USE,
+        low=0.001, high=FASTEST, live=True,
     )  # fmt: skip
     node.declare(
         "loop", 1, "how often [-]; 0: without end",
-        low=0, high=1_000_000, read=Read.AT_USE,
+        low=0, high=1_000_000, live=True,
     )  # fmt: skip
     node.declare(
         "required_subscribers", "estimator",
         "nodes of this namespace, by commas, that must be connected before the start",
-        read=Read.AT_USE,
+        live=True,
     )  # fmt: skip
     node.declare(
         "exit_when_done", False, "end the process at the end of the recording",
-        read=Read.AT_USE,
+        live=True,
     )  # fmt: skip
 
 
@@ -169,7 +169,8 @@ class ReplayerNode(RigNode):
     def _is_heard(self) -> bool:
         required = self.get_value("required_subscribers")
         blocks = self._outputs[interfaces.ACCELERATION.name]
-        return not self.describe_missing_subscribers(blocks, required)
+        missing = self.find_missing_subscriber(blocks.topic_name, required)
+        return not missing and self.is_connected(blocks)
 
     def _begin_pass(self, recording: RecordingToReplay) -> None:
         self._position = recording.first_time

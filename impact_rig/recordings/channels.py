@@ -27,11 +27,13 @@ from impact_rig.core.sensors import (
 )
 from impact_rig.recordings.formats.measurement import (
     LARGEST_TIME_ERROR,
+    PIECE,
     RATE_DIGITS,
     MeasuredChannel,
     Measurement,
     is_clock,
     read_clock,
+    split_points,
 )
 
 DEFAULT_ROLES = {1: ("hammer",), 2: ("time", "hammer"), 3: ("time", "hammer", "specimen")}
@@ -319,22 +321,24 @@ def _check_values(path: Path, role: str, channel: MeasuredChannel) -> None:
             f"{path} has {values.size} points in {channel.name!r}: a trace needs at least"
             f" {MINIMUM_POINTS}"
         )
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        raise SignalError(
-            f"{what} is {values[bad[0]]} at point {bad[0]} ({bad.size} such points): every point"
-            " must be a finite number"
-        )
+    low, high = math.inf, -math.inf
+    for first, piece in split_points(values):
+        bad = np.flatnonzero(~np.isfinite(piece))
+        if bad.size:
+            raise SignalError(
+                f"{what} is {piece[bad[0]]} at point {first + bad[0]}: every point must be a"
+                " finite number"
+            )
+        low, high = min(low, float(piece.min())), max(high, float(piece.max()))
     if role not in BODIES:
         return
-    low, high = float(values.min()), float(values.max())
-    largest, place = max((high, int(values.argmax())), (-low, int(values.argmin())))
+    largest, span = max(high, -low), high - low
     if largest > LARGEST_RANGE:
+        place = int(np.argmax(values) if high == largest else np.argmin(values))
         raise SignalError(
             f"{what} is {values[place]:.4g} at point {place}: no instrument shows more than"
             f" {LARGEST_RANGE:g} {channel.unit or 'of its unit'}"
         )
-    span = high - low
     if 0.0 < span < max(1.0, largest) / LARGEST_RANGE:
         raise SignalError(
             f"{what} changes by {span:.4g} on {largest:.4g} {channel.unit}: that is below a part"
@@ -425,11 +429,18 @@ def _check_unstated(questions: Questions, hammer: MeasuredChannel, rate: float) 
 
 def count_width(values: RawArray) -> int:
     """Return how many points of the highest pulse are above half its height."""
-    deviation = np.abs(values - float(np.median(values)))
-    peak = int(np.argmax(deviation))
-    below = deviation < 0.5 * deviation[peak]
-    before, after = below[:peak][::-1], below[peak:]
-    return sum(int(np.argmax(side)) if side.any() else side.size for side in (before, after))
+    step = 1 + values.size // PIECE
+    some = [piece[::step].copy() for _, piece in split_points(values)]
+    baseline = float(np.median(np.concatenate(some)))
+    peak, height = 0, -1.0
+    for first, piece in split_points(values):
+        deviation = np.abs(piece - baseline)
+        place = int(np.argmax(deviation))
+        if deviation[place] > height:
+            peak, height = first + place, float(deviation[place])
+    before, after = values[max(peak - PIECE, 0) : peak][::-1], values[peak : peak + PIECE]
+    sides = [np.abs(side - baseline) < 0.5 * height for side in (before, after)]
+    return sum(int(np.argmax(side)) if side.any() else side.size for side in sides)
 
 
 def _format_time(seconds: float) -> str:

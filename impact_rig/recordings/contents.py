@@ -11,14 +11,13 @@ from typing import Any
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.hits import (
     HIT_TYPES,
+    BlockCount,
     HitState,
     HitWatch,
     RecordedHit,
-    StreamWatch,
-    count_points,
 )
-from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE
-from impact_rig.recordings.records import Attachment, Channel, Item, MetadataRecord, RawMessage
+from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, head_from_msg
+from impact_rig.recordings.records import Attachment, Channel, MetadataRecord, RawMessage
 from impact_rig.recordings.scan import PROFILE, Damage, Report, Scan
 from impact_rig.recordings.schemas import SchemaDecoder
 from impact_rig.recordings.writer import HEALTH_RECORD
@@ -75,67 +74,27 @@ class Note:
 
 @dataclass
 class Contents:
-    """What a recording holds.
-
-    Attributes
-    ----------
-    path : Path
-        Of the file.
-    size : int
-        [byte].
-    library : str
-        What wrote it.
-    compression : tuple of str
-        Of its chunks, "none" for none.
-    chunks : int
-        How many [-].
-    is_closed, has_index : bool
-        Whether it has an end, and an index that can be used.
-    damages : list of Damage
-        What cannot be read.
-    problems : tuple of str
-        Everything that is wrong with it, in words; empty: it is sound.
-    topics : list of TopicContents
-        By name.
-    hits : tuple of RecordedHit
-        In the order in which they happened.
-    streams : dict of StreamWatch
-        What there is of running streams, by topic.
-    metadata : list of MetadataRecord
-        As found.
-    attachments : list of AttachmentEntry
-        As found.
-    notes : list of Note
-        The operator's.
-    setups : dict
-        The set-up messages, decoded, each once, by what stands in the file.
-    messages_lost : int
-        What the middleware dropped on the way to the recorder [-].
-    unknown_messages : int
-        Messages whose topic is not described anywhere [-].
-    remarks : dict of str
-        What else a reader should know, in words, as keys.
-    """
+    """What a recording holds, and what is wrong with it."""
 
     path: Path
-    size: int = 0
-    library: str = ""
-    compression: tuple[str, ...] = ()
+    size: int = 0  # [byte]
+    library: str = ""  # that wrote it
+    compression: tuple[str, ...] = ()  # of its chunks, "none" for none
     chunks: int = 0
-    is_closed: bool = False
-    has_index: bool = False
+    is_closed: bool = False  # it has an end
+    has_index: bool = False  # that can be used
     damages: list[Damage] = field(default_factory=list)
-    problems: tuple[str, ...] = ()
-    topics: list[TopicContents] = field(default_factory=list)
-    hits: tuple[RecordedHit, ...] = ()
-    streams: dict[str, StreamWatch] = field(default_factory=dict)
+    problems: tuple[str, ...] = ()  # in words; empty: it is sound
+    topics: list[TopicContents] = field(default_factory=list)  # by name
+    hits: tuple[RecordedHit, ...] = ()  # in the order in which they happened
+    streams: dict[str, BlockCount] = field(default_factory=dict)  # running streams, by topic
     metadata: list[MetadataRecord] = field(default_factory=list)
     attachments: list[AttachmentEntry] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
-    setups: dict[bytes, Any] = field(default_factory=dict)
-    messages_lost: int = 0
-    unknown_messages: int = 0
-    remarks: dict[str, None] = field(default_factory=dict)
+    setups: dict[bytes, Any] = field(default_factory=dict)  # decoded, by their bytes in the file
+    messages_lost: int = 0  # that the middleware dropped on the way to the recorder
+    unknown_messages: int = 0  # whose topic is not described anywhere
+    remarks: dict[str, None] = field(default_factory=dict)  # other hints for the reader, as keys
 
     @property
     def is_sound(self) -> bool:
@@ -181,7 +140,91 @@ class Contents:
 OUR_LIBRARY = "impact_rig"
 """First word of the library in files of our recorder, which numbers messages without gaps."""
 MOST_PLACES = 10
-"""How many damaged places are told in words, our choice."""
+"""How many damaged places are described in words, our choice."""
+NOTE_TYPE = "std_msgs/msg/String"
+STATE_TYPE = "impact_rig_msgs/msg/RecorderState"
+_DECODED = HIT_TYPES | {STREAM_TYPE, NOTE_TYPE, STATE_TYPE}
+
+
+def inspect_recording(path: Path, *, report: Report = lambda _: None) -> Contents:
+    """Read all of a recording, checksums included, and say what it holds.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    report : callable, optional
+        Called now and then with how much was read [byte].
+
+    Raises
+    ------
+    FileError
+        If there is no such file, or nothing in it is of MCAP and ROS 2.
+    """
+    contents, scan = Contents(path), Scan(path, is_strict=False)
+    decoder, watch = SchemaDecoder(), HitWatch()
+    topics: dict[int, TopicContents] = {}
+
+    def find_topic(channel: Channel) -> TopicContents:
+        if channel.id not in topics:
+            topics[channel.id] = TopicContents(channel.topic, channel.type_name)
+        return topics[channel.id]
+
+    for item in scan.read(report=report):
+        if isinstance(item, RawMessage):
+            find_topic(item.channel).take(item)
+            if item.channel.type_name in _DECODED:
+                _add_message(contents, watch, decoder, item)
+        elif isinstance(item, Attachment):
+            entry = AttachmentEntry(item.name, item.media_type, len(item.data))
+            if entry not in contents.attachments:
+                contents.attachments.append(entry)
+        elif item not in contents.metadata:
+            contents.metadata.append(item)
+            lost = item.fields.get("messages_lost", "") if item.name == HEALTH_RECORD else ""
+            if lost.isdecimal():
+                # A state is published when it changes; this was written at the very end.
+                contents.messages_lost = max(contents.messages_lost, int(lost))
+    _check_kind(scan)
+    contents.topics = sorted(map(find_topic, scan.channels.values()), key=attrgetter("name"))
+    _count_lost(scan, topics)
+    contents.unknown_messages = scan.unknown.total()
+    contents.size = scan.size
+    contents.library = scan.header.library if scan.header is not None else ""
+    contents.compression = tuple(scan.compressions)
+    contents.chunks = scan.chunks
+    contents.is_closed = scan.is_closed
+    contents.has_index = scan.summary is not None
+    contents.damages = scan.damages
+    contents.problems = tuple(_list_problems(scan, sum(topic.lost for topic in contents.topics)))
+    contents.hits = watch.list_hits(is_whole=contents.is_whole)
+    return contents
+
+
+def _add_message(
+    contents: Contents, watch: HitWatch, decoder: SchemaDecoder, message: RawMessage
+) -> None:
+    topic, type_name = message.channel.topic, message.channel.type_name
+    try:
+        content = decoder.decode(message.channel, message.data)
+        if type_name in HIT_TYPES:
+            watch.add(topic, type_name, content, message.data)
+        if type_name == SETUP_TYPE:
+            contents.setups[message.data] = content
+        elif type_name == STREAM_TYPE:
+            head = head_from_msg(content)
+            contents.streams.setdefault(topic, BlockCount()).add(head.first_sample, head.points)
+        elif type_name == STATE_TYPE:
+            contents.messages_lost = max(contents.messages_lost, int(content.messages_lost))
+        elif type_name == NOTE_TYPE and topic.endswith("/note"):
+            contents.notes.append(Note(message.log_time, str(content.data)))
+    except FileError:
+        contents.remarks[f"messages on {topic} do not fit their schema"] = None
+    except AttributeError as error:
+        contents.remarks[
+            f"{type_name} on {topic} has no field {error.name!r}: it was recorded with"
+            " another version of the interfaces"
+        ] = None
 
 
 def _count_lost(scan: Scan, topics: Mapping[int, TopicContents]) -> None:
@@ -209,114 +252,6 @@ def _list_problems(scan: Scan, lost: int) -> Iterator[str]:
         yield f"{lost} messages are missing: their numbers, or the index, tell"
     if count := scan.unknown.total():
         yield f"the topic of {count} messages is not described any more"
-
-
-NOTE_TYPE = "std_msgs/msg/String"
-STATE_TYPE = "impact_rig_msgs/msg/RecorderState"
-_DECODED = HIT_TYPES | {STREAM_TYPE, NOTE_TYPE, STATE_TYPE}
-
-
-def inspect_recording(path: Path, *, report: Report = lambda _: None) -> Contents:
-    """Read all of a recording, checksums included, and say what it holds.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    report : callable, optional
-        Called now and then with how much was read [byte].
-
-    Raises
-    ------
-    FileError
-        If there is no such file, or nothing in it is of MCAP and ROS 2.
-    """
-    return _Inspection(Contents(path)).read(Scan(path, is_strict=False), report)
-
-
-class _Inspection:
-    """Collects what a recording holds."""
-
-    def __init__(self, contents: Contents) -> None:
-        self.contents = contents
-        self._decoder = SchemaDecoder()
-        self._watch = HitWatch()
-
-    def read(self, scan: Scan, report: Report) -> Contents:
-        """Read all of it and return what was found; raises as `inspect_recording`."""
-        topics: dict[int, TopicContents] = {}
-
-        def find_topic(channel: Channel) -> TopicContents:
-            if channel.id not in topics:
-                topics[channel.id] = TopicContents(channel.topic, channel.type_name)
-            return topics[channel.id]
-
-        for item in scan.read(report=report):
-            if isinstance(item, RawMessage):
-                find_topic(item.channel).take(item)
-            self._take(item)
-        _check_kind(scan)
-        contents = self.contents
-        contents.topics = sorted(map(find_topic, scan.channels.values()), key=attrgetter("name"))
-        _count_lost(scan, topics)
-        contents.unknown_messages = scan.unknown.total()
-        contents.size = scan.size
-        contents.library = scan.header.library if scan.header is not None else ""
-        contents.compression = tuple(scan.compressions)
-        contents.chunks = scan.chunks
-        contents.is_closed = scan.is_closed
-        contents.has_index = scan.summary is not None
-        contents.damages = scan.damages
-        contents.problems = tuple(
-            _list_problems(scan, sum(topic.lost for topic in contents.topics))
-        )
-        contents.hits = self._watch.list_hits(is_whole=contents.is_whole)
-        return contents
-
-    def _take(self, item: Item) -> None:
-        contents = self.contents
-        if isinstance(item, RawMessage):
-            if item.channel.type_name in _DECODED:
-                self._take_message(item)
-        elif isinstance(item, Attachment):
-            entry = AttachmentEntry(item.name, item.media_type, len(item.data))
-            if entry not in contents.attachments:
-                contents.attachments.append(entry)
-        else:
-            if item not in contents.metadata:
-                contents.metadata.append(item)
-            lost = item.fields.get("messages_lost", "") if item.name == HEALTH_RECORD else ""
-            if lost.isdecimal():
-                # A state is published when it changes; this was written at the very end.
-                contents.messages_lost = max(contents.messages_lost, int(lost))
-
-    def _take_message(self, message: RawMessage) -> None:
-        topic, type_name = message.channel.topic, message.channel.type_name
-        try:
-            content = self._decoder.decode(message.channel, message.data)
-            if type_name in HIT_TYPES:
-                self._watch.add(topic, type_name, content, message.data)
-            self._look_into(message, type_name, content)
-        except FileError:
-            self.contents.remarks[f"messages on {topic} do not fit their schema"] = None
-        except AttributeError as error:
-            self.contents.remarks[
-                f"{type_name} on {topic} has no field {error.name!r}: it was recorded with"
-                " another version of the interfaces"
-            ] = None
-
-    def _look_into(self, message: RawMessage, type_name: str, content: Any) -> None:
-        contents, topic = self.contents, message.channel.topic
-        if type_name == SETUP_TYPE:
-            contents.setups[message.data] = content
-        elif type_name == STREAM_TYPE:
-            watch = contents.streams.setdefault(topic, StreamWatch())
-            watch.add(int(content.first_sample), count_points(content.hammer))
-        elif type_name == STATE_TYPE:
-            lost = int(getattr(content, "messages_lost", 0))
-            contents.messages_lost = max(contents.messages_lost, lost)
-        elif type_name == NOTE_TYPE and topic.endswith("/note"):
-            contents.notes.append(Note(message.log_time, str(content.data)))
 
 
 def _check_kind(scan: Scan) -> None:

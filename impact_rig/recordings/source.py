@@ -12,6 +12,8 @@ SUFFIX = ".mcap"
 """What a recording's name ends with."""
 RUN_NAME = "session"
 """What a run's folder calls its recording, before the suffix."""
+POINTER = b"version https://git-lfs.github.com/spec/"
+"""Beginning of what git-lfs leaves in place of a file."""
 OTHER_FORMS = (".db3", ".mcap.zstd")
 """Ends of the names of recordings in SQLite, and of those that rosbag2 compressed as a whole."""
 
@@ -42,6 +44,9 @@ def find_recording(path: Path) -> Path:
                 raise FileError(f"there is no file {path}")
             if is_other_form(path):
                 raise FileError(f"{path} cannot be read: {_advise_conversion(path)}")
+            if path.is_file():
+                with path.open("rb") as file:
+                    refuse_pointer(path, file.read(len(POINTER)))
             return path
         run = path / f"{RUN_NAME}{SUFFIX}"
         files = [run] if run.is_file() else sorted(path.glob(f"*{SUFFIX}"))
@@ -57,6 +62,14 @@ def find_recording(path: Path) -> Path:
     except OSError as error:
         raise FileError(f"{path} cannot be read: {error.strerror}") from None
     raise FileError(f"{path} is a folder without a recording: there is no {SUFFIX} file in it")
+
+
+def refuse_pointer(path: Path, beginning: bytes) -> None:
+    """Raise `FileError` if a file begins like what git-lfs leaves in place of it."""
+    if beginning == POINTER:
+        raise FileError(
+            f"{path} is what git-lfs leaves in place of the file: `git lfs pull` brings the file"
+        )
 
 
 def find_recordings(path: Path) -> list[Path]:

@@ -22,12 +22,13 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.nodes.async_node import RESEND_PERIOD
 from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.interfaces import NOT_YET, RECORD_STORED, RECORDER_STATE, SETUP, Topic
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.recorder import RecorderNode
-from impact_rig.nodes.rig_node import RESEND_PERIOD, RigNode
+from impact_rig.nodes.rig_node import RigNode
 
 PATIENCE = 120.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""

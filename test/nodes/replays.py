@@ -14,7 +14,7 @@ from impact_rig.nodes.topics import describe_qos, name_type
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import RecordingWriter
 
-PEER = "/peer"
+PEER = "peer"
 """The node that listens in these tests, wherever the replayer is."""
 START = 1_700_000_000_000_000_000
 PAUSE = 0.3

@@ -5,7 +5,6 @@ import math
 import pytest
 from impact_rig_msgs.msg import RecordStored
 from impact_rig_msgs.srv import GetResults, JoinCampaign
-from rcl_interfaces.msg import Log
 
 from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
@@ -154,10 +153,8 @@ def test_a_verdict_comes_even_if_its_hit_cannot_be_averaged_with_the_others(harn
     harness.wait_until(lambda: "cannot be averaged" in node.fault)
 
 
-def test_a_block_that_cannot_be_meant_is_named_and_the_next_ones_are_judged(harness, estimator):
+def test_an_unsound_block_is_dropped_and_the_next_ones_are_judged(harness, estimator):
     node, publisher, impacts = estimator
-    logs = harness.make_collector()
-    harness.peer.create_subscription(Log, "/rosout", logs.take, 100)
     bad = block_to_msg(make_blocks("steel small", 1)[0])
     bad.sampling_rate = -1.0
     harness.wait_until(lambda: publisher.get_subscription_count() >= 1)
@@ -167,7 +164,6 @@ def test_a_block_that_cannot_be_meant_is_named_and_the_next_ones_are_judged(harn
 
     assert impacts.wait_for_count(1)[-1].accepted
     assert node.message_check.dropped == 1
-    logs.wait(lambda got: any("sampling rate is -1.0 Hz" in log.msg for log in got))
 
 
 OURS = Identity(make_id(), make_id())

@@ -118,8 +118,8 @@ class Interlock(RuleBasedStateMachine):
         self.is_enabled = False
 
     @rule(reason=st.sampled_from(["", "the recorder has gone"]))
-    def note_loss(self, reason):
-        self.hammer.note_loss(reason)
+    def disarm_by_loss(self, reason):
+        self.hammer.disarm_by_loss(reason)
         self.is_enabled = self.is_enabled and not reason
 
     @rule()

@@ -11,7 +11,6 @@ from std_srvs.srv import Trigger
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.hammer import LONGEST_PAUSE, HammerNode
-from impact_rig.nodes.rig_state import ACCELEROMETER, RECORDER
 
 HIT = {"record": 4, "sample": "steel small", "impact": 2, "attempt": 1}
 ARMED, OTHER = (
@@ -44,8 +43,7 @@ class Rig:
 
     def has_heard(self):
         """Whether the hammer has heard of accelerometers and recorder."""
-        heard = self.hammer._rig
-        return None not in (heard[ACCELEROMETER].state, heard[RECORDER].state)
+        return None not in (self.hammer._accelerometer.state, self.hammer._recorder.state)
 
     def call(self, name):
         return self._harness.call(Trigger, name)
@@ -148,7 +146,10 @@ def test_the_hammer_does_not_go_again_before_the_record_is_stored(struck, harnes
 
 
 def test_a_record_that_a_new_recording_cannot_store_any_more_is_not_waited_for(struck):
+    struck.recorder.publish(RecorderState(recording=False, message="deactivated"))
+    struck.wait_for_loss()
     struck.recorder.publish(RecorderState(recording=True, uri="b.mcap"))
+    struck._harness.wait_until(lambda: struck.call(interfaces.ARM_HAMMER).success)
     answer = struck.release(record=5)
     assert answer.success, answer.message
     assert answer.recording == "b.mcap"
@@ -187,7 +188,7 @@ def test_a_node_that_goes_disarms_the_hammer(rig, harness, name):
 def test_without_a_recorder_none_is_missed(rig, harness):
     rig.start(require_recorder=False)
     rig.recorder.publish(RecorderState(recording=False, message="disk full"))
-    harness.wait_until(lambda: not rig.hammer._rig.recording)
+    harness.wait_until(lambda: not rig.hammer._recorder.state.recording)
     rig.hammer._watch()
     assert rig.release().success
 
@@ -195,7 +196,7 @@ def test_without_a_recorder_none_is_missed(rig, harness):
 def test_the_normal_end_of_an_arming_is_no_loss(rig, harness):
     rig.start()
     rig.acquisition.publish(AcquisitionState(state=AcquisitionState.IDLE, record=4))
-    accelerometer = rig.hammer._rig[ACCELEROMETER]
+    accelerometer = rig.hammer._accelerometer
     harness.wait_until(lambda: accelerometer.state.state == AcquisitionState.IDLE)
     rig.hammer._watch()
     assert rig.states.messages[-1].armed
@@ -244,7 +245,7 @@ def test_an_operator_may_take_his_time_and_everybody_knows_how_long(rig, start_b
 def test_an_operator_who_does_not_let_go_is_not_waited_for_for_ever(rig, start_by_hand):
     start_by_hand("1 s")
     assert rig.release().success
-    state = rig.wait(lambda item: item.message == "nobody let the hammer go within 1 s")
+    state = rig.wait(lambda item: item.message == "nobody released the hammer within 1 s")
     assert state.state == HammerState.HELD
 
 

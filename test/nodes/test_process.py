@@ -197,7 +197,7 @@ class Interrupted(CampaignNode):
         super().autostart()
         self.client = ActionClient(self, RunCampaign, "campaign/run")
         sent = self.client.send_goal_async(RunCampaign.Goal(samples=["steel small"], impacts=1))
-        sent.add_done_callback(lambda _: self.run_once_after(0.2, self.interrupt))
+        sent.add_done_callback(lambda _: self.create_timer(0.2, self.interrupt))
 
     def interrupt(self):
         self.client.destroy()

@@ -21,6 +21,7 @@ from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.interfaces import Topic
+from impact_rig.nodes.message_check import MessageCheck
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.visualizer import VisualizerNode
@@ -133,3 +134,12 @@ def test_what_is_not_sound_is_counted_by_who_would_use_it(
         lambda: listeners <= {node.get_name() for node in nodes if node.message_check.dropped}
     )
     assert all(node.is_active for node in nodes)
+
+
+def test_the_first_unsound_message_of_a_topic_is_named():
+    warnings = []
+    check = MessageCheck(warnings.append)
+    for _ in range(2):
+        assert not check.accepts(interfaces.HAMMER_STATE, msg.HammerState(state=7))
+    (warning,) = warnings
+    assert warning.startswith("a message of hammer/state is dropped, as all like it: state is 7")

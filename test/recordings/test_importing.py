@@ -5,6 +5,7 @@ import json
 import math
 import re
 import struct
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -267,6 +268,23 @@ def test_a_channel_in_kg_is_a_thousand_g_and_says_so():
     )
 
 
+def test_numbers_in_a_file_are_checked_piece_by_piece(tmp_path):
+    """A column of 4 million points takes 32 MB in memory, and pieces of it 2 MB each."""
+    points = 1 << 22
+    for name, values in (("time", np.arange(points) / 1e6), ("a", np.zeros(points))):
+        values[-50:] += 100.0 * (name == "a")
+        values.tofile(tmp_path / name)
+    time, hammer = (np.memmap(tmp_path / name, np.float64, "r") for name in ("time", "a"))
+    file = stated(MeasuredChannel("time", time), MeasuredChannel("a", hammer))
+    tracemalloc.start()
+    try:
+        assert map_one(file, plan()).sampling_rate == 1e6
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 20e6
+
+
 def test_counts_stay_counts_beside_their_calibration():
     use = ChannelUse(sensitivity=Sensitivity(0.01, "g"), full_scale=5.0, full_scale_unit="V")
     found = map_one(stated(channel("a", COUNTS, unit="mV")), plan(hammer=use))
@@ -300,7 +318,7 @@ def replaced(values, index, value):
             {"columns": ("time", "hammer", "specimen")},
             "2 columns, but 3 roles are given",
         ),
-        (columns(TIME, replaced(HAMMER, 7, np.nan)), {}, r"hammer is nan at point 7 \(1 such"),
+        (columns(TIME, replaced(HAMMER, 7, np.nan)), {}, "hammer is nan at point 7"),
         (columns(replaced(TIME, 9, np.nan), HAMMER), {}, "time is nan at point 9"),
         (columns(np.delete([*TIME, TIME[-1] + 4e-7], 20), HAMMER), {}, "8e-07 s at point 19"),
         (columns(HAMMER, TIME), {}, "does not grow.*is this the time column"),

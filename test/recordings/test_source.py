@@ -113,3 +113,10 @@ def test_traces_are_no_recording_and_a_recording_is_one_under_any_name(make_run,
     assert is_recording(tmp_path / "lost.mcap")  # opening it tells that it is not there
     make_run("run.mcap").rename(tmp_path / "run.bak")
     assert is_recording(tmp_path / "run.bak")
+
+
+def test_what_git_lfs_leaves_in_place_of_a_recording_is_called_so(tmp_path):
+    path = tmp_path / "session.mcap"
+    path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
+    with pytest.raises(FileError, match=r"session\.mcap is what git-lfs leaves.*git lfs pull"):
+        read_recording(path)

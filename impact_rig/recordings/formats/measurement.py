@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import json
 import math
+import mmap
 import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.errors import FileError, ParameterError, RigError, SignalError, check_positive
-from impact_rig.core.records import FloatArray, RawArray
+from impact_rig.core.records import RawArray
 from impact_rig.core.sensors import (
     SAMPLES,
     TIME_UNITS,
@@ -38,6 +39,8 @@ LARGEST_TIME_ERROR = 0.05
 rounding to the printed digits makes of even steps, far below a point that is missing."""
 
 
+PIECE = 1 << 18
+"""Points of a channel that are looked at at once [-], our choice."""
 MANY_UNEVEN = 10
 """So many steps are uneven where points are missing; where times are rounded, more are [-]. Our
 choice."""
@@ -105,7 +108,7 @@ def compute_rounding(value: float, digits: int) -> float:
     return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) - digits + 1)
 
 
-def compute_sampling_rate(times: FloatArray, unit: str = "") -> float:
+def compute_sampling_rate(times: RawArray, unit: str = "") -> float:
     """Find the rate of a column of times.
 
     Parameters
@@ -125,8 +128,19 @@ def compute_sampling_rate(times: FloatArray, unit: str = "") -> float:
     SignalError
         If time does not run in even steps.
     """
-    time = times * TIME_UNITS[unit or "s"]
-    step = (time[-1] - time[0]) / (time.size - 1)
+    scale = TIME_UNITS[unit or "s"]
+    begin, end = scale * times[0], scale * times[-1]
+    step = (end - begin) / (times.size - 1)
+
+    def is_even(first: int, piece: RawArray) -> bool:
+        time = scale * piece
+        grid = begin + step * np.arange(first, first + time.size)
+        error = np.abs(time - grid).max()
+        return bool(np.diff(time).min(initial=step) >= 0 and error <= LARGEST_TIME_ERROR * step)
+
+    if step > 0 and math.isfinite(step) and all(is_even(*found) for found in split_points(times)):
+        return float(f"{1.0 / step:.{RATE_DIGITS}g}")
+    time = scale * times
     steps = np.diff(time)
     if not steps.any():
         raise SignalError(f"its times are rounded: all are {time[0]:g} s. Give --rate")
@@ -137,8 +151,6 @@ def compute_sampling_rate(times: FloatArray, unit: str = "") -> float:
             f" ({time[worst]:g} s, {time[worst + 1]:g} s): is this the time column?"
         )
     deviation = np.abs(time - (time[0] + step * np.arange(time.size)))
-    if deviation.max() <= LARGEST_TIME_ERROR * step:
-        return float(f"{1.0 / step:.{RATE_DIGITS}g}")
     # Rounded times are off by their last digit at most, and many are; or they repeat.
     least = steps[steps > 0].min()
     uneven = np.count_nonzero(np.abs(steps - np.median(steps)) > LARGEST_TIME_ERROR * least)
@@ -176,7 +188,6 @@ def read_clock(path: Path, name: str, times: RawArray, unit: str = "") -> tuple[
     if unit.strip() and not normalize_time_unit(unit):
         flaw = f"times are in {unit!r}: they must be in {', '.join(TIME_UNITS)}"
         return math.nan, "", f"{path}: {flaw}; if they are, skip them and give --rate"
-    times = times.astype(np.float64)
     try:
         rate = compute_sampling_rate(times, found)
     except SignalError as error:
@@ -189,7 +200,25 @@ def read_clock(path: Path, name: str, times: RawArray, unit: str = "") -> tuple[
 
 def is_clock(values: RawArray) -> bool:
     """Tell whether a column that never falls must be one of times: no signal is like that."""
-    return values.size > 1 and bool(np.all(values[1:] >= values[:-1]) and values[-1] > values[0])
+    return (
+        values.size > 1
+        and bool(values[-1] > values[0])
+        and all(np.all(piece[1:] >= piece[:-1]) for _, piece in split_points(values))
+    )
+
+
+def split_points(values: RawArray) -> Iterator[tuple[int, RawArray]]:
+    """Yield a channel piece by piece, each with the number of its first point.
+
+    Each piece ends with the first point of the next. Numbers in a file leave the memory again.
+    """
+    source: Any = values
+    while isinstance(source, np.ndarray):
+        source = source.base
+    for first in range(0, values.size, PIECE):
+        yield first, values[first : first + PIECE + 1]
+        if isinstance(source, mmap.mmap):
+            source.madvise(mmap.MADV_DONTNEED)
 
 
 SHOWN_LETTERS = 200

@@ -15,6 +15,7 @@ from impact_rig.recordings.formats.text import read_text, write_text
 from impact_rig.recordings.formats.uff import read_uff, write_uff
 from impact_rig.recordings.formats.wav import read_wav
 from impact_rig.recordings.new_file import write_new_file
+from impact_rig.recordings.source import POINTER, refuse_pointer
 
 Read = Callable[[Path], Measurement]
 Write = Callable[[Path, Measurement], None]
@@ -37,8 +38,6 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
     ".npz": (read_npz, None),
 }
 """Who reads and writes a format, by suffix; None: it is not written."""
-POINTER = b"version https://git-lfs.github.com/spec/"
-"""Beginning of what git-lfs leaves in place of a file."""
 READABLE = tuple(FORMATS)
 WRITABLE = tuple(suffix for suffix, (_, write) in FORMATS.items() if write)
 """Suffixes of what can be read, and written."""
@@ -117,7 +116,4 @@ def _check_readable(path: Path) -> None:
         raise FileError(f"{path} cannot be read: {error.strerror or error}") from None
     if not beginning:
         raise FileError(f"{path} is empty")
-    if beginning == POINTER:
-        raise FileError(
-            f"{path} is what git-lfs leaves in place of the file: `git lfs pull` brings the file"
-        )
+    refuse_pointer(path, beginning)

@@ -1,0 +1,111 @@
+"""Another node of the rig, as one node sees it: its newest state, and whether it is alive.
+
+A node whose process is killed, or whose computer is out of reach, publishes no goodbye. The lease
+of its state topic ends in time all the same.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from impact_rig_msgs.msg import AcquisitionState
+
+from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic
+from impact_rig.nodes.rig_node import RigNode
+
+_PARTICIPANT_LENGTH = 12
+"""How much of an endpoint's identity is that of its participant [bytes], by RTPS; all nodes of a
+process share one."""
+
+
+class RigMember:
+    """One other node of the rig, by a topic that it alone publishes.
+
+    Parameters
+    ----------
+    node : RigNode
+        That listens.
+    name : str
+        Of the other node.
+    topic : Topic
+        Of the other node, with a lease.
+    on_state : callable
+        Called with each message, once it is kept.
+    on_liveliness : callable
+        Called when a publisher has come, gone, or fallen silent.
+    is_single : bool
+        More than one publisher is a loss, too: another rig's, or a replay's.
+    """
+
+    def __init__(
+        self,
+        node: RigNode,
+        name: str,
+        topic: Topic,
+        on_state: Callable[[Any], None] = lambda _: None,
+        on_liveliness: Callable[[], None] = lambda: None,
+        *,
+        is_single: bool = True,
+    ) -> None:
+        self.name = name
+        self.state: Any = None  # the newest message; None: none has come yet
+        self._node: Any = node
+        self._topic = topic.name
+        self._is_single = is_single
+        self._on_state = on_state
+        self._on_liveliness = on_liveliness
+        self._was_there = False
+        self._alive = 0
+        self._silent = 0
+        self._subscription = node.listen(
+            topic, self._keep_state, on_liveliness=self._keep_liveliness
+        )
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether it was there, and gives no sign of life now."""
+        if self._alive or self._silent:
+            return not self._alive
+        # A message may come before its first sign of life, and one of this process gives none.
+        return self._was_there and not self._subscription.get_publisher_count()
+
+    def describe_loss(self) -> str:
+        """Return how it is lost; empty: it is not, or was never there."""
+        if self.is_gone:
+            return (
+                f"the {self.name} node has gone: start it again, or see to the network between you"
+            )
+        if self._alive > 1 and self._is_single:
+            return (
+                f"{self._alive} {self.name} nodes are up in this ROS domain and namespace: stop"
+                " one rig (or the replay of one), or give it another ROS_DOMAIN_ID or namespace"
+            )
+        state = self.state
+        if isinstance(state, AcquisitionState) and state.state == AcquisitionState.FAULT:
+            return f"the {self.name}'s device is lost: {state.message}"
+        return ""
+
+    def _keep_state(self, message: Any) -> None:
+        self._was_there = True
+        self.state = message
+        self._on_state(message)
+
+    def _keep_liveliness(self, status: Any) -> None:
+        self._was_there = True
+        self._alive, self._silent = status.alive_count, status.not_alive_count
+        if not self._alive and self._is_in_this_process():
+            self._silent = 0
+        self._on_liveliness()
+
+    def _is_in_this_process(self) -> bool:
+        """Whether the publisher is of this process, in which nodes give each other no signs."""
+        own_name = self._node.get_namespace(), self._node.get_name()
+        theirs = self._node.get_publishers_info_by_topic(self._topic)
+        ours = (
+            item
+            for item in self._node.get_publishers_info_by_topic(DIAGNOSTICS.name)
+            if (item.node_namespace, item.node_name) == own_name
+        )
+        participants = {bytes(item.endpoint_gid[:_PARTICIPANT_LENGTH]) for item in ours}
+        return any(
+            bytes(item.endpoint_gid[:_PARTICIPANT_LENGTH]) in participants for item in theirs
+        )
