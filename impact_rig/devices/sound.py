@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -57,22 +57,6 @@ _streams: set[Any] = set()
 """Those of this process that are open: PortAudio looks for devices only while there is none."""
 
 
-@dataclass(frozen=True)
-class SoundInput:
-    """A device that records."""
-
-    number: int  # PortAudio's, until devices come or go
-    name: str
-    interface: str  # that reaches the device: "ALSA", "Core Audio", "Windows WASAPI"
-    channels: int
-    sampling_rate: float  # [Hz], that it prefers
-
-    @property
-    def full_name(self) -> str:
-        """Name and interface."""
-        return f"{self.name}, {self.interface}"
-
-
 def load_port_audio() -> Any:
     """Return the module `sounddevice`.
 
@@ -93,8 +77,8 @@ def load_port_audio() -> Any:
     return sounddevice
 
 
-def list_inputs() -> tuple[SoundInput, ...]:
-    """Return all devices that record, new ones included.
+def list_inputs() -> list[dict[str, Any]]:
+    """Return PortAudio's description of each device that records, with its `full_name`.
 
     Raises
     ------
@@ -109,143 +93,25 @@ def list_inputs() -> tuple[SoundInput, ...]:
                 sound._terminate()  # noqa: SLF001
             sound._initialize()  # noqa: SLF001
         interfaces = sound.query_hostapis()
-        return tuple(
-            SoundInput(
-                device["index"],
-                device["name"],
-                interfaces[device["hostapi"]]["name"],
-                device["max_input_channels"],
-                device["default_samplerate"],
-            )
-            for device in sound.query_devices()
-            if device["max_input_channels"] > 0
-        )
+        devices = [item for item in sound.query_devices() if item["max_input_channels"] > 0]
     except sound.PortAudioError as error:
-        raise DeviceError(f"PortAudio cannot look for sound devices: {tell(error)}") from None
+        raise DeviceError(f"PortAudio cannot look for sound devices: {describe(error)}") from None
+    for device in devices:
+        device["full_name"] = f"{device['name']}, {interfaces[device['hostapi']]['name']}"
+    return devices
 
 
-def open_stream(**settings: Any) -> Any:
-    """Open a stream that records, as `sounddevice.RawInputStream`, and start it.
-
-    Raises
-    ------
-    sounddevice.PortAudioError
-        If that fails.
-    """
-    stream = load_port_audio().RawInputStream(**settings)
-    _streams.add(stream)
-    try:
-        stream.start()
-    except BaseException:
-        close_stream(stream)
-        raise
-    return stream
-
-
-def close_stream(stream: Any) -> None:
-    """Close a stream, whatever state it is in."""
-    stream.close(ignore_errors=True)
-    _streams.discard(stream)
-
-
-def tell(error: Exception) -> str:
+def describe(error: Exception) -> str:
     """Return what an error of PortAudio says, in one line."""
     return " ".join(str(error.args[0]).split()).rstrip(".")
 
 
-class SoundCapture(StreamCapture):
-    """Records from the moment it is made until it is closed.
+class SoundSource(StreamedSource):
+    """Records a sound card all the time, and cuts the hits out of what it delivers.
 
     Points that PortAudio reports as lost are a gap, whose length it does not tell: it is estimated
     from the time of the blocks.
-
-    Parameters
-    ----------
-    device : SoundInput
-        Of which to record.
-    sampling_rate : float
-        [Hz]
-    columns : sequence of int
-        The device's channels to keep, counted from 0, in this order.
-    scales : tuple of CountScale
-        Of these channels.
-    capacity : int
-        Points to keep at least.
-
-    Raises
-    ------
-    ParameterError
-        If the device does not know the rate.
-    DeviceError
-        If another program has it, or it is gone.
     """
-
-    def __init__(
-        self,
-        device: SoundInput,
-        sampling_rate: float,
-        columns: Sequence[int],
-        scales: tuple[CountScale, ...],
-        capacity: int,
-    ) -> None:
-        super().__init__(f"sound device {device.full_name}", sampling_rate, scales, capacity)
-        self._device = device
-        self._columns = list(columns)
-        self._last_block: tuple[float, int] | None = None
-        self._clock_offset = 0.0
-        self._stream = self._open()
-        self.sampling_rate = float(self._stream.samplerate)
-        # PortAudio's clock may begin anywhere.
-        self._clock_offset = time.time() - self._stream.time
-
-    def close(self) -> None:
-        """Stop recording; never raises."""
-        close_stream(self._stream)
-
-    def _open(self) -> Any:
-        sound = load_port_audio()
-        try:
-            return open_stream(
-                device=self._device.number,
-                samplerate=self.sampling_rate,
-                channels=max(self._columns) + 1,
-                dtype="int32",
-                callback=self._take_block,
-                finished_callback=lambda: self.end("it has stopped"),
-            )
-        except sound.PortAudioError as error:
-            code = error.args[1] if len(error.args) > 1 else 0
-            if code in (NO_SUCH_RATE, NO_SUCH_CHANNELS):
-                raise ParameterError(
-                    f"{self.name} cannot record {max(self._columns) + 1} channels at"
-                    f" {self.sampling_rate:g} Hz: {tell(error)}; it prefers"
-                    f" {self._device.sampling_rate:g} Hz"
-                ) from None
-            raise DeviceError(
-                f"{self.name} cannot be opened, because it is gone or another program has it:"
-                f" {tell(error)}"
-            ) from None
-
-    def _take_block(self, data: Any, frames: int, times: Any, status: Any) -> None:
-        """Take what has come; called by PortAudio's own thread."""
-        counts = np.frombuffer(data, np.int32).reshape(frames, -1)[:, self._columns]
-        taken = float(times.inputBufferAdcTime)
-        lost = self._estimate_loss(taken) if status.input_overflow else 0
-        # Some interfaces do not tell the time.
-        since_epoch = taken + self._clock_offset if taken else time.time()
-        self._last_block = (taken, frames)
-        self.take(counts, round(since_epoch * 1e9), lost)
-
-    def _estimate_loss(self, taken: float) -> int:
-        """Return about how many points were lost before a block: PortAudio does not tell."""
-        if not (taken and self._last_block):
-            return 1
-        before, frames = self._last_block
-        return max(round((taken - before) * self.sampling_rate) - frames, 1)
-
-
-class SoundSource(StreamedSource):
-    """Records a sound card all the time, and cuts the hits out of what it delivers."""
 
     description: ClassVar[str] = "sound cards and USB accelerometers that look like one"
     example: ClassVar[str] = """\
@@ -271,20 +137,18 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
         options.check_keys("device")
         self._options = options
         self._device = options.take_text("device", REQUIRED, "USB Audio")
+        self._stream: Any = None
+        self._columns: list[int] = []  # of the channels, counted from 0
+        self._newest = (0.0, 0)  # block: time of its first point [s], by PortAudio; points
 
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
-        """Return all devices that record.
-
-        Raises
-        ------
-        DeviceError, ModuleNotFoundError
-            If PortAudio or `sounddevice` is missing.
-        """
+        """Return all devices that record; errors as `list_inputs`."""
         return tuple(
             FoundDevice(
-                device.name,
-                f"{device.interface}, {device.channels} inputs, {device.sampling_rate:g} Hz",
+                device["name"],
+                f"{device['full_name']}, {device['max_input_channels']} inputs,"
+                f" {device['default_samplerate']:g} Hz",
             )
             for device in list_inputs()
         )
@@ -300,18 +164,69 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
             If it has no such channel or rate, or the scale of its counts is unknown.
         """
         device = self._choose(list_inputs())
-        columns = [_parse_column(channel, device) for channel in plan.channels]
+        self._columns = [_parse_column(channel, device) for channel in plan.channels]
         scales = tuple(map(compute_count_scale, plan.channels))
-        return SoundCapture(device, plan.sampling_rate, columns, scales, capacity)
+        name = f"sound device {device['full_name']}"
+        capture = StreamCapture(name, plan.sampling_rate, scales, capacity)
+        sound, channels = load_port_audio(), max(self._columns) + 1
+        try:
+            self._stream = sound.RawInputStream(
+                device=device["index"],
+                samplerate=plan.sampling_rate,
+                channels=channels,
+                dtype="int32",
+                callback=partial(self.take_block, capture),
+                finished_callback=lambda: capture.end("it has stopped"),
+            )
+            _streams.add(self._stream)
+            self._newest = (0.0, 0)
+            capture.sampling_rate = float(self._stream.samplerate)
+            self._stream.start()
+        except sound.PortAudioError as error:
+            self.close()
+            code = error.args[1] if len(error.args) > 1 else 0
+            if code in (NO_SUCH_RATE, NO_SUCH_CHANNELS):
+                raise ParameterError(
+                    f"{name} cannot record {channels} channels at {plan.sampling_rate:g} Hz:"
+                    f" {describe(error)}; it prefers {device['default_samplerate']:g} Hz"
+                ) from None
+            raise DeviceError(
+                f"{name} cannot be opened, because it is gone or another program has it:"
+                f" {describe(error)}"
+            ) from None
+        return capture
 
-    def _choose(self, inputs: Sequence[SoundInput]) -> SoundInput:
+    def close(self) -> None:
+        """Stop recording, whatever state the stream is in."""
+        super().close()
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.close(ignore_errors=True)
+            _streams.discard(stream)
+
+    def take_block(
+        self, capture: StreamCapture, data: Any, frames: int, times: Any, status: Any
+    ) -> None:
+        """Take what has come; called by PortAudio's own thread."""
+        counts = np.frombuffer(data, np.int32).reshape(frames, -1)[:, self._columns]
+        taken = float(times.inputBufferAdcTime)  # 0: some interfaces do not tell it
+        before, points = self._newest
+        lost = 0
+        if status.input_overflow:
+            missing = round((taken - before) * capture.sampling_rate) - points
+            lost = max(missing, 1) if taken and before else 1
+        self._newest = (taken, frames)
+        age = float(times.currentTime) - taken if taken else 0.0
+        capture.take(counts, round((time.time() - age) * 1e9), lost)
+
+    def _choose(self, inputs: Sequence[dict[str, Any]]) -> dict[str, Any]:
         wanted = self._device
-        found = [item for item in inputs if wanted in (item.name, item.full_name)] or [
-            item for item in inputs if wanted.lower() in item.full_name.lower()
+        found = [item for item in inputs if wanted in (item["name"], item["full_name"])] or [
+            item for item in inputs if wanted.lower() in item["full_name"].lower()
         ]
         if len(found) == 1:
             return found[0]
-        names = ", ".join(repr(device.full_name) for device in found or inputs)
+        names = ", ".join(repr(device["full_name"]) for device in found or inputs)
         if found:
             text = f"device {wanted!r} may be each of {names}: name one of them"
         else:
@@ -319,13 +234,13 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
         raise DeviceError(str(self._options.make_error("device", text)))
 
 
-def _parse_column(channel: SourceChannel, device: SoundInput) -> int:
+def _parse_column(channel: SourceChannel, device: dict[str, Any]) -> int:
     """Return which of a device's channels is meant, counted from 0."""
     number = int(channel.name) if channel.name.isdecimal() else 0
-    if not 1 <= number <= device.channels:
+    if not 1 <= number <= device["max_input_channels"]:
         raise channel.options.make_error(
             "channel",
             f"channel of {channel.options.place} is {channel.name!r}: sound device"
-            f" {device.full_name} has 1 to {device.channels}",
+            f" {device['full_name']} has 1 to {device['max_input_channels']}",
         )
     return number - 1

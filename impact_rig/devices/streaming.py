@@ -34,8 +34,6 @@ class CountScale:
 class StreamCapture:
     """Takes points in one thread, and hands them out in another.
 
-    A driver's subclass runs the device from when it is made until `close`.
-
     Parameters
     ----------
     name : str
@@ -72,9 +70,6 @@ class StreamCapture:
         self._end = ""
         self._last_time = time.monotonic()
         self._clock = self._newest = (0, time.time_ns())
-
-    def close(self) -> None:
-        """Close the device; never raises."""
 
     def take(self, counts: CountArray, stamp: int, lost: int = 0) -> None:
         """Take the next points, shape (n, channels), which do not change any more.
@@ -247,12 +242,9 @@ class StreamedSource(ABC):
             capture.check()
 
     def close(self) -> None:
-        """Close the device."""
-        capture, self._capture = self._capture, None
+        """Deliver no more; a driver closes its device, too."""
+        self._capture = None
         self._stop()
-        if capture is not None:
-            # Its thread may want the lock before it ends.
-            capture.close()
 
     def _stop(self) -> None:
         self._is_armed, self._trigger = False, None

@@ -1,6 +1,7 @@
 """A digitizer that speaks Red Pitaya's SCPI over a real TCP socket, without any hardware."""
 
 import contextlib
+import math
 import socket
 import socketserver
 import struct
@@ -75,7 +76,7 @@ class RedPitaya:
         rate : float
             Of its points [Hz], which must be the board's.
         """
-        if self._began is None or self._triggered is not None:
+        if self._began == math.inf or self._triggered < math.inf:
             return False
         assert rate == self._get_rate()
         now, steps = time.monotonic(), [[self._get_step(channel)] for channel in range(CHANNELS)]
@@ -122,14 +123,15 @@ class RedPitaya:
         self._began = time.monotonic()
 
     def _stop(self) -> None:
-        self._began: float | None = None  # by the monotonic clock [s]; None: it does not sample
-        self._triggered: float | None = None
-        self._full = np.inf
+        # By the monotonic clock [s]; infinite: not yet.
+        self._began = self._triggered = self._full = math.inf
         self._position = 0  # of the trigger
 
     def _tell_state(self) -> str:
-        is_waiting = self._triggered is None or time.monotonic() < self._triggered
-        return "WAIT" if is_waiting and self._settings["ACQ:TRIG"] != "DISABLED" else "TD"
+        is_waiting = (
+            self._settings["ACQ:TRIG"] != "DISABLED" and time.monotonic() < self._triggered
+        )
+        return "WAIT" if is_waiting else "TD"
 
     def _get_rate(self) -> float:
         return CLOCK / int(self._settings["ACQ:DEC:FACTOR"])

@@ -14,18 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from impact_rig.core.errors import DeviceError
 from impact_rig.devices.streaming import CountArray
 
-PROGRAMS = {"pulseaudio": "pulseaudio", "pactl": "pulseaudio-utils"}
-"""What must be installed, and the packages of Debian that bring it."""
 CHANNELS = 2
-SAMPLING_RATE = 192_000
-"""[Hz]"""
-STEP = 0.01
-"""How much is played at a time [s]."""
-START_TIMEOUT = 20.0
-"""For PulseAudio to begin [s], our choice."""
+SAMPLING_RATE = 192_000  # [Hz]
+STEP = 0.01  # [s], played at a time
+START_TIMEOUT = 20.0  # [s], for PulseAudio
 SYSTEM_CONFIG = Path("/usr/share/alsa/alsa.conf")
 _CONFIG = """\
 pcm.{name} {{
@@ -52,46 +46,36 @@ class FakeSoundCard:
     name = "rig_card"
 
     def __init__(self) -> None:
-        self.environment: dict[str, str] = {}
         self.is_silent = False
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._server: subprocess.Popen[bytes] | None = None
-        self._player: threading.Thread | None = None
-        self._is_plugged = False
+        self._folder = tempfile.TemporaryDirectory(prefix="card_", ignore_cleanup_errors=True)
+        self._place = Path(self._folder.name)
         self._lock = threading.Lock()
         self._waiting: list[CountArray] = []
+        self._start_server()
+        self.plug()
 
-    def start(self) -> None:
-        """Start the server, and plug the card in.
-
-        Raises
-        ------
-        DeviceError
-            If something is not installed, or the server does not begin.
-        """
-        program = _find_program("pulseaudio")
-        if not any(Path("/usr/lib").glob("*/alsa-lib/libasound_module_pcm_pulse.so")):
-            raise DeviceError("ALSA does not know PulseAudio: install libasound2-plugins")
-        self._folder = tempfile.TemporaryDirectory(
-            prefix="sound_card_", ignore_cleanup_errors=True
-        )
-        config = self._place / "asound.conf"
-        config.write_text(_CONFIG.format(name=self.name, socket=self._socket))
+    def _start_server(self) -> None:
+        socket, config = self._place / "socket", self._place / "asound.conf"
+        config.write_text(_CONFIG.format(name=self.name, socket=socket))
         self.environment = {"ALSA_CONFIG_PATH": f"{SYSTEM_CONFIG}:{config}"}
+        # Nothing of the user's own PulseAudio is found.
+        places = ("HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_STATE_HOME")
+        self._own_environment = {
+            "PATH": os.environ["PATH"],
+            "PULSE_SERVER": f"unix:{socket}",
+            **dict.fromkeys(places, str(self._place)),
+        }
         self._server = subprocess.Popen(
-            [program, "-n", "--daemonize=no", "--use-pid-file=no", "--exit-idle-time=-1",
+            ["pulseaudio", "-n", "--daemonize=no", "--use-pid-file=no", "--exit-idle-time=-1",
              "--high-priority=no", "--realtime=no", "--disable-shm=yes",
-             f"--load=module-native-protocol-unix socket={self._socket} auth-anonymous=1"],
-            env=self._make_environment(), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+             f"--load=module-native-protocol-unix socket={socket} auth-anonymous=1"],
+            env=self._own_environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )  # fmt: skip
         deadline = time.monotonic() + START_TIMEOUT
-        while not self._socket.exists():
-            if self._server.poll() is not None or time.monotonic() > deadline:
-                self.stop()
-                raise DeviceError("pulseaudio does not begin")
+        while not socket.exists():
+            assert self._server.poll() is None and time.monotonic() < deadline  # noqa: PT018
             time.sleep(0.01)
-        self.plug()
 
     def plug(self) -> None:
         """Let the card be there, and deliver."""
@@ -110,8 +94,7 @@ class FakeSoundCard:
         """Let the card vanish for all who record it."""
         self._is_plugged = False
         self._control("unload-module", "module-pipe-source")
-        if self._player is not None:
-            self._player.join()
+        self._player.join()
 
     def feed(self, counts: CountArray) -> None:
         """Let the card hear something next: counts of 32 bits, shape (n, 2)."""
@@ -121,40 +104,15 @@ class FakeSoundCard:
     def stop(self) -> None:
         """Take everything away."""
         self._is_plugged = False
-        if self._server is not None:
-            self._server.terminate()
-            self._server.wait()
-            self._server = None
-        if self._player is not None:
-            self._player.join()
-            self._player = None
-        if self._folder is not None:
-            self._folder.cleanup()
-            self._folder = None
-
-    @property
-    def _place(self) -> Path:
-        """The peer's own folder, between `start` and `stop`."""
-        if self._folder is None:
-            raise DeviceError("the sound card was not started")
-        return Path(self._folder.name)
-
-    @property
-    def _socket(self) -> Path:
-        return self._place / "socket"
-
-    def _make_environment(self) -> dict[str, str]:
-        """Return an environment in which nothing of the user's own PulseAudio is found."""
-        kept = {key: os.environ[key] for key in ("PATH", "LANG") if key in os.environ}
-        places = dict.fromkeys(
-            ("HOME", "XDG_RUNTIME_DIR", "XDG_CONFIG_HOME", "XDG_STATE_HOME"), str(self._place)
-        )
-        return {**kept, **places, "PULSE_SERVER": f"unix:{self._socket}"}
+        self._server.terminate()
+        self._server.wait()
+        self._player.join()
+        self._folder.cleanup()
 
     def _control(self, *words: str) -> None:
         subprocess.run(
-            [_find_program("pactl"), *words],
-            env=self._make_environment(), check=True, timeout=START_TIMEOUT,
+            ["pactl", *words],
+            env=self._own_environment, check=True, timeout=START_TIMEOUT,
             stdout=subprocess.DEVNULL,
         )  # fmt: skip
 
@@ -174,11 +132,10 @@ class FakeSoundCard:
                 time.sleep(max(begin + played / SAMPLING_RATE - time.monotonic(), 0.0))
 
 
-def _find_program(name: str) -> str:
-    path = shutil.which(name)
-    if path is None:
-        raise DeviceError(f"{name} is not installed: it is in the package {PROGRAMS[name]}")
-    return path
+def is_installed() -> bool:
+    """Return whether PulseAudio, its control and its plug-in for ALSA are there."""
+    plugin = any(Path("/usr/lib").glob("*/alsa-lib/libasound_module_pcm_pulse.so"))
+    return plugin and all(map(shutil.which, ("pulseaudio", "pactl")))
 
 
 def make_pulse(sampling_rate: int, width: float = 2e-3, height: float = 0.5) -> CountArray:
