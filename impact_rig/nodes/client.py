@@ -19,6 +19,7 @@ from impact_rig_msgs.msg import (
     VirtualImpact,
 )
 from impact_rig_msgs.srv import ConfirmSample, GetResults
+from rcl_interfaces.msg import Log
 from rclpy.action import ActionClient
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -28,7 +29,7 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from impact_rig.core.errors import DeviceError, FileError
+from impact_rig.core.errors import DeviceError, FileError, RigError
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.speed_exponents import SpeedExponents
@@ -41,6 +42,9 @@ from impact_rig.recordings.source import find_recordings
 from impact_rig.results.campaign import Results
 from impact_rig.results.wire import from_message
 
+START_ONE = (
+    "start one with `impact-rig up`, and check ROS_DOMAIN_ID and the namespace on both sides"
+)
 LOOK_PERIOD = 0.1
 """How often something that sends no event is looked at [s]."""
 TRUTH_TIMEOUT = 2.0
@@ -91,16 +95,16 @@ class RigClient:
         topic: interfaces.Topic,
         callback: Callable[[Any], None],
         qos: QoSProfile | None = None,
-        note_liveliness: Callable[[Any], None] | None = None,
+        on_liveliness: Callable[[Any], None] | None = None,
     ) -> None:
         """Subscribe to one of the rig's topics."""
         self._node.create_subscription(
             topic.type,
             topic.name,
             callback,
-            qos or (topic.leased_qos if note_liveliness else topic.qos),
+            qos or (topic.leased_qos if on_liveliness else topic.qos),
             event_callbacks=SubscriptionEventCallbacks(
-                liveliness=note_liveliness, use_default_callbacks=False
+                liveliness=on_liveliness, use_default_callbacks=False
             ),
         )
 
@@ -171,8 +175,7 @@ class RigClient:
         try:
             if not self.spin_until(client.service_is_ready, timeout):
                 raise DeviceError(
-                    f"no rig offers {client.srv_name} within {timeout:g} s: start one with"
-                    " `impact-rig up`, and check ROS_DOMAIN_ID and the namespace on both sides"
+                    f"no rig offers {client.srv_name} within {timeout:g} s: {START_ONE}"
                 )
             future = client.call_async(request)
             if not self.spin_until(future.done, timeout):
@@ -227,18 +230,17 @@ class HammerClient(RigClient):
         return str(response.message)
 
     def describe(self) -> str:
-        """Return in words what the hammer does; raises `DeviceError` if it does not say it."""
-        heard: list[HammerState] = []
-        self.listen(interfaces.HAMMER_STATE, heard.append)
-        if not self.spin_until(lambda: bool(heard), self._timeout):
+        """Return in words what the hammer does; raises `DeviceError` if it publishes no state."""
+        states: list[HammerState] = []
+        self.listen(interfaces.HAMMER_STATE, states.append)
+        if not self.spin_until(lambda: bool(states), self._timeout):
             raise DeviceError(
-                f"no hammer says what it does within {self._timeout:g} s: start a rig with"
-                " `impact-rig up`, and check ROS_DOMAIN_ID and the namespace on both sides"
+                f"no hammer publishes its state within {self._timeout:g} s: {START_ONE}"
             )
-        told = heard[-1]
-        state = f"{PLACES[told.state]}, {'armed' if told.armed else 'not armed'}"
-        why = "" if told.message == state else f" ({told.message})"
-        return f"{state}{why}; holder: {told.holder or 'none'}"
+        state = states[-1]
+        text = f"{PLACES[state.state]}, {'armed' if state.armed else 'not armed'}"
+        why = "" if state.message == text else f" ({state.message})"
+        return f"{text}{why}; holder: {state.holder or 'none'}"
 
 
 CANCEL_TIMEOUT = 5.0
@@ -248,7 +250,7 @@ RESEND_PERIOD = 3.0
 GONE_TIMEOUT = 60.0
 """How long the campaign node may give no sign of life before its client gives up [s]."""
 LOOK_TIMEOUT = 5.0
-"""How long the recorder may take to say where it records [s]."""
+"""How long the recorder may take to publish where it records, and a log to arrive [s]."""
 SERVICE_TIMEOUT = 20.0
 """How long the rig may take to answer what a person has done [s], our choice."""
 NEW_ONES = QoSProfile(
@@ -256,7 +258,7 @@ NEW_ONES = QoSProfile(
     reliability=interfaces.RELEASE.qos.reliability,
     durability=DurabilityPolicy.VOLATILE,
 )
-"""Releases of the past are nobody's business here."""
+"""Earlier releases are not received."""
 
 
 CampaignGoal: TypeAlias = RunCampaign.Goal
@@ -265,24 +267,12 @@ CampaignGoal: TypeAlias = RunCampaign.Goal
 
 @dataclass(frozen=True)
 class CampaignOutcome:
-    """What came of a campaign.
+    """The end of a campaign."""
 
-    Attributes
-    ----------
-    success : bool
-        Whether every sample has its hits.
-    message : str
-        Why not.
-    results : Results or None
-        What was found, up to where it ended; None: the rig never told its set-up.
-    recording : str
-        Path on the recorder's host; empty: nothing was recorded.
-    """
-
-    success: bool
-    message: str
-    results: Results | None
-    recording: str
+    success: bool  # every sample has its hits
+    message: str  # why not
+    results: Results | None  # up to the end; None: the rig never published its set-up
+    recording: str  # path on the recorder's host; empty: nothing was recorded
 
 
 class Operator(Protocol):
@@ -327,16 +317,17 @@ class CampaignClient(RigClient):
         self._check = check
         self._acquisition: AcquisitionState | None = None
         self._goal: Any = None
+        self._result = Future()
         self._gone_since = math.inf
         self._recording = ""
         self._operator: Operator | None = None
         self._feedback = RunCampaign.Feedback()
-        self._duties: list[Callable[[], None]] = []
+        self._duties: list[Callable[[Operator], None]] = []
         self.listen(interfaces.VIRTUAL_IMPACT, self.keep_truth)
-        self.listen(interfaces.SETUP, lambda _: None, note_liveliness=self._note_campaign)
-        self.listen(interfaces.RECORDER_STATE, self._keep_recording)
-        self.listen(interfaces.ACQUISITION_STATE, self._keep_acquisition)
-        self.listen(interfaces.RELEASE, self._take_release, NEW_ONES)
+        self.listen(interfaces.SETUP, lambda _: None, on_liveliness=self._on_liveliness)
+        self.listen(interfaces.RECORDER_STATE, self._on_recorder_state)
+        self.listen(interfaces.ACQUISITION_STATE, self._on_acquisition_state)
+        self.listen(interfaces.RELEASE, self._on_release, NEW_ONES)
         note = interfaces.NOTE
         self._note = self._node.create_publisher(note.type, note.name, note.qos)
         self._action = ActionClient(self._node, RunCampaign, interfaces.RUN_CAMPAIGN)
@@ -362,8 +353,7 @@ class CampaignClient(RigClient):
         if not self.spin_until(is_ready, timeout):
             raise DeviceError(
                 f"no rig answers in namespace {self._node.get_namespace()!r} within"
-                f" {timeout:g} s: start one with `impact-rig up`, and check ROS_DOMAIN_ID and"
-                " the namespace on both sides"
+                f" {timeout:g} s: {START_ONE}"
             )
 
     def wait_for_listeners(self, count: int, timeout: float) -> bool:
@@ -373,7 +363,7 @@ class CampaignClient(RigClient):
         )
 
     def publish_note(self, text: str, timeout: float) -> None:
-        """Say something that belongs into the recording.
+        """Publish a remark for the recording.
 
         Raises
         ------
@@ -382,7 +372,7 @@ class CampaignClient(RigClient):
         """
         if not self.spin_until(lambda: self._note.get_subscription_count() > 0, timeout):
             raise DeviceError(
-                "nobody records the notes: start the recorder, or the campaign without them"
+                "no recorder listens to the notes: start it, or the campaign without notes"
             )
         self._note.publish(String(data=text))
 
@@ -392,118 +382,40 @@ class CampaignClient(RigClient):
         return self._acquisition is not None and self._acquisition.hammerless
 
     def run(self, goal: CampaignGoal, operator: Operator) -> CampaignOutcome:
-        """Run a campaign to its end.
-
-        Parameters
-        ----------
-        goal : CampaignGoal
-            What to run.
-        operator : Operator
-            Sees it, and does what is asked of a person.
+        """Run a campaign to its end; the operator sees it, and does what is asked of a person.
 
         Raises
         ------
         DeviceError
             If the rig goes away.
+        RigError
+            If the goal is rejected.
         """
-        self._operator = operator
+        self._operator, self._gone_since = operator, math.inf
         self._duties.clear()
-        self._gone_since = math.inf
-        self._goal = self._send_goal(goal, lambda message: self._follow(message.feedback))
-        answer = self._await_answer(self._goal.get_result_async())
-        self._goal = self._operator = None
-        return self._conclude(answer.result, answer.status)
-
-    def _await_answer(self, result_future: Future) -> Any:
-        """Do what is asked for until the campaign is over."""
-        while not result_future.done():
+        self._goal = self._send_goal(goal)
+        self._result = self._goal.get_result_async()
+        while not self._result.done():
             if time.monotonic() - self._gone_since > GONE_TIMEOUT:
                 raise DeviceError("the campaign node has gone")
             if self._duties:
-                self._duties.pop(0)()
-            elif not self.spin_until(lambda: result_future.done() or bool(self._duties), 1.0):
+                self._duties.pop(0)(operator)
+            elif not self.spin_until(lambda: self._result.done() or bool(self._duties), 1.0):
                 self._check_rig()
-        return result_future.result()
-
-    def _note_campaign(self, status: Any) -> None:
-        """Show that the campaign node gives no sign of life, if that is so."""
-        if self._operator is None or self._goal is None:
-            return
-        if status.alive_count:
-            # Another one that answers for the goal does not know it.
-            self._goal.get_result_async().add_done_callback(self._look_whether_it_is_known)
-            return
-        self._gone_since = time.monotonic()
-        self._feedback.state = RunCampaign.Feedback.PAUSED
-        self._feedback.message = "the campaign node has gone"
-        self._operator.follow(self._feedback)
-
-    def _look_whether_it_is_known(self, future: Future) -> None:
-        answer = future.result()
-        is_unknown = answer is None or answer.status == GoalStatus.STATUS_UNKNOWN
-        self._gone_since = -math.inf if is_unknown else math.inf
-
-    def _follow(self, feedback: Any) -> None:
-        """Show a feedback, and note what it asks of a person."""
-        is_asked_already = (feedback.state, feedback.sample) == (
-            self._feedback.state,
-            self._feedback.sample,
-        )
-        self._feedback = feedback
-        if self._operator is None:
-            return
-        self._operator.follow(feedback)
-        if is_asked_already:
-            return
-        if feedback.state == RunCampaign.Feedback.WAITING_FOR_SAMPLE:
-            self._duties.append(self._mount)
-        elif feedback.state == RunCampaign.Feedback.WAITING_FOR_HAMMER:
-            self._duties.append(self._put_back)
-
-    def _mount(self) -> None:
-        sample = self._feedback.sample
-        if self._operator is not None:
-            self._operator.mount(sample)
-            request = ConfirmSample.Request(sample=sample)
-            self.call(ConfirmSample, interfaces.CONFIRM_SAMPLE, request, SERVICE_TIMEOUT)
-
-    def _put_back(self) -> None:
-        refusal = ""
-        while self._operator is not None:
-            self._operator.put_back(refusal)
-            answer = self.call(
-                Trigger, interfaces.CONFIRM_HELD, Trigger.Request(), SERVICE_TIMEOUT
+        answer = self._result.result()
+        self._goal = self._operator = None
+        if answer.status == GoalStatus.STATUS_UNKNOWN:
+            raise DeviceError(
+                "the campaign node was started again, and does not know the campaign"
             )
-            if answer.success:
-                return
-            refusal = answer.message
-
-    def _take_release(self, release: HammerRelease) -> None:
-        """Tell a person who lets the hammer go by hand that it is time."""
-        if self._operator is not None and release.latest_contact > release.swing_time:
-            self._operator.let_go(release.sample, release.latest_contact)
-
-    def cancel(self) -> None:
-        """Ask a running campaign to stop, and wait until it has, for a bounded time."""
-        if self._goal is None:
-            return
-        result_future = self._goal.get_result_async()
-        self._goal.cancel_goal_async()
-        # A campaign node that has ended meanwhile answers nobody.
-        self.spin_until(
-            lambda: result_future.done() or not self._action.server_is_ready(), CANCEL_TIMEOUT
-        )
-        self._goal = None
-
-    def _conclude(self, result: RunCampaign.Result, status: int) -> CampaignOutcome:
         return CampaignOutcome(
-            success=result.success and status == GoalStatus.STATUS_SUCCEEDED,
-            message=result.message,
-            results=self.collect(result, has_truths=self.is_hammerless),
-            recording=result.recording,
+            success=answer.result.success and answer.status == GoalStatus.STATUS_SUCCEEDED,
+            message=answer.result.message,
+            results=self.collect(answer.result, has_truths=self.is_hammerless),
+            recording=answer.result.recording,
         )
 
-    def _send_goal(self, goal: CampaignGoal, take_feedback: Callable[[Any], None]) -> Any:
+    def _send_goal(self, goal: CampaignGoal) -> Any:
         """Send the goal until it is answered.
 
         A server that has not met this client's reader yet drops both answer and goal.
@@ -511,9 +423,24 @@ class CampaignClient(RigClient):
         pending: list[Future] = []
         while not any(future.done() for future in pending):
             self._check_rig()
-            pending.append(self._action.send_goal_async(goal, take_feedback))
+            pending.append(self._action.send_goal_async(goal, self._on_feedback))
             self.spin_until(lambda: any(future.done() for future in pending), RESEND_PERIOD)
-        return next(future.result() for future in pending if future.done())
+        handle = next(future.result() for future in pending if future.done())
+        if not handle.accepted:
+            raise RigError(interfaces.GOAL_REJECTED + self._find_rejection())
+        return handle
+
+    def _find_rejection(self) -> str:
+        """Return why a goal was rejected, from the log: the answer to a goal has no text."""
+        reasons: list[str] = []
+
+        def on_log(log: Log) -> None:
+            if log.msg.startswith(interfaces.GOAL_REJECTED):
+                reasons.append(log.msg.removeprefix(interfaces.GOAL_REJECTED))
+
+        self._node.create_subscription(Log, "/rosout", on_log, interfaces.IMPACT.qos)
+        self.spin_until(lambda: bool(reasons), LOOK_TIMEOUT)
+        return reasons[-1] if reasons else "see the log of the campaign node"
 
     def _check_rig(self) -> None:
         self._check()
@@ -521,10 +448,68 @@ class CampaignClient(RigClient):
         if not self._action.server_is_ready() and not rest:
             raise DeviceError("the campaign node has gone: see the rig's log")
 
-    def _keep_acquisition(self, message: AcquisitionState) -> None:
+    def cancel(self) -> None:
+        """Ask a running campaign to stop, and wait until it has, for a bounded time."""
+        if self._goal is None:
+            return
+        self._goal.cancel_goal_async()
+        # A campaign node that has ended meanwhile does not answer.
+        self.spin_until(
+            lambda: self._result.done() or not self._action.server_is_ready(), CANCEL_TIMEOUT
+        )
+        self._goal = None
+
+    def _on_liveliness(self, status: Any) -> None:
+        """Show that the campaign node gives no sign of life."""
+        if self._operator is None or self._goal is None:
+            return
+        if status.alive_count:
+            self._gone_since = math.inf
+            # A node that was started again does not know the goal, and says so.
+            self._result = self._goal.get_result_async()
+            return
+        self._gone_since = time.monotonic()
+        self._feedback.state = RunCampaign.Feedback.PAUSED
+        self._feedback.message = "the campaign node has gone"
+        self._operator.follow(self._feedback)
+
+    def _on_feedback(self, message: Any) -> None:
+        """Show a feedback; what it asks of a person is done outside of callbacks."""
+        feedback, before = message.feedback, self._feedback
+        self._feedback = feedback
+        if self._operator is None:
+            return
+        self._operator.follow(feedback)
+        if (feedback.state, feedback.sample) == (before.state, before.sample):
+            return
+        if feedback.state == RunCampaign.Feedback.WAITING_FOR_SAMPLE:
+            self._duties.append(self._mount)
+        elif feedback.state == RunCampaign.Feedback.WAITING_FOR_HAMMER:
+            self._duties.append(self._put_back)
+
+    def _mount(self, operator: Operator) -> None:
+        sample = self._feedback.sample
+        operator.mount(sample)
+        request = ConfirmSample.Request(sample=sample)
+        self.call(ConfirmSample, interfaces.CONFIRM_SAMPLE, request, SERVICE_TIMEOUT)
+
+    def _put_back(self, operator: Operator) -> None:
+        refusal, is_held = "", False
+        while not is_held:
+            operator.put_back(refusal)
+            request = Trigger.Request()
+            answer = self.call(Trigger, interfaces.CONFIRM_HELD, request, SERVICE_TIMEOUT)
+            refusal, is_held = answer.message, answer.success
+
+    def _on_release(self, release: HammerRelease) -> None:
+        """Show a person who releases the hammer by hand that it is time."""
+        if self._operator is not None and release.latest_contact > release.swing_time:
+            self._operator.let_go(release.sample, release.latest_contact)
+
+    def _on_acquisition_state(self, message: AcquisitionState) -> None:
         self._acquisition = message
 
-    def _keep_recording(self, message: RecorderState) -> None:
+    def _on_recorder_state(self, message: RecorderState) -> None:
         self._recording = message.uri
 
     @property

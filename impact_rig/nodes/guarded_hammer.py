@@ -4,7 +4,7 @@ It knows no clock, no messages and no other node, so that its promise can be tes
 holder lets go when a release was accepted, and never else.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
@@ -20,6 +20,15 @@ class HammerPlace(IntEnum):
     SWINGING = 1
     FAULT = 2
     AWAY = 3
+
+
+TRANSITIONS: Mapping[HammerPlace, tuple[HammerPlace, ...]] = {
+    HammerPlace.HELD: (HammerPlace.SWINGING, HammerPlace.FAULT),
+    HammerPlace.SWINGING: (HammerPlace.HELD, HammerPlace.AWAY, HammerPlace.FAULT),
+    HammerPlace.AWAY: (HammerPlace.HELD, HammerPlace.FAULT),
+    HammerPlace.FAULT: (HammerPlace.HELD, HammerPlace.AWAY),
+}
+"""Where a hammer may be next."""
 
 
 class Disarming(IntEnum):

@@ -146,6 +146,8 @@ RECORDED_TOPICS = (
 )
 """Every topic of the rig; what else lies under its namespace is recorded as it is discovered."""
 
+GOAL_REJECTED = "the campaign is rejected: "
+"""How the campaign node's log message on a rejected goal begins."""
 NOT_YET = "not yet, because "
 """How a service's message begins when what it lacks comes by itself: ask again."""
 

@@ -9,8 +9,11 @@ from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.srv import ConfirmSample
 
 from impact_rig.configuration.rig_file import read_template
-from impact_rig.core.setup import CONTROL_SAMPLE
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.campaign_plan import plan_campaign
+from impact_rig.nodes.messages import stamp_to_msg
 
 from .campaigns import begin, run, start_rig
 
@@ -91,17 +94,28 @@ IMPOSSIBLE = {
     "unknown sample 'tin'": {"samples": ["tin"], "impacts": 1},
     "impacts is 0": {"samples": ["steel small"], "impacts": 0},
     "asked for twice": {"samples": ["steel small", "steel small"], "impacts": 1},
-    "release angle is -5.72958°: it must be": {"release_angles": [0.1, -0.1], "impacts": 1},
+    "release angle is -5.72958°: it must be": {
+        "samples": [], "impacts": 1, "release_angles": [0.1, -0.1],
+    },
     "keep_hits is 4 of 3 impacts": {"samples": [], "impacts": 3, "keep_hits": 4},
-}
+}  # fmt: skip
 
 
-def test_an_impossible_goal_is_refused_by_name(harness, start):
+@pytest.mark.parametrize("word", IMPOSSIBLE)
+def test_an_impossible_goal_has_no_plan(word):
+    with pytest.raises(ParameterError) as caught:
+        plan_campaign(RunCampaign.Goal(**IMPOSSIBLE[word]), PAPER_SETUP, (), stamp_to_msg(0))
+    assert word in str(caught.value)
+
+
+def test_an_impossible_goal_and_one_beside_another_are_rejected(harness, start):
     client = start()
-    for word, goal in IMPOSSIBLE.items():
-        answer = run(harness, client, **goal)
-        assert answer.status == GoalStatus.STATUS_ABORTED
-        assert word in answer.result.message
+    impossible, _ = begin(harness, client, samples=["tin"], impacts=1)
+    handle, feedback = begin(harness, client, impacts=1000)
+    feedback.wait(lambda got: got[-1].impact >= 1)
+    second, _ = begin(harness, client, impacts=1)
+    assert [impossible.accepted, handle.accepted, second.accepted] == [False, True, False]
+    harness.wait(handle.cancel_goal_async())
 
 
 def test_every_angle_of_a_manual_holder_is_asked_for(harness, start, tmp_path):

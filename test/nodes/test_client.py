@@ -1,12 +1,13 @@
 """A person at the command line asks a real hammer node."""
 
 import pytest
+from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import HammerState
 
 from impact_rig.cli.main import cli
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.client import HammerClient
+from impact_rig.nodes.client import CampaignClient, HammerClient
 from impact_rig.nodes.hammer import HammerNode
 
 TIMEOUT = 60.0
@@ -49,7 +50,7 @@ def test_a_rig_that_is_not_there_is_said(ros_domain, monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     with (
         HammerClient("nobody", 0.1) as client,
-        pytest.raises(DeviceError, match="no hammer says what it does within"),
+        pytest.raises(DeviceError, match="no hammer publishes its state within"),
     ):
         client.describe()
 
@@ -61,3 +62,15 @@ def test_the_command_prints_an_answer(ros_domain, harness, monkeypatch, capsys):
         cli(["hammer"])
     assert end.value.code == 0
     assert capsys.readouterr().out == "held, not armed; holder: virtual rig\n"
+
+
+def test_a_goal_that_cannot_be_run_is_rejected_with_the_reason(
+    ros_domain, start_process, monkeypatch
+):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    start_process("campaign")
+    with CampaignClient() as client:
+        assert client.spin_until(client._action.server_is_ready, TIMEOUT)
+        goal = RunCampaign.Goal(samples=["tin"], impacts=1)
+        with pytest.raises(RigError, match="rejected: unknown sample 'tin'"):
+            client.run(goal, None)

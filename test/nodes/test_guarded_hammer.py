@@ -1,5 +1,7 @@
 """The holder lets go when a release was accepted, and never else."""
 
+from itertools import pairwise
+
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
@@ -10,6 +12,7 @@ from impact_rig.core.errors import DeviceError
 from impact_rig.devices.protocols import HolderState
 from impact_rig.nodes.guarded_hammer import (
     ON_ITS_WAY,
+    TRANSITIONS,
     Disarming,
     GuardedHammer,
     HammerCondition,
@@ -157,6 +160,11 @@ class Interlock(RuleBasedStateMachine):
     @invariant()
     def nothing_lets_go_but_an_accepted_release(self):
         assert sum(holder.releases for holder in self.holders) == self.accepted
+
+    @invariant()
+    def it_goes_where_the_table_leads(self):
+        for before, after in pairwise(condition.place for condition in self.told):
+            assert after in (before, *TRANSITIONS[before])
 
     @invariant()
     def the_condition_is_what_the_rules_say_and_has_been_told(self):

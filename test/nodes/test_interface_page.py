@@ -5,11 +5,14 @@ from pathlib import Path
 
 import pytest
 from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.msg import HammerState
 
-from impact_rig.nodes import interfaces
+from impact_rig.nodes import guarded_hammer, interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
-from impact_rig.nodes.campaign import TRANSITIONS, CampaignNode, State
+from impact_rig.nodes.campaign import CampaignNode
+from impact_rig.nodes.campaign_state import TRANSITIONS, State
 from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.nodes.guarded_hammer import HammerPlace
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.replayer import ReplayerNode
@@ -49,14 +52,21 @@ def test_every_topic_service_and_action_is_on_the_page():
             assert item in named
 
 
-def test_the_states_of_a_campaign_are_those_of_the_code_and_of_the_action():
+@pytest.mark.parametrize(
+    ("states", "transitions", "message"),
+    [
+        (State, TRANSITIONS, RunCampaign.Feedback),
+        (HammerPlace, guarded_hammer.TRANSITIONS, HammerState),
+    ],
+)
+def test_the_states_are_those_of_the_code_and_of_the_message(states, transitions, message):
     table = {
         row[0].strip("`"): list_names(row[-1]) if len(row) > 2 else []
         for row in ROWS
-        if row[0].strip("`") in State.__members__
+        if row[0].strip("`") in states.__members__
     }
     assert table == {
-        state.name: [following.name for following in found] for state, found in TRANSITIONS.items()
+        state.name: [following.name for following in found] for state, found in transitions.items()
     }
-    constants = {name: getattr(RunCampaign.Feedback, name) for name in State.__members__}
-    assert constants == {state.name: state.value for state in State}
+    constants = {name: getattr(message, name) for name in states.__members__}
+    assert constants == {state.name: state.value for state in states}
