@@ -36,8 +36,8 @@ whose tables come from the rig file. What shows results knows results, not where
 the analysis makes them of files."""
 
 PURE = {
-    "GTC", "abc", "array", "collections", "dataclasses", "enum", "functools", "itertools", "math",
-    "numbers", "numpy", "operator", "re", "scipy", "sys", "types", "typing",
+    "GTC", "abc", "array", "cmath", "collections", "dataclasses", "enum", "functools", "itertools",
+    "math", "numbers", "numpy", "operator", "re", "scipy", "sys", "types", "typing",
 }  # fmt: skip
 """What the core may import: nothing here reads a clock, a file or the network."""
 

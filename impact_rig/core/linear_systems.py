@@ -1,5 +1,6 @@
 """Closed solutions of linear systems and damped oscillators."""
 
+import cmath
 import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
@@ -214,105 +215,55 @@ def _plan_states(count: int) -> Sequence[tuple[int, Rows, Rows]]:
     )
 
 
-SMALLEST_ROOT = 1e-100
-"""|w| is taken as this at least: sin wt / w is then t to the last bit, as it must be."""
+NEARLY_CRITICAL = 1e-5
+"""Distance of both decay rates from their mean, over it, at least [-]: nearer ones count as so far
+apart, which changes a trace by 1e-10, and keeps the digits of their difference."""
 
 
 class FreeOscillator(NamedTuple):
-    """An oscillator left alone, its times counted in points.
+    """An oscillator x'' = -K x - D x' left alone, its times counted in points."""
 
-    Attributes
-    ----------
-    stiffness, damping : float
-        K, above zero, and D.
-    position, speed : float
-        x and x' at the start.
-    first : float
-        Time of the first point.
-    """
-
-    stiffness: float
-    damping: float
-    position: float
+    stiffness: float  # K, above zero
+    damping: float  # D
+    position: float  # at the start
     speed: float
-    first: float
+    first: float  # time of the first point
 
 
-def compute_padding(count: int) -> int:
-    """Return how much longer a record of `count` points must be that is written in whole rows."""
-    return math.isqrt(count) + 1
-
-
-def simulate_free_oscillators(
-    oscillators: Sequence[FreeOscillator], count: int, out: Sequence[FloatArray]
-) -> None:
-    """Compute the accelerations of oscillators left alone.
-
-    Parameters
-    ----------
-    oscillators : sequence of FreeOscillator
-        What moves, and when it is looked at: as many in turn as a record has bodies.
-    count : int
-        Number of points, one or more: of the longest record.
-    out : sequence of ndarray, shape (bodies, m)
-        Records that are filled: m is the number of points of each, at most `count`, and
-        `compute_padding` of `count` or more, of which the last mean nothing.
-    """
-    late, grid = _split(count)
-    described = [_describe(*oscillator) for oscillator in oscillators]
-    numbers = np.array(described)
-    exponents = numbers[:, :4].reshape(-1, 2, 2) @ grid
-    fundamental = np.empty_like(exponents)
-    np.cos(exponents[:, 1], out=fundamental[:, 0])
-    np.sin(exponents[:, 1], out=fundamental[:, 1])
-    for place, (*_, sign) in enumerate(described):
-        if sign > 0.0:
-            # (1 + e^(-2wt)) / 2 and (1 - e^(-2wt)) / 2, times the slower of the two decays.
-            apart = -0.5 * np.expm1(-2.0 * exponents[place, 1])
-            fundamental[place] = 1.0 - apart, apart
-    fundamental *= np.exp(exponents[:, :1])
-    lists = (numbers[:, 4:8].reshape(-1, 2, 2) @ fundamental[:, :, :late]).swapaxes(1, 2)
-    short = fundamental[:, :, late:]
-    block, bodies = grid.shape[1] - late, len(oscillators) // len(out)
-    for first, record in zip(range(0, len(oscillators), bodies), out, strict=True):
-        needed = min(late, record.shape[1] // block)
-        whole = record[:, : needed * block].reshape(-1, needed, block)
-        own = slice(first, first + bodies)
-        np.matmul(lists[own, :needed], short[own], out=whole)
-
-
-@lru_cache(maxsize=64)
-def _split(count: int) -> tuple[int, FloatArray]:
-    """Return how many late times there are, and all times in points and firsts, shape (2, times).
-
-    First come the late times, then the short ones that are added to each.
-    """
+def simulate_free_oscillators(oscillators: Sequence[FreeOscillator], count: int) -> FloatArray:
+    """Compute the accelerations of oscillators left alone, shape (oscillators, count)."""
     block = math.isqrt(count - 1) + 1
-    later = np.arange(0, count, block)
-    grid = np.zeros((2, later.size + block))
-    grid[0, : later.size], grid[0, later.size :] = later, np.arange(block)
-    grid[1, : later.size] = 1.0
-    return later.size, make_read_only(grid)
+    described = np.array([_describe(oscillator, block) for oscillator in oscillators])
+    amplitudes, per_block, per_point = described.reshape(-1, 3, 2).swapaxes(0, 1)
+    far = np.conj(_make_powers(amplitudes, per_block, -(-count // block)))
+    near = _make_powers(np.ones_like(amplitudes), per_point, block)
+    # The real parts of all products.
+    values: FloatArray = far.view(np.float64) @ near.view(np.float64).swapaxes(1, 2)
+    return values.reshape(len(values), -1)[:, :count]
 
 
-def _describe(
-    stiffness: float, damping: float, position: float, speed: float, first: float
-) -> tuple[float, ...]:
-    """Return what is needed of one oscillator.
-
-    Minus the slower decay's rate, which is a below critical damping, and that up to the first
-    point; |w| likewise; the matrix ((A, B), (B, sign A)) with B = (J + a A) / |w|; and sign,
-    which is 1 beyond critical damping, -1 below.
-    """
-    half = 0.5 * damping
-    square = stiffness - half * half
-    root = max(math.sqrt(abs(square)), SMALLEST_ROOT)
-    sign = -1.0 if square > 0.0 else 1.0
-    # Written so that neither vanishes in rounding.
-    slower = half if square > 0.0 else stiffness / (half + root)
-    value = -stiffness * position - damping * speed
-    other = (stiffness * half * position + (2.0 * half * half - stiffness) * speed) / root
+def _describe(oscillator: FreeOscillator, block: int) -> tuple[complex, ...]:
+    """Return the two decays whose sum it is: first values, factors of a block and of a point."""
+    stiffness, damping, position, speed, first = oscillator
+    half = damping / 2.0
+    root = cmath.sqrt(half * half - stiffness)
+    if abs(root) < NEARLY_CRITICAL * half:
+        root = complex(NEARLY_CRITICAL * half)
+    fast = -half - root
+    # Their product is K: -D / 2 + root would lose its digits to a large D.
+    slow = stiffness / fast
     return (
-        *(-slower, -slower * first, root, root * first),
-        *(value, other, other, sign * value, sign),
+        slow**2 * (speed - fast * position) / (slow - fast) * cmath.exp(slow * first),
+        fast**2 * (slow * position - speed) / (slow - fast) * cmath.exp(fast * first),
+        *(cmath.exp(rate * block) for rate in (slow, fast)),
+        *(cmath.exp(rate) for rate in (slow, fast)),
     )
+
+
+def _make_powers(
+    first: NDArray[np.complex128], factor: NDArray[np.complex128], count: int
+) -> NDArray[np.complex128]:
+    """Return first, first * factor and so on, shape (oscillators, count, 2)."""
+    powers = np.empty((len(first), count, 2), dtype=np.complex128)
+    powers[:, 0], powers[:, 1:] = first, factor[:, np.newaxis]
+    return np.multiply.accumulate(powers, axis=1, out=powers)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
@@ -12,7 +12,6 @@ from impact_rig.core.errors import ParameterError, check_not_negative, check_pos
 from impact_rig.core.linear_systems import (
     FreeOscillator,
     Moments,
-    compute_padding,
     simulate_free_oscillators,
     simulate_linear_systems,
 )
@@ -145,42 +144,8 @@ def _make_driven() -> ContactSystem:
 PRINTED, DRIVEN = _make_printed(), _make_driven()
 
 
-def simulate_contacts(
-    system: ContactSystem,
-    numbers: Sequence[tuple[float, ...]],
-    moments: Sequence[Moments],
-    count: int,
-) -> tuple[FloatArray, FloatArray]:
-    """Compute accelerations during the contact, and what moves at its end.
-
-    Parameters
-    ----------
-    numbers : sequence of tuple of float
-        Of each model: `K1` to `FORCE`.
-    moments : sequence of Moments
-        Of each model: its first point and the end of the contact, from the start of the contact.
-    count : int
-        Number of points, one or more; those beyond the contact mean nothing.
-
-    Returns
-    -------
-    accelerations : ndarray, shape (models, 2, count)
-        x1'' and x2'' [m/s^2].
-    state : ndarray, shape (models, 2 * bodies)
-        x w^2 / d, then x' w / d of the bodies that move, at the end of the contact [m/s^2].
-    """
-    size = system.size
-    entries = (np.array(numbers) @ system.entries).reshape(-1, size + 3, size)
-    values, ends = simulate_linear_systems(
-        entries[:, :size], entries[:, -1], entries[:, size:-1], moments, count
-    )
-    return values, ends[:, : size - 3]
-
-
-OSCILLATORS: tuple[tuple[int, int], ...] = ((K1, C1), (K2, C2))
+OSCILLATORS = ((K1, C1), (K2, C2))
 """Which numbers of a model are those of hammer and sample left alone."""
-BATCH = 64
-"""Impacts that are calculated at once [-], measured: what they need stays near the processor."""
 
 
 class ModelVariant(Enum):
@@ -297,17 +262,8 @@ def simulate_impacts(
     *,
     start: float | FloatArray = 0.0,
     variant: ModelVariant = ModelVariant.PRINTED,
-    places_steps: bool = False,
 ) -> FloatArray:
     """Simulate many impacts at once; parameters as `simulate_impact`, one start or one each.
-
-    Parameters
-    ----------
-    places_steps : bool
-        The two points beside each step of the printed model carry its place between them: they
-        are the means of the trace over a triangle two points wide, which keeps the step's area
-        and centre. Without that a step jumps from point to point as tau_p or t0 move, and no
-        difference of traces is a derivative.
 
     Returns
     -------
@@ -323,91 +279,45 @@ def simulate_impacts(
     starts = start.tolist() if isinstance(start, np.ndarray) else [start] * len(models)
     if not all(map(math.isfinite, starts)):
         raise ParameterError("the start of a time grid must be a finite number")
-    # The last row of a record is written whole.
-    result = np.zeros((len(models), 2, count + compute_padding(count)))
-    for first in range(0, len(models), BATCH):
-        part = slice(first, first + BATCH)
-        chosen = models[part], sampling_rate, starts[part], variant, count
-        _simulate(*chosen, result[part], places_steps=places_steps)
-    return result[:, :, :count]
-
-
-def _simulate(
-    models: Sequence[ImpactModel],
-    sampling_rate: float,
-    starts: Sequence[float],
-    variant: ModelVariant,
-    count: int,
-    out: FloatArray,
-    *,
-    places_steps: bool,
-) -> None:
-    """Fill `out`, shape (models, 2, count and more), which is zero."""
     is_printed = variant is ModelVariant.PRINTED
     system = PRINTED if is_printed else DRIVEN
-    spans, numbers, moments, longest = [], [], [], 1
-    for model, start in zip(models, starts, strict=True):
-        span = find_contact(start, model.contact_time, sampling_rate, count)
-        spans.append(span)
-        numbers.append(_describe(model, sampling_rate, is_printed=is_printed))
-        moments.append(Moments(span.begin * sampling_rate, model.contact_time * sampling_rate))
-        longest = max(longest, span.free - span.first)
-    contact, ends = simulate_contacts(system, numbers, moments, longest)
-
-    oscillators, records, longest = [], [], 0
-    bodies = OSCILLATORS[system.moving]
-    for number, ((first, free, _, late), end) in enumerate(zip(spans, ends.tolist(), strict=True)):
-        out[number, :, first:free] = contact[number, :, : free - first]
-        if free < count:
-            longest = max(longest, count - free)
-            own, angle, late_points = numbers[number], numbers[number][ANGLE], late * sampling_rate
-            for body, (stiffness, damping) in enumerate(bodies):
-                oscillators.append(
-                    FreeOscillator(
-                        angle * own[stiffness],
-                        own[damping],
-                        end[body] / angle,
-                        end[body + len(bodies)],
-                        late_points,
-                    )
-                )
-            records.append(out[number, system.moving, free:])
-    if records:
-        simulate_free_oscillators(oscillators, longest, records)
-    if not (places_steps and is_printed):
-        return
-    for number, (span, end) in enumerate(zip(spans, ends.tolist(), strict=True)):
-        at_start, at_end = _compute_jumps(numbers[number], end)
-        place = -starts[number] * sampling_rate
-        _place_step(out[number, :, :count], place, span.first, at_start)
-        place += models[number].contact_time * sampling_rate
-        _place_step(out[number, :, :count], place, span.free, at_end)
-
-
-def _compute_jumps(
-    numbers: Sequence[float], end: Sequence[float]
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return how far the traces of hammer and sample jump at t = 0 and at tau_p [m/s^2].
-
-    Of a printed model's numbers and its state at the end of the contact.
-    """
-    x1, x2, v1, v2 = end
-    hammer = numbers[K1] * x2 + numbers[C1] * v2
-    specimen = numbers[K12] * (x1 - x2) + numbers[C12] * (v1 - v2)
-    speed = numbers[SPEED]
-    return (-numbers[C1] * speed, numbers[C12] * speed), (-hammer, -specimen)
-
-
-def _place_step(
-    traces: FloatArray, place: float, follower: int, jumps: tuple[float, float]
-) -> None:
-    """Let the two points beside a step carry its place [points]; `follower` comes after it."""
-    for point, sign in ((follower - 1, 0.5), (follower, -0.5)):
-        reach = 1.0 - abs(point - place)
-        if reach > 0.0 and 0 <= point < traces.shape[1]:
-            weight = sign * reach * reach
-            for body, jump in enumerate(jumps):
-                traces[body, point] += weight * jump
+    spans = [
+        find_contact(start, model.contact_time, sampling_rate, count)
+        for model, start in zip(models, starts, strict=True)
+    ]
+    numbers = [_describe(each, sampling_rate, is_printed=is_printed) for each in models]
+    moments = [
+        Moments(span.begin * sampling_rate, model.contact_time * sampling_rate)
+        for model, span in zip(models, spans, strict=True)
+    ]
+    size = system.size
+    entries = (np.array(numbers) @ system.entries).reshape(-1, size + 3, size)
+    contact, ends = simulate_linear_systems(
+        entries[:, :size],
+        entries[:, -1],
+        entries[:, size:-1],
+        moments,
+        max(1, *(span.free - span.first for span in spans)),
+    )
+    bodies = (size - 3) // 2
+    oscillators = [
+        FreeOscillator(
+            own[ANGLE] * own[stiffness],
+            own[damping],
+            end[body] / own[ANGLE],
+            end[body + bodies],
+            span.late * sampling_rate,
+        )
+        for own, end, span in zip(numbers, ends.tolist(), spans, strict=True)
+        for body, (stiffness, damping) in enumerate(OSCILLATORS[-bodies:])
+    ]
+    longest = max(1, *(count - span.free for span in spans))
+    free = simulate_free_oscillators(oscillators, longest).reshape(len(models), bodies, -1)
+    result = np.zeros((len(models), 2, count))
+    for number, span in enumerate(spans):
+        result[number, :, span.first : span.free] = contact[number, :, : span.free - span.first]
+        result[number, system.moving, span.free :] = free[number, :, : count - span.free]
+    return result
 
 
 def _describe(model: ImpactModel, sampling_rate: float, *, is_printed: bool) -> tuple[float, ...]:
@@ -423,101 +333,3 @@ def _describe(model: ImpactModel, sampling_rate: float, *, is_printed: bool) -> 
         model.impact_speed * sampling_rate if is_printed else 0.0,
         model.peak_force / (2.0 * m2 * angle),
     )
-
-
-DRIVEN_PARAMETERS = ("tau_p", "t0", "k2", "c2", "F0")
-PRINTED_PARAMETERS = ("tau_p", "t0", "k2", "c2", "F0", "k1", "c1")
-RELATIVE_STEP = 2.0**-25
-"""Step over a parameter's scale [-]: there half the second derivative, which a forward difference
-leaves out, and the traces' rounding of some 1e-15, which it divides, are both some 3e-8."""
-
-
-@dataclass(frozen=True)
-class Sensitivities:
-    """Accelerations of both bodies and their derivatives.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Parameters: contact time tau_p [s], start of the contact t0 [s], k2 [N/m], c2 [N s/m],
-        F0 [N]; for the printed model also k1 [N/m] and c1 [N s/m].
-    traces : ndarray, shape (2, n)
-        x1'' and x2'' [m/s^2].
-    derivatives : ndarray, shape (2, parameters, n)
-        Of the traces [m/s^2 per unit of the parameter]. For t0: the contact moves later.
-    """
-
-    names: tuple[str, ...]
-    traces: FloatArray
-    derivatives: FloatArray
-
-
-def list_parameters(variant: ModelVariant) -> tuple[str, ...]:
-    """Return the parameters of a model variant, in the order of the derivatives."""
-    return DRIVEN_PARAMETERS if variant is ModelVariant.DRIVEN else PRINTED_PARAMETERS
-
-
-def compute_sensitivities(
-    model: ImpactModel,
-    sampling_rate: float,
-    count: int,
-    *,
-    start: float = 0.0,
-    variant: ModelVariant = ModelVariant.DRIVEN,
-) -> Sensitivities:
-    """Compute both accelerations on a uniform time grid and their derivatives.
-
-    The arguments are those of `simulate_impact`, and the traces are equal to its with
-    `places_steps`.
-    """
-    names = list_parameters(variant)
-    models, starts, steps = [model], [start], []
-    for name in names:
-        moved, moved_start, step = _move(model, start, name)
-        models.append(moved)
-        starts.append(moved_start)
-        steps.append(step)
-    traces = simulate_impacts(
-        models,
-        sampling_rate,
-        count,
-        start=np.array(starts),
-        variant=variant,
-        places_steps=True,
-    )
-    # In place: nothing of that size is allocated again.
-    derivatives = traces[1:]
-    derivatives -= traces[0]
-    derivatives *= 1.0 / np.array(steps)[:, np.newaxis, np.newaxis]
-    return Sensitivities(names, traces[0], derivatives.swapaxes(0, 1))
-
-
-def _move(model: ImpactModel, start: float, name: str) -> tuple[ImpactModel, float, float]:
-    """Return model and start of the grid with one parameter a step larger, and that step."""
-    rate = FULL_TURN / model.contact_time
-    if name == "F0":
-        # The traces are linear in it, so that any step is as good.
-        moved = replace(model, peak_force=model.peak_force + (abs(model.peak_force) or 1.0))
-        return moved, start, moved.peak_force - model.peak_force
-    if name == "t0":
-        earlier = start - RELATIVE_STEP / rate
-        return model, earlier, start - earlier
-    if name == "tau_p":
-        moved = replace(model, contact_time=model.contact_time + RELATIVE_STEP / rate)
-        return moved, start, moved.contact_time - model.contact_time
-    part = "hammer" if name[1] == "1" else "specimen"
-    body: Body = getattr(model, part)
-    if name[0] == "k":
-        scale = body.stiffness + body.mass * rate**2
-        changed = replace(body, stiffness=body.stiffness + RELATIVE_STEP * scale)
-        step = changed.stiffness - body.stiffness
-    else:
-        scale = body.damping_coefficient + body.mass * rate
-        changed = replace(
-            body, damping_coefficient=body.damping_coefficient + RELATIVE_STEP * scale
-        )
-        step = changed.damping_coefficient - body.damping_coefficient
-    moved = (
-        replace(model, hammer=changed) if part == "hammer" else replace(model, specimen=changed)
-    )
-    return moved, start, step

@@ -223,6 +223,7 @@ def minimise(
     start: FloatArray,
     tolerance: float,
     evaluations: int,
+    bounds: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, Evaluation, bool]:
     """Search the least sum of squares.
 
@@ -236,6 +237,8 @@ def minimise(
         Relative change of sum of squares and of parameters that ends the search [-].
     evaluations : int
         At most.
+    bounds : pair of ndarray, shape (p,)
+        Least and largest parameters; None: any.
 
     Returns
     -------
@@ -254,7 +257,8 @@ def minimise(
         lambda parameters: look_up(parameters)[0],
         start,
         jac=lambda parameters: look_up(parameters)[1].T,
-        method="lm",
+        method="lm" if bounds is None else "trf",
+        bounds=bounds or (-np.inf, np.inf),
         x_scale="jac",
         ftol=tolerance,
         xtol=tolerance,

@@ -16,11 +16,8 @@ from impact_rig.core.damping import estimate_free_decay
 from impact_rig.core.errors import RigError
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.identification import (
-    GOOD_CHI_SQUARE,
-    LARGEST_RESIDUAL,
+    NAMES,
     Identification,
-    MisfitError,
-    StartingValues,
     identify_model,
 )
 from impact_rig.core.model import Body, ImpactModel, ModelVariant
@@ -47,7 +44,6 @@ from impact_rig.core.setup import RigSetup
 from impact_rig.core.uncertainty import (
     LEAST_HITS,
     ONE_HIT,
-    FittedBody,
     compute_quantity,
     find_decaying_body,
     find_identified_body,
@@ -104,10 +100,6 @@ def explain_ringing(frequency: float, setup: RigSetup) -> str:
 
 
 SPECIMEN_CHANNEL = 1
-NO_MODEL = (
-    "identification: not determined, since no variant of the two-body model describes both"
-    f" traces; one must leave {100.0 * LARGEST_RESIDUAL:g} % of the peak or less"
-)
 
 
 @dataclass(frozen=True)
@@ -244,76 +236,47 @@ def estimate_decay(
     )
 
 
-def fit_models(
-    mean: MeanHit, setup: RigSetup, sample: str, start: StartingValues
-) -> tuple[tuple[FittedModel, ...], tuple[str, ...]]:
-    """Fit the variants of the model to both mean traces of a sample.
+def fit_model(mean: MeanHit, setup: RigSetup, sample: str) -> FittedModel:
+    """Fit the driven model to both mean traces of a sample.
 
-    One that leaves nothing but noise cannot be outdone: then the next is not tried.
-
-    Returns
-    -------
-    models : tuple of FittedModel
-        Those that could be fitted.
-    notes : tuple of str
-        Why there is no preferred one.
+    Raises
+    ------
+    NotDeterminedError
+        If it does not describe them.
     """
-    found: list[Identification] = []
-    notes: list[str] = []
-    for variant in ModelVariant:
-        try:
-            found.append(identify_model(mean, setup, sample, variant, start))
-        except MisfitError:
-            notes.append(NO_MODEL)
-            continue
-        except RigError as error:
-            notes.append(str(error))
-            continue
-        if found[-1].chi_square < GOOD_CHI_SQUARE:
-            break
-    good = [item for item in found if item.describes_traces]
-    best = min(good, key=lambda item: item.criterion, default=None)
-    models = tuple(
-        _describe_model(item, setup, sample, averaged=mean.count, is_preferred=item is best)
-        for item in found
+    found = identify_model(mean, setup, sample)
+    columns = [NAMES.index(name) for name in ("tau_p", "k2", "c2")]
+    body = propagate_fit(
+        f"scatter of the hits on {sample}",
+        found.hit_values[:, columns],
+        find_identified_body,
+        make_rig_numbers(setup, sample),
+        estimates=found.values[columns].tolist(),
+        averaged=mean.count,
+        owner=f"{sample}, driven model",
     )
-    if best is not None:
-        # What else could not be fitted is of no concern where one variant fits.
-        return models, ()
-    return models, tuple(dict.fromkeys([*notes, NO_MODEL] if found else notes))
-
-
-def _describe_model(
-    found: Identification, setup: RigSetup, sample: str, *, averaged: int, is_preferred: bool
-) -> FittedModel:
-    model = FittedModel(
-        model=found.variant.value,
-        is_preferred=is_preferred,
+    is_open = found.undetermined.keys()
+    return FittedModel(
+        model=ModelVariant.DRIVEN.value,
+        is_preferred=True,
         criterion=found.criterion,
-        force_balance=found.force_balance,
-        residual_hammer_percent=found.residual_percent[0],
-        residual_sample_percent=found.residual_percent[1],
-        residual_over_noise=math.sqrt(found.chi_square),
-        parameters=found.names,
-        values=tuple(
-            math.nan if name in found.open_parameters else value
-            for name, value in zip(found.names, found.values.tolist(), strict=True)
-        ),
-        covariance=tuple(found.covariance.ravel().tolist()),
-        undetermined=found.undetermined,
-        notes=found.notes,
-        identification=found,
-    )
-    if not found.describes_traces:
-        return model
-    body = estimate_fitted_body(found, setup, sample, averaged)
-    is_open = set(found.open_parameters)
-    return replace(
-        model,
         contact_time=UNKNOWN if "tau_p" in is_open else body.contact_time,
         stiffness=UNKNOWN if "k2" in is_open else body.stiffness,
         damping_coefficient=UNKNOWN if "c2" in is_open else body.damping_coefficient,
         damping_ratio=UNKNOWN if is_open & {"k2", "c2"} else body.damping_ratio,
+        force_balance=found.force_balance,
+        residual_hammer_percent=found.residual_percent[0],
+        residual_sample_percent=found.residual_percent[1],
+        residual_over_noise=math.sqrt(found.chi_square),
+        parameters=NAMES,
+        values=tuple(
+            math.nan if name in is_open else value
+            for name, value in zip(NAMES, found.values.tolist(), strict=True)
+        ),
+        covariance=tuple(found.covariance.ravel().tolist()),
+        undetermined=tuple(found.undetermined.values()),
+        notes=found.notes,
+        identification=found,
     )
 
 
@@ -321,22 +284,6 @@ def find_frequency(model: FittedModel, sample: str, setup: RigSetup) -> float:
     """Return the frequency at which a fitted body swings on its spring [Hz]."""
     stiffness = model.stiffness.value / setup.samples.get_moving_mass(sample)
     return math.sqrt(stiffness) / (2.0 * math.pi)
-
-
-def estimate_fitted_body(
-    found: Identification, setup: RigSetup, sample: str, averaged: int
-) -> FittedBody:
-    """Estimate tau_p, k2, zeta2 and c2 by a model fitted to the mean of `averaged` hits."""
-    columns = [found.names.index(name) for name in ("tau_p", "k2", "c2")]
-    return propagate_fit(
-        f"scatter of the hits on {sample}",
-        found.hit_values[:, columns],
-        find_identified_body,
-        make_rig_numbers(setup, sample),
-        estimates=found.values[columns].tolist(),
-        averaged=averaged,
-        owner=f"{sample}, {found.variant.value} model",
-    )
 
 
 @dataclass(frozen=True)
@@ -562,7 +509,7 @@ def add_checks(
 ) -> SampleEstimate:
     """Put pulse shape, contact law, free decay and comparison with the model beside the numbers.
 
-    Most of the work of an estimate; the model is not fitted yet: see `add_models`.
+    Most of the work of an estimate; the model is not fitted yet: see `add_model`.
 
     Parameters
     ----------
@@ -641,35 +588,22 @@ def _gather_notes(contact: ContactEstimate, body: BodyEstimate) -> tuple[str, ..
     return tuple(dict.fromkeys(notes))
 
 
-def add_models(
-    estimate: SampleEstimate, mean: MeanHit, hammer: BodyEstimate, setup: RigSetup
-) -> SampleEstimate:
-    """Fit the model to the mean traces that `estimate` was made from; parameters as there.
+def add_model(estimate: SampleEstimate, mean: MeanHit, setup: RigSetup) -> SampleEstimate:
+    """Fit the model to the mean traces that `estimate` was made from.
 
-    A tenth of a second's work: for a series that is complete, not after every hit.
+    For a series that is complete, not after every hit.
     """
     if mean.traces.shape[0] <= 1:
         return estimate
-    known = estimate.free_decay if estimate.free_decay.is_known else estimate
-    start = StartingValues(
-        stiffness=known.stiffness.value,
-        damping_coefficient=known.damping_coefficient.value,
-        hammer_stiffness=hammer.stiffness.value,
-        hammer_damping_coefficient=hammer.damping_coefficient.value,
-    )
-    models, notes = fit_models(mean, setup, estimate.name, start)
-    ringing = {
-        explain_ringing(find_frequency(model, estimate.name, setup), setup)
-        for model in models
-        if model.stiffness.is_known
-    } - {""}
-    if ringing:
-        models, notes = (), tuple(f"identification: {text}" for text in sorted(ringing))
-    return replace(
-        estimate,
-        identifications=models,
-        notes=estimate.notes + notes,
-    )
+    try:
+        model = fit_model(mean, setup, estimate.name)
+    except RigError as error:
+        return replace(estimate, notes=(*estimate.notes, str(error)))
+    if model.stiffness.is_known:
+        ringing = explain_ringing(find_frequency(model, estimate.name, setup), setup)
+        if ringing:
+            return replace(estimate, notes=(*estimate.notes, f"identification: {ringing}"))
+    return replace(estimate, identifications=(model,))
 
 
 def _add_comparisons(

@@ -32,7 +32,7 @@ from impact_rig.core.sample import (
     SampleEstimate,
     TraceEstimates,
     add_checks,
-    add_models,
+    add_model,
     estimate_numbers,
     estimate_traces,
     withdraw_shared_ringing,
@@ -298,7 +298,7 @@ class Session:
         estimate, mean = self.estimate_sample(name), self.compute_mean(name)
         if mean is None or self.setup.find_unknown_masses(name):
             return estimate
-        return add_models(estimate, mean, self.estimate_hammer(name), self.get_setup(name))
+        return add_model(estimate, mean, self.get_setup(name))
 
     def compute_mean(self, name: str) -> MeanHit | None:
         """Return the mean hit of one sample so far; None: no hit was accepted.

@@ -191,8 +191,8 @@ def sample_traces_from_estimate(estimate: SampleEstimate, mean: MeanHit) -> Samp
     if fitted is not None and fitted.identification is not None:
         found = fitted.identification
         errors = (
-            100.0 * float(np.mean(np.square(residual / np.abs(trace).max())))
-            for residual, trace in zip(found.residual, found.measured, strict=True)
+            100.0 * float(np.mean(np.square((trace - model) / np.abs(trace).max())))
+            for model, trace in zip(found.model, mean.traces, strict=True)
         )
         models.append(ModelTraces(IDENTIFIED, found.model, *errors))
     return SampleTraces(

@@ -635,10 +635,9 @@ def tabulate_identifications(samples: Sequence[SampleEstimate]) -> list[Table]:
         make_text_column("Model", [fit.model for fit in fits]),
     ]
     note = (
-        "Paper: by the paper's method. Fit: least squares on hammer and sample together, with the"
-        " variant of the model that the Bayesian information criterion prefers. Residual/noise: 1"
-        " where the model leaves nothing but noise. Force balance: force on the sample over that"
-        " on the hammer, 1 by Newton's third law."
+        "Paper: by the paper's method. Fit: the driven model, by least squares on hammer and"
+        " sample together. Residual/noise: 1 where the model leaves nothing but noise. Force"
+        " balance: force on the sample over that on the hammer, 1 by Newton's third law."
     )
     return [make_table("Identification of the two-body model", columns, [note])]
 

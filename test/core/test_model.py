@@ -12,7 +12,6 @@ from scipy.integrate import quad, solve_ivp
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model import (
-    BATCH,
     Body,
     ImpactModel,
     ModelVariant,
@@ -153,7 +152,7 @@ def make_random_model(seed: int) -> ImpactModel:
     return ImpactModel(bodies[0], bodies[1], tau, draw.normal(), 60.0 * draw.normal())
 
 
-MODELS = [make_random_model(seed) for seed in range(BATCH + 6)]
+MODELS = [make_random_model(seed) for seed in range(20)]
 
 
 @pytest.mark.parametrize("variant", ModelVariant)
@@ -163,7 +162,7 @@ def test_many_impacts_in_one_call_are_those_of_single_calls(variant):
     assert found.shape == (len(MODELS), 2, 700)
     for traces, model, start in zip(found, MODELS, starts.tolist(), strict=True):
         one = np.stack(simulate_impact(model, RATE, 700, start=start, variant=variant))
-        np.testing.assert_allclose(traces, one, rtol=0, atol=1e-11 * np.abs(one).max())
+        np.testing.assert_allclose(traces, one, rtol=0, atol=1e-9 * np.abs(one).max())
 
 
 @pytest.mark.parametrize("start", [float("nan"), float("inf")])

@@ -34,7 +34,7 @@ GUIDE = {
     "Model": (
         "Two bodies, each with a spring and a damper, pressed together by a versed-sine force."
         " “driven”: the force alone drives the sample. “printed”: equations (1) and (2) as"
-        " they stand in the paper. “identified”: the variant that fits both traces best."
+        " they stand in the paper. “identified”: “driven”, fitted to both traces."
     ),
     "Paper, reference": (
         "The published value of the same sample, or the value that the rig's set-up expects."
