@@ -226,7 +226,7 @@ def test_a_real_check_holds_the_hammer_and_never_lets_it_go(run, tmp_path):
     digitizer = ScpiDigitizer(5e-4, 5e-4)
     relay = RelayBoard(lambda: released.append(True))
     digitizer.plug()
-    relay.start()
+    relay.plug()
     tables = RIG.partition("[source]")[0] + (
         f'[source]\ndriver = "scpi"\naddress = "{digitizer.address}"\n'
         'sampling_rate = "2.5 MHz"\ntrigger_level = "5 g"\n'

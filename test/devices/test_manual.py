@@ -2,10 +2,13 @@
 
 import pytest
 
-from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
+from impact_rig.configuration.toml_table import parse_toml_table
 from impact_rig.core.errors import ParameterError
+from impact_rig.devices.drivers import HOLDERS
 from impact_rig.devices.manual import ManualHolder
-from impact_rig.testing import HammerHolderContract, HolderBench
+from impact_rig.devices.protocols import HolderState
+from impact_rig.devices.virtual.drivers import VirtualHolder
+from impact_rig.testing import DriverContract, HolderBench
 
 
 def make_holder(text=""):
@@ -17,8 +20,14 @@ def test_he_may_take_a_minute_unless_the_rig_file_says_otherwise():
     assert make_holder('patience = "2 min"').patience == 120.0
 
 
-def test_it_is_by_hand():
-    assert make_holder().is_by_hand
+def test_an_operator_holds_and_may_release():
+    holder = make_holder()
+    assert holder.is_by_hand
+    assert holder.configure() == "operator"
+    holder.release()
+    assert holder.read_state() is HolderState.RELEASED
+    holder.hold()
+    assert holder.read_state() is HolderState.HOLDING
 
 
 @pytest.mark.parametrize(
@@ -34,18 +43,11 @@ def test_a_key_that_cannot_be_meant_is_named_with_its_line(text, word):
         make_holder(text)
 
 
-class ManualBench(HolderBench):
-    """An operator whose hands no test sees."""
+class TestHoldersWithoutADevice(DriverContract):
+    group, table = HOLDERS, "holder"
 
-    def get_driver(self):
-        return ManualHolder
-
-    def make_holder(self):
-        return ManualHolder(TomlTable({}, "[holder]"))
-
-
-class TestManualHolder(HammerHolderContract):
-    @pytest.fixture
-    def bench(self):
-        with ManualBench() as bench:
-            yield bench
+    @pytest.fixture(params=[ManualHolder, VirtualHolder])
+    def bench(self, request):
+        bench = HolderBench()
+        bench.get_driver = lambda: request.param
+        return bench

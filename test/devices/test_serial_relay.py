@@ -44,23 +44,15 @@ class RelayBench(HolderBench):
     """A board at the other end of a pseudo-terminal."""
 
     def __init__(self, energized):
+        pytest.importorskip("serial", reason="the extra `serial` is not installed")
         self.energized = energized
         self.releases = 0
         self.board = RelayBoard(self.count, holds_on=energized == "holds")
+        self.board.plug()
         self.unplug, self.plug = self.board.unplug, self.board.plug
-        self.is_holding = lambda: self.board.is_holding
-        self.count_releases = lambda: self.releases
 
     def count(self):
         self.releases += 1
-
-    def __enter__(self):
-        pytest.importorskip("serial", reason="the extra `serial` is not installed")
-        self.board.start()
-        return self
-
-    def __exit__(self, kind, error, trace):
-        self.board.stop()
 
     def get_driver(self):
         return SerialRelay
@@ -68,19 +60,28 @@ class RelayBench(HolderBench):
     def make_holder(self):
         return make_relay(f'port = "{self.board.port}"\nenergized = "{self.energized}"')
 
+    def is_holding(self):
+        return self.board.is_holding
 
-@pytest.fixture
-def bench():
-    with RelayBench("releases") as bench:
-        yield bench
+    def count_releases(self):
+        return self.releases
+
+
+@pytest.fixture(params=["releases"])
+def bench(request):
+    """Return a bench whose relay is on while it does what the parameter says."""
+    bench = RelayBench(request.param)
+    yield bench
+    bench.board.stop()
 
 
 class TestSerialRelay(HammerHolderContract):
     """The contract, on a board at a pseudo-terminal."""
 
 
-def test_a_magnet_that_holds_while_the_relay_is_on_is_switched_on():
-    with RelayBench("holds") as bench, closing(bench.make_holder()) as holder:
+@pytest.mark.parametrize("bench", ["holds"], indirect=True)
+def test_a_magnet_that_holds_while_the_relay_is_on_is_switched_on(bench):
+    with closing(bench.make_holder()) as holder:
         assert not bench.is_holding()
         holder.configure()
         bench.wait_until(bench.is_holding)

@@ -257,6 +257,5 @@ class TestSoundSource(AccelerationSourceContract):
     """The contract, on a card of PulseAudio."""
 
     @pytest.fixture
-    def bench(self, card: FakeSoundCard) -> Iterator[SoundBench]:
-        with SoundBench(card) as bench:
-            yield bench
+    def bench(self, card: FakeSoundCard) -> SoundBench:
+        return SoundBench(card)

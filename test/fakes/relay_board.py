@@ -6,7 +6,6 @@ import tempfile
 import threading
 import tty
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 FRAMES = {bytes.fromhex("a00101a2"): True, bytes.fromhex("a00100a1"): False}
@@ -14,78 +13,53 @@ FRAMES = {bytes.fromhex("a00101a2"): True, bytes.fromhex("a00100a1"): False}
 
 
 class RelayBoard:
-    """A board with one relay, which speaks the four-byte protocol.
+    """A board with one relay, which speaks the four-byte protocol; it is not plugged in yet.
 
     Parameters
     ----------
     on_release : callable
-        Called, in a thread of the board's own, when the relay lets the hammer go.
+        Called, in a thread of the board's own, when the relay releases the hammer.
     holds_on : bool
         The relay holds while it is on, else while it is off. Unplugged, it is off.
-
-    Attributes
-    ----------
-    on_release : callable
-        As given; may be replaced.
     """
 
     def __init__(
         self, on_release: Callable[[], None] = lambda: None, *, holds_on: bool = False
     ) -> None:
-        self.on_release = on_release
-        self._is_on_holding = holds_on
+        self._on_release = on_release
+        self._holds_on = holds_on
         self._is_on = False
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._folder = tempfile.TemporaryDirectory(prefix="impact_rig_relay_")
+        self.port = str(Path(self._folder.name, "relay"))  # the same after every `plug`
         self._wake = -1
         self._thread: threading.Thread | None = None
 
     @property
     def is_holding(self) -> bool:
         """Whether the hammer is held."""
-        return self._is_on == self._is_on_holding
-
-    @property
-    def port(self) -> str:
-        """Path of the port to open, the same after every `plug`."""
-        if self._folder is None:
-            return ""
-        return str(Path(self._folder.name, "relay"))
-
-    def start(self) -> None:
-        """Appear as a port."""
-        self._folder = tempfile.TemporaryDirectory(prefix="impact_rig_relay_")
-        self.plug()
+        return self._is_on == self._holds_on
 
     def stop(self) -> None:
-        """Disappear for good; safe to call twice."""
+        """Disappear for good."""
         self.unplug()
-        if self._folder is not None:
-            self._folder.cleanup()
-            self._folder = None
+        self._folder.cleanup()
 
     def plug(self) -> None:
         """Be plugged in: another pseudo-terminal under the same path; the relay is off."""
-        if self._thread is not None:
-            return
         board, port = os.openpty()
         tty.setraw(port)
         reader, self._wake = os.pipe()
         self._thread = threading.Thread(target=self._serve, args=(board, port, reader))
         self._thread.start()
-        # Whoever looks sees the port or none, never one that leads nowhere.
-        path = Path(self.port)
-        with suppress(FileNotFoundError):
-            path.unlink()
-        path.symlink_to(os.ttyname(port))
+        Path(self.port).symlink_to(os.ttyname(port))
 
     def unplug(self) -> None:
-        """Be pulled out: the port is gone, and the relay off."""
+        """Be pulled out: the port is gone, and the relay off; nothing happens if it is out."""
         if self._thread is None:
             return
         Path(self.port).unlink()
         os.close(self._wake)
-        if self._thread is not threading.current_thread():
-            self._thread.join()
+        self._thread.join()
         self._thread = None
         self._switch(is_on=False)
 
@@ -112,4 +86,4 @@ class RelayBoard:
         was_holding = self.is_holding
         self._is_on = is_on
         if was_holding and not self.is_holding:
-            self.on_release()
+            self._on_release()

@@ -88,7 +88,7 @@ class RigBench:
     def start(self) -> None:
         """Be there."""
         self.scpi.plug()
-        self.relay.start()
+        self.relay.plug()
 
     def stop(self) -> None:
         """Be gone; a hammer on its way arrives before."""

@@ -66,6 +66,17 @@ class RedPitaya:
         self._settings = dict(DEFAULTS)
         self._stop()
 
+    def _stop(self) -> None:
+        # By the monotonic clock [s]; infinite: not yet.
+        self._began: float = math.inf
+        self._triggered: float = math.inf
+        self._full: float = math.inf
+        self._position = 0  # of the trigger
+
+    def _start(self) -> None:
+        self._stop()
+        self._began = time.monotonic()
+
     def strike(self, volts: FloatArray, rate: float) -> bool:
         """Let voltages come to the inputs from now on; return whether they trigger.
 
@@ -118,20 +129,9 @@ class RedPitaya:
         answer = actions[header]() if header in actions else None
         return None if answer is None else answer.encode()
 
-    def _start(self) -> None:
-        self._stop()
-        self._began = time.monotonic()
-
-    def _stop(self) -> None:
-        # By the monotonic clock [s]; infinite: not yet.
-        self._began = self._triggered = self._full = math.inf
-        self._position = 0  # of the trigger
-
     def _tell_state(self) -> str:
-        is_waiting = (
-            self._settings["ACQ:TRIG"] != "DISABLED" and time.monotonic() < self._triggered
-        )
-        return "WAIT" if is_waiting else "TD"
+        is_disabled = self._settings["ACQ:TRIG"] == "DISABLED"
+        return "TD" if is_disabled or time.monotonic() >= self._triggered else "WAIT"
 
     def _get_rate(self) -> float:
         return CLOCK / int(self._settings["ACQ:DEC:FACTOR"])

@@ -28,7 +28,7 @@ def releases():
 @pytest.fixture
 def board(releases):
     peer = RelayBoard(releases.release)
-    peer.start()
+    peer.plug()
     yield peer
     peer.stop()
 

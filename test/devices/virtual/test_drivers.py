@@ -15,7 +15,6 @@ from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.devices.protocols import SourceChannel
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.drivers import (
-    VirtualHolder,
     VirtualSource,
     make_virtual_plan,
     read_virtual_rig,
@@ -29,8 +28,6 @@ from impact_rig.devices.virtual.rig import (
 )
 from impact_rig.testing import (
     AccelerationSourceContract,
-    HammerHolderContract,
-    HolderBench,
     SourceBench,
 )
 
@@ -228,24 +225,8 @@ class VirtualSourceBench(SourceBench):
 
 
 class TestVirtualSource(AccelerationSourceContract):
+    test_it_comes_back_as_often_as_it_is_unplugged = None  # it has no plug
+
     @pytest.fixture
     def bench(self):
-        with VirtualSourceBench() as bench:
-            yield bench
-
-
-class VirtualHolderBench(HolderBench):
-    """A holder with nothing behind it."""
-
-    def get_driver(self):
-        return VirtualHolder
-
-    def make_holder(self):
-        return VirtualHolder(TomlTable({}, "[holder]"))
-
-
-class TestVirtualHolder(HammerHolderContract):
-    @pytest.fixture
-    def bench(self):
-        with VirtualHolderBench() as bench:
-            yield bench
+        return VirtualSourceBench()
