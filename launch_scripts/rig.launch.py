@@ -27,7 +27,6 @@ from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     LAUNCHER,
     NodeProcess,
-    RecordingPlan,
     list_rig_processes,
     make_network_variables,
 )
@@ -170,7 +169,8 @@ def make_rig(context: LaunchContext) -> list[Action]:
         source=source,
         swing=rig.hammer,
         continuous=read("continuous") == "true",
-        recording=RecordingPlan(read("notes"), read("record_stream") == "true"),
+        notes=read("notes"),
+        record_stream=read("record_stream") == "true",
         visualize=choose_view(read("visualizer"), executables / "visualizer"),
         viewers=split_names(read("viewer")),
         only=split_names(read("only")),

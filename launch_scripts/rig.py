@@ -26,7 +26,7 @@ at once, with the Python of the first one, and build again only what has changed
 choose another Python. With a ROS 2 Jazzy installation sourced, that one is used instead of the
 wheels.
 
-  python3 launch_scripts/rig.py demo --samples "aluminium large" --impacts 3
+  python3 launch_scripts/rig.py demo --sample "aluminium large" --impacts 3
   python3 launch_scripts/rig.py test -k pulse
   python3 launch_scripts/rig.py exec -- impact-rig --help
   python3 launch_scripts/rig.py exec -- impact-rig analyze runs/*/session.mcap

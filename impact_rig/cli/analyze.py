@@ -1,13 +1,12 @@
 """`impact-rig analyze`: recordings and plain traces, without ROS."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
-from rich.progress import MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from impact_rig.analysis.analyze import Analysis, analyze
 from impact_rig.analysis.batch import analyze_batch
@@ -19,7 +18,7 @@ from impact_rig.analysis.measured_files import (
 from impact_rig.analysis.repeated_files import find_repeated_files
 from impact_rig.cli import options
 from impact_rig.cli.each_file import print_json, raise_errors
-from impact_rig.cli.progress_bar import ProgressBar
+from impact_rig.cli.progress import show_progress
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.present.terminal.console import make_console, print_warning
 from impact_rig.present.terminal.results import print_batch, print_full, print_screen
@@ -28,67 +27,6 @@ from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.source import find_recordings, is_recording
 from impact_rig.results.batch import BatchCampaign
 from impact_rig.results.results_file import format_json, read_results, results_to_json
-
-MEGABYTE = 1e6
-
-
-class AnalysisProgress(ProgressBar):
-    """Follows the analysis of one recording; a context manager.
-
-    Parameters
-    ----------
-    console : Console
-        Where to; without a terminal nothing is shown.
-    path : Path
-        Of the recording.
-    """
-
-    def __init__(self, console: Console, path: Path) -> None:
-        self._path = path
-        self._what = ""
-        super().__init__(
-            console,
-            str(path),
-            TextColumn("{task.fields[figures]}"),
-            TimeRemainingColumn(),
-            figures="",
-        )
-
-    def follow(self, what: str, done: int, total: int) -> None:
-        """Take what is done, ``reading`` [byte] or ``estimating`` [samples], and how far it is."""
-        if what != self._what or not done:
-            self._what = what
-            self.restart(f"{what} {self._path}" if what == "reading" else what, total)
-        if what == "reading":
-            figures = f"{done / MEGABYTE:.0f} of {total / MEGABYTE:.0f} MB"
-        else:
-            figures = f"{done} of {total} samples"
-        self.update(completed=done, figures=figures)
-
-
-class BatchProgress(ProgressBar):
-    """Follows a batch on standard error; a context manager.
-
-    Parameters
-    ----------
-    console : Console
-        Where to; without a terminal, a line for each recording instead of a bar.
-    total : int
-        Recordings.
-    """
-
-    def __init__(self, console: Console, total: int) -> None:
-        self._total = total
-        self._done = 0
-        columns = (MofNCompleteColumn(), TimeRemainingColumn())
-        super().__init__(console, "recordings", *columns, total=total)
-
-    def take(self, path: Path) -> None:
-        """Take a finished recording."""
-        self._done += 1
-        self.update(completed=self._done)
-        if not self.is_drawn:
-            self.console.print(f"{self._done} of {self._total}: {path}", soft_wrap=True)
 
 
 def report_recording(
@@ -104,8 +42,8 @@ def report_recording(
 
     Raises as `read_recording` and `analyze`.
     """
-    with AnalysisProgress(make_console(stderr=True), path) as bar:
-        recording = analyze(read_recording(path), settings, accept, reject, report=bar.follow)
+    with show_progress() as follow:
+        recording = analyze(read_recording(path), settings, accept, reject, report=follow)
     _report_analysis(path, recording, is_full=is_full, as_json=as_json)
     if not as_json:
         options.print_places(recording=path)
@@ -197,8 +135,15 @@ def report_batch(
     """
     # The workers of a cluster have other working folders.
     named = [path.absolute() if scheduler else path for path in paths]
-    with BatchProgress(make_console(stderr=True), len(named)) as progress:
-        outcomes = analyze_batch(named, settings, workers, scheduler, progress.take)
+    done = itertools.count(1)
+    with show_progress() as follow:
+        outcomes = analyze_batch(
+            named,
+            settings,
+            workers,
+            scheduler,
+            lambda _: follow("analyzing recordings", next(done), len(named)),
+        )
     campaigns: list[BatchCampaign] = []
     for path, outcome in zip(paths, outcomes, strict=True):
         if outcome.recording is None:
@@ -236,8 +181,6 @@ RESULTS_OPTIONS = {"files", "is_full", "as_json"}
 
 
 def run(
-    context: click.Context,
-    /,
     files: tuple[Path, ...],
     is_full: bool,
     as_json: bool,
@@ -245,11 +188,12 @@ def run(
     reject: tuple[str, ...],
     workers: int | None,
     scheduler: str | None,
-    measured: Mapping[str, Any],
+    **measured: Any,
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
+    measured = options.drop_missing(measured)
     if any(path.suffix == RESULTS_SUFFIX for path in files):
-        _check_results_alone(context, files)
+        _check_results_alone(files)
         report_results(files[0], is_full=is_full, as_json=as_json)
         return
     paths, errors = _find_files(files)
@@ -296,14 +240,14 @@ def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:
     return paths, errors + list(repeated.values())
 
 
-def _check_results_alone(context: click.Context, files: Sequence[Path]) -> None:
+def _check_results_alone(files: Sequence[Path]) -> None:
     """Refuse what a results file has no use for: its hits are judged, its numbers estimated."""
     results = next(path for path in files if path.suffix == RESULTS_SUFFIX)
     if len(files) > 1:
         raise ParameterError(f"{results} is a results file: it is shown alone, without others")
+    command = click.get_current_context().command
     options.refuse_given(
-        context,
-        {parameter.name or "" for parameter in context.command.params} - RESULTS_OPTIONS,
+        {parameter.name or "" for parameter in command.params} - RESULTS_OPTIONS,
         f"changes nothing in {results}, a results file: analyze its recording",
     )
 

@@ -1,4 +1,4 @@
-"""`impact-rig calibrate`: a sensor's sensitivity from hits, in a new rig file."""
+"""`impact-rig calibrate`: a sensor's sensitivity from hits, as lines for a rig file."""
 
 import contextlib
 import dataclasses
@@ -13,8 +13,7 @@ import click
 from rich.console import Console
 from rich.text import Text
 
-from impact_rig.configuration.rig_file import RigFile, parse_rig_file, read_rig_file, read_today
-from impact_rig.configuration.sheet_change import change_sheet, name_new_file
+from impact_rig.configuration.rig_file import RigFile, read_rig_file, read_today
 from impact_rig.core.calibration import (
     FEWEST_HITS,
     Calibration,
@@ -24,7 +23,7 @@ from impact_rig.core.calibration import (
     estimate_sensitivity,
     fit_hit,
 )
-from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
+from impact_rig.core.errors import DeviceError, FileError, ParameterError
 from impact_rig.core.hits import JudgedHit, describe_label
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor, compute_scale
@@ -33,14 +32,12 @@ from impact_rig.core.setup import RigSetup
 from impact_rig.devices.protocols import AccelerationSource, HammerlessSource
 from impact_rig.devices.source_table import make_source
 from impact_rig.present.terminal.console import (
-    ALARM,
     GOOD,
     make_console,
     print_table,
     print_text,
     print_warning,
 )
-from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.reader import read_recording
 from impact_rig.results.numbers import format_number
 from impact_rig.results.results_file import format_json
@@ -52,14 +49,7 @@ HitSeries = tuple[RigSetup, list[JudgedHit]]
 
 
 def read_hits(path: Path, sample: str = "") -> HitSeries:
-    """Read the hits of a recording.
-
-    Parameters
-    ----------
-    path : Path
-        A file, or the folder of a run.
-    sample : str
-        Only the hits on this sample; empty: all.
+    """Read the hits of a recording, all or those on one sample.
 
     Raises
     ------
@@ -77,29 +67,18 @@ def read_hits(path: Path, sample: str = "") -> HitSeries:
         struck = f" on {sample!r}" if sample else ""
         raise FileError(f"{path} holds no hit{struck}")
     setups = [session.setup for session in sessions]
-    if len({(setup.hammer_mass, _describe(setup)) for setup in setups}) > 1:
+    rigs = {
+        (setup.hammer_mass, *(sensor.describe() for sensor in setup.sensors)) for setup in setups
+    }
+    if len(rigs) > 1:
         raise FileError(
-            f"{path} holds campaigns with different hammers or sensors: give one that holds one"
+            f"{path} holds campaigns with different hammers or sensors: give a recording with one"
         )
     return setups[-1], hits
 
 
-def find_tested_sensor(setup: RigSetup, sheet: Sensor) -> tuple[Sensor, str]:
-    """Return the sensor under test as the hits were measured with it, in the unit of its sheet.
-
-    Parameters
-    ----------
-    setup : RigSetup
-        Of the hits.
-    sheet : Sensor
-        As the rig file has it.
-
-    Returns
-    -------
-    sensor : Sensor
-        With the sensitivity that the traces were made with.
-    remark : str
-        What is to be said of it; empty: nothing.
+def find_tested_sensor(setup: RigSetup, sheet: Sensor) -> Sensor:
+    """Return the sensor of the rig file with the sensitivity that made the traces.
 
     Raises
     ------
@@ -109,41 +88,31 @@ def find_tested_sensor(setup: RigSetup, sheet: Sensor) -> tuple[Sensor, str]:
     known = {sensor.channel: sensor for sensor in setup.sensors}
     used = known.get(sheet.channel)
     if used is None or math.isnan(used.sensitivity):
-        return sheet, (
-            "the recording does not say with which sensitivity it was made: that of the rig file"
-            " is taken"
-        )
+        print_warning("the recording states no sensitivity: that of the rig file is taken")
+        return sheet
     if used.quantity != sheet.quantity:
         raise ParameterError(
             f"the hits were measured with a sensor of {used.quantity}, and the rig file has one of"
             f" {sheet.quantity}: give the rig file that they were measured with"
         )
-    # Of a force, the mass that it acts on cancels out.
+    # For a force, the mass that it acts on cancels.
     scale = compute_scale(sheet.unit, 1.0) / compute_scale(used.unit, 1.0)
     sensor = replace(sheet, sensitivity=used.sensitivity * scale)
     if math.isclose(sensor.sensitivity, sheet.sensitivity, rel_tol=1e-9):
-        return sheet, ""
-    return sensor, (
+        return sheet
+    print_warning(
         f"the hits were measured with {sensor.sensitivity * 1e3:.6g} mV per {sheet.unit}, and the"
         f" rig file says {sheet.sensitivity * 1e3:.6g}"
     )
+    return sensor
 
 
-def _describe(setup: RigSetup) -> tuple[str, ...]:
-    return tuple(sensor.describe() for sensor in setup.sensors)
-
-
-LOOK_PERIOD = 0.5
-"""Period of checks for an interruption while waiting for a hit [s], our choice."""
+READ_TIMEOUT = 0.5
+"""Time limit of one read while the operator prepares a hit [s]: so soon Ctrl-C works."""
 
 
 def strike_hits(rig: RigFile) -> Generator[JudgedHit]:
-    """Yield hit after hit; closing the generator closes the source.
-
-    Parameters
-    ----------
-    rig : RigFile
-        Its source is opened, its holder is not.
+    """Yield hit after hit from the source of a rig; closing the generator closes the source.
 
     Raises
     ------
@@ -172,7 +141,7 @@ def strike_hits(rig: RigFile) -> Generator[JudgedHit]:
 def _read_record(source: AccelerationSource, label: HitLabel) -> Iterator[Block]:
     """Yield the blocks of one record; waits for the hit without a time limit."""
     while True:
-        block = source.read(LOOK_PERIOD)
+        block = source.read(READ_TIMEOUT)
         if block is None:
             continue
         yield replace(block, label=label)
@@ -184,8 +153,12 @@ PERCENT = 100.0
 MILLIVOLT = 1e3
 NO_FIT = TraceFit(math.nan, math.nan, math.nan)
 EXPLANATION = (
-    "Ratio: of the trace under test over what it should be. Misfit: RMS of what the line leaves,"
-    " of the trace. Linearity: the largest deviation, of the peak."
+    "Ratio: trace under test over reference. Misfit: RMS of the residual over that of the trace."
+    " Linearity: largest deviation over the peak."
+)
+REVERSED = (
+    "the traces have opposite signs: one of the sensors looks the other way; the sign of the"
+    " sensitivity is kept"
 )
 
 
@@ -207,10 +180,23 @@ def describe_sensitivity(calibration: Calibration) -> str:
     )
 
 
+def format_sheet(calibration: Calibration, day: str) -> str:
+    """Return the lines of a rig file that state a calibration."""
+    sensor, ratio = calibration.sensor, calibration.ratio
+    unit = f"({sensor.unit})" if "/" in sensor.unit else sensor.unit
+    uncertainty = ratio.standard / abs(ratio.value)
+    return (
+        f"[source.{sensor.channel}]\n"
+        f'sensitivity = "{calibration.sensitivity * MILLIVOLT:.6g} mV/{unit}"\n'
+        f"sensitivity_uncertainty = {uncertainty:.2g}\n"
+        f"calibration_date = {day}\n"
+    )
+
+
 def print_calibration(
-    console: Console, calibration: Calibration, fits: Sequence[HitFit], remarks: Sequence[str]
+    console: Console, calibration: Calibration, fits: Sequence[HitFit], sheet: str
 ) -> None:
-    """Print the result first, then the hits, then where the uncertainty comes from."""
+    """Print the result first, then the hits, then the budget and the lines for the rig file."""
     console.print(Text(describe_sensitivity(calibration), style=GOOD))
     console.print()
     _print_hits(console, fits)
@@ -221,9 +207,9 @@ def print_calibration(
         Column("u [%]", [f"{PERCENT * line.contribution:.2g}" for line in budget]),
         Column("Share [%]", [f"{PERCENT * line.share:.1f}" for line in budget]),
     ]
-    print_table(console, "Where its uncertainty comes from", columns)
-    for text in remarks:
-        print_text(console, Text.assemble(("warning: ", ALARM), text))
+    print_table(console, "Uncertainty of the sensitivity", columns)
+    print_text(console, "Replace these lines of the rig file")
+    console.print(sheet)
 
 
 def _print_hits(console: Console, fits: Sequence[HitFit]) -> None:
@@ -240,13 +226,13 @@ def _print_hits(console: Console, fits: Sequence[HitFit]) -> None:
 
 
 def calibration_to_json(
-    calibration: Calibration, fits: Sequence[HitFit], remarks: Sequence[str], file: str
+    calibration: Calibration, fits: Sequence[HitFit], day: str
 ) -> dict[str, Any]:
     """Return the same as plain values."""
     return {
-        "file": file,
         "channel": calibration.sensor.channel,
         "unit": calibration.sensor.unit,
+        "calibration_date": day,
         "sensitivity_v_per_unit": calibration.sensitivity,
         "sensitivity_before_v_per_unit": calibration.sensor.sensitivity,
         "ratio": calibration.ratio.value,
@@ -262,16 +248,11 @@ def calibration_to_json(
             }
             for item in fits
         ],
-        "warnings": list(remarks),
     }
 
 
 EARLIEST_STAMP = 631_152_000_000_000_000
-"""1990-01-01 [ns since the epoch], our choice: what is older comes from a file without a date."""
-REVERSED = (
-    "the traces have opposite signs: one of the sensors looks the other way; the sign of the"
-    " sensitivity is left as it was"
-)
+"""1990-01-01 [ns since the epoch]: an older time comes from a file without a date."""
 
 
 def _find_sheet(rig: RigFile, path: Path, channel: str) -> Sensor:
@@ -285,7 +266,7 @@ def _find_sheet(rig: RigFile, path: Path, channel: str) -> Sensor:
 
 
 def _strike(rig: RigFile, method: CalibrationMethod, wanted: int) -> list[HitFit]:
-    """Let the operator strike until enough hits can be used; what ends it before keeps them."""
+    """Wait until enough good hits are struck; after Ctrl-C or a lost device keep those there."""
     fits: list[HitFit] = []
     used = 0
     click.echo(f"Strike {wanted} times; Ctrl-C ends before.", err=True)
@@ -318,17 +299,6 @@ def _compute_day(fits: Sequence[HitFit]) -> str:
     return datetime.fromtimestamp(stamp * 1e-9).astimezone().date().isoformat()
 
 
-def _write(old: Path, path: Path, text: str) -> None:
-    """Write the new file, which a rig must be able to read, in the old one's encoding."""
-    try:
-        parse_rig_file(text.replace("\r\n", "\n"))
-    except RigError as error:
-        raise FileError(f"the new rig file could not be read again: {error}") from None
-    mark = b"\xef\xbb\xbf" if old.read_bytes().startswith(b"\xef\xbb\xbf") else b""
-    with write_new_file(path) as part:
-        part.write_bytes(mark + text.encode("utf-8"))
-
-
 def run(
     rig_file: Path,
     back_to_back: bool,
@@ -339,7 +309,6 @@ def run(
     recording: Path | None,
     sample: str,
     hits: int,
-    output: Path | None,
     as_json: bool,
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
@@ -368,17 +337,11 @@ def run(
                 " --sample"
             )
         fits = _fit((setup, found), method)
-    sensor, remark = find_tested_sensor(setup, sheet)
-    result = estimate_sensitivity(fits, method, setup, sensor)
+    result = estimate_sensitivity(fits, method, setup, find_tested_sensor(setup, sheet))
+    for remark in (*([REVERSED] if result.is_reversed else ()), *result.remarks):
+        print_warning(remark)
     day = _compute_day(fits)
-    path = output or name_new_file(rig_file, day)
-    text = rig_file.read_bytes().decode("utf-8-sig")
-    _write(rig_file, path, change_sheet(text, sheet.channel, result.sensitivity, day))
-    remarks = [text for text in (remark, REVERSED if result.is_reversed else "") if text]
-    remarks += result.remarks
     if as_json:
-        content = calibration_to_json(result, fits, remarks, str(path))
-        click.echo(format_json(content), nl=False)
-        return
-    print_calibration(make_console(), result, fits, remarks)
-    click.echo(f"written: {path}")
+        click.echo(format_json(calibration_to_json(result, fits, day)), nl=False)
+    else:
+        print_calibration(make_console(), result, fits, format_sheet(result, day))

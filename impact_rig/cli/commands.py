@@ -1,68 +1,204 @@
-"""The commands that need no running rig: their options and help, light to load.
+"""The commands: their options and help, light to load.
 
 What a command does stands in the module of its name, which is loaded when it runs.
 """
 
-from pathlib import Path
 from typing import Any
 
 import click
 
+from impact_rig import __version__
 from impact_rig.cli import options
-from impact_rig.cli.options import Parsed, make_quantity
+from impact_rig.cli.options import FILE, FOLDER, make_quantity
+from impact_rig.cli.rig_group import RigGroup
 from impact_rig.cli.start import load_module
-from impact_rig.core.errors import ParameterError
 from impact_rig.core.sensors import CHANNELS
 
-FASTEST = 1000.0
+FASTEST = 1000.0  # [-], rate of a replay
 SIMULATORS = ("mujoco", "sdf")
-PARTS = ("hits", "means", "results")
-"""What can be exported."""
+HAMMER_ACTIONS = ("state", "arm", "disarm", "stop", "reset", "confirm")
 
 
-def parse_parts(name: str, text: str) -> frozenset[str]:
-    """Return names of `PARTS`, separated by commas; raises `ParameterError`."""
-    parts = frozenset(part.strip() for part in text.split(","))
-    for part in parts - {*PARTS}:
-        raise ParameterError(f"{name}: {part!r} is not one of {', '.join(PARTS)}")
-    return parts
+@click.group(
+    cls=RigGroup,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="""
+    \b
+    Examples:
+      impact-rig demo                          the whole job, no hardware needed
+      impact-rig analyze session.mcap          the tables of a recorded campaign
+      impact-rig analyze --cutoff off hit*.npy contact times of plain traces
+      impact-rig doctor                        when something does not work
+      impact-rig COMMAND --help                more about one command
+    """,
+)
+@click.version_option(__version__, "--version", prog_name="impact-rig")
+def cli() -> None:
+    """Strike samples with a pendulum hammer and estimate contact time, stiffness and damping."""
 
 
-@click.command(
-    "devices",
+def _run(name: str, values: dict[str, Any]) -> None:
+    load_module(f"impact_rig.cli.{name}").run(**values)
+
+
+@cli.command(
+    epilog="""
+    \b
+    Examples:
+      impact-rig demo                          the paper's campaign, 120 hits
+      impact-rig demo --sample "steel small" --sample "aluminium large" --impacts 3
+      impact-rig demo --faults 0.1             what goes wrong on a real rig
+      impact-rig demo --plant contact --angles 5,10,20    a contact law, beside the truth
+      impact-rig demo --continuous             impacts found in a running stream
+    """,
+)
+@options.rig_file_option
+@options.virtual_rig_options
+@options.recording_options
+@options.viewer_option
+@options.campaign_options
+@options.full_option
+@options.json_option
+def demo(**values: Any) -> None:
+    """Run a whole campaign on the virtual rig.
+
+    Each node is a process. The hammer is released, two accelerometers stream, every hit is
+    judged and recorded. Prints contact time, stiffness and damping of every sample. With
+    --full and --plant contact it also prints the contact law beside the truth.
+    """
+    _run("demo", values)
+
+
+@cli.command(
+    epilog="""
+    \b
+    Examples:
+      impact-rig up                            the paper's rig, virtual
+      impact-rig up --template > my-rig.toml   a rig file to fill in
+      impact-rig up --rig-file my-rig.toml     your own samples
+      impact-rig up --set hammer.swing_time=0.3
+      impact-rig up --resume runs/2026-11-23T15-00-00
+    On one of two computers, with the same rig file and ROS_DOMAIN_ID:
+      impact-rig up --network --only hammer --only accelerometer
+    """,
+)
+@options.rig_file_option
+@options.virtual_rig_options
+@options.recording_options
+@options.resume_option
+@options.network_option
+@options.namespace_option
+@click.option("--visualizer/--no-visualizer", default=True, help="Write a Rerun view. [yes]")
+@options.viewer_option
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="NODE",
+    help="Start only this node; repeatable. The others run elsewhere, with the same options."
+    " [all]",
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NODE.PARAMETER=VALUE",
+    help="Set any ROS parameter of a node, or a key of the rig file's table [source] as"
+    " source.KEY=VALUE; repeatable.",
+)
+@click.option("--template", is_flag=True, help="Print the paper's rig file and end.")
+@click.option("--stop-with-input", is_flag=True, hidden=True)
+@click.option("--log-file", type=FILE, hidden=True)
+def up(**values: Any) -> None:
+    """Start the nodes of a rig, each in its own process.
+
+    They run until Ctrl-C. Everything is recorded into one folder, that of an earlier run with
+    --resume. Several computers make one rig when each starts some of the nodes (--only) and
+    finds the others (--network).
+    """
+    _run("up", values)
+
+
+@cli.command(
+    epilog="""
+    \b
+    Examples:
+      impact-rig campaign                      the whole set, 10 hits each
+      impact-rig campaign --sample "steel small" --impacts 5
+      impact-rig campaign --angles 5,10,20     from each of these release angles
+      impact-rig campaign --impacts 12 --keep 10    the ten most consistent of twelve
+      impact-rig campaign --notes "new tip, 21 °C"
+      impact-rig campaign --resume runs/2026-11-23T15-00-00    go on with a campaign
+      impact-rig campaign --namespace rig1 --network    a rig on another host
+    """,
+)
+@options.campaign_options
+@click.option(
+    "--attempts",
+    type=click.IntRange(1),
+    help="Rejected hits in a row before giving up. [the rig's own limit]",
+)
+@click.option(
+    "--ask/--no-ask",
+    default=None,
+    help="Wait until each sample is mounted. [yes, unless the hits are simulated]",
+)
+@options.notes_option
+@options.resume_option
+@options.namespace_option
+@options.network_option
+@click.option(
+    "-o",
+    "--output",
+    type=FOLDER,
+    help="Folder for results.json. [that of the recording, if it is on this host]",
+)
+@options.full_option
+@options.json_option
+def campaign(**values: Any) -> None:
+    """Run a campaign on a rig that is up, here or elsewhere.
+
+    The rig's campaign node does the work. This command starts it, follows it, and asks you to
+    mount the next sample, or to put the hammer back where no device does. When a device is lost,
+    the campaign pauses and gives the reason. It goes on when the device is back and a person has
+    armed the hammer (`impact-rig hammer arm`). --resume goes on with a campaign that ended early,
+    on a rig that was started with the same option.
+    """
+    _run("campaign", values)
+
+
+@cli.command(
     epilog="""
     \b
     Examples:
       impact-rig devices                       all drivers, and what they find
       impact-rig devices scpi                  one driver, with a table to copy
-      impact-rig devices --check my-rig.toml   try what a rig file names
+      impact-rig devices --check my-rig.toml   try the devices of a rig file
       impact-rig devices --json
 
     Any package may bring drivers: it names their classes by the entry points
     impact_rig.acceleration_sources and impact_rig.hammer_holders.
-    Exit code: 1 if a device of the rig file is not there or cannot do what it is asked.
+    Exit code: 1 if a device of the rig file is missing or cannot do what the file says.
     """,
 )
 @click.argument("name", required=False, metavar="[DRIVER]")
 @click.option(
     "--check",
     "rig_file",
-    type=click.Path(path_type=Path),
+    type=FILE,
     metavar="RIG_FILE",
     help="Open source and holder of a rig file, and close them again. The hammer stays held.",
 )
 @options.json_option
 def devices(**values: Any) -> None:
-    """See which drivers there are, whether they can work, and which devices they find.
+    """See which drivers and devices there are, and try them.
 
     A driver whose library is missing says how to get it. The search changes no setting of any
     device.
     """
-    load_module("impact_rig.cli.devices").run(**values)
+    _run("devices", values)
 
 
-@click.command(
-    "calibrate",
+@cli.command(
     epilog="""
     \b
     Examples:
@@ -74,10 +210,10 @@ def devices(**values: Any) -> None:
     Back to back: the sensor under test is mounted on the reference, on the other channel, and both
     see the same acceleration. Known mass: the hammer strikes a body that is free to move; force is
     mass times acceleration. Strike by hand, in the direction of the sensors.
-    The new sensitivity and the day go into rig-DAY.toml beside rig.toml; all else is copied.
+    The new sensitivity is printed as lines for the rig file.
     """,
 )
-@click.argument("rig_file", type=click.Path(path_type=Path))
+@click.argument("rig_file", type=FILE)
 @click.option("--back-to-back", is_flag=True, help="Both sensors see the same acceleration.")
 @click.option(
     "--known-mass",
@@ -97,48 +233,63 @@ def devices(**values: Any) -> None:
     default=0.0,
     metavar="PART",
     help="Standard uncertainty of the reference's sensitivity: half of what its certificate"
-    " says for k = 2. [not stated]",
+    " says for k = 2. [0]",
 )
 @click.option(
     "--mass-uncertainty",
     type=make_quantity("kg", "10 mg"),
     default=0.0,
     metavar="MASS",
-    help="Standard uncertainty of the known mass. [not stated]",
+    help="Standard uncertainty of the known mass. [0]",
 )
 @click.option(
     "--recording",
-    type=click.Path(path_type=Path),
+    type=FILE,
     help="Take the hits of a recording. [strike now, on the source of the rig file]",
 )
-@click.option(
-    "--sample", default="", metavar="NAME", help="Of the recording, the hits on this sample. [all]"
-)
+@click.option("--sample", default="", metavar="NAME", help="Only hits on this sample. [all]")
 @click.option(
     "--hits",
     type=click.IntRange(3),
     default=10,
     metavar="N",
-    help="How many to strike; Ctrl-C ends before. [10]",
-)
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    help="New rig file. [beside the old one]",
+    help="Number of hits to strike; Ctrl-C ends before. [10]",
 )
 @options.json_option
 def calibrate(**values: Any) -> None:
-    """Find the sensitivity of a sensor, and write a new rig file with it.
+    """Find the sensitivity of a sensor from hits.
 
-    Each hit gives a ratio, by least squares over the contact; hits whose traces do not fit are
-    left out and named. The uncertainty is that of the GUM.
+    Each hit gives a ratio, by least squares over the contact. Hits whose traces do not fit are
+    left out and named. The uncertainty follows the GUM.
     """
-    load_module("impact_rig.cli.calibrate").run(**values)
+    _run("calibrate", values)
 
 
-@click.command(
-    "analyze",
+@cli.command(
+    epilog="""
+    \b
+    Examples:
+      impact-rig hammer state        where it is, whether it is armed, and why
+      impact-rig hammer stop         emergency stop: the hammer is not released any more
+      impact-rig hammer reset        end an emergency stop; the hammer stays disarmed
+      impact-rig hammer arm          allow releases, after a stop or a lost device
+      impact-rig hammer disarm       forbid releases
+      impact-rig hammer confirm      the hammer is back in its holder
+    """,
+)
+@click.argument("action", type=click.Choice(HAMMER_ACTIONS), default=HAMMER_ACTIONS[0])
+@options.namespace_option
+@options.network_option
+def hammer(**values: Any) -> None:
+    """Show the state of a rig's hammer, arm, disarm or stop it.
+
+    ACTION is one of the words below. The stop is one by software: it takes a second, and does
+    not replace a switch in the supply of magnet or latch.
+    """
+    _run("hammer", values)
+
+
+@cli.command(
     epilog="""
     \b
     Examples:
@@ -173,9 +324,8 @@ def calibrate(**values: Any) -> None:
     metavar="ADDRESS",
     help="Use this Dask cluster, whose workers see the same paths.",
 )
-@click.pass_context
-def analyze(context: click.Context, /, **values: Any) -> None:
-    """Estimate contact time, stiffness and damping from recordings or plain traces.
+def analyze(**values: Any) -> None:
+    """Estimate contact time, stiffness and damping from files.
 
     A recording (.mcap, or the folder of a run) gives the numbers of the live run, bit by bit;
     many make one table. Plain traces (.lvm, .tdms, .uff, .mat, .csv, .npy and more), one hit
@@ -183,11 +333,10 @@ def analyze(context: click.Context, /, **values: Any) -> None:
     time, hammer; time, hammer, specimen. A results.json is shown again. Exit code 2: some file
     could not be used.
     """
-    load_module("impact_rig.cli.analyze").run(context, **values)
+    _run("analyze", values)
 
 
-@click.command(
-    "info",
+@cli.command(
     epilog="""
     \b
     Examples:
@@ -201,7 +350,7 @@ def analyze(context: click.Context, /, **values: Any) -> None:
 @options.files_argument
 @click.option(
     "--extract",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     metavar="FOLDER",
     help="Write the files that are attached to the recordings into a folder.",
 )
@@ -213,11 +362,10 @@ def info(**values: Any) -> None:
     versions, notes and attachments. FILE is a recording (.mcap) or the folder of a run. Recordings
     of other ROS 2 systems are shown topic by topic. No ROS is needed.
     """
-    load_module("impact_rig.cli.info").run(**values)
+    _run("info", values)
 
 
-@click.command(
-    "replay",
+@cli.command(
     epilog="""
     \b
     Examples:
@@ -225,11 +373,11 @@ def info(**values: Any) -> None:
       impact-rig replay session.mcap --rate 5 --loop 0  five times as fast, for ever
       impact-rig replay session.mcap --estimate         the tables, by a fresh estimator
       impact-rig replay session.mcap --estimate --json > results.json
-    The services replayer/pause and replayer/resume do what they say. `ros2 bag play` plays parts,
+    The services replayer/pause and replayer/resume pause and resume. `ros2 bag play` plays parts,
     other topics and a clock.
     """,
 )
-@click.argument("file", metavar="RUN", type=click.Path(path_type=Path))
+@click.argument("file", metavar="RUN", type=FILE)
 @click.option(
     "--rate",
     type=click.FloatRange(0.001, FASTEST),
@@ -237,35 +385,74 @@ def info(**values: Any) -> None:
     help="Part of the original speed. [1]",
 )
 @click.option("--loop", type=click.IntRange(0), default=1, help="How often; 0: for ever. [1]")
-@click.option("--namespace", default="", help="ROS namespace to replay in. [none]")
+@options.namespace_option
 @options.network_option
 @click.option("--estimate", is_flag=True, help="Estimate with a fresh estimator, and print.")
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     help="Folder for results.json; with --estimate. [not written]",
 )
 @options.json_option
-@click.pass_context
-def replay(context: click.Context, /, **values: Any) -> None:
-    """Publish a recording (.mcap) or the folder of a run again.
+def replay(**values: Any) -> None:
+    """Publish a recording again.
 
-    Set-up, blocks and releases are published at the original speed, byte for byte, for an
-    estimator or a visualizer. With --estimate a fresh estimator in this process takes them, and
-    gives the numbers of the live run, and of `impact-rig analyze`, bit by bit.
+    RUN is a recording (.mcap) or the folder of a run. Set-up, blocks and releases are
+    published at the original speed, byte for byte, for an estimator or a visualizer. With
+    --estimate a fresh estimator in this process receives them. It gives the numbers of the
+    live run, and of `impact-rig analyze`, bit by bit.
     """
-    load_module("impact_rig.cli.replay").run(context, **values)
+    _run("replay", values)
 
 
-@click.command(
-    "export",
+@cli.command(
+    "import",
+    epilog="""
+    \b
+    Examples:
+      impact-rig import hit_*.lvm -o hits.mcap --sample "brass small"
+      impact-rig import *.npy -o hits.mcap --hammer-unit N --hammer-mass 1kg
+      impact-rig import --template run/1.csv > bench.toml
+      impact-rig import run/*.csv -o hits.mcap --channels bench.toml
+
+    Each file is one hit, in the order given: LabVIEW .lvm, .tdms, UFF 58, .mat, text, .npy, .wav,
+    HDF5. Numbers are kept as they are in the file, bit by bit, with the calibration beside them.
+    A force hammer's channel becomes acceleration by its mass.
+
+    The file gives the time of a hit: .lvm (without a time zone: taken as UTC), .tdms, and .mat and
+    HDF5 of impact-rig export. Where it does not, or names a time before the end of the hit
+    before, the hit comes a second after that end, the first one a second into 1970. The same
+    files make the same recording. Exit code: 2 if a file could not be used; the others are
+    imported.
+    """,
+)
+@click.argument("files", nargs=-1, metavar="FILE...", type=FILE)
+@click.option(
+    "-o", "--output", metavar="OUT.mcap", type=FILE, help="The recording; it must not exist."
+)
+@click.option(
+    "--template",
+    is_flag=True,
+    help="Print a file for --channels and end: one made from FILE, or one with comments.",
+)
+@options.measurement_options
+def import_(**values: Any) -> None:
+    """Make a recording of other instruments' files.
+
+    Each file is one hit; all are of one sample. `analyze`, `replay` and other programs read it
+    like a recording of the rig.
+    """
+    _run("import_", values)
+
+
+@cli.command(
     epilog="""
     \b
     Examples:
       impact-rig export session.mcap -o session.mat
-      impact-rig export session.mcap -o brass.uff --samples "brass small" --filtered
-      impact-rig export session.mcap -o hits --one-file-per-hit --format csv
+      impact-rig export session.mcap -o brass.uff --sample "brass small" --filtered
+      impact-rig export session.mcap -o hits --one-file-per-hit csv
       impact-rig export session.mcap -o results.csv --what results
       impact-rig export session.mcap -o results.json
       impact-rig export damaged.mcap -o sound.mcap
@@ -281,49 +468,38 @@ def replay(context: click.Context, /, **values: Any) -> None:
     measured speed are met.
     """,
 )
-@click.argument(
-    "recording",
-    metavar="RUN",
-    type=click.Path(path_type=Path),
-)
+@click.argument("recording", metavar="RUN", type=FILE)
 @click.option(
     "-o",
     "--output",
     required=True,
     metavar="OUT",
-    type=click.Path(path_type=Path),
+    type=FILE,
     help="The file, whose suffix tells its format: .uff, .tdms, .mat, .h5, .csv, .json (results"
     " alone) or .mcap (a sound copy); .xml or .sdf with --for; with --one-file-per-hit a folder."
     " Nothing is overwritten.",
 )
 @click.option(
     "--what",
-    type=Parsed(parse_parts),
+    type=options.PARTS,
     metavar="PART,...",
     help="Of hits, means and results. [results in .json, hits in .csv, else hits,means]",
 )
+@options.samples_option
 @click.option(
-    "--samples",
-    "--sample",
-    multiple=True,
-    metavar="NAME",
-    help="Only this sample. May be repeated.",
-)
-@click.option(
-    "--hits",
+    "--hit",
+    "hits",
     multiple=True,
     metavar="HIT",
-    help="Only this hit: by record number, SAMPLE/IMPACT or SAMPLE/IMPACT.ATTEMPT. May be"
-    " repeated.",
+    help="Only this hit: record number or SAMPLE/IMPACT[.ATTEMPT]; repeatable.",
 )
 @click.option("--accepted-only", is_flag=True, help="Only hits that are in a mean.")
 @click.option("--filtered", is_flag=True, help="Hits after baseline and low-pass.")
-@click.option("--one-file-per-hit", is_flag=True, help="One file per hit or mean, in folder OUT.")
 @click.option(
-    "--format",
+    "--one-file-per-hit",
     "suffix",
     metavar="FORMAT",
-    help="Of the files of --one-file-per-hit: uff, tdms, mat, h5 or csv.",
+    help="One file per hit or mean, in folder OUT: uff, tdms, mat, h5 or csv.",
 )
 @click.option(
     "--for",
@@ -331,18 +507,16 @@ def replay(context: click.Context, /, **values: Any) -> None:
     type=click.Choice(SIMULATORS),
     help="Write the contact of a sample for this simulator.",
 )
-@click.pass_context
-def export(context: click.Context, /, **values: Any) -> None:
-    """Write what a recording holds for other tools: traces of hits, their means, and results.
+def export(**values: Any) -> None:
+    """Write hits, mean traces and results for other programs.
 
     RUN is a recording (.mcap) or the folder of a run; with --for a results.json as well. No ROS is
     needed.
     """
-    load_module("impact_rig.cli.export").run(context, **values)
+    _run("export", values)
 
 
-@click.command(
-    "view",
+@cli.command(
     epilog="""
     \b
     Examples:
@@ -353,15 +527,13 @@ def export(context: click.Context, /, **values: Any) -> None:
       impact-rig view runs/* --connect rerun+http://desk:9876/proxy
     """,
 )
-@click.argument(
-    "paths", nargs=-1, required=True, metavar="RUN...", type=click.Path(path_type=Path)
-)
+@click.argument("paths", nargs=-1, required=True, metavar="RUN...", type=FILE)
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=FILE,
     metavar="FILE.rrd",
-    help="Write a file for Rerun; none is overwritten.",
+    help="Write a file for Rerun, which must not exist.",
 )
 @click.option(
     "--connect",
@@ -370,20 +542,18 @@ def export(context: click.Context, /, **values: Any) -> None:
     help="Show it in the viewer at rerun+http://HOST:9876/proxy.",
 )
 @click.option("--web", is_flag=True, help="Serve a page for this host's browsers, until Ctrl-C.")
-@click.option("--spawn", is_flag=True, help="Open a window until it is closed; the default.")
 @click.option("--fit", is_flag=True, help="Fit the model too: 0.1 s for each sample.")
 def view(**values: Any) -> None:
-    """See model and measurement in Rerun: every hit, the samples, the campaign, the tables.
+    """See model and measurement in Rerun.
 
-    RUN is a recording (.mcap) or the folder of a run, results (.json), or a view
-    that was written before (.rrd). In the viewer each campaign is a recording of its own. No ROS
-    is needed.
+    It shows every hit, the samples, the campaign and the tables. RUN is a recording (.mcap),
+    the folder of a run, results (.json), or an older view (.rrd). In the viewer each campaign
+    is a recording of its own. No ROS is needed.
     """
-    load_module("impact_rig.cli.view").run(**values)
+    _run("view", values)
 
 
-@click.command(
-    "report",
+@cli.command(
     epilog="""
     \b
     Examples:
@@ -392,26 +562,25 @@ def view(**values: Any) -> None:
     Nothing is overwritten. A browser prints the page on A4.
     """,
 )
-@click.argument("path", metavar="RUN", type=click.Path(path_type=Path))
+@click.argument("path", metavar="RUN", type=FILE)
 @click.option(
     "-o",
     "--output",
     metavar="FILE",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="The HTML file. [report.html in the run's folder]",
+    type=FILE,
+    help="The HTML file. [report.html in RUN]",
 )
 def report(**values: Any) -> None:
-    """Write a report: one HTML file that needs nothing else.
+    """Write a report: one HTML file that needs no other file.
 
     What was measured and with what, tables with uncertainties and budgets, the paper's figures,
-    traces with models and residuals, hits left out and why. RUN is a recording (.mcap) or the
+    traces with models and residuals, rejected hits and why. RUN is a recording (.mcap) or the
     folder of a run, or a results.json, which has no traces. No ROS is needed.
     """
-    load_module("impact_rig.cli.report").run(**values)
+    _run("report", values)
 
 
-@click.command(
-    "doctor",
+@cli.command(
     epilog="""
     \b
     Examples:
@@ -427,47 +596,4 @@ def doctor(**values: Any) -> None:
     Lists Python, its libraries, ROS 2 and its settings, drivers, disk and shared memory, and lets
     two processes exchange a message.
     """
-    load_module("impact_rig.cli.doctor").run(**values)
-
-
-@click.command(
-    "import",
-    epilog="""
-    \b
-    Examples:
-      impact-rig import hit_*.lvm -o hits.mcap --sample "brass small"
-      impact-rig import *.npy -o hits.mcap --hammer-unit N --hammer-mass 1kg
-      impact-rig import --template run/1.csv > bench.toml
-      impact-rig import run/*.csv -o hits.mcap --channels bench.toml
-
-    Each file is one hit, in the order given: LabVIEW .lvm, .tdms, UFF 58, .mat, text, .npy, .wav,
-    HDF5. Numbers are kept as they are in the file, bit by bit, with the calibration beside them.
-    A force hammer's channel becomes acceleration by its mass.
-
-    A hit was when its file says so: .lvm (without a time zone: taken as UTC), .tdms, and .mat and
-    HDF5 of impact-rig export. Where a file does not, or names a time before the end of the hit
-    before, the hit comes a second after that end, the first one a second into 1970. The same
-    files make the same recording. Exit code: 2 if a file could not be used, which the others do
-    not suffer from.
-    """,
-)
-@click.argument("files", nargs=-1, metavar="FILE...", type=click.Path(path_type=Path))
-@click.option(
-    "-o",
-    "--output",
-    metavar="OUT.mcap",
-    type=click.Path(path_type=Path),
-    help="The recording; it must not exist.",
-)
-@click.option(
-    "--template",
-    is_flag=True,
-    help="Print a file for --channels, made of what FILE says, or one with comments, and stop.",
-)
-@options.measurement_options
-def import_(**values: Any) -> None:
-    """Make a recording of other instruments' files, one hit each, all of one sample.
-
-    `analyze`, `replay` and the tools of others take it as one of the rig's own.
-    """
-    load_module("impact_rig.cli.import_").run(**values)
+    _run("doctor", values)

@@ -7,73 +7,65 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 
-if TYPE_CHECKING:
-    from impact_rig.results.campaign import Results
-
 from impact_rig.cli import options
-from impact_rig.cli.options import list_recording_arguments, recording_options
-from impact_rig.configuration import run
+from impact_rig.cli.campaign import CampaignView, report_outcome, run_campaign
+from impact_rig.configuration import run as run_folder
 from impact_rig.configuration.processes import (
     LOG_NAME,
     PAGE,
     RECORDING_NAME,
     VIEW_NAME,
-    RecordingPlan,
     list_rig_processes,
-    make_viewer_parameters,
 )
 from impact_rig.configuration.rig_file import RigFile, load_rig_file
+from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import RigError
+from impact_rig.core.quantity import UNKNOWN
+from impact_rig.core.speed_exponents import estimate_speed_exponents
 from impact_rig.devices.drivers import VIRTUAL, read_driver_name
+from impact_rig.devices.virtual.drivers import read_virtual_rig
+from impact_rig.devices.virtual.rig import make_nominal_physics
+from impact_rig.nodes.client import CampaignClient, CampaignGoal
+from impact_rig.present.terminal.console import make_console, print_result
+from impact_rig.results.campaign import Results
+from impact_rig.results.tables import tabulate_speed_exponents, tabulate_true_contacts
 
 STOP_TIMEOUT = 15.0
-"""How long the nodes may take to close their files and end [s]."""
+"""Time limit for the nodes to close their files and end [s]."""
 LOOK_PERIOD = 0.05
-"""How often the log is looked at [s]."""
+"""Time between two looks at the log [s]."""
 SHOWN_LOG_LINES = 15
-"""How much of the log is shown when the rig ends by itself."""
+"""Last lines of the log that are shown when the rig ends unexpectedly."""
 
 
 class RunningRig:
-    """The background process that holds the nodes.
-
-    Parameters
-    ----------
-    process : subprocess.Popen
-        Of `impact-rig up`.
-    log : Path
-        What the nodes print.
-    """
+    """The process `impact-rig up`, which holds the nodes, and the log of what they print."""
 
     def __init__(self, process: subprocess.Popen[bytes], log: Path) -> None:
         self._process = process
         self._log = log
 
     def check(self) -> None:
-        """Raise `RigError`, with the end of the log, if the rig has ended by itself."""
+        """Raise `RigError`, with the end of the log, if the rig has ended."""
         if self._process.poll() is None:
             return
         try:
             text = self._log.read_text("utf-8", errors="replace")
         except OSError as error:
-            raise RigError(f"the rig ended by itself; {self._log}: {error.strerror}") from None
+            raise RigError(f"the rig has ended; {self._log}: {error.strerror}") from None
         lines = text.splitlines()[-SHOWN_LOG_LINES:]
-        raise RigError("\n".join([f"the rig ended by itself; the end of {self._log}:", *lines]))
+        raise RigError("\n".join([f"the rig has ended; the end of {self._log}:", *lines]))
 
     def wait_for_line(self, part: str, timeout: float) -> str:
-        """Wait for a text in the log; return it and the rest of its line, or that it never came.
+        """Wait for a text in the log; return it with the rest of its line.
 
-        Parameters
-        ----------
-        part : str
-            Of the log.
-        timeout : float
-            [s]
+        After `timeout` [s] return where to look for it.
         """
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline:
@@ -88,15 +80,7 @@ class RunningRig:
 
 @contextlib.contextmanager
 def run_rig(folder: Path, arguments: Sequence[str]) -> Iterator[RunningRig]:
-    """Start a rig, and stop it at the end of the ``with`` block.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the run.
-    arguments : sequence of str
-        For `impact-rig up`, the folder apart.
-    """
+    """Start `impact-rig up` for the run of a folder; stop it at the end of the block."""
     log = folder / LOG_NAME
     # A session of its own: Ctrl-C reaches this process alone, which then stops the rig. Its
     # standard input ends when this process does, however it ends.
@@ -123,7 +107,8 @@ def run_rig(folder: Path, arguments: Sequence[str]) -> Iterator[RunningRig]:
 
 
 START_TIMEOUT = 90.0
-"""How long the processes may take to start [s]: seconds on two cores, more on a busy host."""
+"""Time limit for the processes to start [s]: they take seconds on two cores, more on a busy host.
+"""
 SETTINGS = ("hammer.swing_time=0.02", "accelerometer.trigger_timeout=0.1")
 """A simulation is faster: a tenth of the paper's swing, and a short wait for missed triggers."""
 ATTEMPTS = 50
@@ -132,96 +117,58 @@ hits are bad."""
 SUBSCRIBERS = 3
 """Estimator, recorder and visualizer listen before the first hit, so that the view has all."""
 VIEW_TIMEOUT = 10.0
-"""How long the visualizer is waited for [s]: it may be missing its library, and the campaign goes
-on without it."""
+"""Time limit for the visualizer to start [s]: without its library it never does, and the campaign
+goes on."""
 
 PAGE_NOTICE = "the view is at"
 """What the visualizer says of its web page."""
 
 
-@click.command(
-    epilog="""
-    \b
-    Examples:
-      impact-rig demo                          the paper's campaign, 120 hits
-      impact-rig demo --samples "steel small" "aluminium large" --impacts 3
-      impact-rig demo --faults 0.1             what goes wrong on a real rig
-      impact-rig demo --plant contact --angles 5,10,20    a contact law, beside the truth
-      impact-rig demo --continuous             impacts found in a running stream
-    """
-)
-@options.rig_file_option
-@options.virtual_rig_options
-@options.continuous_option
-@options.output_option
-@recording_options
-@options.viewer_option
-@options.samples_option
-@options.impacts_option
-@options.angles_option
-@options.keep_option
-@options.full_option
-@options.json_option
-def command(
+def run(
     rig_file: Path | None,
-    plant: str | None,
-    seed: int | None,
-    faults: float | None,
-    continuous: bool,
     output: Path | None,
-    recording: RecordingPlan,
-    viewers: tuple[str, ...],
     samples: tuple[str, ...],
     impacts: int,
     angles: tuple[float, ...],
     keep: int,
     is_full: bool,
     as_json: bool,
+    **rig_options: Any,
 ) -> None:
-    """Run a whole campaign on the virtual rig, each node its own process.
-
-    The hammer is released, two accelerometers stream, every hit is judged and recorded. Prints
-    contact time, stiffness and damping of every sample. --full: with --plant contact also the
-    contact law beside the truth.
-    """
-    from impact_rig.cli.campaign import CampaignView, report_outcome, run_campaign
-    from impact_rig.present.terminal.console import make_console
-
+    """Run the command; its options are declared in `commands.py`."""
     options.check_keep(keep, impacts)
     rig = load_rig_file(rig_file)
     _check_virtual(rig)
-    run.check_samples(rig, samples)
+    run_folder.check_samples(rig, samples)
     if angles:
         rig.setup.at_angles(angles)
-    make_viewer_parameters(viewers)
-    list_rig_processes("", continuous=continuous, recording=recording)
-    folder = run.make_run_folder(output)
+    continuous, viewers = rig_options["continuous"], rig_options["viewer"]
+    list_rig_processes(
+        "",
+        continuous=continuous,
+        record_stream=rig_options["record_stream"],
+        viewers=viewers,
+    )
+    folder = run_folder.make_run_folder(output)
     options.set_discovery(network=False)
-    arguments = [word for setting in SETTINGS for word in ("--set", setting)]
-    arguments += list_recording_arguments(recording)
-    arguments += ["--continuous"] if continuous else []
-    arguments += [word for viewer in viewers for word in ("--viewer", viewer)]
-    for name, value in (
-        ("--rig-file", rig_file), ("--plant", plant), ("--seed", seed), ("--faults", faults),
-    ):  # fmt: skip
-        if value is not None:
-            arguments += [name, str(value)]
+    arguments = _make_arguments(rig_file=rig_file, set=SETTINGS, **rig_options)
     try:
-        with options.use_private_domain(), run_rig(folder, arguments) as running:
-            from impact_rig.nodes.client import CampaignClient, CampaignGoal
-
-            view = CampaignView(make_console(stderr=True))
-            with CampaignClient(check=running.check) as client, view:
-                client.wait_for_rig(START_TIMEOUT)
-                # Of a running stream the accelerometers wait to hear that their hit was found.
-                client.wait_for_listeners(SUBSCRIBERS + continuous, VIEW_TIMEOUT)
-                if PAGE in viewers:
-                    click.echo(running.wait_for_line(PAGE_NOTICE, VIEW_TIMEOUT), err=True)
-                goal = CampaignGoal(
-                    samples=samples, impacts=impacts, attempts_per_impact=ATTEMPTS,
-                    keep_hits=keep, release_angles=angles,
-                )  # fmt: skip
-                outcome = run_campaign(client, goal, view)
+        with (
+            options.use_private_domain(),
+            run_rig(folder, arguments) as running,
+            CampaignClient(check=running.check) as client,
+            CampaignView() as view,
+        ):
+            client.wait_for_rig(START_TIMEOUT)
+            # In a running stream the accelerometers wait until their hit is found.
+            client.wait_for_listeners(SUBSCRIBERS + continuous, VIEW_TIMEOUT)
+            if PAGE in viewers:
+                click.echo(running.wait_for_line(PAGE_NOTICE, VIEW_TIMEOUT), err=True)
+            goal = CampaignGoal(
+                samples=samples, impacts=impacts, attempts_per_impact=ATTEMPTS,
+                keep_hits=keep, release_angles=angles,
+            )  # fmt: skip
+            outcome = run_campaign(client, goal, view)
     except KeyboardInterrupt:
         recorded = folder / RECORDING_NAME
         if recorded.exists():
@@ -229,24 +176,28 @@ def command(
         raise
     report_outcome(outcome, folder, is_full=is_full, as_json=as_json)
     if outcome.results is not None and is_full and not as_json:
-        _print_truth(rig, plant, outcome.results)
+        _print_truth(rig, rig_options["plant"], outcome.results)
     if not (folder / VIEW_NAME).exists():
         click.echo(f"no view was written: see {folder / LOG_NAME}", err=True)
 
 
-def _print_truth(rig: RigFile, plant: str | None, results: "Results") -> None:
+def _make_arguments(**given: Any) -> list[str]:
+    """Return options as the words of a command line."""
+    words = []
+    for name, value in given.items():
+        flag = f"--{name.replace('_', '-')}"
+        if value is True:
+            words.append(flag)
+        elif isinstance(value, tuple):
+            words += [word for item in value for word in (flag, item)]
+        elif value is not None and value is not False and value != "":
+            words += [flag, str(value)]
+    return words
+
+
+def _print_truth(rig: RigFile, plant: str | None, results: Results) -> None:
     """Print law and paper's method beside the truth where the plant has a contact law."""
-    from dataclasses import replace
-
-    from impact_rig.configuration.toml_table import TomlTable
-    from impact_rig.core.quantity import UNKNOWN
-    from impact_rig.core.speed_exponents import estimate_speed_exponents
-    from impact_rig.devices.virtual.drivers import read_virtual_rig
-    from impact_rig.devices.virtual.rig import make_nominal_physics
-    from impact_rig.present.terminal.console import make_console, print_result
-    from impact_rig.results.tables import tabulate_speed_exponents, tabulate_true_contacts
-
-    given = run.make_virtual_source(plant=plant, seed=None, faults=None)
+    given = run_folder.make_virtual_source(plant=plant, seed=None, faults=None)
     settings = read_virtual_rig(TomlTable({**rig.source, **given}, "[source]"))
     truths = {
         sample.name: physics.contact.describe()

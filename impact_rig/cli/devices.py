@@ -3,16 +3,15 @@
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import click
 from rich.console import Console
 from rich.text import Text
 
-from impact_rig.cli.libraries import find_library
+from impact_rig.cli.libraries import describe_missing
 from impact_rig.configuration.rig_file import RigFile, list_rig_warnings, read_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.devices.drivers import (
@@ -58,8 +57,7 @@ class SurveyedDriver:
     description: str = ""
     example: str = ""
     devices: tuple[FoundDevice, ...] = ()
-    trouble: str | None = None  # why it cannot work, or could not search
-    advice: str | None = None  # what to do about that
+    trouble: str = ""  # why it cannot work or search, and what to do
 
 
 def survey_drivers(name: str = "") -> list[SurveyedDriver]:
@@ -86,9 +84,7 @@ def _survey(kind: str, driver: Driver) -> SurveyedDriver:
         with contextlib.redirect_stdout(sys.stderr):  # a vendor's library may print
             return replace(found, devices=tuple(loaded.find_devices()))
     except ModuleNotFoundError as error:
-        library = find_library(error.name or "")
-        trouble = f"the Python package {error.name!r} is not installed"
-        return replace(found, trouble=trouble, advice=library.advice if library else None)
+        return replace(found, trouble=_describe_missing(error))
     except RigError as error:
         return replace(found, trouble=str(error))
     except Exception as error:  # noqa: BLE001 - a driver of others may raise anything
@@ -96,40 +92,30 @@ def _survey(kind: str, driver: Driver) -> SurveyedDriver:
         return replace(found, trouble=trouble)
 
 
-Facts = tuple[tuple[str, str], ...]
-"""Names and what there is to say."""
+Facts = dict[str, str]
+"""What a device is and does, by the names of these facts; `TROUBLE` is what is wrong."""
+TROUBLE = "trouble"
 SAME_RATE = 1e-6
-"""Part by which the device's rate may differ from the one asked for without a word [-], our
-choice: it is rounding."""
+"""Part by which two equal rates may differ [-]: rounding."""
 
 
-@dataclass(frozen=True)
-class DeviceCheck:
-    """What was found of one device of a rig file."""
-
-    part: str  # "source" or "holder"
-    facts: Facts = ()  # what the device is and does; empty where it could not be opened
-    trouble: str | None = None
-
-
-def check_rig(rig: RigFile, path: Path) -> tuple[DeviceCheck, DeviceCheck]:
+def check_rig(rig: RigFile, path: Path) -> dict[str, Facts]:
     """Open source and holder of a rig file, and close them again; the hammer stays held."""
-    return (
-        _check("source", path, lambda: _try_source(rig)),
-        _check("holder", path, lambda: _try_holder(rig)),
-    )
+    return {
+        "source": _check(path, lambda: _try_source(rig)),
+        "holder": _check(path, lambda: _try_holder(rig)),
+    }
 
 
-def _check(part: str, path: Path, attempt: Callable[[], Facts]) -> DeviceCheck:
+def _check(path: Path, attempt: Callable[[], Facts]) -> Facts:
     try:
-        return DeviceCheck(part, attempt())
+        return attempt()
     except ParameterError as error:
-        trouble = f"rig file {path}: {error}"
+        return {TROUBLE: f"rig file {path}: {error}"}
     except RigError as error:
-        trouble = str(error)
+        return {TROUBLE: str(error)}
     except ModuleNotFoundError as error:
-        trouble = _describe_missing(error)
-    return DeviceCheck(part, trouble=trouble)
+        return {TROUBLE: _describe_missing(error)}
 
 
 def _try_source(rig: RigFile) -> Facts:
@@ -143,15 +129,15 @@ def _try_source(rig: RigFile) -> Facts:
 def _list_source_facts(rig: RigFile, plan: AcquisitionPlan, acquisition: Acquisition) -> Facts:
     kept = f"{plan.pre_trigger * 1e3:g} ms of it before the trigger"
     specimen = plan.specimen
-    return (
-        ("driver", read_driver_name(rig.source)),
-        ("device", acquisition.identity),
-        ("rate", _describe_rate(plan.sampling_rate, acquisition.sampling_rate)),
-        ("record", f"{plan.record_duration * 1e3:g} ms, {kept}"),
-        ("trigger", f"{plan.trigger_level:.4g} m/s² of the hammer, either sign"),
-        ("hammer", _describe_channel(plan.hammer)),
-        ("specimen", _describe_channel(specimen) if specimen else "not measured"),
-    )
+    return {
+        "driver": read_driver_name(rig.source),
+        "device": acquisition.identity,
+        "rate": _describe_rate(plan.sampling_rate, acquisition.sampling_rate),
+        "record": f"{plan.record_duration * 1e3:g} ms, {kept}",
+        "trigger": f"{plan.trigger_level:.4g} m/s² of the hammer, either sign",
+        "hammer": _describe_channel(plan.hammer),
+        "specimen": _describe_channel(specimen) if specimen else "not measured",
+    }
 
 
 def _try_holder(rig: RigFile) -> Facts:
@@ -163,14 +149,14 @@ def _try_holder(rig: RigFile) -> Facts:
             raise DeviceError(f"the holder {identity} does not hold: look at its wiring")
     finally:
         holder.close()
-    how = "an operator lets the hammer go" if holder.is_by_hand else "it holds"
-    return ("driver", name), ("device", identity), ("state", how)
+    how = "an operator releases the hammer" if holder.is_by_hand else "it holds"
+    return {"driver": name, "device": identity, "state": how}
 
 
 def _describe_rate(wanted: float, real: float) -> str:
     text = f"{real * 1e-3:.9g} kHz"
     if abs(real - wanted) > SAME_RATE * wanted:
-        text += f", where {wanted * 1e-3:.9g} kHz are asked for"
+        text += f", not {wanted * 1e-3:.9g} kHz as requested"
     return text
 
 
@@ -180,9 +166,8 @@ def _describe_channel(channel: SourceChannel) -> str:
 
 
 def _describe_missing(error: ModuleNotFoundError) -> str:
-    library = find_library(error.name or "")
-    text = f"the Python package {error.name!r} is not installed"
-    return f"{text}: {library.advice}" if library else text
+    unknown = f"the Python package {error.name!r} is not installed"
+    return describe_missing(error.name or "") or unknown
 
 
 TITLES = {"source": "Acceleration sources", "holder": "Hammer holders"}
@@ -219,9 +204,7 @@ def _print_kind(console: Console, title: str, drivers: Sequence[SurveyedDriver])
         ),
         Column("Package", [driver.package for driver in drivers], is_text=True, is_optional=True),
     ]
-    notes = [
-        f"{driver.name}: {_describe_trouble(driver)}." for driver in drivers if driver.trouble
-    ]
+    notes = [f"{driver.name}: {driver.trouble}." for driver in drivers if driver.trouble]
     print_table(console, title, columns, notes)
 
 
@@ -231,7 +214,7 @@ def print_driver(console: Console, driver: SurveyedDriver) -> None:
     if driver.description:
         console.print(Text(driver.description))
     if driver.trouble:
-        console.print(Text(_describe_trouble(driver), style=ALARM))
+        console.print(Text(driver.trouble, style=ALARM))
     for device in driver.devices:
         console.print(Text(f"found: {device.address}  {device.identity}".rstrip()))
     if driver.example:
@@ -241,35 +224,17 @@ def print_driver(console: Console, driver: SurveyedDriver) -> None:
     console.print()
 
 
-def _describe_trouble(driver: SurveyedDriver) -> str:
-    return "; ".join(text for text in (driver.trouble, driver.advice) if text)
-
-
-FAULT = "fault"
-OK = "ok"
-
-
-def print_checks(console: Console, checks: Sequence[DeviceCheck], warnings: Sequence[str]) -> None:
-    """Print what was found of each device, then what is to be known of the sensors."""
-    for check in checks:
-        state = Text(FAULT, ALARM) if check.trouble else Text(OK, GOOD)
-        console.print(Text.assemble(state, f"  {check.part}"))
-        facts = [(f"  {name}", text) for name, text in check.facts]
-        print_facts(console, [*facts, ("", check.trouble)] if check.trouble else facts)
+def print_checks(console: Console, checks: Mapping[str, Facts], warnings: Sequence[str]) -> None:
+    """Print what was found of each device, then warnings about its sensors."""
+    for part, facts in checks.items():
+        state = Text("fault", ALARM) if TROUBLE in facts else Text("ok", GOOD)
+        console.print(Text.assemble(state, f"  {part}"))
+        print_facts(console, [(f"  {name}", text) for name, text in facts.items()])
     for text in warnings:
         print_text(console, Text.assemble(("warning: ", ALARM), text))
 
 
-def checks_to_json(checks: Sequence[DeviceCheck], warnings: Sequence[str]) -> dict[str, Any]:
-    """Return the same as plain values."""
-    content: dict[str, Any] = {
-        check.part: {**dict(check.facts), "trouble": check.trouble} for check in checks
-    }
-    return {**content, "warnings": list(warnings)}
-
-
-EXIT_FAULT = 1
-"""A device of the rig file is not there, or cannot do what it is asked."""
+EXIT_FAULT = 1  # a device of the rig file is missing, or cannot do what the file says
 
 
 def run(name: str | None, rig_file: Path | None, as_json: bool) -> None:
@@ -304,8 +269,8 @@ def _check_file(rig_file: Path, *, as_json: bool) -> None:
     checks = check_rig(rig, rig_file)
     warnings = list_rig_warnings(rig.setup)
     if as_json:
-        click.echo(format_json(checks_to_json(checks, warnings)), nl=False)
+        click.echo(format_json({**checks, "warnings": warnings}), nl=False)
     else:
         print_checks(make_console(), checks, warnings)
-    if any(check.trouble for check in checks):
+    if any(TROUBLE in facts for facts in checks.values()):
         raise SystemExit(EXIT_FAULT)

@@ -10,8 +10,9 @@ import click
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.analysis.report_sources import find_run
-from impact_rig.cli.contents import describe_hits, describe_loss, follow_reading
+from impact_rig.cli.contents import describe_hits
 from impact_rig.cli.options import refuse_given
+from impact_rig.cli.progress import show_progress
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits import find_label
 from impact_rig.present.terminal.console import print_warning
@@ -23,6 +24,7 @@ from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.recover import recover_recording
 from impact_rig.recordings.source import SUFFIX, find_recording
 from impact_rig.results.campaign import Results, results_from_session
+from impact_rig.results.numbers import format_count
 from impact_rig.results.results_file import format_json, read_results, results_to_json
 from impact_rig.results.results_table import format_results_table
 from impact_rig.simulators.contact import make_contact
@@ -35,7 +37,7 @@ DEFAULT_PARTS = {".json": {"results"}, ".csv": {"hits"}}
 """What is exported by suffix where nothing is said: columns of text share their time, which hits
 and means do not."""
 OTHER_PARTS = {"hits", "means"}
-TRACE_OPTIONS = {"what", "hits", "accepted_only", "filtered", "one_file_per_hit", "suffix"}
+TRACE_OPTIONS = {"what", "hits", "accepted_only", "filtered", "suffix"}
 _AWKWARD = re.compile(r"[^\w.+-]+")
 """What file names are better without."""
 
@@ -45,50 +47,23 @@ Group = tuple[str, tuple[MeasuredChannel, ...]]
 
 @dataclass(frozen=True)
 class ExportTask:
-    """What is to be exported: the command's options.
+    """What to export: the command's options."""
 
-    Attributes
-    ----------
-    output : Path
-        File, or folder of one file for each hit.
-    what : frozenset of str or None
-        Of hits, means and results; None: as suits the format.
-    samples, hits : tuple of str
-        Names of those that are wanted; empty: all.
-    accepted_only : bool
-        Without rejected hits.
-    filtered : bool
-        Hits after baseline and low-pass.
-    one_file_per_hit : bool
-        One file for each hit or mean.
-    suffix : str or None
-        Of these files.
-    """
-
-    output: Path
-    what: frozenset[str] | None = None
-    samples: tuple[str, ...] = ()
-    hits: tuple[str, ...] = ()
+    output: Path  # file, or folder of one file for each hit or mean
+    what: frozenset[str] | None = None  # of `EXPORTED`; None: as suits the format
+    samples: tuple[str, ...] = ()  # empty: all
+    hits: tuple[str, ...] = ()  # empty: all
     accepted_only: bool = False
     filtered: bool = False
-    one_file_per_hit: bool = False
-    suffix: str | None = None
+    suffix: str | None = None  # of one file for each hit or mean
 
     def __post_init__(self) -> None:
         """Refuse what does not go together."""
         if self.suffix is not None:
             object.__setattr__(self, "suffix", "." + self.suffix.lstrip("."))
-        if self.one_file_per_hit and self.suffix is None:
-            raise ParameterError(
-                f"--one-file-per-hit needs --format, one of {', '.join(WRITABLE)}"
-            )
-        if self.suffix is not None and not self.one_file_per_hit:
-            raise ParameterError(
-                f"--format is for --one-file-per-hit: {self.output} has its format by its suffix"
-            )
         has_results = "results" in self.parts
         formats = RESULTS_SUFFIXES if has_results else WRITABLE
-        if has_results and (len(self.parts) > 1 or self.one_file_per_hit):
+        if has_results and (len(self.parts) > 1 or self.suffix):
             raise ParameterError("results and traces do not go into the same files: export apart")
         if self.kind not in formats:
             raise ParameterError(
@@ -135,7 +110,7 @@ def export_recording(path: Path, task: ExportTask) -> str:
     groups = _make_groups(campaigns, task)
     if not groups:
         raise FileError(f"{path} holds no such {' or '.join(sorted(task.parts))}")
-    if not task.one_file_per_hit:
+    if task.suffix is None:
         channels = tuple(channel for _, group in groups for channel in group)
         write_measurement(task.output, Measurement(path, channels))
         return f"{task.output}: {len(groups)} traces in {len(channels)} channels"
@@ -269,17 +244,22 @@ def save_sound_copy(path: Path, output: Path) -> None:
     Raises as `recover_recording`.
     """
     found = find_recording(path)
-    with follow_reading(f"reading {found}", found, passes=2) as bar:
-        contents = recover_recording(found, output, report=bar.report)
+    with show_progress() as follow:
+        total = 2 * found.stat().st_size  # it is read twice
+        contents = recover_recording(
+            found, output, report=lambda done: follow(f"reading {found}", done, total)
+        )
     for problem in contents.problems:
         print_warning(f"{found}: {problem}")
-    click.echo(f"{output}: {describe_hits(contents)}; {describe_loss(contents)}")
+    lost = [f"{contents.unread} bytes"] if contents.unread else []
+    if contents.lost:
+        lost.append(f"at least {format_count(contents.lost, 'message')}")
+    click.echo(f"{output}: {describe_hits(contents)}; lost: {' and '.join(lost) or 'nothing'}")
     if not contents.is_sound:
         raise SystemExit(EXIT_DAMAGED)
 
 
 def run(
-    context: click.Context,
     recording: Path,
     engine: str | None,
     output: Path,
@@ -288,10 +268,10 @@ def run(
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
     if engine:
-        refuse_given(context, TRACE_OPTIONS, "is not for simulators")
+        refuse_given(TRACE_OPTIONS, "is not for simulators")
         click.echo(export_contact(recording, engine, output, samples))
     elif output.suffix == SUFFIX:
-        refuse_given(context, TRACE_OPTIONS | {"samples"}, f"is not for {SUFFIX}: all is copied")
+        refuse_given(TRACE_OPTIONS | {"samples"}, f"is not for {SUFFIX}: all is copied")
         save_sound_copy(recording, output)
     else:
         click.echo(export_recording(recording, ExportTask(output, samples=samples, **options)))

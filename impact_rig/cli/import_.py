@@ -1,6 +1,5 @@
 """`impact-rig import`: measurements of other instruments as a recording, without ROS."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from impact_rig.analysis.measured_files import (
 )
 from impact_rig.analysis.repeated_files import find_repeated_files
 from impact_rig.cli.each_file import raise_errors
+from impact_rig.cli.options import drop_missing
 from impact_rig.configuration.import_file import read_import_template
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.present.terminal.console import print_warning
@@ -32,9 +32,7 @@ def _print_template(files: tuple[Path, ...]) -> None:
         click.echo(make_template(read_measurement(files[0])), nl=False)
 
 
-def run(
-    files: tuple[Path, ...], output: Path | None, template: bool, measured: Mapping[str, Any]
-) -> None:
+def run(files: tuple[Path, ...], output: Path | None, template: bool, **measured: Any) -> None:
     """Run the command; its options are declared in `commands.py`."""
     if template:
         _print_template(files)
@@ -43,7 +41,7 @@ def run(
         raise click.UsageError("name the files, and the recording: FILE... -o OUT.mcap")
     if output.suffix != RECORDING_SUFFIX:
         raise ParameterError(f"{output} should be a recording: give it the suffix .mcap")
-    errors = _import_files(files, output, make_series(measured))
+    errors = _import_files(files, output, make_series(drop_missing(measured)))
     raise_errors(errors)
 
 

@@ -1,37 +1,103 @@
 """`impact-rig info`: what a recording holds, at a glance, and whether it is sound."""
 
+import dataclasses
+import math
 from collections import Counter
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.console import Console
 from rich.text import Text
 
 from impact_rig.cli.contents import (
-    contents_to_json,
-    count_reasons,
+    describe_hits,
     describe_losses,
-    describe_old_calibrations,
-    describe_recovery,
-    describe_verdict,
     inspect_with_progress,
-    print_incomplete_hits,
-    print_topics,
+    list_old_calibrations,
     read_fields,
     read_sensors,
     read_versions,
 )
 from impact_rig.cli.each_file import print_json, process_each, raise_errors
+from impact_rig.core.hits import describe_label
 from impact_rig.core.records import join_origins
 from impact_rig.present.terminal.console import ALARM, GOOD, make_console, print_facts, print_table
 from impact_rig.recordings.attachments import extract_attachments
 from impact_rig.recordings.contents import RECOVERY_RECORD, Contents
+from impact_rig.recordings.hits import HitState
 from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD
 from impact_rig.recordings.source import find_recordings
 from impact_rig.recordings.writer import HEALTH_RECORD
-from impact_rig.results.numbers import format_count
-from impact_rig.results.tables import Column
+from impact_rig.results.numbers import MISSING, format_count, format_number
+from impact_rig.results.results_file import origin_to_json
+from impact_rig.results.tables import Column, make_optional
+from impact_rig.results.wire import to_json
+
+MOST_HITS = 20  # named in a terminal; JSON has them all
+STREAM_FIGURES = ("blocks", "points", "gaps", "missing_points")
+EXIT_DAMAGED = 1  # the recording can be read, but not all of it is sound
+
+
+def describe_verdict(contents: Contents) -> str:
+    """Return in one sentence what a recording holds, or what is wrong with it."""
+    found = describe_hits(contents)
+    if contents.problems:
+        return (
+            f"damaged: {'; '.join(contents.problems)}. Left of it: {found}."
+            f" `impact-rig export {contents.path} -o sound.mcap` saves that"
+        )
+    recovery = read_fields(contents, RECOVERY_RECORD)
+    return f"sound: {found}" + (
+        f"; recovered from {recovery['recovered_from']}: {recovery['problems']}"
+        if recovery
+        else ""
+    )
+
+
+def contents_to_json(contents: Contents) -> dict[str, Any]:
+    """Return what a recording holds as plain values."""
+    return {
+        "path": str(contents.path),
+        "sound": contents.is_sound,
+        "verdict": describe_verdict(contents),
+        "problems": contents.problems,
+        "remarks": [*contents.remarks, *list_old_calibrations(contents)],
+        "start_time_ns": contents.start_time,
+        "end_time_ns": contents.end_time,
+        "messages": contents.messages,
+        "messages_lost": contents.lost,
+        "messages_lost_on_the_way": contents.messages_lost,
+        "hits": [{**dataclasses.asdict(hit), "state": hit.state.value} for hit in contents.hits],
+        **origin_to_json(join_origins(hit.origin for hit in contents.hits)),
+        "streams": {
+            topic: {name: getattr(stream, name) for name in STREAM_FIGURES}
+            for topic, stream in contents.streams.items()
+        },
+        "rejections": _count_reasons(contents),
+        "topics": [
+            {**vars(topic), "rate_hz": topic.rate if math.isfinite(topic.rate) else None}
+            for topic in contents.topics
+        ],
+        "file": {
+            "size_bytes": contents.size,
+            "library": contents.library,
+            "compression": contents.compression,
+            "chunks": contents.chunks,
+            "closed": contents.is_closed,
+            "has_index": contents.has_index,
+            "unread_bytes": contents.unread,
+            "damages": [damage._asdict() for damage in contents.damages],
+        },
+        "sensors": [to_json(sensor) for sensor in read_sensors(contents)],
+        "versions": read_versions(contents),
+        "health": read_fields(contents, HEALTH_RECORD),
+        "recovery": read_fields(contents, RECOVERY_RECORD),
+        "parameters": read_fields(contents, PARAMETERS_RECORD),
+        "notes": [vars(note) for note in contents.notes],
+        "attachments": [vars(item) for item in contents.attachments],
+    }
 
 
 def _list_facts(contents: Contents) -> list[tuple[str, str]]:
@@ -53,18 +119,10 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
         for topic, stream in contents.streams.items()
     ]
     facts.append(("losses", describe_losses(contents) or "none"))
-    if recovery := read_fields(contents, RECOVERY_RECORD):
-        facts.append(("recovery", describe_recovery(recovery)))
     if reason := read_fields(contents, HEALTH_RECORD).get("reason"):
         facts.append(("ended", reason))
     if versions := read_versions(contents):
         facts.append(("versions", ", ".join(f"{name} {text}" for name, text in versions.items())))
-    return facts + _list_additions(contents)
-
-
-def _list_additions(contents: Contents) -> list[tuple[str, str]]:
-    """Return what is in it beside the messages, and what operators had to say."""
-    facts = []
     if parameters := read_fields(contents, PARAMETERS_RECORD):
         number = sum(len(text.splitlines()) for text in parameters.values())
         facts.append(("parameters", f"{number} of {len(parameters)} nodes (--json)"))
@@ -103,7 +161,7 @@ def _print_samples(console: Console, contents: Contents) -> None:
     if not names:
         return
     verdicts = Counter((name, hit.is_accepted) for name, hit in hits)
-    reasons = count_reasons(contents).most_common()
+    reasons = _count_reasons(contents).most_common()
     reasons_given = ", ".join(f"{reason} ({number})" for reason, number in reasons)
     print_table(
         console,
@@ -122,8 +180,44 @@ def _print_samples(console: Console, contents: Contents) -> None:
     )
 
 
-EXIT_DAMAGED = 1
-"""The recording can be read, but not all of it is sound."""
+def _count_reasons(contents: Contents) -> Counter[str]:
+    """Return how often each reason for rejection was given; a hit may have several."""
+    return Counter(reason.partition(":")[0] for hit in contents.hits for reason in hit.rejections)
+
+
+def _print_incomplete_hits(console: Console, contents: Contents) -> None:
+    """Print the hits of which something is missing."""
+    hits = [hit for hit in contents.hits if hit.state is not HitState.SAVED]
+    if not hits:
+        return
+    shown = hits[:MOST_HITS]
+    names = [describe_label(hit.label) if hit.label else str(hit.record) for hit in shown]
+    columns = [
+        Column("Hit", names, is_text=True),
+        Column("State", [hit.state.value for hit in shown], is_text=True),
+        Column("Why", [hit.reason for hit in shown], is_text=True),
+    ]
+    left = len(hits) - len(shown)
+    notes = [f"And {left} more: --json names them all."] if left else ()
+    print_table(console, f"Hits damaged or lost: {len(hits)}", columns, notes)
+
+
+def _print_topics(console: Console, contents: Contents) -> None:
+    """Print the topics with what is there of each, and what is not."""
+    topics = contents.topics
+    if not topics:
+        return
+    columns = [
+        Column("Topic", [topic.name for topic in topics], is_text=True),
+        Column("Messages", [str(topic.messages) for topic in topics]),
+        make_optional("Hz", [format_number(topic.rate, 1) for topic in topics]),
+        Column("Type", [topic.type_name or MISSING for topic in topics], is_text=True),
+    ]
+    lost = [topic.lost for topic in topics]
+    if any(lost):
+        styles = [ALARM if number else "" for number in lost]
+        columns.insert(2, Column("Lost", [str(number) for number in lost], styles=styles))
+    print_table(console, f"Topics: {len(topics)}", columns)
 
 
 def run(files: tuple[Path, ...], extract: Path | None, as_json: bool) -> None:
@@ -157,7 +251,7 @@ def _print(contents: Contents) -> None:
     console.print()
     print_facts(console, _list_facts(contents))
     _print_samples(console, contents)
-    print_incomplete_hits(console, contents)
-    print_topics(console, contents)
-    for remark in (*contents.remarks, *describe_old_calibrations(contents)):
+    _print_incomplete_hits(console, contents)
+    _print_topics(console, contents)
+    for remark in (*contents.remarks, *list_old_calibrations(contents)):
         console.print(Text.assemble(("warning: ", ALARM), remark))

@@ -16,7 +16,7 @@ class Library:
     def advice(self) -> str:
         """Say how to get it."""
         if not self.is_needed:
-            return f'pip install "{self.name}"; all else works without it'
+            return f'pip install "{self.name}"; everything else works without it'
         if self.is_ros:
             return (
                 "source ROS 2 Jazzy and the rig built with it, or use"
@@ -55,8 +55,9 @@ PARTS = {"dask": "distributed"}
 """Modules that come with another library, by that library's module."""
 
 
-def find_library(module: str) -> Library | None:
-    """Return the library that a module belongs to; None: it is not in `LIBRARIES`."""
+def describe_missing(module: str) -> str:
+    """Return which library a missing module belongs to, and how to get it; empty: unknown."""
     top = module.partition(".")[0]
     top = PARTS.get(top, top)
-    return next((item for item in LIBRARIES if item.module == top), None)
+    found = [item for item in LIBRARIES if item.module == top]
+    return f"{found[0].name} is not installed: {found[0].advice}" if found else ""

@@ -1,10 +1,9 @@
 """Options that several commands share."""
 
 import contextlib
-import functools
 import math
 import os
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from click.core import ParameterSource
 from impact_rig.configuration.processes import (
     RECORDING_NAME,
     REPORT_NAME,
-    RecordingPlan,
     make_network_variables,
 )
 from impact_rig.configuration.units import parse_quantity
@@ -72,6 +70,20 @@ CUTOFF = Parsed(lambda _, text: 0.0 if text == "off" else FREQUENCY.convert(text
 """A frequency [Hz], or ``off``, which is 0."""
 
 
+EXPORTED = ("hits", "means", "results")
+
+
+def _parse_parts(name: str, text: str) -> frozenset[str]:
+    """Return names of `EXPORTED`, separated by commas; raises `ParameterError`."""
+    parts = frozenset(part.strip() for part in text.split(","))
+    for part in parts - {*EXPORTED}:
+        raise ParameterError(f"{name}: {part!r} is not one of {', '.join(EXPORTED)}")
+    return parts
+
+
+PARTS = Parsed(_parse_parts)
+
+
 def parse_angles(name: str, text: str) -> tuple[float, ...]:
     """Return release angles [rad], in degrees between commas; raises `ParameterError`."""
     try:
@@ -98,17 +110,15 @@ def _combine(*options: Decorator) -> Decorator:
     return decorate
 
 
-PLANTS = [plant.value for plant in Plant]
-FAULTS = ", ".join(fault.value for fault in Fault)
-
+FILE = click.Path(path_type=Path)
+FOLDER = click.Path(path_type=Path, file_okay=False)
 
 rig_file_option = click.option(
-    "--rig-file",
-    type=click.Path(path_type=Path),
-    help="Masses, samples and settings, in TOML. [the paper's rig]",
+    "--rig-file", type=FILE, help="Masses, samples and settings, in TOML. [the paper's rig]"
 )
 
-
+PLANTS = [plant.value for plant in Plant]
+FAULTS = ", ".join(fault.value for fault in Fault)
 virtual_rig_options = _combine(
     click.option(
         "--plant",
@@ -124,71 +134,59 @@ virtual_rig_options = _combine(
     ),
 )
 
-
-continuous_option = click.option(
-    "--continuous",
-    is_flag=True,
-    help="Stream both channels all the time, and find the impacts in the stream. [each hit]",
+notes_option = click.option(
+    "--notes", default="", metavar="TEXT", help="Words to keep in the recording."
 )
-
-
-output_option = click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for recording, view and results. [runs/<time>]",
+recording_options = _combine(
+    click.option(
+        "--continuous",
+        is_flag=True,
+        help="Stream both channels all the time, and find the impacts in the stream. [each hit]",
+    ),
+    click.option(
+        "--record-stream", is_flag=True, help="With --continuous: record all of the stream."
+    ),
+    notes_option,
+    click.option(
+        "-o",
+        "--output",
+        type=FOLDER,
+        help="Folder for recording, view and results. [runs/<time>]",
+    ),
 )
-
-
 resume_option = click.option(
     "--resume",
     type=click.Path(path_type=Path, file_okay=False, exists=True),
     metavar="RUN",
-    help="Go on with a run: the folder that it is recorded in.",
+    help="Go on with the run that this folder holds.",
 )
 
-
-def samples_option(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--samples NAME ...``: as many names as follow it, with blanks or commas between."""
-
-    @functools.wraps(command)
-    def joined(*, samples: tuple[str, ...], more: tuple[str, ...], **values: Any) -> Any:
-        if more and not samples:
-            raise click.UsageError(f"unexpected {more[0]!r}: write --samples before the names")
-        names = ",".join(samples + more).split(",")
-        return command(samples=tuple(name.strip() for name in names if name.strip()), **values)
-
-    # An option takes one value; further names reach the command as arguments.
-    with_more = click.argument("more", nargs=-1, metavar="")(joined)
-    return click.option(
-        "--samples",
-        multiple=True,
-        metavar="NAME...",
-        help="Strike these samples only, in this order. [the whole set]",
-    )(with_more)
-
-
-impacts_option = click.option(
-    "--impacts", type=click.IntRange(1), default=10, help="Accepted hits per sample. [10]"
+samples_option = click.option(
+    "--sample",
+    "samples",
+    multiple=True,
+    metavar="NAME",
+    help="Only this sample; repeatable.",
 )
-
-
-keep_option = click.option(
-    "--keep",
-    type=click.IntRange(0),
-    default=0,
-    metavar="N",
-    help="Average the N most consistent of a sample's hits. [that of the rig file; else all]",
-)
-
-
-angles_option = click.option(
-    "--angles",
-    type=Parsed(parse_angles),
-    default=(),
-    metavar="DEGREES,...",
-    help="Strike every sample from each of these release angles. [those of the rig file, or its"
-    " one]",
+campaign_options = _combine(
+    samples_option,
+    click.option(
+        "--impacts", type=click.IntRange(1), default=10, help="Accepted hits per sample. [10]"
+    ),
+    click.option(
+        "--angles",
+        type=Parsed(parse_angles),
+        default=(),
+        metavar="DEGREES,...",
+        help="Strike every sample from each of these release angles. [as in the rig file]",
+    ),
+    click.option(
+        "--keep",
+        type=click.IntRange(0),
+        default=0,
+        metavar="N",
+        help="Average the N most consistent hits of a sample. [as in the rig file; else all]",
+    ),
 )
 
 
@@ -213,7 +211,6 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, 
 
 viewer_option = click.option(
     "--viewer",
-    "viewers",
     multiple=True,
     metavar="spawn|web|ADDRESS",
     help="Show it live, too: in a window, on a web page, in the Rerun viewer at"
@@ -271,78 +268,59 @@ def use_private_domain() -> Iterator[None]:
             del os.environ["ROS_DOMAIN_ID"]
 
 
-_FILE = click.Path(path_type=Path)
-_MEASUREMENT_OPTIONS: dict[str, tuple[click.ParamType, str, str]] = {
-    "channels": (
-        _FILE,
-        "FILE.toml",
-        "Channels, sensors, masses, settings, as `import --template` prints it.",
+measurement_options = _combine(
+    click.option(
+        "--channels",
+        type=FILE,
+        metavar="FILE.toml",
+        help="Channels, sensors, masses, settings, as `import --template` prints it.",
     ),
-    "hammer_unit": (click.STRING, "UNIT", f"{', '.join(UNITS)}. [as the file states it]"),
-    "rate": (make_quantity("Hz", "25.6 kHz"), "RATE", "Sampling rate. [as the file states it]"),
-    "hammer_mass": (make_quantity("kg", "100 g"), "MASS", "m1."),
-    "sample_mass": (make_quantity("kg", "102.38 g"), "MASS", "Without accelerometer."),
-    "rig_file": (_FILE, "FILE.toml", "Masses and settings; --sample is one of its samples."),
-    "sample": (click.STRING, "NAME", "Which sample was struck."),
-    "cutoff": (CUTOFF, "FREQUENCY", "Low-pass, or off. [as recorded; else 50 kHz]"),
-    "record_duration": (
-        make_quantity("s", "2 ms"),
-        "TIME",
-        "Of each hit, if a file holds many. [the whole file is one hit]",
+    click.option("--hammer-unit", metavar="UNIT", help=f"{', '.join(UNITS)}. [as in the file]"),
+    click.option(
+        "--rate",
+        type=make_quantity("Hz", "25.6 kHz"),
+        metavar="RATE",
+        help="Sampling rate. [as in the file]",
     ),
-}
-"""Type, placeholder and help; see `impact_rig.analysis.measured_files`."""
+    click.option("--hammer-mass", type=make_quantity("kg", "100 g"), metavar="MASS", help="m1."),
+    click.option(
+        "--sample-mass",
+        type=make_quantity("kg", "102.38 g"),
+        metavar="MASS",
+        help="Without accelerometer.",
+    ),
+    click.option(
+        "--rig-file",
+        type=FILE,
+        metavar="FILE.toml",
+        help="Masses and settings; --sample is one of its samples.",
+    ),
+    click.option("--sample", metavar="NAME", help="Which sample was struck."),
+    click.option(
+        "--cutoff",
+        type=CUTOFF,
+        metavar="FREQUENCY",
+        help="Low-pass, or off. [as recorded; else 50 kHz]",
+    ),
+    click.option(
+        "--record-duration",
+        type=make_quantity("s", "2 ms"),
+        metavar="TIME",
+        help="Of each hit, if a file holds many. [the whole file is one hit]",
+    ),
+)
+"""Options of files of other instruments; see `impact_rig.analysis.measured_files`."""
 
 
-def refuse_given(context: click.Context, names: Collection[str], reason: str) -> None:
-    """Raise `ParameterError` with a reason if one of some options was given."""
+def drop_missing(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options that were given."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def refuse_given(names: Collection[str], reason: str) -> None:
+    """Raise `ParameterError` with a reason if the command got one of some options."""
+    context = click.get_current_context()
     for parameter in context.command.params:
         source = context.get_parameter_source(parameter.name or "")
         if parameter.name in names and source is not ParameterSource.DEFAULT:
             raise ParameterError(f"{parameter.opts[0]} {reason}")
-
-
-def make_flag(name: str) -> str:
-    """Return an option as it is written on the command line."""
-    return f"--{name.replace('_', '-')}"
-
-
-def measurement_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of measured files; the command gets those given as `measured`, a mapping."""
-
-    @functools.wraps(command)
-    def joined(**values: Any) -> Any:
-        found = {name: values.pop(name) for name in _MEASUREMENT_OPTIONS}
-        given = {name: value for name, value in found.items() if value is not None}
-        return command(measured=given, **values)
-
-    for name, (kind, metavar, words) in reversed(_MEASUREMENT_OPTIONS.items()):
-        joined = click.option(make_flag(name), type=kind, metavar=metavar, help=words)(joined)
-    return joined
-
-
-def recording_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add options that make one `RecordingPlan`, `recording`."""
-
-    @functools.wraps(command)
-    def joined(*, notes: str, record_stream: bool, **values: Any) -> Any:
-        return command(recording=RecordingPlan(notes, record_stream), **values)
-
-    for option in (
-        click.option(
-            "--record-stream",
-            is_flag=True,
-            help="With --continuous: record all of the stream.",
-        ),
-        click.option(
-            "--notes", default="", metavar="TEXT", help="What the recording should say of itself."
-        ),
-    ):
-        joined = option(joined)
-    return joined
-
-
-def list_recording_arguments(recording: RecordingPlan) -> list[str]:
-    """Return a plan as the words of a command line."""
-    arguments = ["--record-stream"] if recording.stream else []
-    return [*arguments, "--notes", recording.notes] if recording.notes else arguments

@@ -5,8 +5,8 @@ from pathlib import Path
 import click
 
 from impact_rig.cli import options
-from impact_rig.cli.contents import follow_reading
 from impact_rig.cli.each_file import print_json
+from impact_rig.cli.progress import show_progress
 from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes.replay_client import ReplayClient
@@ -60,9 +60,12 @@ def estimate_again(file: Path, output: Path | None, *, as_json: bool) -> None:
     with (
         options.use_private_domain(),
         ReplayClient() as client,
-        follow_reading(f"replaying {file}", recording.path) as bar,
+        show_progress() as follow,
     ):
-        found = list(client.estimate(recording, bar.report))
+        size = recording.path.stat().st_size
+        found = list(
+            client.estimate(recording, lambda done: follow(f"replaying {file}", done, size))
+        )
     if not found:
         raise FileError(f"{file} holds no hit to estimate from: no block completes a record")
     if path is not None:
@@ -87,8 +90,6 @@ def _write(path: Path, results: Results) -> None:
 
 
 def run(
-    context: click.Context,
-    /,
     file: Path,
     rate: float,
     loop: int,
@@ -100,11 +101,11 @@ def run(
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
     if estimate:
-        options.refuse_given(context, PLAYER_ONLY, "is for the player: it goes without --estimate")
+        options.refuse_given(PLAYER_ONLY, "is for the player: it goes without --estimate")
         options.set_discovery(network=False)
         estimate_again(file, output, as_json=as_json)
         return
     if output is not None or as_json:
         raise ParameterError("--output and --json are for results: they need --estimate")
     options.set_discovery(network=network)
-    context.exit(play(file, rate, loop, namespace))
+    raise SystemExit(play(file, rate, loop, namespace))

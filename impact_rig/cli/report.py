@@ -12,12 +12,11 @@ from impact_rig.cli.contents import (
     read_fields,
     read_versions,
 )
-from impact_rig.cli.progress_bar import ProgressBar
+from impact_rig.cli.progress import show_progress
 from impact_rig.configuration.processes import REPORT_NAME
 from impact_rig.core.errors import FileError
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
-from impact_rig.present.terminal.console import make_console
 from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD, compute_sha256
@@ -64,13 +63,13 @@ def run(path: Path, output: Path | None) -> None:
     output = output or source.folder / REPORT_NAME
     if output.exists():
         raise FileError(f"{output} exists already: name another file with -o")
-    with ProgressBar(make_console(stderr=True), f"reading {source.named}"):
+    with show_progress() as follow:
+        follow(f"reading {source.named}", 0)
         runs = read_runs(source)
-    if runs[0].has_traces:
-        provenance = read_provenance(source.path)
-        runs = tuple(replace(run, provenance=provenance) for run in runs)
-    with ProgressBar(make_console(stderr=True), "drawing", total=len(runs)) as bar:
-        document = make_report(runs, bar.report)
+        if runs[0].has_traces:
+            provenance = read_provenance(source.path)
+            runs = tuple(replace(run, provenance=provenance) for run in runs)
+        document = make_report(runs, lambda done: follow("drawing", done, len(runs)))
     with write_new_file(output) as part:
         part.write_text(render_page(document), encoding="utf-8")
     click.echo(f"report: {output}", err=True)

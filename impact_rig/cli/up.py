@@ -15,8 +15,7 @@ from honcho.manager import Manager
 from honcho.printer import Message, Printer
 
 from impact_rig.cli import options
-from impact_rig.cli.options import recording_options
-from impact_rig.configuration import run
+from impact_rig.configuration import run as run_folder
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     ACTIVE,
@@ -24,7 +23,6 @@ from impact_rig.configuration.processes import (
     LOG_NAME,
     RECORDING_NAME,
     NodeProcess,
-    RecordingPlan,
     list_rig_processes,
 )
 from impact_rig.configuration.rig_file import (
@@ -35,6 +33,7 @@ from impact_rig.configuration.rig_file import (
 )
 from impact_rig.core.errors import RigError
 from impact_rig.devices.drivers import VIRTUAL, read_driver_name
+from impact_rig.present.terminal.console import print_warning
 
 STOPPED_BY_REQUEST = (0, 128 + signal.SIGINT, 128 + signal.SIGTERM)
 """Exit codes of a rig that was told to stop."""
@@ -179,48 +178,7 @@ def _stop_at_end_of_input() -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-@click.command(
-    epilog="""
-    \b
-    Examples:
-      impact-rig up                            the paper's rig, virtual
-      impact-rig up --template > my-rig.toml   a rig file to fill in
-      impact-rig up --rig-file my-rig.toml     your own samples
-      impact-rig up --set hammer.swing_time=0.3
-      impact-rig up --resume runs/2026-11-23T15-00-00
-    On one of two computers, with the same rig file and ROS_DOMAIN_ID:
-      impact-rig up --network --only hammer --only accelerometer
-    """
-)
-@options.rig_file_option
-@options.virtual_rig_options
-@options.continuous_option
-@options.output_option
-@options.resume_option
-@recording_options
-@options.network_option
-@options.namespace_option
-@click.option("--visualizer/--no-visualizer", default=True, help="Write a Rerun view. [yes]")
-@options.viewer_option
-@click.option(
-    "--only",
-    multiple=True,
-    metavar="NODE",
-    help="Start only this node; repeatable. The others run elsewhere, with the same options."
-    " [all]",
-)
-@click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="NODE.PARAMETER=VALUE",
-    help="Set any ROS parameter of a node, or a key of the rig file's table [source] as"
-    " source.KEY=VALUE; repeatable.",
-)
-@click.option("--template", is_flag=True, help="Print the paper's rig file and end.")
-@click.option("--stop-with-input", is_flag=True, hidden=True)
-@click.option("--log-file", type=click.Path(path_type=Path), hidden=True)
-def command(
+def run(
     rig_file: Path | None,
     plant: str | None,
     seed: int | None,
@@ -228,34 +186,29 @@ def command(
     continuous: bool,
     output: Path | None,
     resume: Path | None,
-    recording: RecordingPlan,
+    record_stream: bool,
+    notes: str,
     network: bool,
     namespace: str,
     visualizer: bool,
-    viewers: tuple[str, ...],
+    viewer: tuple[str, ...],
     only: tuple[str, ...],
     settings: tuple[str, ...],
     template: bool,
     stop_with_input: bool,
     log_file: Path | None,
 ) -> None:
-    """Start the nodes of a rig, each its own process, until Ctrl-C.
-
-    Everything is recorded into one folder, that of an earlier run with --resume. Several computers
-    make one rig when each starts some of the nodes (--only) and finds the others (--network).
-    """
+    """Run the command; its options are declared in `commands.py`."""
     if template:
         click.echo(read_template(), nl=False)
         return
-    from impact_rig.present.terminal.console import print_warning
-
     rig = load_rig_file(rig_file)
     for warning in list_rig_warnings(rig.setup):
         print_warning(warning)
-    overrides = run.parse_settings(settings)
-    source = run.make_virtual_source(plant=plant, seed=seed, faults=faults)
-    source |= overrides.pop(run.SOURCE, {})
-    folder = resume or run.choose_run_folder(output)
+    overrides = run_folder.parse_settings(settings)
+    source = run_folder.make_virtual_source(plant=plant, seed=seed, faults=faults)
+    source |= overrides.pop(run_folder.SOURCE, {})
+    folder = resume or run_folder.choose_run_folder(output)
     options.set_discovery(network=network)
     processes = list_rig_processes(
         folder.resolve(),
@@ -263,16 +216,17 @@ def command(
         source=source,
         swing=rig.hammer,
         continuous=continuous,
-        recording=recording,
+        record_stream=record_stream,
+        notes=notes,
         visualize=visualizer,
-        viewers=viewers,
+        viewers=viewer,
         overrides=overrides,
         only=only,
     )
     check_free(join_names(namespace, (process.name for process in processes)))
     is_written = any("output" in process.parameters for process in processes)
     if is_written and resume is None:
-        run.make_run_folder(folder)
+        run_folder.make_run_folder(folder)
     log = log_file.open("w", encoding="utf-8") if log_file else sys.stdout
     is_recorded = any(process.name == "recorder" for process in processes)
     recorded = folder / RECORDING_NAME if is_recorded else None

@@ -5,16 +5,15 @@ import re
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import click
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.analysis.report_sources import RunSource, find_run
-from impact_rig.cli.analyze import AnalysisProgress
 from impact_rig.cli.each_file import process_each, raise_errors
-from impact_rig.core.errors import DeviceError, FileError, RigError
+from impact_rig.cli.progress import show_progress
+from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
 from impact_rig.present.rerun.rerun_sdk import import_rerun
 from impact_rig.present.rerun.view_file import (
     check_view,
@@ -30,7 +29,7 @@ from impact_rig.present.rerun.viewers import (
     make_viewer_address,
     open_window,
 )
-from impact_rig.present.terminal.console import make_console, print_warning
+from impact_rig.present.terminal.console import print_warning
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.reader import read_recording
 from impact_rig.results.results_file import read_results
@@ -43,28 +42,14 @@ AWKWARD = re.compile(r"[^\w.-]+")
 
 
 def make_parts(path: Path, folder: Path, *, fit: bool) -> list[Path]:
-    """Make a view of each campaign that a path means.
+    """Make a view of each campaign of a recording, results or the folder of a run.
 
-    Warnings go to standard error.
-
-    Parameters
-    ----------
-    path : Path
-        A recording, results, the folder of a run, or a view.
-    folder : Path
-        Where to.
-    fit : bool
-        Fit the model as well.
-
-    Returns
-    -------
-    list of Path
-        Of the files; a view is taken as it is.
+    The files go into `folder`; a view is returned unchanged. Warnings go to standard error.
 
     Raises
     ------
     FileError
-        If there is nothing of that name, or it cannot be read.
+        If there is no such file, or it cannot be read.
     """
     if path.suffix == VIEW_SUFFIX and not path.is_dir():
         check_view(path)
@@ -90,9 +75,9 @@ def _read_campaigns(
     if not source.is_recording:
         alone = TracedCampaign(read_results(source.path))
         return (alone,), ("results hold no traces: tables and figures alone are shown",)
-    with AnalysisProgress(make_console(stderr=True), source.path) as bar:
+    with show_progress() as follow:
         traced = analyze(
-            read_recording(source.named), keep_traces=True, with_models=fit, report=bar.follow
+            read_recording(source.named), keep_traces=True, with_models=fit, report=follow
         )
     remarks = [remark for campaign in traced.campaigns for remark in list_remarks(campaign)]
     return traced.campaigns, (*traced.warnings, *remarks)
@@ -110,74 +95,47 @@ def list_remarks(campaign: TracedCampaign) -> Iterator[str]:
             yield f"{sample.name!r} is shown without model: {reason}"
 
 
-@dataclass(frozen=True)
-class _Places:
-    """Where the view is to go."""
-
-    output: Path | None
-    connect: str
-    has_page: bool
-    has_window: bool
-
-
-def run(
-    paths: tuple[Path, ...], output: Path | None, connect: str, web: bool, spawn: bool, fit: bool
-) -> None:
+def run(paths: tuple[Path, ...], output: Path | None, connect: str, web: bool, fit: bool) -> None:
     """Run the command; its options are declared in `commands.py`."""
-    places = _Places(output, connect, web, spawn or not (output or connect or web))
-    _check(places)
+    if sum(map(bool, (output, connect, web))) > 1:
+        raise ParameterError("choose one of --output, --connect and --web")
+    show = _choose_place(output, connect, web=web)
     # Half a second to load, in which the recording is read.
     threading.Thread(target=_load_rerun, daemon=True).start()
     with tempfile.TemporaryDirectory(prefix="impact-rig-view-") as folder:
         found, errors = process_each(paths, lambda path: make_parts(path, Path(folder), fit=fit))
         parts = [part for each in found for part in each]
         if parts:
-            errors += _show(parts, places)
+            show(parts)
     raise_errors(errors)
 
 
-def _check(places: _Places) -> None:
-    """Refuse what cannot be, before anything is read."""
-    if places.output is not None:
-        if places.output.suffix != VIEW_SUFFIX:
-            raise FileError(f"--output is {str(places.output)!r}: it must end in {VIEW_SUFFIX}")
-        if places.output.exists():
-            raise FileError(f"{places.output} exists already: name another file with -o")
-    if places.connect:
-        check_viewer_address(places.connect)
-    if places.has_window and not (places.output or places.connect or places.has_page):
-        try:
-            check_screen()
-        except DeviceError as error:
-            raise DeviceError(f"{error} (-o FILE{VIEW_SUFFIX}, --web, --connect)") from None
+def _choose_place(
+    output: Path | None, connect: str, *, web: bool
+) -> Callable[[Sequence[Path]], None]:
+    """Return what shows views; refuse a place that cannot be used before anything is read."""
+    if output is not None:
+        if output.suffix != VIEW_SUFFIX:
+            raise FileError(f"--output is {str(output)!r}: it must end in {VIEW_SUFFIX}")
+        if output.exists():
+            raise FileError(f"{output} exists already: name another file with -o")
+        return lambda parts: _write(parts, output)
+    if connect:
+        check_viewer_address(connect)
+        return lambda parts: _send(parts, connect)
+    if web:
+        return _serve
+    try:
+        check_screen()
+    except DeviceError as error:
+        raise DeviceError(f"{error} (-o FILE{VIEW_SUFFIX}, --web, --connect)") from None
+    return _show_window
 
 
 def _load_rerun() -> None:
     # The first use of it reports the error.
     with contextlib.suppress(RigError):
         import_rerun()
-
-
-def _show(parts: Sequence[Path], places: _Places) -> list[str]:
-    """Show views wherever they are wanted; return what could not be shown."""
-    errors: list[str] = []
-
-    def attempt(show: Callable[[], None]) -> None:
-        try:
-            show()
-        except RigError as error:
-            errors.append(str(error))
-
-    output = places.output
-    if output is not None:
-        attempt(lambda: _write(parts, output))
-    if places.connect:
-        attempt(lambda: _send(parts, places.connect))
-    if places.has_window:
-        attempt(lambda: _show_window(parts))
-    if places.has_page:
-        attempt(lambda: _serve(parts))
-    return errors
 
 
 def _write(parts: Sequence[Path], output: Path) -> None:

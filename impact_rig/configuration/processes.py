@@ -109,22 +109,6 @@ class NodeProcess:
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class RecordingPlan:
-    """How a run is recorded.
-
-    Attributes
-    ----------
-    notes : str
-        In the operator's words.
-    stream : bool
-        The whole running stream of continuous mode too, not only the impacts in it.
-    """
-
-    notes: str = ""
-    stream: bool = False
-
-
 def list_rig_processes(
     output: Path | str,
     *,
@@ -132,7 +116,8 @@ def list_rig_processes(
     source: Mapping[str, Any] | None = None,
     swing: Mapping[str, Any] | None = None,
     continuous: bool = False,
-    recording: RecordingPlan = RecordingPlan(),
+    record_stream: bool = False,
+    notes: str = "",
     visualize: bool = True,
     viewers: Sequence[str] = (),
     overrides: Mapping[str, Mapping[str, Any]] | None = None,
@@ -154,8 +139,10 @@ def list_rig_processes(
         Parameters of the hammer that the rig file gives: swing_time ...
     continuous : bool
         Whether the accelerometers stream all the time, and not only each hit.
-    recording : RecordingPlan
-        How everything is recorded.
+    record_stream : bool
+        Whether the whole running stream is recorded, and not only the impacts in it.
+    notes : str
+        Words of the operator to keep in the recording.
     visualize : bool
         Whether model and measurement are shown.
     viewers : sequence of str
@@ -186,7 +173,7 @@ def list_rig_processes(
     if continuous:
         accelerometer["mode"] = CONTINUOUS
     given = {**accelerometer, **further.get("accelerometer", {})}
-    if recording.stream and given.get("mode") != CONTINUOUS:
+    if record_stream and given.get("mode") != CONTINUOUS:
         raise ParameterError(
             "there is no running stream to be recorded: choose continuous mode as well"
         )
@@ -196,11 +183,7 @@ def list_rig_processes(
         NodeProcess("estimator"),
         NodeProcess("campaign", described),
     ]
-    content = {
-        "notes": recording.notes,
-        "attachments": str(rig_file),
-        "record_stream": recording.stream,
-    }
+    content = {"notes": notes, "attachments": str(rig_file), "record_stream": record_stream}
     given = {name: value for name, value in content.items() if value}
     processes.append(NodeProcess("recorder", {"output": str(folder / RECORDING_NAME), **given}))
     if visualize:

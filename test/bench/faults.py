@@ -20,7 +20,7 @@ from impact_rig.results.results_file import format_json, results_to_json
 
 SAMPLES = ("steel small", "brass small")
 IMPACTS = 3
-CAMPAIGN = ("--impacts", str(IMPACTS), *(word for name in SAMPLES for word in ("--samples", name)))
+CAMPAIGN = ("--impacts", str(IMPACTS), *(word for name in SAMPLES for word in ("--sample", name)))
 OVERRIDES = {"hammer": {"swing_time": 0.2}}
 """The fault should meet every part of a hit, and swings are most of it."""
 LONGEST_WAIT = 1.5

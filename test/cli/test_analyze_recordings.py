@@ -1,13 +1,9 @@
 """`impact-rig analyze` on recordings."""
 
-import io
 import json
-from pathlib import Path
 
 import pytest
-from rich.console import Console
 
-from impact_rig.cli.analyze import AnalysisProgress
 from impact_rig.core.setup import PUBLISHED_SAMPLES
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRigSettings
@@ -158,22 +154,3 @@ def test_hits_are_named_in_one_recording_at_a_time(run, campaign):
     outcome = run("analyze", campaign.path, "other.mcap", "--reject", 1)
     assert outcome.exit_code == 2
     assert "analyze recordings one by one" in outcome.stderr
-
-
-def test_reading_is_told_in_megabytes_and_estimating_in_samples():
-    console = Console(file=io.StringIO(), force_terminal=True, width=100, color_system=None)
-    with AnalysisProgress(console, Path("runs/session.mcap")) as bar:
-        for report in (
-            ("reading", 1_000_000, 80_000_000),
-            ("reading", 79_600_000, 80_000_000),
-            ("estimating", 0, 12),
-            ("estimating", 7, 12),
-        ):
-            bar.follow(*report)
-            bar._progress.refresh()
-    text: str = console.file.getvalue()  # type: ignore[attr-defined]
-    assert "reading runs/session.mcap" in text
-    assert "1 of 80 MB" in text
-    assert "80 of 80 MB" in text
-    assert "estimating" in text
-    assert text.index("0 of 12 samples") < text.index("7 of 12 samples")

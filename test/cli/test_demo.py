@@ -18,6 +18,7 @@ from impact_rig.results.results_file import format_json, results_to_json
 from .conftest import finish, start_command
 
 SAMPLES = ("steel small", "aluminium large")
+CHOSEN = tuple(word for name in SAMPLES for word in ("--sample", name))
 
 
 def start_demo(*words, **options):
@@ -69,7 +70,7 @@ def demo(tmp_path_factory):
     """Run one small demo with two faults, for the tests that look at what it left."""
     folder = tmp_path_factory.mktemp("demo")
     words = ("--impacts", 3, "--seed", 7, "--faults", 0.2, "--output", "run")
-    code, output, errors = finish(start_demo("--samples", *SAMPLES, *words, cwd=folder))
+    code, output, errors = finish(start_demo(*CHOSEN, *words, cwd=folder))
     assert code == 0, errors
     return folder / "run", output, errors
 
@@ -117,7 +118,7 @@ def test_a_contact_law_stands_beside_the_truth_at_every_angle_whatever_a_viewer_
     tmp_path, run, viewer
 ):
     process = start_demo(
-        "--plant", "contact", "--samples", *SAMPLES, "--angles", "3.7,10", "--impacts", 2,
+        "--plant", "contact", *CHOSEN, "--angles", "3.7,10", "--impacts", 2,
         "--seed", 7, "--output", "run", "--notes", "bench 3", "--full",
         "--viewer", viewer.address, cwd=tmp_path,
     )  # fmt: skip
@@ -219,7 +220,7 @@ def test_ctrl_c_in_the_middle_ends_everything_and_leaves_a_stream_that_reads(tmp
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (("demo", "--samples", "tin"), "unknown sample 'tin'"),
+        (("demo", "--sample", "tin"), "unknown sample 'tin'"),
         (("demo", "--rig-file", "absent.toml"), "there is no rig file absent.toml"),
         (("up", "--set", "hammer=3"), "write NODE.PARAMETER=VALUE"),
         (("up", "--set", "crane.speed=3"), "no node 'crane'"),

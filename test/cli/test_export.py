@@ -47,7 +47,7 @@ def test_import_export_import_keeps_every_value(run, tmp_path, channels, suffix)
     units = ("--hammer-unit", "N", "--hammer-mass", "0.3", *channels('[specimen]\nunit = "g"'))
     assert run("import", *REAL_HITS, "-o", first, "--cutoff", "off", *units).exit_code == 0
     outcome = run(
-        "export", first, "-o", tmp_path / "hits", "--one-file-per-hit", "--format", suffix[1:],
+        "export", first, "-o", tmp_path / "hits", "--one-file-per-hit", suffix[1:],
         "--what", "hits",
     )  # fmt: skip
     assert outcome.exit_code == 0, outcome.stderr
@@ -75,7 +75,7 @@ def test_one_file_holds_hits_and_means_under_names_that_tell(run, recorded, tmp_
 
 def test_the_means_are_those_that_the_results_were_estimated_from(run, recorded, tmp_path):
     output = tmp_path / "means.csv"
-    words = ("--what", "means", "--samples", "steel small")
+    words = ("--what", "means", "--sample", "steel small")
     assert run("export", recorded.path, "-o", output, *words).exit_code == 0
     hammer, specimen = read_measurement(output).channels
     assert (hammer.name, hammer.unit) == ("steel small/mean hammer", "m/s^2")
@@ -89,7 +89,7 @@ def test_the_means_are_those_that_the_results_were_estimated_from(run, recorded,
 
 def test_hits_are_exported_as_recorded_or_filtered(run, recorded, tmp_path):
     raw, filtered = tmp_path / "raw.csv", tmp_path / "filtered.csv"
-    words = ("--accepted-only", "--samples", "steel small")
+    words = ("--accepted-only", "--sample", "steel small")
     assert run("export", recorded.path, "-o", raw, *words).exit_code == 0
     assert run("export", recorded.path, "-o", filtered, "--filtered", *words).exit_code == 0
     before, after = (read_measurement(path).channels for path in (raw, filtered))
@@ -104,7 +104,7 @@ def test_hits_are_exported_as_recorded_or_filtered(run, recorded, tmp_path):
 def test_single_hits_are_chosen_by_name(run, recorded, tmp_path):
     for number, words in enumerate((["1"], ["steel small/2", "1"])):
         output = tmp_path / f"{number}.csv"
-        chosen = [word for name in words for word in ("--hits", name)]
+        chosen = [word for name in words for word in ("--hit", name)]
         assert run("export", recorded.path, "-o", output, *chosen).exit_code == 0
         names = {channel.name for channel in read_measurement(output).channels}
         assert len(names) == 2 * len(words)
@@ -150,10 +150,8 @@ def test_several_campaigns_are_told_apart(run, record, tmp_path):
         (["-o", "x.json", "--what", "hits"], "traces are not written to .json"),
         (["-o", "x.csv", "--what", "hits,results"], "do not go into the same files"),
         (["-o", "x.csv", "--what", "all"], "'all' is not one of hits, means, results"),
-        (["-o", "x", "--one-file-per-hit"], "needs --format"),
-        (["-o", "x.csv", "--format", "csv"], "--format is for --one-file-per-hit"),
-        (["-o", "x.csv", "--samples", "tin"], "there is no hit on 'tin'"),
-        (["-o", "x.csv", "--hits", "999"], "there is no hit '999'"),
+        (["-o", "x.csv", "--sample", "tin"], "there is no hit on 'tin'"),
+        (["-o", "x.csv", "--hit", "999"], "there is no hit '999'"),
         (["-o", "x.csv", "--what", "hits,means"], "choose another format, or one file for each"),
     ],
 )  # fmt: skip
@@ -168,7 +166,7 @@ def test_what_cannot_be_meant_gets_one_sentence_and_leaves_nothing(
 
 
 def test_nothing_is_overwritten(run, recorded, tmp_path):
-    split = ("--one-file-per-hit", "--format", "csv", "--hits", "1")
+    split = ("--one-file-per-hit", "csv", "--hit", "1")
     for words in (
         ["-o", tmp_path / "x.csv"],
         ["-o", tmp_path / "r.json"],
@@ -183,7 +181,7 @@ def test_nothing_is_overwritten(run, recorded, tmp_path):
 @pytest.mark.parametrize("suffix", WRITABLE)
 def test_what_was_simulated_stays_so_through_export_and_import(run, recorded, tmp_path, suffix):
     file = tmp_path / f"hit{suffix}"
-    assert run("export", recorded.path, "-o", file, "--hits", "1").exit_code == 0
+    assert run("export", recorded.path, "-o", file, "--hit", "1").exit_code == 0
     assert {item.origin for item in read_measurement(file).channels} == {
         "simulated (virtual rig, plant published)"
     }
@@ -222,7 +220,7 @@ def test_a_simulator_gets_the_contact_that_the_virtual_rig_struck_with(run, law,
         (("-o", "x.sdf"), "x.sdf is not a file of MuJoCo: it has .xml"),
         (("-o", "x.xml", "--sample", "gold"), "no result of sample 'gold'"),
         (("-o", "x.xml", "--filtered"), "--filtered is not for simulators"),
-        (("-o", "x.xml", "--samples", "a", "--samples", "b"), "for one sample"),
+        (("-o", "x.xml", "--sample", "a", "--sample", "b"), "for one sample"),
     ],
 )
 def test_what_no_simulator_can_get_is_refused(run, law, tmp_path, monkeypatch, words, sentence):
@@ -256,8 +254,8 @@ def test_what_is_sound_of_a_damaged_recording_is_saved_and_the_loss_is_told(run,
 
 
 def test_a_sound_copy_has_everything_in_it(run, damaged, tmp_path):
-    outcome = run("export", damaged, "-o", tmp_path / "sound.mcap", "--samples", "steel small")
-    assert (outcome.exit_code, "--samples is not for .mcap" in outcome.stderr) == (2, True)
+    outcome = run("export", damaged, "-o", tmp_path / "sound.mcap", "--sample", "steel small")
+    assert (outcome.exit_code, "--sample is not for .mcap" in outcome.stderr) == (2, True)
 
 
 def test_a_full_disk_leaves_nothing_behind(run, damaged, monkeypatch):

@@ -238,7 +238,7 @@ def test_an_imported_hit_keeps_its_file_and_nothing_that_nobody_measured_is_told
     table = "Contact time, stiffness, damping"
     assert shown.split(table)[1].split("\n\n")[0] == direct.split(table)[1].split("\n\n")[0]
     told = read_json(run("info", recording, "--json"))
-    assert (told["origin"], told["hits"][4]["file"]) == ("imported", str(files[4]))
+    assert (told["origin"], told["hits"][4]["origin"]["file"]) == ("imported", str(files[4]))
     assert run("report", recording, "-o", page).exit_code == 0
     text = page.read_text("utf-8")
     assert "Impact test report: imported" in text

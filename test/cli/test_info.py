@@ -61,7 +61,7 @@ def test_json_has_every_hit_and_topic(run, struck):
     content = json.loads(run("info", struck.parent, "--json").stdout)  # of the run
     assert content["sound"] is True
     assert {hit["state"] for hit in content["hits"]} == {"saved"}
-    assert [hit["accepted"] for hit in content["hits"]] == [True, True, False] * 4
+    assert [hit["is_accepted"] for hit in content["hits"]] == [True, True, False] * 4
     counts = {topic["name"]: topic["messages"] for topic in content["topics"]}
     assert counts["/acceleration"] == 60
     assert content["file"]["closed"]
@@ -165,15 +165,8 @@ def test_a_running_stream_is_named_with_what_it_lacks(run, tmp_path):
     assert "stream /acceleration/stream, 300 points of each channel" in text
     assert "losses 1 gap of 150 points in /acceleration/stream" in text
     content = json.loads(run("info", path, "--json").stdout)
-    assert content["streams"] == [
-        {
-            "topic": "/acceleration/stream",
-            "blocks": 3,
-            "points": 300,
-            "gaps": 1,
-            "missing_points": 150,
-        }
-    ]
+    figures = {"blocks": 3, "points": 300, "gaps": 1, "missing_points": 150}
+    assert content["streams"] == {"/acceleration/stream": figures}
 
 
 def test_the_sensors_are_told_of_and_calibrations_that_were_too_old(run, tmp_path):

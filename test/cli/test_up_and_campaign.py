@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from impact_rig.cli.main import EXIT_INTERRUPTED
+from impact_rig.cli.rig_group import EXIT_INTERRUPTED
 from impact_rig.cli.up import describe_ready
 from impact_rig.configuration.processes import ACTIVE
 from impact_rig.configuration.rig_file import RigFile, read_template
@@ -82,7 +82,7 @@ def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
     assert left.returncode == EXIT_INTERRUPTED
     monkeypatch.setenv("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
     monkeypatch.chdir(start.folder)
-    words = ("--samples", "aluminium large", "--impacts", "2", "--json", "--notes", "21 °C")
+    words = ("--sample", "aluminium large", "--impacts", "2", "--json", "--notes", "21 °C")
     done = run(*CAMPAIGN, *words)
     assert done.exit_code == 0, done.stderr
     results = json.loads(done.stdout)

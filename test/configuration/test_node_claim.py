@@ -8,7 +8,7 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from impact_rig.cli import up
+from impact_rig.cli.main import cli
 from impact_rig.configuration.node_claim import check_free, claim_node, join_names
 from impact_rig.core.errors import RigError
 
@@ -46,8 +46,6 @@ def test_a_second_one_is_refused_by_name_and_process_until_the_first_is_killed(m
 def test_a_second_rig_is_refused_before_it_starts_anything(tmp_path):
     folder = tmp_path / "run"
     with claim_node("/bench/estimator"):
-        outcome = CliRunner().invoke(
-            up.command, ["--namespace", "bench", "--output", str(folder)], catch_exceptions=True
-        )
-    assert f"process {os.getpid()} is /bench/estimator" in str(outcome.exception)
+        outcome = CliRunner().invoke(cli, ["up", "--namespace", "bench", "--output", str(folder)])
+    assert f"process {os.getpid()} is /bench/estimator" in outcome.stderr
     assert not folder.exists()

@@ -9,7 +9,6 @@ from impact_rig.configuration.processes import (
     NETWORK,
     PROFILES,
     TRANSPORTS,
-    RecordingPlan,
     list_rig_processes,
     make_network_variables,
     make_run_folder_name,
@@ -74,14 +73,13 @@ def test_a_whole_rig_records_and_shows_into_its_folder():
 
 
 def test_a_running_stream_is_recorded_where_there_is_one():
-    plan = RecordingPlan(stream=True)
-    nodes = by_name(continuous=True, recording=plan)
+    nodes = by_name(continuous=True, record_stream=True)
     assert nodes["accelerometer"] == {"mode": "continuous"}
     assert nodes["recorder"] == {**LIVE, "output": "out/session.mcap", "record_stream": True}
     for options in ({"overrides": {"accelerometer": {"mode": "continuous"}}},):
-        assert by_name(recording=plan, **options)["recorder"]["record_stream"]
+        assert by_name(record_stream=True, **options)["recorder"]["record_stream"]
     with pytest.raises(ParameterError, match="there is no running stream to be recorded"):
-        by_name(recording=plan)
+        by_name(record_stream=True)
 
 
 def test_two_computers_share_the_nodes_of_one_rig():
@@ -148,8 +146,7 @@ def test_run_folders_sort_by_time():
 
 
 def test_a_run_is_recorded_as_it_is_asked_for():
-    plan = RecordingPlan(notes="bench 3")
-    assert by_name(recording=plan)["recorder"] == {
+    assert by_name(notes="bench 3")["recorder"] == {
         **LIVE,
         "output": "out/session.mcap",
         "notes": "bench 3",

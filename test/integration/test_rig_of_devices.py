@@ -44,7 +44,8 @@ def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virt
             "--rig-file", tmp_path / "bench.toml", environment=environment,
         ) as rig,
         TalkingProcess(
-            COMMAND_LINE, "campaign", "--output", tmp_path, "--samples", *SAMPLES,
+            COMMAND_LINE, "campaign", "--output", tmp_path,
+            *(word for name in SAMPLES for word in ("--sample", name)),
             "--impacts", IMPACTS, environment=environment,
         ) as campaign,
     ):  # fmt: skip
@@ -82,7 +83,7 @@ def unplug_each(campaign, bench, environment):
             with TalkingProcess(COMMAND_LINE, "hammer", "arm", environment=environment) as person:
                 if person.wait() == 0:
                     break
-        told = campaign.wait_for("it goes on", told)
+        told = campaign.wait_for("the campaign goes on", told)
 
 
 def check_hits(hits, strikes):

@@ -45,7 +45,7 @@ def test_a_campaign_outlasts_a_cable_that_is_pulled_and_loses_no_hit(
     with (
         start_nodes(devices, environment, AT_THE_DEVICES),
         start_nodes(desk, environment, AT_THE_DESK, "--output", run),
-        start(desk, environment, "campaign", "--samples", "steel small", "--impacts", str(IMPACTS)
+        start(desk, environment, "campaign", "--sample", "steel small", "--impacts", str(IMPACTS)
               ) as campaign,
     ):  # fmt: skip
         campaign.wait_for("sample 1 of 1")
@@ -56,7 +56,7 @@ def test_a_campaign_outlasts_a_cable_that_is_pulled_and_loses_no_hit(
             with start(desk, environment, "hammer", "arm") as person:
                 if person.wait() == 0:
                     break
-        campaign.wait_for("it goes on", paused)
+        campaign.wait_for("the campaign goes on", paused)
         assert campaign.wait() == 0, campaign.output[-2000:]
     results = json.loads((run / "results.json").read_text("utf-8"))
     assert {item["name"]: item["impacts_accepted"] for item in results["samples"]} == {

@@ -142,7 +142,7 @@ def bags(_real_tools: None, swing_file: Path, tmp_path_factory: pytest.TempPathF
         recorder.wait_for("Subscribed to topic '/setup'")
         recorder.wait_for("Subscribed to topic '/impact'")
         tools.run(
-            "impact-rig", "campaign", "--samples", "aluminium large", "--samples", "steel small",
+            "impact-rig", "campaign", "--sample", "aluminium large", "--sample", "steel small",
             "--impacts", "3",
         )  # fmt: skip
         assert launch.interrupt() == 0, launch.text
