@@ -1,7 +1,6 @@
 """Quality of service of a recorded topic, in the YAML that rosbag2 keeps with each channel."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import yaml
 
@@ -37,9 +36,11 @@ class OfferedQos:
     lifespan: int = INFINITE
 
 
-def _describe_offered_qos(profiles: tuple[OfferedQos, ...]) -> list[dict[str, Any]]:
-    """Return offers as `metadata.yaml` of rosbag2 of ROS 2 Jazzy has them."""
-    return [
+def format_offered_qos(profiles: tuple[OfferedQos, ...]) -> str:
+    """Return `offered_qos_profiles` as rosbag2 of ROS 2 Jazzy writes it."""
+    if not profiles:
+        return ""
+    content = [
         {
             "history": profile.history,
             "depth": profile.depth,
@@ -53,18 +54,9 @@ def _describe_offered_qos(profiles: tuple[OfferedQos, ...]) -> list[dict[str, An
         }
         for profile in profiles
     ]
-
-
-def format_offered_qos(profiles: tuple[OfferedQos, ...]) -> str:
-    """Return `offered_qos_profiles` as rosbag2 of ROS 2 Jazzy writes it."""
-    return _dump_yaml(_describe_offered_qos(profiles)).rstrip() if profiles else ""
-
-
-def _dump_yaml(content: Any) -> str:
-    """Return plain values as YAML, in their order."""
     # The same text five times as fast, where PyYAML was built with libyaml.
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-    return str(yaml.dump(content, Dumper=dumper, sort_keys=False, allow_unicode=True))
+    return str(yaml.dump(content, Dumper=dumper, sort_keys=False)).rstrip()
 
 
 def _describe_duration(nanoseconds: int) -> dict[str, int]:

@@ -79,14 +79,6 @@ class Damage(NamedTuple):
         return f"{self.reason} ({self.size} byte from byte {self.start})"
 
 
-class _Wish(NamedTuple):
-    """What one pass is to yield."""
-
-    wanted: Wanted
-    kinds: frozenset[type]
-    chosen: dict[int, Channel | None]  # channels that were met; None: not wanted
-
-
 class Scan:
     """An MCAP file, which each `read` passes through once.
 
@@ -111,7 +103,7 @@ class Scan:
         self._schemas: dict[int, records.Schema] = {}
         with self._open() as file:
             self.size: int = os.fstat(file.fileno()).st_size  # as it was opened [byte]
-            self._begin_pass()
+            self._begin_pass(lambda _: True, ALL_KINDS)
             tail = self._read(file, max(self.size - len(MAGIC), 0), self.size)
             self.is_closed = self.size > len(MAGIC) and tail == MAGIC
             self._end = self.size - len(MAGIC) if self.is_closed else self.size
@@ -122,7 +114,9 @@ class Scan:
                 for channel in self.summary.channels.values():
                     self._add_channel(channel)
 
-    def _begin_pass(self) -> None:
+    def _begin_pass(self, wanted: Wanted, kinds: frozenset[type]) -> None:
+        self._wanted, self._kinds = wanted, kinds
+        self._chosen: dict[int, Channel | None] = {}  # channels that were met; None: not wanted
         self.damages: list[Damage] = []  # of the last pass, as far as it came
         self.unknown: Counter[int] = Counter()  # messages of channels that are not described
         self.compressions: dict[str, None] = {}  # names, in the order in which they came
@@ -153,8 +147,7 @@ class Scan:
         kinds : set of type
             Of what is yielded.
         """
-        self._begin_pass()
-        wish = _Wish(wanted, kinds, {})
+        self._begin_pass(wanted, kinds)
         with self._open() as file:
             place = self._first
             if self.header is None:
@@ -165,7 +158,7 @@ class Scan:
                     if kind in (Opcode.DATA_END, Opcode.FOOTER):
                         self._check_end(file, kind, place, after)
                         return
-                    yield from self._read_record(file, kind, place, after, wish)
+                    yield from self._read_record(file, kind, place, after)
                 except DamageError as error:
                     after = self._pass_over(file, place, str(error))
                 place = after
@@ -261,34 +254,32 @@ class Scan:
         kind, length = FRAME.unpack(head.ljust(FRAME.size, b"\0"))
         return kind, place + FRAME.size + length
 
-    def _read_record(
-        self, file: BinaryIO, kind: int, place: int, after: int, wish: _Wish
-    ) -> Iterator[Item]:
+    def _read_record(self, file: BinaryIO, kind: int, place: int, after: int) -> Iterator[Item]:
         start = place + FRAME.size
         if kind == Opcode.CHUNK:
             self.chunks += 1
-            if RawMessage in wish.kinds:
+            if RawMessage in self._kinds:
                 chunk = parse_chunk(self._read(file, start, after))
                 self.compressions[chunk.compression or "none"] = None
-                yield from self._read_messages(self._unpacker.unpack(chunk), wish)
+                yield from self._read_messages(self._unpacker.unpack(chunk))
         elif kind == Opcode.MESSAGE:
-            yield from self._read_messages(self._read(file, place, after), wish)
+            yield from self._read_messages(self._read(file, place, after))
         elif kind in (Opcode.SCHEMA, Opcode.CHANNEL):
             self._describe(parse_small(kind, self._read(file, start, after), place))
-        elif kind == Opcode.METADATA and MetadataRecord in wish.kinds:
+        elif kind == Opcode.METADATA and MetadataRecord in self._kinds:
             record = parse_small(kind, self._read(file, start, after), place)
             yield MetadataRecord(record.name, dict(record.metadata))
-        elif kind == Opcode.ATTACHMENT and Attachment in wish.kinds:
+        elif kind == Opcode.ATTACHMENT and Attachment in self._kinds:
             record = parse_small(kind, self._read(file, start, after), place)
             yield Attachment(record.name, record.media_type, record.log_time, record.data)
 
-    def _read_messages(self, content: bytes, wish: _Wish) -> Iterator[RawMessage]:
+    def _read_messages(self, content: bytes) -> Iterator[RawMessage]:
         """Yield the wanted messages among records that follow each other.
 
         The library takes three times as long for the messages of all topics, of which most are
         not wanted.
         """
-        place, size, chosen = 0, len(content), wish.chosen
+        place, size, chosen = 0, len(content), self._chosen
         head_size, unpack = MESSAGE.size, MESSAGE.unpack_from
         while place < size:
             kind, begin, place = read_inner_head(content, place)
@@ -298,22 +289,19 @@ class Scan:
             number, sequence, log_time, publish_time = unpack(content, begin)
             if number not in chosen:
                 if number not in self.channels:
-                    self._count_unknown(number)
+                    if self._is_strict:
+                        raise DamageError("a message belongs to a channel that is not announced")
+                    self.unknown[number] += 1
                     continue
-                chosen[number] = self._choose(self.channels[number], wish.wanted)
+                chosen[number] = self._choose(self.channels[number])
             channel = chosen[number]
             if channel is not None:
                 data = content[begin + head_size : place]
                 yield RawMessage(channel, sequence, log_time, publish_time, data)
 
-    def _count_unknown(self, number: int) -> None:
-        if self._is_strict:
-            raise DamageError("a message belongs to a channel that is not announced")
-        self.unknown[number] += 1
-
-    def _choose(self, channel: Channel, wanted: Wanted) -> Channel | None:
+    def _choose(self, channel: Channel) -> Channel | None:
         """Return a channel if its messages are wanted."""
-        if not wanted(channel):
+        if not self._wanted(channel):
             return None
         if self._is_strict and not channel.is_ros:
             raise FileError(

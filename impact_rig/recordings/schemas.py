@@ -243,11 +243,11 @@ def check_interfaces(channel: Channel, installed: MessageDefinition) -> None:
     """
     name = channel.type_name
     then, now = _list_fields(name, channel.schema), _list_fields(name, installed.text)
-    for number, (old, new) in enumerate(zip_longest(then, now), start=1):
+    for old, new in zip_longest(then, now, fillvalue="missing"):
         if old != new:
             raise FileError(
-                f"{channel.topic} was recorded with another version of {name}: its field {number}"
-                f" is {old or 'missing'} in the recording and {new or 'missing'} here"
+                f"{channel.topic} was recorded with another version of {name}: `{old}` in the"
+                f" recording is `{new}` here"
             )
 
 
@@ -301,26 +301,12 @@ def _read_type_hash(package: str, name: str) -> str:
 
 
 def _list_fields(type_name: str, text: str) -> list[str]:
-    """Return the fields of a message type and of all it depends on, in their order, in words."""
+    """Return the fields of a message type and of all it depends on, line by line."""
+    store = Typestore()
     try:
-        types = parse_schema(type_name, text)
-    except FileError as error:
+        store.register(parse_schema(type_name, text))
+        definition, _ = store.generate_msgdef(type_name, ros_version=2)
+    except (FileError, *_SCHEMA_ERRORS) as error:
         raise FileError(f"a definition of {type_name} cannot be understood: {error}") from None
-    return [
-        f"`{_describe(kind)} {field}` of {name}"
-        for name in sorted(types)
-        for field, kind in types[name][1]
-    ]
-
-
-def _describe(kind: Any) -> str:
-    """Return a field's type as a `.msg` file says it."""
-    node, detail = kind
-    if node == Nodetype.BASE:
-        name, limit = detail
-        return f"{name}<={limit}" if limit else str(name)
-    if node == Nodetype.NAME:
-        return str(detail)
-    item, length = detail
-    bound = f"<={length}" if node == Nodetype.SEQUENCE and length else length or ""
-    return f"{_describe(item)}[{bound}]"
+    # Without constants: they are not sent.
+    return [line for line in definition.splitlines() if "=" not in line.replace("<=", "")]

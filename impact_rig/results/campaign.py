@@ -6,7 +6,8 @@ hits give the same results, character by character.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, TypeVar
 
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.hits import JudgedHit
@@ -17,6 +18,8 @@ from impact_rig.core.sample import PEAK, TIME, SampleEstimate
 from impact_rig.core.session import SessionResults
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.speed_exponents import SpeedExponents
+
+Peaks = TypeVar("Peaks", SampleEstimate, "HitResults", "FileResults")
 
 
 @dataclass(frozen=True)
@@ -192,27 +195,23 @@ def drop_scale(results: Results) -> Results:
 
     Widths do not depend on it: a channel of unknown gain is good for contact times.
     """
+    samples = (
+        replace(sample, peak_force=UNKNOWN, contact_law=_drop_scale_of_law(sample.contact_law))
+        for sample in map(_drop_peaks, results.samples)
+    )
     return replace(
         results,
-        samples=tuple(
-            replace(
-                sample,
-                hammer_peak=math.nan,
-                specimen_peak=math.nan,
-                first_peak=math.nan,
-                second_peak=math.nan,
-                peak_force=UNKNOWN,
-                contact_law=_drop_scale_of_law(sample.contact_law),
-            )
-            for sample in results.samples
-        ),
-        hits=tuple(
-            replace(hit, hammer_peak=math.nan, specimen_peak=math.nan) for hit in results.hits
-        ),
-        files=tuple(
-            replace(file, hammer_peak=math.nan, specimen_peak=math.nan) for file in results.files
-        ),
+        samples=tuple(samples),
+        hits=tuple(map(_drop_peaks, results.hits)),
+        files=tuple(map(_drop_peaks, results.files)),
     )
+
+
+def _drop_peaks(record: Peaks) -> Peaks:
+    peaks: dict[str, Any] = {
+        item.name: math.nan for item in fields(record) if item.metadata == PEAK
+    }
+    return replace(record, **peaks)
 
 
 def _drop_scale_of_law(law: ContactLaw) -> ContactLaw:

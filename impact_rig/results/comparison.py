@@ -50,6 +50,10 @@ class Measurand:
         found: Quantity = getattr(body, self.field)
         return found
 
+    def read_reference(self, reference: Any) -> float:
+        """Return what is expected of it [SI unit]."""
+        return float(getattr(reference, self.field))
+
     def format(self, found: Quantity) -> str:
         """Return a value with its uncertainty, in the unit it is shown in."""
         return format_quantity(found, self.digits, self.scale)

@@ -1,7 +1,6 @@
 """What Figs. 3, 4 and 6 show, sample by sample: one source for every way to draw them."""
 
 import math
-from collections import defaultdict
 from dataclasses import dataclass
 
 from impact_rig.core.sample import SampleEstimate
@@ -28,8 +27,6 @@ class FigureRow:
     ----------
     name, material : str
         Of the sample; the material groups samples of one colour.
-    size : int
-        Place among the samples of its material by mass, from 0: one marker each.
     relative_mass : float
         m1 m2 / (m1 + m2), equation (6a) [kg].
     contact_times : tuple of float
@@ -46,7 +43,6 @@ class FigureRow:
 
     name: str
     material: str
-    size: int
     relative_mass: float
     contact_times: tuple[float, ...]
     contact_time: float
@@ -66,9 +62,7 @@ def make_figure_rows(results: Results) -> tuple[FigureRow, ...]:
     ParameterError
         If the results name a sample that is not in their set-up.
     """
-    samples = results.setup.samples
-    sizes = _compute_sizes(samples)
-    return tuple(_make_row(results, samples, sizes, sample) for sample in results.samples)
+    return tuple(_make_row(results, sample) for sample in results.samples)
 
 
 def sort_as_figure_5(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -77,26 +71,12 @@ def sort_as_figure_5(names: tuple[str, ...]) -> tuple[str, ...]:
     return (*first, *(name for name in names if name not in first))
 
 
-def _compute_sizes(samples: SampleSet) -> dict[str, int]:
-    by_material = defaultdict(list)
-    for sample in samples.samples:
-        by_material[sample.material].append(sample)
-    return {
-        sample.name: size
-        for group in by_material.values()
-        for size, sample in enumerate(sorted(group, key=lambda item: item.mass))
-    }
-
-
-def _make_row(
-    results: Results, samples: SampleSet, sizes: dict[str, int], sample: SampleEstimate
-) -> FigureRow:
-    hits = results.select_accepted(sample.name)
+def _make_row(results: Results, sample: SampleEstimate) -> FigureRow:
+    samples, hits = results.setup.samples, results.select_accepted(sample.name)
     reference = find_expected(results, sample.name)
     return FigureRow(
         name=sample.name,
         material=samples.find(sample.name).material or sample.name,
-        size=sizes[sample.name],
         relative_mass=_compute_relative_mass(results, samples, sample.name),
         contact_times=tuple(hit.contact_time for hit in hits if math.isfinite(hit.contact_time)),
         contact_time=sample.contact_time.value,

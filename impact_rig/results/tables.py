@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any
@@ -12,7 +12,7 @@ from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import ShapeFit
 from impact_rig.core.pulses import HALF_SINE, HERTZ, VERSED_SINE
 from impact_rig.core.quantity import UNKNOWN, Quantity
-from impact_rig.core.sample import FittedModel, SampleEstimate
+from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
 from impact_rig.core.setup import PULSE_NAME
 from impact_rig.core.speed_exponents import (
     ALL_SAMPLES,
@@ -201,11 +201,6 @@ def read_column(
 DEVIATION = (
     "±: 95 %. Δ/U: measured minus expected, over ±; marked beyond 1, where ± does not explain it."
 )
-_EXPECTED: dict[str, Callable[[Reference], float]] = {
-    CONTACT_TIME.name: lambda reference: reference.contact_time,
-    STIFFNESS.name: lambda reference: reference.stiffness,
-    DAMPING_COEFFICIENT.name: lambda reference: reference.damping_coefficient,
-}
 
 
 @dataclass(frozen=True)
@@ -215,6 +210,11 @@ class _Row:
     name: str
     body: SampleEstimate | HammerEstimate
     reference: Reference
+
+    @property
+    def marked_name(self) -> str:
+        """The name with a star where the paper misprints its contact time."""
+        return f"{self.name} *" if self.reference.is_misprinted else self.name
 
 
 def tabulate_contact_times(results: Results) -> Table:
@@ -270,22 +270,15 @@ def tabulate_contact_times(results: Results) -> Table:
 
 def tabulate_stiffness(results: Results) -> list[Table]:
     """Return Table 3, the hammer below the samples; nothing if no stiffness is known."""
-    rows = _make_rows(results, with_hammer=True)
-    if not _has_values(rows, STIFFNESS):
-        return []
     equivalent = [format_quantity(item.equivalent_stiffness, 3, MEGA) for item in results.samples]
-    columns = [
-        *_make_columns(rows, STIFFNESS),
-        make_optional("k_eq [MN/m]", [*equivalent, ""]),
-        make_optional("Hits", _count_hits(results)),
-    ]
-    notes = _explain_mark(rows)
+    notes = []
     if results.hammer.control_sample:
         control = results.hammer.control_sample
         notes.append(f"Hammer: k1 = 2 k_eq of the control sample, {control}.")
         if results.setup.samples.find(control).has_angle:
             notes.append("k2 at another release angle: by k1 at that angle.")
-    return [make_table("Table 3. Stiffness k", columns, notes, _mark(rows, STIFFNESS))]
+    columns = [make_optional("k_eq [MN/m]", [*equivalent, ""])]
+    return _tabulate_bodies("Table 3. Stiffness k", results, STIFFNESS, columns, notes)
 
 
 def tabulate_damping(results: Results) -> list[Table]:
@@ -293,18 +286,31 @@ def tabulate_damping(results: Results) -> list[Table]:
 
     Nothing if no damping is known.
     """
-    rows = _make_rows(results, with_hammer=True)
-    if not _has_values(rows, DAMPING_COEFFICIENT):
-        return []
-    bodies = [row.body for row in rows]
+    bodies: list[SampleEstimate | HammerEstimate] = [*results.samples, results.hammer]
     columns = [
-        *_make_columns(rows, DAMPING_COEFFICIENT),
         make_optional("ζ", [format_quantity(body.damping_ratio, 3) for body in bodies]),
         make_optional("Δ", [format_number(body.log_decrement, 3) for body in bodies]),
-        make_optional("Hits", _count_hits(results)),
     ]
-    notes, marked = _explain_mark(rows), _mark(rows, DAMPING_COEFFICIENT)
-    return [make_table("Table 4. Damping coefficient c", columns, notes, marked)]
+    caption = "Table 4. Damping coefficient c"
+    return _tabulate_bodies(caption, results, DAMPING_COEFFICIENT, columns, [])
+
+
+def _tabulate_bodies(
+    caption: str,
+    results: Results,
+    quantity: Measurand,
+    more: Sequence[Column],
+    notes: Sequence[str],
+) -> list[Table]:
+    """Return a table of one quantity of samples and hammer; nothing if it is not known."""
+    rows = _make_rows(results, with_hammer=True)
+    if not any(quantity.read(row.body).is_known for row in rows):
+        return []
+    if any(row.reference.is_misprinted for row in rows):
+        notes = ["* Its contact time is misprinted in the paper, see Table 2.", *notes]
+    hits = [*(str(item.impacts_accepted) for item in results.samples), ""]
+    columns = [*_make_columns(rows, quantity), *more, make_optional("Hits", hits)]
+    return [make_table(caption, columns, notes, _mark(rows, quantity))]
 
 
 def tabulate_summary(results: Results) -> list[Table]:
@@ -312,8 +318,7 @@ def tabulate_summary(results: Results) -> list[Table]:
     rows = _make_rows(results, with_hammer=results.hammer.stiffness.is_known)
     if not rows:
         return []
-    names = [f"{row.name} *" if row.reference.is_misprinted else row.name for row in rows]
-    columns = [make_text_column("Sample", names)]
+    columns = [make_text_column("Sample", [row.marked_name for row in rows])]
     for quantity in SAMPLE_MEASURANDS:
         columns += [
             make_column(
@@ -345,7 +350,7 @@ def _format_deviation(row: _Row, quantity: Measurand) -> str:
 def _compute_deviation(row: _Row, quantity: Measurand) -> float:
     """Return the difference from the expected value, over the measured value's uncertainty."""
     found = _read(row, quantity)
-    difference = found.value - _EXPECTED[quantity.name](row.reference)
+    difference = found.value - quantity.read_reference(row.reference)
     return difference / found.expanded if found.expanded > 0.0 else math.nan
 
 
@@ -386,17 +391,14 @@ def _make_rows(results: Results, *, with_hammer: bool) -> list[_Row]:
 
 def _make_columns(rows: Sequence[_Row], quantity: Measurand) -> list[Column]:
     """Return name, expected and measured value, and the difference over the uncertainty."""
-    expected = [_EXPECTED[quantity.name](row.reference) for row in rows]
+    expected = [quantity.read_reference(row.reference) for row in rows]
     published = all(
         row.reference.is_published
         for row, value in zip(rows, expected, strict=True)
         if math.isfinite(value)
     )
     return [
-        make_text_column(
-            "Sample",
-            [f"{row.name} *" if row.reference.is_misprinted else row.name for row in rows],
-        ),
+        make_text_column("Sample", [row.marked_name for row in rows]),
         make_column(
             f"{'Paper' if published else 'Reference'} [{quantity.unit}]",
             _format_expected([value * quantity.scale for value in expected], quantity.digits),
@@ -420,20 +422,6 @@ def _format_expected(values: Sequence[float], digits: int) -> list[str]:
     """Return expected values, without decimals if all are whole numbers."""
     is_whole = all(value == round(value) for value in values if math.isfinite(value))
     return [format_number(value, 0 if is_whole else digits) for value in values]
-
-
-def _has_values(rows: Sequence[_Row], quantity: Measurand) -> bool:
-    return any(quantity.read(row.body).is_known for row in rows)
-
-
-def _count_hits(results: Results) -> list[str]:
-    return [*(str(item.impacts_accepted) for item in results.samples), ""]
-
-
-def _explain_mark(rows: Sequence[_Row]) -> list[str]:
-    if not any(row.reference.is_misprinted for row in rows):
-        return []
-    return ["* Its contact time is misprinted in the paper, see Table 2."]
 
 
 def tabulate_errors(samples: Sequence[SampleEstimate]) -> list[Table]:
@@ -645,33 +633,25 @@ def tabulate_identifications(samples: Sequence[SampleEstimate]) -> list[Table]:
 def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
     """Return what each method says of one sample, beside what is expected."""
     decay, fitted = sample.free_decay, sample.identification or FittedModel("")
-    rows = (
-        (CONTACT_TIME, sample.contact_time, None, fitted.contact_time, reference.contact_time),
-        (STIFFNESS, sample.stiffness, decay.stiffness, fitted.stiffness, reference.stiffness),
-        (
-            DAMPING_COEFFICIENT,
-            sample.damping_coefficient,
-            decay.damping_coefficient,
-            fitted.damping_coefficient,
-            reference.damping_coefficient,
-        ),
-    )
 
-    def column(header: str, found: Sequence[Quantity | None], ratio: Quantity) -> Column:
-        cells = [
-            what.format(item) if item else "" for item, (what, *_) in zip(found, rows, strict=True)
+    def column(header: str, body: SampleEstimate | FreeDecayEstimate | FittedModel) -> Column:
+        found = [
+            item.format(item.read(body)) if hasattr(body, item.field) else ""
+            for item in SAMPLE_MEASURANDS
         ]
-        return make_column(header, [*cells, format_quantity(ratio, 3)])
+        return make_column(header, [*found, format_quantity(body.damping_ratio, 3)])
 
+    expected = [
+        format_number(item.read_reference(reference) * item.scale, item.digits)
+        for item in SAMPLE_MEASURANDS
+    ]
+    names = [f"{item.symbol} [{item.unit}]" for item in SAMPLE_MEASURANDS]
     columns = [
-        make_text_column("", [*(f"{what.symbol} [{what.unit}]" for what, *_ in rows), "ζ"]),
-        column("paper's method", [row[1] for row in rows], sample.damping_ratio),
-        column("free decay", [row[2] for row in rows], decay.damping_ratio),
-        column(f"fit ({fitted.model or 'none'})", [row[3] for row in rows], fitted.damping_ratio),
-        make_column(
-            "expected",
-            [*(format_number(row[4] * row[0].scale, row[0].digits) for row in rows), ""],
-        ),
+        make_text_column("", [*names, "ζ"]),
+        column("paper's method", sample),
+        column("free decay", decay),
+        column(f"fit ({fitted.model or 'none'})", fitted),
+        make_column("expected", [*expected, ""]),
     ]
     return make_table("By method", columns)
 

@@ -205,14 +205,13 @@ def test_comments_and_constants_are_no_difference():
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("float32 x", "float64 x", "field 1 is `float32 x` of a/msg/A in the recording and `floa"),
-        ("float64 x", "float64[] x", "`float64 x` of a/msg/A in the recording and `float64[] x`"),
-        ("float64[3] x", "float64[<=3] x", "and `float64[<=3] x` of a/msg/A here"),
-        ("int8 x\nint8 y", "int8 y\nint8 x", "`int8 x` of a/msg/A in the recording and `int8 y`"),
-        ("float64 x\nstring y", "float64 x", "`string y` of a/msg/A in the recording and missing"),
-        ("float64 x", "float64 x\nstring y", "field 2 is missing in the recording and `string y`"),
-        ("B b\n===\nMSG: a/B\nint8 n", "B b\n===\nMSG: a/B\nint16 n", "`int8 n` of a/msg/B in"),
-        ("B b\n===\nMSG: a/B\nint8 n", "int8 b", "is `a/msg/B b` of a/msg/A in the recording"),
+        ("float32 x", "float64 x", "`float32 x` in the recording is `float64 x` here"),
+        ("float64[3] x", "float64[<=3] x", "`float64[3] x` in the recording is `float64[<=3] x`"),
+        ("string x", "string<=9 x", "`string x` in the recording is `string<=9 x` here"),
+        ("int8 x\nint8 y", "int8 y\nint8 x", "`int8 x` in the recording is `int8 y` here"),
+        ("float64 x\nstring y", "float64 x", "`string y` in the recording is `missing` here"),
+        ("B b\n===\nMSG: a/B\nint8 n", "B b\n===\nMSG: a/B\nint16 n", "`int8 n` in the rec"),
+        ("B b\n===\nMSG: a/B\nint8 n", "int8 b", "`a/B b` in the recording is `int8 b` here"),
     ],
 )  # fmt: skip
 def test_the_first_difference_is_named(old, new, told):
