@@ -1,7 +1,6 @@
 """A recording is read by other libraries, and safe once it is synced."""
 
 import os
-import random
 import shutil
 import signal
 import subprocess
@@ -173,36 +172,6 @@ writer.close()
     times = [message.log_time for message in file.read_messages()]
     assert times == list(range(len(times)))
     assert len(times) > 50
-
-
-@pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_messages_of_any_size_and_time_are_found_by_their_time(tmp_path, compression):
-    generator = random.Random(1)
-    messages = [
-        (channel, moment, generator.randbytes(generator.choice([0, 1, 40, 3000])))
-        for moment in generator.sample(range(10**6), 300)
-        for channel in [generator.randint(1, 3)]
-    ]
-    definition = find_message_definition("std_msgs/msg/String")
-    path = tmp_path / "session.mcap"
-    with RecordingWriter(path, compression=compression, chunk_size=2000) as writer:
-        for number in (1, 2, 3):
-            assert writer.add_channel(f"/{number}", definition, ()) == number
-        for channel, moment, data in messages:
-            writer.add_message(channel, data, moment, moment + 5)
-    with path.open("rb") as file:
-        reader = mcap.reader.make_reader(file, validate_crcs=True)
-        items = [item for *_, item in reader.iter_messages()]
-        some = reader.iter_messages(["/2"], starting_at=200_000, ending_before=700_000)
-        part = [item.log_time for *_, item in some]
-        statistics = reader.get_summary().statistics
-    found = [(item.channel_id, item.log_time, item.data) for item in items]
-    assert found == sorted(messages, key=lambda item: item[1])
-    assert part == sorted(
-        moment for channel, moment, _ in messages if channel == 2 and 200_000 <= moment < 700_000
-    )
-    times = [moment for _, moment, _ in messages]
-    assert (statistics.message_start_time, statistics.message_end_time) == (min(times), max(times))
 
 
 @pytest.mark.skipif(shutil.which("rerun") is None, reason="the Rerun viewer is not installed")

@@ -1,7 +1,9 @@
 """results.json: exact, whole, and strict when read."""
 
+import functools
 import json
 import math
+import operator
 import stat
 from dataclasses import replace
 from typing import Any
@@ -117,50 +119,33 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
     assert path.read_text() == "old"
 
 
-def _drop(content: dict[str, Any]) -> None:
-    del content["samples"][0]["contact_time_s"]
-
-
-def _mistype(content: dict[str, Any]) -> None:
-    content["samples"][0]["impacts_accepted"] = "three"
-
-
-def _age(content: dict[str, Any]) -> None:
-    content["format"]["version"] = 7
-
-
-def _rename(content: dict[str, Any]) -> None:
-    content["format"]["name"] = "a cake recipe"
-
-
-def _count_below_zero(content: dict[str, Any]) -> None:
-    content["samples"][0]["impacts_rejected"] = -1
-
-
-def _be_too_sure(content: dict[str, Any]) -> None:
-    content["samples"][0]["contact_time_u_s"] = -1e-9
-
-
-def _flatten(content: dict[str, Any]) -> None:
-    content["hits"] = "none"
-
-
 @pytest.mark.parametrize(
-    ("spoil", "words"),
+    ("place", "value", "words"),
     [
-        (_drop, r"the field samples\[0\].contact_time_s is missing"),
-        (_mistype, r"samples\[0\].impacts_accepted is 'three': it must be a whole number"),
-        (_count_below_zero, r"impacts_rejected is -1: it must be a whole number, 0 or more"),
-        (_be_too_sure, r"samples\[0\].contact_time_u_s is -1e-09: an uncertainty must not be"),
-        (_age, "version 7; this program reads version 8"),
-        (_rename, "is not a results file"),
-        (_flatten, "hits must be a list"),
+        (
+            ("samples", 0, "contact_time_s"),
+            ...,
+            r"the field samples\[0\].contact_time_s is missing",
+        ),
+        (
+            ("samples", 0, "impacts_accepted"),
+            "three",
+            r"samples\[0\].impacts_accepted is 'three': it",
+        ),
+        (("samples", 0, "impacts_rejected"), -1, "is -1: it must be a whole number, 0 or more"),
+        (("samples", 0, "contact_time_u_s"), -1e-9, "u_s is -1e-09: an uncertainty must not be"),
+        (("format", "version"), 7, "version 7; this program reads version 8"),
+        (("format", "name"), "a cake recipe", "is not a results file"),
+        (("hits",), "none", "hits must be a list"),
     ],
 )
-def test_what_is_no_results_file_is_named(tmp_path, spoil, words):
+def test_what_is_no_results_file_is_named(tmp_path, place, value, words):
     path = tmp_path / "results.json"
-    content = results_to_json(RESULTS)
-    spoil(content)
+    content: Any = results_to_json(RESULTS)
+    inner = functools.reduce(operator.getitem, place[:-1], content)
+    inner[place[-1]] = value
+    if value is ...:
+        del inner[place[-1]]
     path.write_text(json.dumps(content))
     with pytest.raises(FileError, match=words) as error:
         read_results(path)

@@ -53,10 +53,3 @@ def test_the_longest_of_three_axes_is_time_whichever_it_is(tmp_path):
     ]
     for name in ("first 3 2", "last 3 2"):
         assert channels[name].values.tolist() == hits[2, 1].tolist()
-
-
-def test_hdf5_of_more_axes_is_named(tmp_path):
-    with h5py.File(tmp_path / "hit.h5", "w") as file:
-        file["a"] = np.zeros((2, 3, 4, 5))
-    with pytest.raises(FileError, match=r"hit\.h5 has no vector of real numbers"):
-        read_measurement(tmp_path / "hit.h5")

@@ -257,10 +257,3 @@ def test_a_table_without_names_is_read_as_text(tmp_path):
     rows = SEGMENT.partition("Comment\n")[2].replace("\tfirst hit", "")
     channels = read_measurement(write(tmp_path, HEADER + rows)).channels
     assert [channel.values.tolist() for channel in channels[1:]] == [HAMMER[4], FORCE[4]]
-
-
-def test_a_pickle_beside_the_file_is_left_alone(tmp_path):
-    path = write(tmp_path, HEADER + SEGMENT)
-    path.with_name("hit.lvm.pkl").write_bytes(b"cos\nabort\n(tR.")
-    assert describe(path) == [HAMMER, FORCE]
-    assert len(list(tmp_path.glob("hit*"))) == 2

@@ -25,13 +25,6 @@ def test_matlab_files_are_read(tmp_path, compressed, version):
     assert describe(channels["both 2"]) == ((-TRACE).tolist(), RATE, "", 0.0)
 
 
-def test_a_variable_of_times_gives_the_rate(tmp_path):
-    path = tmp_path / "hit.mat"
-    scipy.io.savemat(path, {"t": 1.0 + np.arange(40) / RATE, "a": np.arange(40, dtype=np.int16)})
-    assert describe(read_channels(path)["a"]) == (list(range(40)), RATE, "", 1.0)
-    assert read_channels(path)["a"].values.dtype == np.int32
-
-
 def write_new_matlab(path, arrays):
     """Write as MATLAB 7.3 does: HDF5 behind 512 bytes of words, words as numbers."""
     with h5py.File(path, "w", userblock_size=512) as file:

@@ -31,12 +31,6 @@ def test_other_programs_find_the_columns_and_their_units(tmp_path):
     assert table.schema.field("a").metadata == {b"unit": b"N"}
 
 
-def test_a_table_without_numbers_is_named(tmp_path):
-    parquet.write_table(pa.table({"who": ["B"]}), tmp_path / "words.parquet")
-    with pytest.raises(FileError, match=r"words\.parquet has no vector of real numbers"):
-        read_measurement(tmp_path / "words.parquet")
-
-
 def test_numbers_that_changed_on_the_disk_are_noticed(tmp_path):
     path = tmp_path / "hit.parquet"
     channel = MeasuredChannel("a", np.random.default_rng(1).normal(size=4000), RATE, "N")
