@@ -62,7 +62,7 @@ class HitSource(Protocol):
 
     @property
     def hammer_unit(self) -> str | None:
-        """What the hammer's channel is in, where each hit is a file's; None: they are recorded."""
+        """Unit of the hammer in plain files; None: of a recording, whose set-up has it."""
 
     @property
     def faults(self) -> Mapping[HitLabel, tuple[str, ...]]:
@@ -119,7 +119,7 @@ def analyze(
     FileError
         If the source cannot be read, or holds no hit.
     ParameterError
-        If the settings cannot be used, or a person's word on a hit makes no sense.
+        If the settings cannot be used, or `accept` or `reject` name no hit.
     """
     overrules = _find_overrules(source, settings, accept, reject)
     judged: list[_JudgedCampaign] = []
@@ -185,7 +185,7 @@ def _bind(report: Report, what: str, total: int) -> Callable[[int], None]:
 def _find_overrules(
     source: HitSource, settings: Settings, accept: Sequence[str], reject: Sequence[str]
 ) -> Overrules:
-    """Return a person's word on the hits of a source, which is read for their names alone."""
+    """Return what a person overrules; the source is read for the names of its hits."""
     if not (accept or reject):
         return NO_OVERRULES
     files: dict[HitLabel, str] = {}
@@ -238,7 +238,7 @@ def _finish(
         for estimate, mean in means
         if campaign.traces and mean is not None
     ]
-    # With the last word on each: a later hit may have made it an outlier.
+    # A later hit may have made one an outlier.
     files = tuple(
         replace(
             file,

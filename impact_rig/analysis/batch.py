@@ -163,7 +163,7 @@ def run_on_workers(
 
 
 def _analyze(path: Path, settings: Settings) -> BatchOutcome:
-    """Analyze one recording; what is wrong with it is an outcome too."""
+    """Analyze one recording; an error is an outcome, too."""
     try:
         return BatchOutcome(path, analyze(read_recording(path), settings))
     except RigError as error:

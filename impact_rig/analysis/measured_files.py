@@ -43,27 +43,13 @@ USELESS = {Reason.NO_PULSE, Reason.NON_FINITE}
 
 @dataclass(frozen=True)
 class TraceSeries:
-    """What measured files are taken for: hits of one sample.
+    """What measured files are taken for: hits of one sample."""
 
-    Attributes
-    ----------
-    sample : str
-        Name of the struck sample.
-    plan : ChannelPlan
-        Which channel is what.
-    setup : RigSetup
-        Masses and settings.
-    has_window : bool
-        Pre-trigger and duration of the records are given; False: each file is a record, whole.
-    is_filter_optional : bool
-        The low-pass is left out where the sampling is too slow for it; False: such a file is
-        refused.
-    """
-
-    sample: str
-    plan: ChannelPlan
-    setup: RigSetup
-    has_window: bool = False
+    sample: str  # name of the struck sample
+    plan: ChannelPlan  # the roles of the channels
+    setup: RigSetup  # masses and settings
+    has_window: bool = False  # pre-trigger and duration are given; False: a file is one record
+    # The low-pass is left out where the sampling is too slow for it; else such a file is refused.
     is_filter_optional: bool = False
 
 
@@ -150,7 +136,7 @@ def _make_setup(file: ImportFile) -> RigSetup:
         control_sample=name if file.control else "",
         accelerometer_mass=0.0 if math.isnan(carried) else carried,
     )
-    # Of speed and clock nobody said anything.
+    # Speed and clock are not stated.
     return RigSetup(
         samples, file.hammer_mass, math.nan, description=file.description, clock_uncertainty=0.0
     )
@@ -182,23 +168,6 @@ class MeasuredFiles:
         What they are taken for; with a window, each impact in a file is a hit.
     needs_scale : bool
         Refuse a force without a mass.
-
-    Attributes
-    ----------
-    path : Path
-        Of the first file.
-    hits : list of ImportedHit
-        Of all files that could be used.
-    setup : RigSetup
-        By which they are judged.
-    errors : list of str
-        A sentence for each file that could not be used, or for all that suffer from the same.
-    warnings : tuple of str
-        What was taken for granted.
-    has_scale : bool
-        The hammer's numbers make accelerations.
-    hammer_unit : str
-        What the hammer's channel is in; empty: not stated.
     """
 
     size = 0
@@ -208,7 +177,7 @@ class MeasuredFiles:
         self, paths: Sequence[Path], series: TraceSeries, *, needs_scale: bool = False
     ) -> None:
         self.path = paths[0]
-        self.hits: list[ImportedHit] = []
+        self.hits: list[ImportedHit] = []  # of all files that could be used
         errors: dict[Path, str] = {}
         wanted = series.setup.analysis.cutoff_frequency
         moved = 0
@@ -229,7 +198,7 @@ class MeasuredFiles:
             except RigError as error:
                 errors[path] = str(error)
         self.setup = _make_series_setup(series, self.hits)
-        self.errors = _join_errors(errors)
+        self.errors = _join_errors(errors)  # a sentence for each file, or for all with the same
         remarks = [remark for hit in self.hits for remark in hit.source.remarks]
         if self.hits:
             cutoff = self.setup.analysis.cutoff_frequency

@@ -35,6 +35,6 @@ def find_repeated_files(paths: Sequence[Path]) -> dict[int, str]:
             repeated[place] = (
                 f"{path} is named twice: it is used once"
                 if path == earlier
-                else f"{path} is left out: it holds the same as {earlier}, byte by byte"
+                else f"{path} is left out: it is a copy of {earlier}, byte by byte"
             )
     return repeated

@@ -19,21 +19,11 @@ RESULTS_NAME = "results.json"
 
 @dataclass(frozen=True)
 class RunSource:
-    """Where a run is to be read from.
+    """Where a run is to be read from."""
 
-    Attributes
-    ----------
-    named : Path
-        As a person named it.
-    path : Path
-        The recording, or the results file.
-    is_recording : bool
-        Traces are in it.
-    """
-
-    named: Path
-    path: Path
-    is_recording: bool
+    named: Path  # as a person named it
+    path: Path  # the recording, or the results file
+    is_recording: bool  # traces are in it
 
     @property
     def folder(self) -> Path:

@@ -39,7 +39,7 @@ from impact_rig.recordings.formats.measurement import (
 DEFAULT_ROLES = {1: ("hammer",), 2: ("time", "hammer"), 3: ("time", "hammer", "specimen")}
 """Roles of columns by their number, where none are given and the file states no rate."""
 DEFAULT_UNIT = "m/s^2"
-"""What a channel is taken for where neither file nor user state a unit."""
+"""Assumed for a channel whose unit neither file nor user state."""
 LONGEST_WIDTH, LONGEST_STEP = 10e-3, 1e-3
 """Longest plausible pulse at half its height and time step [s] where the file states no unit of
 time: the standard shock of 11 ms is 7 ms wide."""
@@ -484,7 +484,7 @@ def _calibrate(
         advice = "--hammer-unit"
         if role == "specimen":
             advice = 'unit = "g" under [specimen] in the file of --channels changes that'
-        remarks.append(f"nobody states the unit of {name}: {taken} ({advice})")
+        remarks.append(f"the unit of {name} is not stated: {taken} ({advice})")
     elif measured == "kgn":
         remarks.append(f"{name} is taken for thousands of g; a force in kilograms is kgf")
     elif measured not in UNITS and role == "specimen":
@@ -493,7 +493,7 @@ def _calibrate(
     elif measured not in UNITS:
         remarks.append(f"{name} is read as it is: {unit}")
     if missing:
-        # Of forces N stay, of volts V, of all else what it is.
+        # Forces stay in N, volts in V, all else in its unit.
         mass, sensor = 1.0, sensor or Sensitivity(1.0, DEFAULT_UNIT)
     scale = compute_scale(unit, mass, sensor) if unit in UNITS else 1.0
     full_scale = use.full_scale and use.full_scale * abs(
@@ -529,6 +529,6 @@ def _find_missing(name: str, role: str, unit: str, measured: str, mass: float) -
         text = f"{name} is in {unit}, no unit of acceleration, force or voltage"
         return Missing(text, 'unit = "?"', role)
     if not measured and role == "hammer":
-        text = f"nobody states the unit of {name}; it may be {', '.join(UNITS)}"
+        text = f"the unit of {name} is not stated; it may be {', '.join(UNITS)}"
         return Missing(text, 'unit = "?"', role, "--hammer-unit g")
     return None

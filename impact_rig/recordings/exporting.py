@@ -17,21 +17,11 @@ BODIES = ("hammer", "specimen")
 
 @dataclass(frozen=True)
 class ExportedHit:
-    """One hit with its traces and the last word on it.
+    """One hit with its traces and its final verdict."""
 
-    Attributes
-    ----------
-    name : str
-        ``SAMPLE/IMPACT.ATTEMPT``, behind its campaign where there are several.
-    record : Record
-        Its traces as recorded.
-    judged : JudgedHit
-        Its verdict among all hits of its sample, with the filtered traces.
-    """
-
-    name: str
+    name: str  # ``SAMPLE/IMPACT.ATTEMPT``, behind its campaign where there are several
     record: Record
-    judged: JudgedHit
+    judged: JudgedHit  # among all hits of its sample, with the filtered traces
 
     @property
     def label(self) -> HitLabel:
@@ -67,18 +57,11 @@ class ExportedCampaign:
     ----------
     setup : RigSetup
         Masses, samples and settings.
-
-    Attributes
-    ----------
-    session : Session
-        With all its hits.
-    prefix : str
-        Tells its hits from those of other campaigns.
     """
 
     def __init__(self, setup: RigSetup) -> None:
         self.session = Session(setup)
-        self.prefix = ""
+        self.prefix = ""  # of the names of its hits, where there are several campaigns
         self._records: list[tuple[Record, JudgedHit]] = []
 
     def feed(self, block: Block) -> None:
@@ -107,7 +90,7 @@ class ExportedCampaign:
             name = f"{self.prefix}{label.sample}/{label.impact}.{label.attempt}"
             if seen[label] > 1:
                 name += f" ({seen[label]})"
-            # The last word on a hit comes without its traces.
+            # The final verdict comes without traces.
             last = replace(final[_identify(judged)], filtered=judged.filtered)
             hits.append(ExportedHit(name, record, last))
         return tuple(hits)

@@ -36,8 +36,8 @@ from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.writer import RecordingWriter
 
 FIRST_STAMP = NANOSECONDS
-"""When the first hit begins if its file does not say so, nanoseconds since the epoch: not 0, which
-in ROS 2 is no time."""
+"""When the first hit begins if its file states no time [ns since the epoch]; 0 means no time in
+ROS 2."""
 PAUSE = NANOSECONDS
 """Between two hits whose times are not known [ns], our choice: rigs are not struck faster."""
 AROUND_CUE, BEFORE_CUE = 0.1, 0.4
@@ -133,7 +133,7 @@ def read_hits(
 def _cut_hits(
     path: Path, whole: Block, cues: Sequence[int], window: AnalysisSettings | None
 ) -> Iterator[tuple[int, Block]]:
-    """Yield what is a record of its own, with its first point: around cues, or all of it."""
+    """Yield each hit with its first point: around cues, by the window, or all of it."""
     size = whole.hammer.output.size
     length = min([round(AROUND_CUE * whole.sampling_rate), *map(int, np.diff(cues))])
     starts = [max(cue - round(BEFORE_CUE * length), 0) for cue in cues] if cues else [0]

@@ -1,7 +1,7 @@
-"""Between the rig's messages and core types, and what a block says before its points.
+"""Conversion between the rig's messages and core types.
 
-Of a message only attributes are read, whoever decoded it (rclpy or a file reader), so that the
-same functions serve a node and a recording: both give bit-identical numbers.
+They read attributes only, of messages decoded by rclpy or by a file reader: a node and a recording
+give bit-identical numbers.
 """
 
 from collections.abc import Callable
@@ -94,7 +94,7 @@ def _channel_from_msg(message: Any) -> ChannelBlock:
         if len(values)
         else np.frombuffer(memoryview(message.counts), dtype=np.int32)
     )
-    # The message's own memory: nobody changes a message that has come.
+    # The message's own memory: received messages are not changed.
     output.setflags(write=False)
     return ChannelBlock(
         output=output,
@@ -158,31 +158,13 @@ _list_hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
 
 
 class BlockHead(NamedTuple):
-    """What stands in a block beside its points.
-
-    Attributes
-    ----------
-    label : HitLabel
-        The hit that the block is of.
-    first_sample : int
-        Index of its first point.
-    points : int
-        Of the hammer's channel.
-    stamp : int
-        Time of its first point, nanoseconds since the epoch.
-    last : bool
-        Whether it ends the record, or the arming.
-    origin : Origin
-        Where its points come from.
-    stream_id : bytes
-        The stream that it is of.
-    """
+    """A block without its points."""
 
     label: HitLabel
     first_sample: int
-    points: int
-    stamp: int
-    last: bool
+    points: int  # in the hammer's channel
+    stamp: int  # of its first point [ns since the epoch]
+    last: bool  # it ends the record, or the arming
     origin: Origin
     stream_id: bytes
 
@@ -230,11 +212,6 @@ def prepare_heads() -> None:
 
 class MessageEncoder:
     """Serialises set-ups and blocks as the rig's nodes publish them.
-
-    Attributes
-    ----------
-    setup_definition, block_definition : MessageDefinition
-        What the recording must say of their types.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""New files: none takes the place of another, and what is said to be written is on the disk."""
+"""New files: they replace no others, and are on the disk once they are reported as written."""
 
 import contextlib
 import errno
@@ -19,12 +19,12 @@ KEPT_IN_MEMORY = 16 << 20
 """How much of what was written last stays in the memory of the system [byte], our choice: longer
 than a disk takes to write it, so that giving it back waits for nothing."""
 SENT_AT_ONCE = 4 << 20
-"""How much is written before the system is told to send it to the disk [byte], our choice: a disk
+"""How much is written before the system is asked to send it to the disk [byte], our choice: a disk
 takes it in hundredths of a second, and sending less takes a tenth more of the processor."""
 
 
 def list_successors(path: Path) -> Iterator[Path]:
-    """Yield the names of what is written after one another to one place: it, it-2, it-3 ..."""
+    """Yield the names for files that follow each other in one place: it, it-2, it-3 ..."""
     yield path
     for number in itertools.count(2):
         yield path.with_name(f"{path.stem}-{number}{path.suffix}")
@@ -45,7 +45,7 @@ def list_parts(path: Path) -> list[Path]:
 
 
 class DiskFullError(FileError):
-    """The disk takes no more, or should not: what was written before is kept."""
+    """The disk is full, or nearly so; everything written before is kept."""
 
 
 class DiskFile:
@@ -57,15 +57,6 @@ class DiskFile:
     ----------
     path : Path
         Of the new file; it must not exist, its folder must.
-
-    Attributes
-    ----------
-    path : Path
-        As given.
-    size : int
-        Bytes written so far.
-    failure : FileError or None
-        Why nothing can be written any more.
 
     Raises
     ------
@@ -85,8 +76,8 @@ class DiskFile:
         except OSError as error:
             raise FileError(f"{path} cannot be created: {error.strerror}") from None
         self.path = path
-        self.size = 0
-        self.failure: FileError | None = None
+        self.size = 0  # written so far [byte]
+        self.failure: FileError | None = None  # why nothing can be written any more
         self._sent = 0
         self._given_back = 0
         self._planned = 0
@@ -153,7 +144,7 @@ class DiskFile:
         return self.size
 
     def flush(self) -> None:
-        """All that was planned is written: send it on its way, ask the disk for its room again.
+        """Send what was written to the disk, and measure its free space again.
 
         Without the first, seconds of a stream wait in the memory of the system, and the sync at
         its end as long.
@@ -175,7 +166,7 @@ class DiskFile:
         Raises
         ------
         FileError
-            If the disk fails, or somebody has deleted, replaced or cut the file.
+            If the disk fails, or the file was deleted, replaced or cut meanwhile.
         """
         try:
             os.fdatasync(self._file.fileno())

@@ -13,27 +13,13 @@ INFINITE = 2**63 - 1
 
 @dataclass(frozen=True)
 class OfferedQos:
-    """What a publisher of a topic offered, as far as it decides who receives what.
+    """The quality of service that a publisher offered, as far as subscriptions depend on it."""
 
-    Attributes
-    ----------
-    reliability : str
-        "reliable" or "best_effort".
-    durability : str
-        "volatile" or "transient_local".
-    history : str
-        "keep_last", "keep_all" or "unknown": a publisher's history is not told to others.
-    depth : int
-        Of the history [messages]; 0: not known.
-    lifespan : int
-        How long a message is worth delivering [ns].
-    """
-
-    reliability: str = "reliable"
-    durability: str = "volatile"
-    history: str = "keep_last"
-    depth: int = DEFAULT_DEPTH
-    lifespan: int = INFINITE
+    reliability: str = "reliable"  # "reliable" or "best_effort"
+    durability: str = "volatile"  # "volatile" or "transient_local"
+    history: str = "keep_last"  # or "keep_all", "unknown": publishers do not announce it
+    depth: int = DEFAULT_DEPTH  # [messages]; 0: not known
+    lifespan: int = INFINITE  # [ns]
 
 
 def format_offered_qos(profiles: tuple[OfferedQos, ...]) -> str:

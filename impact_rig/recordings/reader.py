@@ -36,17 +36,6 @@ class Recording:
     """The recording of one rig, in one file or in those of a run that was resumed.
 
     It is read anew by each iteration, nothing is held in memory. Made by `read_recording`.
-
-    Attributes
-    ----------
-    path : Path
-        As a person named it.
-    namespace : str
-        Of the rig, "/" for none.
-    setup : RigSetup
-        The first set-up in it.
-    warnings : tuple of str
-        What the reader should know, in words; empty: nothing.
     """
 
     hammer_unit: str | None = None  # the set-up says in what the hammer's channel is
@@ -56,10 +45,10 @@ class Recording:
         self._files = files
         self._decoder = SchemaDecoder()
         self._faults: dict[HitLabel, tuple[str, ...]] = {}
-        self.path = path
-        self.namespace = namespace
+        self.path = path  # as a person named it
+        self.namespace = namespace  # of the rig, "/" for none
         self.warnings = tuple(warning for file in files for warning in file.warnings)
-        self._campaign, self.setup = self._read_setup()
+        self._campaign, self.setup = self._read_setup()  # the first set-up
 
     @property
     def faults(self) -> Mapping[HitLabel, tuple[str, ...]]:
@@ -77,8 +66,7 @@ class Recording:
     def events(self, report: Report = lambda _: None) -> Iterator[RigSetup | Block]:
         """Yield set-ups and blocks in file order, the first set-up before everything else.
 
-        Where nobody found the impacts in a running stream while it was recorded, they are found
-        now.
+        Impacts in a running stream are found now, if they were not found while it was recorded.
 
         Parameters
         ----------

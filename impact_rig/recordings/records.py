@@ -1,32 +1,17 @@
-"""What a recording holds, as it stands in its files."""
+"""The records of an MCAP file that are used here."""
 
 from typing import NamedTuple
 
 
 class Channel(NamedTuple):
-    """One topic of a recording.
+    """One topic of a recording."""
 
-    Attributes
-    ----------
-    id : int
-        Unique in the recording.
-    topic : str
-        Full name.
-    type_name : str
-        For example `impact_rig_msgs/msg/Impact`; empty: not described.
-    schema : str
-        Definition of the type, as `ros2msg`.
-    metadata : dict
-        `offered_qos_profiles` and `topic_type_hash` for ROS 2.
-    encoding : tuple of str
-        Of the messages and of the schema; others than those of ROS 2 cannot be decoded.
-    """
-
-    id: int
+    id: int  # unique in the recording
     topic: str
-    type_name: str
-    schema: str
-    metadata: dict[str, str]
+    type_name: str  # for example `impact_rig_msgs/msg/Impact`; empty: not described
+    schema: str  # definition of the type, as `ros2msg`
+    metadata: dict[str, str]  # `offered_qos_profiles` and `topic_type_hash` for ROS 2
+    # Of messages and schema; others than those of ROS 2 cannot be decoded.
     encoding: tuple[str, str] = ("cdr", "ros2msg")
 
     @property
@@ -36,24 +21,12 @@ class Channel(NamedTuple):
 
 
 class RawMessage(NamedTuple):
-    """One message as it stands in the file.
-
-    Attributes
-    ----------
-    channel : Channel
-        Its topic.
-    sequence : int
-        Counted per channel.
-    log_time, publish_time : int
-        When it was received and sent, nanoseconds since the epoch.
-    data : bytes
-        Serialised.
-    """
+    """One message, serialised."""
 
     channel: Channel
-    sequence: int
-    log_time: int
-    publish_time: int
+    sequence: int  # counted per channel
+    log_time: int  # when it was received [ns since the epoch]
+    publish_time: int  # when it was sent [ns since the epoch]
     data: bytes
 
 
@@ -65,21 +38,11 @@ class MetadataRecord(NamedTuple):
 
 
 class Attachment(NamedTuple):
-    """A file kept inside the recording.
+    """A file kept inside the recording."""
 
-    Attributes
-    ----------
-    name, media_type : str
-        Its name, for example `rig.toml`, and its kind, for example `application/toml`.
-    log_time : int
-        When it was attached, nanoseconds since the epoch.
-    data : bytes
-        Its content.
-    """
-
-    name: str
-    media_type: str
-    log_time: int
+    name: str  # for example `rig.toml`
+    media_type: str  # for example `application/toml`
+    log_time: int  # when it was attached [ns since the epoch]
     data: bytes
 
 

@@ -53,7 +53,7 @@ MAX_SEARCH = 4
 ALL_KINDS: frozenset[type] = frozenset({RawMessage, MetadataRecord, Attachment})
 
 _PRIVATE = 0x80
-"""First of the kinds of records that are passed over, since anybody may use them."""
+"""First of the kinds of private records, which are passed over."""
 _FOOTER_SIZE = FRAME.size + 20
 _CHUNK_START = re.compile(rb"(?s)\x06(?=.{5}\x00{3})")
 """How a chunk begins: its kind, and a length below a terabyte."""
@@ -126,7 +126,7 @@ class Scan:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the reader of a sound file should know, in words."""
+        """Sentences about a sound file."""
         if self.is_closed:
             return ()
         return (f"{self.path} was never closed: it is read up to the last message that is whole",)

@@ -1,7 +1,7 @@
 """Message types: their text and hash, how two versions differ, and CDR decoded by them.
 
-A recording carries the text of each type, so that it can be decoded anywhere and in ten years. A
-schema is code that somebody else wrote: what it can ask for is limited.
+A recording carries the text of each type, so that it can be decoded anywhere and in ten years.
+Schemas come from strangers: their size and depth are limited.
 """
 
 import json
@@ -54,8 +54,7 @@ DECODING_ERRORS = (
 class SchemaDecoder:
     """Keeps one decoder for each channel it has met.
 
-    Every schema has a store of types of its own, so that a file whose topics were recorded with
-    different versions of a type is decoded right.
+    Every schema has its own store of types: a file may hold several versions of a type.
     """
 
     def __init__(self) -> None:
@@ -184,7 +183,7 @@ PRIMITIVES = frozenset(
     {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
     | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
 )
-"""Field types that need no definition of their own."""
+"""Field types without a definition."""
 
 _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:msg/)?([A-Za-z]\w*)")
 _FIELD_TYPE = re.compile(r"[ \t]*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?[ \t]+[A-Za-z]")
@@ -192,21 +191,11 @@ _FIELD_TYPE = re.compile(r"[ \t]*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?[ \t]+
 
 @dataclass(frozen=True)
 class MessageDefinition:
-    """What a file must say of a message type.
+    """The definition of a message type, as a recording keeps it."""
 
-    Attributes
-    ----------
-    type_name : str
-        In full, for example `std_msgs/msg/Header`.
-    text : str
-        Schema in the encoding `ros2msg`: the definition, then all it depends on.
-    type_hash : str
-        As ROS 2 computes it (REP 2016); empty: not installed with the package.
-    """
-
-    type_name: str
-    text: str
-    type_hash: str = ""
+    type_name: str  # for example `std_msgs/msg/Header`
+    text: str  # schema in the encoding `ros2msg`: the definition, then all it depends on
+    type_hash: str = ""  # REP 2016; empty: not installed with the package
 
 
 def find_message_definition(type_name: str) -> MessageDefinition:

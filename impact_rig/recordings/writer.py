@@ -41,15 +41,6 @@ class RecordingWriter:
     library : str
         What wrote the file, kept in it.
 
-    Attributes
-    ----------
-    path : Path
-        As given.
-    messages : int
-        How many were added.
-    start_time, end_time : int
-        Earliest and latest time of reception of a message [ns]; 0 as long as there is none.
-
     Raises
     ------
     FileError
@@ -65,9 +56,9 @@ class RecordingWriter:
         library: str = "impact_rig",
     ) -> None:
         self.path = path
-        self.messages = 0
-        self.start_time = 0
-        self.end_time = 0
+        self.messages = 0  # added so far
+        self.start_time = 0  # earliest reception of a message [ns]; 0: there is none
+        self.end_time = 0  # latest reception of a message [ns]
         self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[str, int] = {}
         self._counts: Counter[int] = Counter()
@@ -146,7 +137,7 @@ class RecordingWriter:
         return self.announce(Channel(0, topic, definition.type_name, definition.text, metadata))
 
     def announce(self, channel: Channel) -> int:
-        """Announce a topic as it stands in a file; otherwise as `add_channel`."""
+        """Announce a topic as another file has it; otherwise as `add_channel`."""
         self._file.plan(len(channel.schema))
         key, encoding = (channel.type_name, channel.schema), channel.encoding
         if key not in self._schemas:

@@ -19,7 +19,7 @@ from impact_rig.results.tables import (
 )
 
 ENOUGH_RECORDINGS = 3
-"""From which on a spread says something [-], our choice."""
+"""Fewest recordings for which a spread is shown [-], our choice."""
 NOTE = (
     "Half-widths of the 95 % intervals. Recordings of one rig share masses and clock, and with"
     " them a part of these."
@@ -40,20 +40,10 @@ CHANGE_NOTE = (
 
 @dataclass(frozen=True)
 class BatchCampaign:
-    """One campaign of a recording among many.
+    """One campaign of a recording among many."""
 
-    Attributes
-    ----------
-    recording : Path
-        As it was named.
-    number : int
-        Of the campaign in its recording, from 1.
-    results : Results
-        What was found.
-    """
-
-    recording: Path
-    number: int
+    recording: Path  # as a person named it
+    number: int  # in its recording, from 1
     results: Results
 
 

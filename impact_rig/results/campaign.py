@@ -24,111 +24,54 @@ Peaks = TypeVar("Peaks", SampleEstimate, "HitResults", "FileResults")
 
 @dataclass(frozen=True)
 class HitResults(Comparable):
-    """One hit with the last word on it.
-
-    Attributes
-    ----------
-    sample : str
-        Name of the struck sample.
-    impact, attempt, record : int
-        Impact of the series, attempt at it, number of the arming; counted from 1.
-    accepted : bool
-        The hit is part of the sample's mean.
-    reasons : tuple of str
-        Every reason against it, ``code: explanation``.
-    contact_time : float
-        tau_p of this hit alone [s]; NaN: not determined.
-    hammer_peak, specimen_peak : float
-        Largest |acceleration| after the low-pass [m/s^2]; NaN: no pulse, or not measured.
-    injected_faults : tuple of str
-        What the virtual rig did on purpose, by name; empty: nothing, or a real rig.
-    origin : Origin
-        Where its points come from.
-    """
+    """One hit with its final verdict."""
 
     sample: str
-    impact: int
-    attempt: int
-    record: int
-    accepted: bool = False
-    reasons: tuple[str, ...] = ()
+    impact: int  # of the series, from 1
+    attempt: int  # at this impact, from 1
+    record: int  # number of the arming, from 1
+    accepted: bool = False  # the hit is part of the sample's mean
+    reasons: tuple[str, ...] = ()  # every reason against it, ``code: explanation``
+    # tau_p of this hit alone [s]; NaN: not determined.
     contact_time: float = field(default=math.nan, metadata=TIME)
+    # Largest |acceleration| after the low-pass [m/s^2]; NaN: no pulse, or not measured.
     hammer_peak: float = field(default=math.nan, metadata=PEAK)
     specimen_peak: float = field(default=math.nan, metadata=PEAK)
-    injected_faults: tuple[str, ...] = ()
+    injected_faults: tuple[str, ...] = ()  # what the virtual rig did on purpose
     origin: Origin = field(default=UNSTATED, metadata=INLINE)
 
 
 @dataclass(frozen=True)
 class FileResults(Comparable):
-    """One file with one hit; NaN: not determined.
+    """One file with one hit; NaN: not determined."""
 
-    Attributes
-    ----------
-    origin : Origin
-        The file, and where in it.
-    accepted : bool
-        The hit is part of the mean.
-    reasons : tuple of str
-        Every reason against it, ``code: explanation``.
-    half_amplitude_width : float
-        w50 [s].
-    contact_time : Quantity
-        tau_p of this hit, as it was [s]; the next may well differ by more.
-    width_ratio : float
-        w10 / w50 [-].
-    hammer_peak, specimen_peak : float
-        Largest |acceleration| after the low-pass [m/s^2].
-    measured_peak : float
-        Of the hammer, in the unit that its sensor measures.
-    measured_unit : str
-        m/s^2, N of a force hammer, V where the sensitivity is not known; empty: not stated.
-    best_shape : str
-        The pulse shape that leaves least; empty: not determined.
-    shape_residual_percent : float
-        What it leaves, RMS over the peak [%].
-    """
-
-    origin: Origin = field(metadata=INLINE)
-    accepted: bool
-    reasons: tuple[str, ...]
-    half_amplitude_width: float = field(default=math.nan, metadata=TIME)
+    origin: Origin = field(metadata=INLINE)  # the file, and where in it
+    accepted: bool  # the hit is part of the mean
+    reasons: tuple[str, ...]  # every reason against it, ``code: explanation``
+    half_amplitude_width: float = field(default=math.nan, metadata=TIME)  # w50 [s]
+    # tau_p of this hit [s]; it does not hold the scatter from hit to hit.
     contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)
-    width_ratio: float = math.nan
+    width_ratio: float = math.nan  # w10 / w50 [-]
+    # Largest |acceleration| after the low-pass [m/s^2].
     hammer_peak: float = field(default=math.nan, metadata=PEAK)
     specimen_peak: float = field(default=math.nan, metadata=PEAK)
-    best_shape: str = ""
-    shape_residual_percent: float = math.nan
-    measured_peak: float = math.nan
+    best_shape: str = ""  # the pulse shape that leaves least; empty: not determined
+    shape_residual_percent: float = math.nan  # what it leaves, RMS over the peak [%]
+    measured_peak: float = math.nan  # of the hammer, in the unit that its sensor measures
+    # m/s^2, N of a force hammer, V where the sensitivity is not known; empty: not stated.
     measured_unit: str = "m/s^2"
 
 
 @dataclass(frozen=True)
 class Results(Comparable):
-    """Everything that a campaign or the analysis of its recording found.
-
-    Attributes
-    ----------
-    setup : RigSetup
-        With what was measured.
-    hammer : HammerEstimate
-        k1, c1.
-    samples : tuple of SampleEstimate
-        Those with hits, in the order of the sample set.
-    hits : tuple of HitResults
-        All, by record.
-    speed_exponents : tuple of SpeedExponents
-        Of samples that were struck from several release angles.
-    files : tuple of FileResults
-        Hits of plain files, each by itself.
-    """
+    """Everything that a campaign or the analysis of its recording found."""
 
     setup: RigSetup
     hammer: HammerEstimate
-    samples: tuple[SampleEstimate, ...]
-    hits: tuple[HitResults, ...]
-    speed_exponents: tuple[SpeedExponents, ...] = ()
-    files: tuple[FileResults, ...] = ()
+    samples: tuple[SampleEstimate, ...]  # those with hits, in the order of the sample set
+    hits: tuple[HitResults, ...]  # all, by record
+    speed_exponents: tuple[SpeedExponents, ...] = ()  # of samples with several release angles
+    files: tuple[FileResults, ...] = ()  # hits of plain files, each by itself
 
     @property
     def origin(self) -> Origin:
@@ -174,7 +117,7 @@ def results_from_session(
 
 
 def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) -> HitResults:
-    """Return the last word on one hit."""
+    """Return a hit with its final verdict."""
     return HitResults(
         sample=hit.label.sample,
         impact=hit.label.impact,

@@ -17,23 +17,13 @@ HAMMER_NAME = "hammer"
 
 @dataclass(frozen=True)
 class Measurand:
-    """A quantity that tables and figures compare.
+    """A quantity that tables and figures compare."""
 
-    Attributes
-    ----------
-    name, symbol, unit : str
-        In words, in equations, and the unit it is shown in.
-    digits : int
-        Decimals of a value without uncertainty.
-    field : str
-        Its name in the estimates of samples and hammer.
-    """
-
-    name: str
-    symbol: str
-    unit: str
-    digits: int
-    field: str
+    name: str  # in words
+    symbol: str  # in equations
+    unit: str  # as shown
+    digits: int  # decimals of a value without uncertainty
+    field: str  # its name in the estimates of samples and hammer
 
     @property
     def scale(self) -> float:

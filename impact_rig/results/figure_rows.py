@@ -21,34 +21,17 @@ LARGEST_ERRORS_PERCENT = {"hammer": 0.25, "sample": 2.8}
 
 @dataclass(frozen=True)
 class FigureRow:
-    """One sample's place in the figures; NaN: not determined.
+    """One sample's place in the figures; NaN: not determined."""
 
-    Attributes
-    ----------
-    name, material : str
-        Of the sample; the material groups samples of one colour.
-    relative_mass : float
-        m1 m2 / (m1 + m2), equation (6a) [kg].
-    contact_times : tuple of float
-        tau_p of every hit in the mean [s].
-    contact_time, contact_time_expanded : float
-        tau_p of the mean hit and the half-width of its 95 % interval [s].
-    hammer_peak, specimen_peak : float
-        Of the mean traces [m/s^2].
-    mse_hammer_percent, mse_sample_percent : float
-        Mean square error of the force-driven model [%].
-    reference : Reference
-        What is expected, or published.
-    """
-
-    name: str
-    material: str
-    relative_mass: float
-    contact_times: tuple[float, ...]
-    contact_time: float
-    contact_time_expanded: float
-    hammer_peak: float
-    specimen_peak: float
+    name: str  # of the sample
+    material: str  # samples of one material share a colour
+    relative_mass: float  # m1 m2 / (m1 + m2), equation (6a) [kg]
+    contact_times: tuple[float, ...]  # tau_p of every hit in the mean [s]
+    contact_time: float  # tau_p of the mean hit [s]
+    contact_time_expanded: float  # half-width of its 95 % interval [s]
+    hammer_peak: float  # of the mean trace [m/s^2]
+    specimen_peak: float  # of the mean trace [m/s^2]
+    # Mean square errors of the force-driven model [%].
     mse_hammer_percent: float
     mse_sample_percent: float
     reference: Reference

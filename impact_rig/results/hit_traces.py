@@ -16,64 +16,33 @@ times its record. What follows is left out of the view only."""
 
 @dataclass(frozen=True)
 class ChannelCalibration:
-    """How the output of one channel becomes acceleration: scale times output plus offset.
+    """How the output of one channel becomes acceleration: scale times output plus offset."""
 
-    Attributes
-    ----------
-    name : str
-        "hammer" or "sample".
-    scale, offset : float
-        Per unit of the output, and at zero output [m/s^2].
-    full_scale : float
-        Largest acceleration that it can show, either sign [m/s^2]; 0: not known.
-    is_counted : bool
-        The output is counts of a digitizer.
-    """
-
-    name: str
-    scale: float
-    offset: float
-    full_scale: float
-    is_counted: bool
+    name: str  # "hammer" or "sample"
+    scale: float  # per unit of the output [m/s^2]
+    offset: float  # at zero output [m/s^2]
+    full_scale: float  # largest acceleration that it can show, either sign [m/s^2]; 0: not known
+    is_counted: bool  # the output is counts of a digitizer
 
 
 @dataclass(frozen=True)
 class Acquisition:
-    """How hits were sampled.
+    """How hits were sampled."""
 
-    Attributes
-    ----------
-    sampling_rate : float
-        [Hz]
-    channels : tuple of ChannelCalibration
-        Those that were measured.
-    """
-
-    sampling_rate: float
+    sampling_rate: float  # [Hz]
     channels: tuple[ChannelCalibration, ...]
 
 
 @dataclass(frozen=True)
 class HitTraces:
-    """Both channels of one record.
-
-    Attributes
-    ----------
-    label : HitLabel
-        Which hit.
-    time : ndarray of float64, shape (n,)
-        From the first point that came [s].
-    values : ndarray of float32, shape (n, 2)
-        Hammer and sample [m/s^2]; a row of NaN breaks the line at a gap, a sample that was not
-        measured is NaN throughout.
-    acquisition : Acquisition or None
-        How it was sampled; None: there is no point.
-    """
+    """Both channels of one record."""
 
     label: HitLabel
-    time: FloatArray
+    time: FloatArray  # shape (n,), from the first point that came [s]
+    # Shape (n, 2): hammer and sample [m/s^2]. A row of NaN breaks the line at a gap; a sample that
+    # was not measured is NaN throughout.
     values: Float32Array
-    acquisition: Acquisition | None = None
+    acquisition: Acquisition | None = None  # None: there is no point
 
 
 class TraceAssembler:

@@ -19,28 +19,19 @@ MARGIN = 0.5
 
 @dataclass(frozen=True)
 class LawCurves:
-    """Pulse and loop of one contact.
+    """Pulse and loop of one contact."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        From the middle of the pulse [s].
-    measured, law, versed_sine : ndarray, shape (n,)
-        Force on the hammer, both models behind sensor and low-pass of the trace [N]; the
-        versed-sine lasts tau_p and is as high as the pulse.
-    indentation, loop_force : ndarray, shape (k,)
-        Measured over the contact, from both traces and the law's impact speed [m, N]; empty: of
-        one trace.
-    law_indentation, law_force : ndarray, shape (m,)
-        The law's loop [m, N].
-    """
-
-    time: FloatArray
+    time: FloatArray  # shape (n,), from the middle of the pulse [s]
+    # Shape (n,): force on the hammer, both models behind sensor and low-pass of the trace [N]. The
+    # versed-sine lasts tau_p and is as high as the pulse.
     measured: FloatArray
     law: FloatArray
     versed_sine: FloatArray
+    # Shape (k,): measured over the contact, from both traces and the law's impact speed [m, N];
+    # empty: there is one trace only.
     indentation: FloatArray
     loop_force: FloatArray
+    # Shape (m,): the law's loop [m, N].
     law_indentation: FloatArray
     law_force: FloatArray
 

@@ -23,27 +23,13 @@ MASS_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class Reference(Comparable):
-    """What is expected of a body; NaN: nothing.
+    """What is expected of a body; NaN: nothing."""
 
-    Attributes
-    ----------
-    contact_time : float
-        tau_p [s].
-    stiffness : float
-        k [N/m].
-    damping_coefficient : float
-        c [N s/m].
-    published : PublishedSample or None
-        The sample's cell of the paper, if these values are from there.
-    is_published : bool
-        These values are the paper's.
-    """
-
-    contact_time: float = NAN
-    stiffness: float = NAN
-    damping_coefficient: float = NAN
-    published: PublishedSample | None = None
-    is_published: bool = False
+    contact_time: float = NAN  # tau_p [s]
+    stiffness: float = NAN  # k [N/m]
+    damping_coefficient: float = NAN  # c [N s/m]
+    published: PublishedSample | None = None  # the cell of the paper that these are from
+    is_published: bool = False  # these values are the paper's
 
     @property
     def is_misprinted(self) -> bool:
@@ -113,7 +99,7 @@ def find_expected(results: Results, name: str) -> Reference:
 
 
 def find_reference(samples: SampleSet, name: str) -> Reference:
-    """Return what is expected of one sample; nothing at release angles of its own.
+    """Return what is expected of one sample; nothing where it has its own release angle.
 
     What is expected holds for the rig's one impact speed.
 

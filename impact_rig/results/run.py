@@ -25,65 +25,27 @@ class Note:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a recording says of itself beside the hits.
+    """When, by what and how a run was recorded."""
 
-    Attributes
-    ----------
-    start_time, end_time : int
-        Of its messages, nanoseconds since the epoch; 0: it has none.
-    files : tuple of RecordedFile
-        In their order.
-    problems : tuple of str
-        What is damaged or missing; empty: every checksum is right.
-    losses : str
-        What was lost while it was recorded; empty: nothing.
-    ended : str
-        Why the recording ended, as the recorder has it.
-    versions : tuple of (str, str)
-        Software and libraries that recorded it.
-    parameters : tuple of (str, str)
-        Of every node, as YAML.
-    notes : tuple of Note
-        The operator's.
-    """
-
-    start_time: int
-    end_time: int
+    start_time: int  # of the first message [ns since the epoch]; 0: there is none
+    end_time: int  # of the last message [ns since the epoch]; 0: there is none
     files: tuple[RecordedFile, ...]
-    problems: tuple[str, ...] = ()
-    losses: str = ""
-    ended: str = ""
-    versions: tuple[tuple[str, str], ...] = ()
-    parameters: tuple[tuple[str, str], ...] = ()
-    notes: tuple[Note, ...] = ()
+    problems: tuple[str, ...] = ()  # what is damaged or missing; empty: every checksum is right
+    losses: str = ""  # what was lost while it was recorded; empty: nothing
+    ended: str = ""  # why the recording ended, by the recorder
+    versions: tuple[tuple[str, str], ...] = ()  # of software and libraries
+    parameters: tuple[tuple[str, str], ...] = ()  # of every node, as YAML
+    notes: tuple[Note, ...] = ()  # the operator's
 
 
 @dataclass(frozen=True)
 class Run:
-    """One campaign of a report.
+    """One campaign of a report."""
 
-    Attributes
-    ----------
-    name : str
-        Tells it from the other runs of the report.
-    source : str
-        File or folder it was read from, with its folder's name.
-    campaign : TracedCampaign
-        Results, and the traces where there are any.
-    has_traces : bool
-        It was read from a recording, not from results alone.
-    acquisitions : tuple of Acquisition
-        Each way in which hits were sampled, by first use; empty: not known.
-    provenance : Provenance or None
-        None: results alone do not say.
-    warnings : tuple of str
-        What the reader should know of the file.
-    """
-
-    name: str
-    source: str
+    name: str  # unique in the report
+    source: str  # file or folder it was read from, with its folder's name
     campaign: TracedCampaign
-    has_traces: bool = False
-    acquisitions: tuple[Acquisition, ...] = ()
-    provenance: Provenance | None = None
-    warnings: tuple[str, ...] = ()
+    has_traces: bool = False  # it was read from a recording, not from results alone
+    acquisitions: tuple[Acquisition, ...] = ()  # in the order of their first use
+    provenance: Provenance | None = None  # None: results alone
+    warnings: tuple[str, ...] = ()  # about the file

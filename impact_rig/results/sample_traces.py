@@ -17,31 +17,19 @@ from impact_rig.core.sample import SampleEstimate
 DRIVEN = "driven"
 """Equation (4) on the hammer, the sample driven by F(t) alone, k and c by the paper's method."""
 PRINTED = "printed"
-"""Equations (1) and (2) as they stand, k and c by the paper's method."""
+"""Equations (1) and (2) as printed, k and c by the paper's method."""
 IDENTIFIED = "identified"
 """The variant that was fitted best to both traces."""
 
 
 @dataclass(frozen=True)
 class AlignedHit:
-    """One hit, filtered, in its sample's time.
-
-    Attributes
-    ----------
-    label : HitLabel
-        Which hit.
-    sampling_rate : float
-        [Hz]
-    start_time : float
-        Of the first point from the middle of the hammer pulse [s].
-    traces : ndarray, shape (channels, n)
-        Hammer, then sample where measured [m/s^2].
-    """
+    """One hit, filtered, in its sample's time."""
 
     label: HitLabel
-    sampling_rate: float
-    start_time: float
-    traces: FloatArray
+    sampling_rate: float  # [Hz]
+    start_time: float  # of the first point from the middle of the hammer pulse [s]
+    traces: FloatArray  # shape (channels, n): hammer, then sample where measured [m/s^2]
 
     @property
     def time(self) -> FloatArray:
@@ -51,21 +39,13 @@ class AlignedHit:
 
 @dataclass(frozen=True)
 class ModelTraces:
-    """What one model says of a sample's mean hit.
+    """One model beside a sample's mean hit."""
 
-    Attributes
-    ----------
-    model : str
-        `DRIVEN`, `PRINTED` or `IDENTIFIED`.
-    traces : ndarray, shape (2, n)
-        Hammer and sample [m/s^2], on the points of the mean. Those of `DRIVEN` and `PRINTED` are
-        scaled to the peaks of the mean and shifted onto it, each by itself.
-    mse_hammer_percent, mse_sample_percent : float
-        Mean square error over the record, as in Fig. 6 [%].
-    """
-
-    model: str
+    model: str  # `DRIVEN`, `PRINTED` or `IDENTIFIED`
+    # Shape (2, n): hammer and sample [m/s^2] on the points of the mean. `DRIVEN` and `PRINTED` are
+    # scaled to the peaks of the mean and shifted onto it, each channel by itself.
     traces: FloatArray
+    # Mean square errors over the record, as in Fig. 6 [%].
     mse_hammer_percent: float
     mse_sample_percent: float
 
@@ -77,36 +57,16 @@ class ModelTraces:
 
 @dataclass(frozen=True)
 class SampleTraces:
-    """The mean hit of one sample, what was read from it, and the models.
+    """The mean hit of one sample, what was read from it, and the models."""
 
-    Attributes
-    ----------
-    name : str
-        Of the sample.
-    sampling_rate : float
-        [Hz]
-    start_time : float
-        Of the first point from the middle of the hammer pulse [s].
-    mean : ndarray, shape (channels, n)
-        Hammer, then sample where measured [m/s^2].
-    contact_time : float
-        tau_p [s]: the contact is taken to last from -tau_p / 2 to tau_p / 2.
-    half_amplitude_width : float
-        w50 [s]: the hammer's half-amplitude points stand at -w50 / 2 and w50 / 2.
-    first_peak_time, second_peak_time : float
-        Of the sample's U1 and U2 [s]; NaN: not determined.
-    models : tuple of ModelTraces
-        Those that could be drawn.
-    """
-
-    name: str
-    sampling_rate: float
-    start_time: float
-    mean: FloatArray
-    contact_time: float
-    half_amplitude_width: float
-    first_peak_time: float
-    second_peak_time: float
+    name: str  # of the sample
+    sampling_rate: float  # [Hz]
+    start_time: float  # of the first point from the middle of the hammer pulse [s]
+    mean: FloatArray  # shape (channels, n): hammer, then sample where measured [m/s^2]
+    contact_time: float  # tau_p [s]; the contact lasts from -tau_p / 2 to tau_p / 2
+    half_amplitude_width: float  # w50 [s]; the hammer has half its peak at -w50 / 2 and w50 / 2
+    first_peak_time: float  # of the sample's U1 [s]; NaN: not determined
+    second_peak_time: float  # of the sample's U2 [s]; NaN: not determined
     models: tuple[ModelTraces, ...]
 
     @property

@@ -55,30 +55,14 @@ SMALLEST_SHARE = 5e-4
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table.
+    """One column of a table."""
 
-    Attributes
-    ----------
-    header : str
-        With its unit in brackets, if it has one.
-    cells : sequence of str
-        One per row.
-    is_text : bool
-        Words: on the left, free to wrap. Numbers stand on the right and stay whole.
-    is_optional : bool
-        Left out where there is too little room for it.
-    styles : sequence of str
-        How a terminal shows the cells, one per row; empty: plain.
-    note : str
-        A sentence on what the column is; stands below the table if the column is shown.
-    """
-
-    header: str
-    cells: Sequence[str]
-    is_text: bool = False
-    is_optional: bool = False
-    styles: Sequence[str] = ()
-    note: str = ""
+    header: str  # with its unit in brackets, if it has one
+    cells: Sequence[str]  # one per row
+    is_text: bool = False  # words stand on the left and may wrap; numbers do neither
+    is_optional: bool = False  # left out where there is too little room for it
+    styles: Sequence[str] = ()  # how a terminal shows the cells, one per row; empty: plain
+    note: str = ""  # an explanation below the table, if the column is shown
 
     @property
     def name(self) -> str:
@@ -106,24 +90,12 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table whose first column names the rows.
-
-    Attributes
-    ----------
-    caption : str
-        Above it.
-    columns : tuple of Column
-        All with as many cells.
-    notes : tuple of str
-        Below it.
-    marked : frozenset of int
-        Rows that stand out, from 0; a word or sign in them says the same.
-    """
+    """A table whose first column names the rows."""
 
     caption: str
-    columns: tuple[Column, ...]
+    columns: tuple[Column, ...]  # all with as many cells
     notes: tuple[str, ...] = ()
-    marked: frozenset[int] = frozenset()
+    marked: frozenset[int] = frozenset()  # rows that stand out, from 0; a word in them, too
 
     @property
     def is_short(self) -> bool:

@@ -1,4 +1,4 @@
-"""A campaign with everything there is to see of it: results, and the traces behind them."""
+"""A campaign with the traces behind its results."""
 
 from dataclasses import dataclass
 
@@ -9,40 +9,18 @@ from impact_rig.results.sample_traces import AlignedHit, SampleTraces
 
 @dataclass(frozen=True)
 class TracedHit:
-    """One hit with its traces.
-
-    Attributes
-    ----------
-    result : HitResults
-        The last word on it.
-    stamp : int
-        Time of the record's first point, nanoseconds since the epoch.
-    recorded : HitTraces
-        As the accelerometers gave it.
-    aligned : AlignedHit or None
-        Filtered, in its sample's time; None: it has no whole pulse.
-    """
+    """One hit with its traces."""
 
     result: HitResults
-    stamp: int
+    stamp: int  # of the record's first point [ns since the epoch]
     recorded: HitTraces
-    aligned: AlignedHit | None
+    aligned: AlignedHit | None  # filtered, in its sample's time; None: it has no whole pulse
 
 
 @dataclass(frozen=True)
 class TracedCampaign:
-    """One campaign with everything there is to see.
-
-    Attributes
-    ----------
-    results : Results
-        What was found.
-    samples : tuple of SampleTraces
-        Those with a mean hit, in the order of the results; empty without traces.
-    hits : tuple of TracedHit
-        All, in the order of arrival; empty without traces.
-    """
+    """One campaign with its traces."""
 
     results: Results
-    samples: tuple[SampleTraces, ...] = ()
-    hits: tuple[TracedHit, ...] = ()
+    samples: tuple[SampleTraces, ...] = ()  # those with a mean hit; empty without traces
+    hits: tuple[TracedHit, ...] = ()  # all, in the order of arrival; empty without traces

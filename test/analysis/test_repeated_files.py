@@ -32,7 +32,7 @@ def test_a_link_and_a_copy_are_found_by_their_bytes(first, make):
     between.write_bytes(b"something else in between")
     make(other, first) if make is Path.symlink_to else make(first, other)
     (found,) = find_repeated_files([first, between, other]).items()
-    assert found == (2, f"{other} is left out: it holds the same as {first}, byte by byte")
+    assert found == (2, f"{other} is left out: it is a copy of {first}, byte by byte")
 
 
 def test_what_cannot_be_read_or_is_empty_is_left_to_its_reader(tmp_path):

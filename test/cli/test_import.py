@@ -100,7 +100,7 @@ def test_a_files_number_is_its_hits_record(run, save, tmp_path, channels):
     words = ("-o", output, "--sample", "brass", *channels('[specimen]\nunit = "g"'))
     refused = run("import", *files, *words)
     assert refused.exit_code == 2
-    assert f"{files[0]} and 1 other: nobody states the unit" in refused.stderr
+    assert f"{files[0]} and 1 other: the unit of" in refused.stderr
     assert "give --hammer-unit" in refused.stderr
     outcome = run("import", *files, *words, *ACCELERATION)
     assert outcome.exit_code == 0

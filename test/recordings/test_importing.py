@@ -77,8 +77,8 @@ def test_three_columns_are_time_hammer_and_sample():
     assert np.array_equal(found.specimen.output, SPECIMEN)
     assert (found.hammer.scale, found.hammer.offset, found.hammer.full_scale) == (1.0, 0.0, 0.0)
     assert [remark.split("'s")[0] for remark in found.remarks] == [
-        "nobody states the unit of the hammer",
-        "nobody states the unit of the sample",
+        "the unit of the hammer",
+        "the unit of the sample",
     ]
 
 

@@ -79,7 +79,7 @@ def _read_group(
 
 
 def _is_readable(item: Any) -> bool:
-    """Tell whether a data set holds real numbers of its own, in few axes or none."""
+    """Tell whether a data set holds real numbers, with few axes, in this file."""
     matlab = item.attrs.get(MATLAB_CLASS, b"double")
     kind = matlab.decode() if isinstance(matlab, bytes) else str(matlab)
     return (
@@ -95,7 +95,7 @@ def _is_readable(item: Any) -> bool:
 def _read_array(path: Path, item: Any, stated: dict[str, Any], limit: SizeLimit) -> NamedArray:
     name = item.name.strip("/")
     if item.size and not item.id.get_storage_size():
-        raise FileError(f"{path}: {name} should have {item.size} numbers, none of them is there")
+        raise FileError(f"{path}: {name} should have {item.size} numbers, the file has none")
     # A chunk is unpacked as a whole, however little of it is in the array.
     points = max(item.size, math.prod(item.chunks or (0,)))
     limit.claim(points * item.dtype.itemsize)

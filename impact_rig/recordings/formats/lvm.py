@@ -43,31 +43,15 @@ SPECIAL_START, SPECIAL_END = "***Start_Special***", "***End_Special***"
 
 @dataclass(frozen=True)
 class Segment:
-    """A table of numbers with what its header states.
-
-    Attributes
-    ----------
-    path : Path
-        Of the file.
-    number : int
-        In the file, counted from 1.
-    style : Style
-        How its numbers are written.
-    headings : list of str
-        Of its columns.
-    tags : dict
-        Cells of the lines of its header, by the first one; the others stand in the columns that
-        they belong to.
-    rows : list of tuple
-        Line number and cells of each line of numbers.
-    """
+    """A table of numbers with what its header states."""
 
     path: Path
-    number: int
-    style: Style
-    headings: list[str]
+    number: int  # in the file, counted from 1
+    style: Style  # how its numbers are written
+    headings: list[str]  # of its columns
+    # Lines of its header by their first cell; the other cells stand below their columns.
     tags: dict[str, list[str]]
-    rows: list[tuple[int, list[str]]] = field(default_factory=list)
+    rows: list[tuple[int, list[str]]] = field(default_factory=list)  # line number, cells
 
     def get_tag(self, key: str, column: int) -> str:
         """Return what the header states of a column; empty: nothing."""
@@ -175,7 +159,7 @@ def _parse_column(segment: Segment, column: int, packet: int) -> FloatArray:
 def _read_rate(segment: Segment, column: int) -> float:
     """Return the rate of a channel [Hz]; NaN: not stated.
 
-    Both step and times are rounded, often to microseconds: what is nearer is taken.
+    Both step and times are rounded, often to microseconds: the more exact one is used.
     """
     dimension = segment.get_tag("X_Dimension", column) or "Time"
     if dimension != "Time":

@@ -60,7 +60,7 @@ def read_mat(path: Path) -> Measurement:
     Raises
     ------
     FileError
-        If the file is none of MATLAB's, is damaged, or has no vector of real numbers.
+        If the file is no file of MATLAB, is damaged, or has no vector of real numbers.
     """
     for _ in range(2):  # the process of an earlier file may have been killed since
         if not _POOL:
@@ -81,7 +81,7 @@ def parse_mat(path: Path) -> Measurement:
     Raises
     ------
     FileError
-        If the file is none of MATLAB's, is cut off, or has no vector of real numbers.
+        If the file is no file of MATLAB, is cut off, or has no vector of real numbers.
     """
     with path.open("rb") as file:
         beginning = file.read(HDF5_BLOCK + len(HDF5_MARK))
@@ -161,7 +161,7 @@ def _read_heading(head: bytes, order: str, limit: SizeLimit) -> list[str]:
 
 
 def _part(name: str) -> str:
-    """Return the name of a variable with its channel as a part of its own.
+    """Return the name of a variable with its channel as a separate part.
 
     B&K's PULSE writes `Channel_1_Data` and `Channel_1_Header`, Dewesoft `Data1_AI_1` and
     `Data1_time_AI_1`.

@@ -287,46 +287,20 @@ DIMENSIONS = 3
 
 @dataclass(frozen=True)
 class MeasuredChannel:
-    """One channel as its file states it.
+    """One channel as its file states it."""
 
-    Attributes
-    ----------
-    name : str
-        As in the file; "column 1", "channel 1" and so on where it states none.
-    values : ndarray of int32 or float64, shape (n,)
-        The file's numbers, neither scaled nor rounded, NaN and infinity among them; read-only.
-    sampling_rate : float
-        [Hz]; NaN: the file does not state it.
-    unit : str
-        Of the values, spelled as `impact_rig.core.sensors` does if it is known there;
-        empty: the file does not state it.
-    start : float
-        Time of the first point [s].
-    recorded_at : int
-        When that time was 0, nanoseconds since the epoch in UTC; 0: the file does not state it,
-        or a date that is not between `EARLIEST` and `LATEST`.
-    flaw : str
-        Why the file's numbers could not be read: then there are no values; empty: they could.
-    origin : str
-        Where its numbers come from, in the words of an export; empty: the file does not say.
-    time_unit : str
-        Of the times that the rate is of, as the file states it; empty: it does not, and the rate
-        is as of seconds.
-    time_flaw : str
-        Why the file's times make no sound rate, then a rate that is given goes before it; empty:
-        they do, or there are none.
-    """
-
-    name: str
+    name: str  # as in the file; "column 1", "channel 1" and so on where it states none
+    # int32 or float64, shape (n,), neither scaled nor rounded, with NaN and infinity; read-only
     values: RawArray
-    sampling_rate: float = math.nan
-    unit: str = ""
-    start: float = 0.0
+    sampling_rate: float = math.nan  # [Hz]; NaN: the file does not state it
+    unit: str = ""  # spelled as in `impact_rig.core.sensors`; empty: the file does not state it
+    start: float = 0.0  # time of the first point [s]
+    # When that time was 0 [ns since the epoch]; 0: not stated, or not in `EARLIEST` to `LATEST`.
     recorded_at: int = 0
-    flaw: str = ""
-    origin: str = ""
-    time_unit: str = "s"
-    time_flaw: str = ""
+    flaw: str = ""  # why the numbers cannot be read, then there are no values; empty: they can
+    origin: str = ""  # as an export states it; empty: the file does not
+    time_unit: str = "s"  # stated for the times; empty: not stated, the rate assumes seconds
+    time_flaw: str = ""  # why the times make no sound rate, so that --rate is used
 
     def __post_init__(self) -> None:
         """Copy the values, make them read-only, and refuse what cannot be meant."""
@@ -360,21 +334,12 @@ class MeasuredChannel:
 
 @dataclass(frozen=True)
 class Measurement:
-    """All channels of one file.
-
-    Attributes
-    ----------
-    path : Path
-        Of the file.
-    channels : tuple of MeasuredChannel
-        One at least, in the order of the file. Lengths, rates and starts may differ.
-    cues : tuple of int
-        Points where somebody marked a hit, growing; empty: nobody did.
-    """
+    """All channels of one file."""
 
     path: Path
+    # One at least, in the order of the file; lengths, rates and starts may differ.
     channels: tuple[MeasuredChannel, ...]
-    cues: tuple[int, ...] = ()
+    cues: tuple[int, ...] = ()  # points that are marked as hits, in ascending order
 
     def __post_init__(self) -> None:
         """Refuse a measurement of nothing."""
@@ -422,26 +387,15 @@ def keep_values(array: NDArray[Any], what: str) -> RawArray:
 
 @dataclass(frozen=True)
 class NamedArray:
-    """An array, and what its file states of it.
+    """An array, and what its file states of it."""
 
-    Attributes
-    ----------
-    name : str
-        In the file.
-    values : ndarray
-        Of any kind and shape.
-    sampling_rate, unit, start, recorded_at, origin, time_unit
-        As in `MeasuredChannel`.
-    is_channel : bool
-        The file says so of numbers; False: found out by name and shape.
-    """
-
-    name: str
-    values: NDArray[Any]
+    name: str  # in the file
+    values: NDArray[Any]  # of any kind and shape
+    # These are as in `MeasuredChannel`.
     sampling_rate: float = math.nan
     unit: str = ""
     start: float = 0.0
-    is_channel: bool = False
+    is_channel: bool = False  # the file says that it is one; False: by name and shape
     recorded_at: int = 0
     origin: str = ""
     time_unit: str = "s"

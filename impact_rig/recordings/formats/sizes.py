@@ -16,16 +16,11 @@ class SizeLimit:
     ----------
     path : Path
         Of the file.
-
-    Attributes
-    ----------
-    left : int
-        What it may still claim [byte].
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self.left = MEMORY + MEMORY_PER_BYTE * path.stat().st_size
+        self._left = MEMORY + MEMORY_PER_BYTE * path.stat().st_size
 
     def claim(self, size: int) -> None:
         """Count an array of some bytes in.
@@ -35,8 +30,8 @@ class SizeLimit:
         FileError
             If all arrays together are too large.
         """
-        self.left -= size
-        if self.left < 0:
+        self._left -= size
+        if self._left < 0:
             raise FileError(
                 f"{self._path} cannot be read: it asks for more memory than a file of its size may"
             )

@@ -44,7 +44,7 @@ WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
 """Beginnings of text in two bytes for each letter, as LabVIEW and spreadsheets write it, too."""
 HEAD, PIECE, LONGEST_LINE = 1 << 16, 1 << 20, 1 << 22
 """Letters that are read at once, and in a line, our choice: the table must begin in the first
-piece with numbers; others are what memory is needed for, beside the numbers of a small file."""
+piece with numbers. Pieces and lines take the memory, beside the numbers of a small file."""
 MUCH = 1 << 24
 """Numbers that go to a temporary file [byte], our choice."""
 ENOUGH_LINES = 100
@@ -175,24 +175,12 @@ def split_lines(piece: str, before: int = 0) -> list[Line]:
 
 
 class Table(NamedTuple):
-    """Where the numbers of a file are, and how they are written.
-
-    Attributes
-    ----------
-    style : Style
-        Of all its lines.
-    first : int
-        Number of its first line.
-    kinds : str
-        What the cells of its lines hold.
-    columns : tuple of int
-        Those that are channels.
-    """
+    """Where the numbers of a file stand, and how they are written."""
 
     style: Style
-    first: int
-    kinds: str
-    columns: tuple[int, ...]
+    first: int  # number of its first line
+    kinds: str  # what the cells of its lines hold
+    columns: tuple[int, ...]  # those that are channels
 
 
 def read_text(path: Path) -> Measurement:
@@ -410,7 +398,7 @@ def _read_columns(
             numbers = np.concatenate(blocks)
         else:
             file.flush()
-            # The file has no name: it goes when nobody looks at its numbers any more.
+            # The file has no name: it is deleted with the last array of its numbers.
             numbers = np.memmap(file, np.float64, "r").reshape(-1, len(table.columns))
     return [
         (numbers[: rows.ends.get(column, len(numbers)), place], rows.flaws.get(column, ""))
@@ -427,21 +415,14 @@ class RowReader:
         Of the file, for messages.
     table : Table
         How they are written.
-
-    Attributes
-    ----------
-    ends : dict of int
-        Columns that end before the others do, and how many numbers they have.
-    flaws : dict of int to str
-        Columns that hold words, and where.
     """
 
     def __init__(self, path: Path, table: Table) -> None:
         self._path = path
         self._table = table
         self._count = 0
-        self.ends: dict[int, int] = {}
-        self.flaws: dict[int, str] = {}
+        self.ends: dict[int, int] = {}  # numbers in the columns that end before the others
+        self.flaws: dict[int, str] = {}  # why and where a column holds words
         self._blanks: dict[int, int] = {}
 
     def read(self, piece: str, before: int) -> FloatArray:

@@ -31,7 +31,7 @@ FUNCTIONS = {
 REAL_TYPES = (2, 4)
 """Ordinate data types of real numbers, in single and double precision."""
 NONE = "NONE"
-"""What stands for text that is not there."""
+"""Stands for missing text."""
 
 END = re.compile(rb" -1[\s\x1a]*\Z")
 END_LETTERS = 200

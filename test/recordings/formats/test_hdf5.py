@@ -34,7 +34,7 @@ def test_hdf5_files_are_read_with_what_their_groups_state(tmp_path, suffix):
 def test_hdf5_that_promises_too_much_takes_no_memory(tmp_path):
     with h5py.File(tmp_path / "hit.h5", "w") as file:
         file.create_dataset("a", shape=(10**13,), dtype="f8", chunks=(1000,))
-    with pytest.raises(FileError, match=r"hit\.h5: a should have 10000000000000 numbers, none"):
+    with pytest.raises(FileError, match="10000000000000 numbers, the file has none"):
         read_measurement(tmp_path / "hit.h5")
 
 
