@@ -46,7 +46,7 @@ def test_a_hit_that_nobody_let_go_of_is_published_and_told(
     desk.deliver(make_record())
     got = blocks.wait(lambda got: got and got[-1].last)
     assert {block.record for block in got} == {record}
-    state = wait_for_state(states, AcquisitionState.IDLE, "before it was let go")
+    state = wait_for_state(states, AcquisitionState.IDLE, "before it was released")
     assert state.record == record
     assert arm(harness).record == record + 1
 
@@ -105,12 +105,19 @@ def test_a_record_that_stalls_gets_one_verdict_for_its_gap(
     assert [item.record for item in impacts.wait_for_count(2)] == [record, record + 1]
 
 
-def test_a_record_that_is_called_off_ends_where_it_is(harness, desk, rig, blocks):
-    rig(trigger_timeout=60.0)
-    assert arm(harness).success
+@pytest.mark.parametrize(("is_released", "end"), [(False, 700), (True, 5250)])
+def test_a_record_that_is_called_off_is_ended(
+    harness, desk, rig, blocks, release, is_released, end
+):
+    node = rig(trigger_timeout=60.0)
+    record = arm(harness).record
+    if is_released:
+        release(record, latest_contact=60.0)
+        wait_for_release(harness, node)
     desk.deliver(make_record().cut(0, 700))
     blocks.wait_for_count(1)
     assert harness.call(Trigger, interfaces.DISARM_ACCELEROMETER).success
     got = blocks.wait(lambda got: got[-1].last)
-    assert got[-1].first_sample == 700
+    # Behind the missing points, so that the estimator sees a gap.
+    assert got[-1].first_sample == end
     assert len(got[-1].hammer.counts) == 0
