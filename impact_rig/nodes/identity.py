@@ -8,14 +8,12 @@ message and a second rig are told apart without a clock.
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from unique_identifier_msgs.msg import UUID
 
 from impact_rig.recordings.messages import NO_ID
 
-_LENGTH_OF_FRAME_ID = 12
-"""Where a serialised message with a header says how long its `frame_id` is [byte]."""
 WARNED = 1000
 """How many foreign campaigns are remembered to have been warned of [-]."""
 
@@ -33,14 +31,6 @@ def id_to_msg(identity: bytes) -> UUID:
 def id_from_msg(message: UUID) -> bytes:
     """Return the id that a message carries."""
     return bytes(message.uuid)
-
-
-def read_campaign_id(data: bytes) -> bytes:
-    """Return the campaign's id in a serialised message whose second field it is."""
-    order: Literal["little", "big"] = "little" if data[1] else "big"
-    length = int.from_bytes(data[_LENGTH_OF_FRAME_ID : _LENGTH_OF_FRAME_ID + 4], order)
-    begin = _LENGTH_OF_FRAME_ID + 4 + length
-    return data[begin : begin + len(NO_ID)]
 
 
 @dataclass(frozen=True)
@@ -94,11 +84,8 @@ class Membership:
         """Return whether a message is to be ignored; warn of a campaign the first time."""
         if not self.is_joined or not hasattr(message, "campaign_id"):
             return False
-        return self.is_foreign_id(id_from_msg(message.campaign_id), what)
-
-    def is_foreign_id(self, campaign_id: bytes, what: str) -> bool:
-        """Return whether something of a campaign is to be ignored."""
-        if not self.is_joined or campaign_id == self.identity.campaign_id:
+        campaign_id = id_from_msg(message.campaign_id)
+        if campaign_id == self.identity.campaign_id:
             return False
         # A node that has just been started has not been asked to join yet.
         if campaign_id not in self.foreign and campaign_id != NO_ID and len(self.foreign) < WARNED:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 from impact_rig_msgs import msg
-from rclpy.serialization import deserialize_message
 
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.nodes.interfaces import Topic
@@ -96,9 +95,3 @@ class MessageCheck:
                 self._warn(f"a message of {topic.name} is dropped, as all like it: {error}")
             return False
         return True
-
-    def accepts_bytes(self, topic: Topic, data: bytes) -> bool:
-        """Return the same of a message as it was sent."""
-        if topic.type not in CHECKS:
-            return True
-        return self.accepts(topic, deserialize_message(data, topic.type))

@@ -1,4 +1,4 @@
-"""The parameters of all nodes of a rig, asked for without waiting and kept as text."""
+"""The parameters of all nodes of a rig, kept as text."""
 
 from collections.abc import Callable
 
@@ -10,85 +10,54 @@ from impact_rig.nodes.rig_node import OWN_NODES, RigNode
 from impact_rig.recordings.provenance import format_parameters
 
 ANSWER_TIMEOUT = 3.0
-"""How long an answer is waited for until a node is asked again [s], our choice."""
+"""How long an answer may take until a node is asked again [s], our choice."""
 LISTER = "/list_parameters"
-"""Behind a node's name: the service by which it tells of what parameters it has."""
+"""Ends the name of the service by which a node lists its parameters."""
 
 
 class NodeParameters:
-    """Keeps the parameters of every node below the namespace of one of them.
+    """Asks the rig's nodes in a node's namespace for their parameters.
 
-    Parameters
-    ----------
-    node : RigNode
-        Whose namespace it is; it asks.
-    changed : callable
-        Called with all texts, by full node name, when something is new and nobody's first answer
-        is expected any more.
+    `on_change` is called with all texts, by full node name, when one of them has changed.
     """
 
-    def __init__(self, node: RigNode, changed: Callable[[dict[str, str]], None]) -> None:
+    def __init__(self, node: RigNode, on_change: Callable[[dict[str, str]], None]) -> None:
         self._node = node
-        self._changed = changed
+        self._on_change = on_change
         self._texts: dict[str, str] = {}
-        self._told: dict[str, str] = {}
         self._asked: set[str] = set()
-        self._silent: set[str] = set()
-        self._outdated: set[str] = set()
-        self._is_closed = False
 
-    def look(self) -> None:
-        """Ask nodes of the rig that have appeared, and tell what they said; call it now and then.
-
-        Other nodes in its namespace, as each `ros2` command line is one, may never answer.
-        """
+    def ask_new_nodes(self) -> None:
+        """Ask nodes of the rig that have not been asked; others may never answer."""
         prefix = self._node.get_namespace().rstrip("/") + "/"
-        own = {prefix + name for name in OWN_NODES}
-        for service, _ in self._node.get_service_names_and_types():
-            full_name = service.removesuffix(LISTER)
-            is_known = full_name in self._texts and full_name not in self._outdated
-            is_new = not is_known and full_name not in self._asked
-            if is_new and service.endswith(LISTER) and full_name in own:
+        services = {name for name, _ in self._node.get_service_names_and_types()}
+        for full_name in (prefix + name for name in OWN_NODES):
+            if full_name + LISTER in services and full_name not in self._asked:
                 self._asked.add(full_name)
                 self._node.executor.create_task(self._ask, full_name)
-        if self._asked <= self._silent:
-            self._tell()
 
-    def note_change(self, full_name: str) -> None:
-        """Ask a node again: one of its parameters was set."""
-        self._outdated.add(full_name)
-
-    def close(self) -> None:
-        """Tell what is known, and ask nobody any more."""
-        self._tell()
-        self._is_closed = True
+    def ask_again(self, full_name: str) -> None:
+        """Ask a node again, since one of its parameters was set."""
+        self._asked.discard(full_name)
 
     async def _ask(self, full_name: str) -> None:
-        self._outdated.discard(full_name)
         node = self._node
         lister = node.create_client(ListParameters, full_name + LISTER)
         getter = node.create_client(GetParameters, f"{full_name}/get_parameters")
         try:
-            listed = await node.call(
-                lister, ListParameters.Request(), ANSWER_TIMEOUT, lambda: self._is_closed
-            )
-            request = GetParameters.Request(names=sorted(listed.result.names))
-            values = (
-                await node.call(getter, request, ANSWER_TIMEOUT, lambda: self._is_closed)
-            ).values
-            # One that was taken back meanwhile has no value.
-            found = dict(zip(request.names, map(parameter_value_to_python, values), strict=False))
-            self._texts[full_name] = format_parameters(found)
-            self._silent.discard(full_name)
+            listed = await node.call(lister, ListParameters.Request(), ANSWER_TIMEOUT)
+            names = sorted(listed.result.names)
+            got = await node.call(getter, GetParameters.Request(names=names), ANSWER_TIMEOUT)
         except DeviceError:
-            self._silent.add(full_name)
-        finally:
             self._asked.discard(full_name)
-            # Clients that are not needed would only cost the executor time.
+            return
+        finally:
+            # Idle clients would cost the executor time.
             node.destroy_client(lister)
             node.destroy_client(getter)
-
-    def _tell(self) -> None:
-        if self._texts != self._told:
-            self._told = dict(self._texts)
-            self._changed(self._told)
+        # One that was undeclared meanwhile has no value.
+        found = dict(zip(names, map(parameter_value_to_python, got.values), strict=False))
+        text = format_parameters(found)
+        if self._texts.get(full_name) != text:
+            self._texts[full_name] = text
+            self._on_change(dict(self._texts))

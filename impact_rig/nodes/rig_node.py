@@ -13,6 +13,7 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -29,6 +30,8 @@ DIAGNOSTIC_PERIOD = 1.0
 SIGN_OF_LIFE = 3
 """After how many of these periods a node without news repeats its message [-]: aggregators, and
 the view, call one silent after five."""
+ACKNOWLEDGEMENT_TIMEOUT = 0.2
+"""How long the last state may take to reach its subscribers [s], our choice."""
 LIFECYCLE = "lifecycle"
 """Among the values of a node's diagnostics: one of `LIFECYCLE_STATES`."""
 IS_ACTIVE = "active"
@@ -74,7 +77,7 @@ class RigNode(AsyncNode):
         self.messages_handled = 0
         self.message_check = MessageCheck(self.get_logger().warning)
         self.membership = Membership(self.get_logger().warning)
-        self._states: list[Callable[[], None]] = []
+        self._states: list[tuple[Any, Callable[[], None]]] = []
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS.name, 10, event_callbacks=_NO_PUBLISHER_EVENTS
         )
@@ -229,8 +232,8 @@ class RigNode(AsyncNode):
             message.header.stamp = self.get_clock().now().to_msg()
             publisher.publish(message)
 
-        # Who takes part in the campaign ignores what was said before this node joined it.
-        self._states.append(lambda: publish() if newest else None)
+        # Members of a campaign ignore what was published before this node joined it.
+        self._states.append((publisher, lambda: publish() if newest else None))
         return publish
 
     def offer_to_join(self) -> None:
@@ -253,7 +256,7 @@ class RigNode(AsyncNode):
             response.message = f"{self.get_name()}: {error}"
         response.success = not response.message
         if is_new:
-            for publish in self._states:
+            for _, publish in self._states:
                 publish()
         return response
 
@@ -303,6 +306,9 @@ class RigNode(AsyncNode):
         if self.is_configured:
             self.is_configured = False
             self.cleanup()
+        for publisher, _ in self._states:
+            # Else the middleware may end before the last state has reached all subscribers.
+            publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGEMENT_TIMEOUT))
 
     def _run_transition(
         self, work: Callable[[], None], *, configured: bool, active: bool

@@ -1,6 +1,5 @@
 """What a recording has of each hit and of a running stream: blocks, gaps, points, verdicts."""
 
-from collections import deque
 from dataclasses import dataclass, field
 from enum import Enum
 from itertools import islice, pairwise
@@ -11,13 +10,10 @@ from impact_rig.recordings.messages import (
     BLOCK_TYPE,
     SETUP_TYPE,
     VIRTUAL_IMPACT_TYPE,
+    BlockHead,
     head_from_msg,
     label_from_msg,
 )
-
-REMEMBERED = 100
-"""How many of the last records are known to have ended [-], our choice: the end of an arming comes
-less than a second after its last block."""
 
 
 @dataclass
@@ -49,70 +45,39 @@ class RecordCount(BlockCount):
     """What a recording has of one record, so far."""
 
     label: HitLabel
-    stamp: int = 0  # of the first point of the last block [ns since the epoch]; 0: no block
+    stream_id: bytes
+    stamp: int = 0  # of the first point of the last block [ns since the epoch]
     expected: int | None = 0
 
 
 @dataclass
 class RecordWatch:
-    """Follows the blocks of one accelerometer pair."""
+    """Follows the records of one accelerometer pair, one after the other."""
 
-    blocks: int = 0  # in all records so far
-    gaps: int = 0
-    missing_points: int = 0  # that they lack, per channel
+    total: BlockCount = field(default_factory=BlockCount)
     unfinished: RecordCount | None = None  # the record whose last block has not come
-    _finished: list[RecordCount] = field(default_factory=list)
-    _ended: deque[int] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
 
-    def has_ended(self, record: int) -> bool:
-        """Whether a record is known to have ended, of late."""
-        return record in self._ended
+    def add(self, head: BlockHead) -> tuple[RecordCount, ...]:
+        """Count a block; return the records that have ended.
 
-    @property
-    def has_finished(self) -> bool:
-        """Whether a record has ended that `collect` has not returned yet."""
-        return bool(self._finished)
-
-    def begin(self, record: int) -> None:
-        """Note a new arming; its number may have been used before its source was restarted."""
-        if record in self._ended:
-            self._ended.remove(record)
-
-    def add(
-        self, label: HitLabel, first_sample: int, points: int, stamp: int, *, last: bool
-    ) -> None:
-        """Count a block; one of another hit ends the record before, the last one its own."""
-        if self.unfinished is not None and self.unfinished.label != label:
-            self._end(self.unfinished)
-        count = self.unfinished = self.unfinished or RecordCount(label=label)
-        missing = count.add(first_sample, points)
-        self.blocks += 1
-        self.gaps += missing > 0
-        self.missing_points += missing
-        count.stamp = stamp
-        if last:
-            self._end(count)
-
-    def end(self, record: int, sample: str) -> None:
-        """Note that an arming has ended, though its last block, or any block, never came."""
-        if self.unfinished is not None and self.unfinished.label.record == record:
-            self._end(self.unfinished)
-        elif not self.has_ended(record):
-            self._end(RecordCount(label=HitLabel(sample, record=record, impact=0, attempt=0)))
-
-    def collect(self) -> tuple[RecordCount, ...]:
-        """Return the records that ended since the last time."""
-        counts = tuple(self._finished)
-        self._finished.clear()
-        return counts
-
-    def _end(self, count: RecordCount) -> None:
-        self._finished.append(count)
-        self.begin(count.label.record)
-        self._ended.append(count.label.record)
-        # The message that an arming has ended may come when the next record is under way.
-        if self.unfinished is not None and self.unfinished.label.record == count.label.record:
-            self.unfinished = None
+        A record ends with its last block, or when a block of another one comes.
+        """
+        ended = []
+        count, key = self.unfinished, (head.label, head.stream_id)
+        if count is None or (count.label, count.stream_id) != key:
+            if count is not None:
+                ended.append(count)
+            count = RecordCount(label=head.label, stream_id=head.stream_id)
+        missing = count.add(head.first_sample, head.points)
+        count.stamp = head.stamp
+        self.total.blocks += 1
+        self.total.points += head.points
+        self.total.gaps += missing > 0
+        self.total.missing_points += missing
+        if head.last:
+            ended.append(count)
+        self.unfinished = None if head.last else count
+        return tuple(ended)
 
 
 RELEASE_TYPE = "impact_rig_msgs/msg/HammerRelease"
@@ -207,8 +172,6 @@ class HitWatch:
                 rig.campaign += bool(rig.setup)
                 rig.setup = data
             return
-        if type_name == STORED_TYPE and not message.blocks:
-            return  # an arming that ended without a hit
         label = label_from_msg(message)
         key = rig.campaign, label
         if key not in rig.hits:

@@ -13,7 +13,6 @@ import numpy as np
 from rosbags.typesys.store import Typestore
 
 from impact_rig import __version__
-from impact_rig.core.errors import FileError
 from impact_rig.core.quantity import list_stored
 from impact_rig.core.records import (
     NOT_ARMED,
@@ -26,11 +25,8 @@ from impact_rig.core.records import (
 )
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
-from impact_rig.recordings.records import Channel
 from impact_rig.recordings.schemas import (
-    DECODING_ERRORS,
     MessageDefinition,
-    SchemaDecoder,
     find_message_definition,
     parse_schema,
 )
@@ -181,33 +177,6 @@ def head_from_msg(message: Any) -> BlockHead:
         origin=origin_from_msg(message),
         stream_id=bytes(message.stream_id.uuid) if hasattr(message, "stream_id") else NO_ID,
     )
-
-
-def read_block_head(data: bytes, type_name: str = BLOCK_TYPE) -> BlockHead:
-    """Read the head of a block, serialised by the installed interfaces.
-
-    Raises
-    ------
-    FileError
-        If it is cut off, or is none.
-    """
-    try:
-        message = _make_installed_decoder(type_name)(data)
-    except DECODING_ERRORS:
-        raise FileError(f"a block of {len(data)} byte is cut off or is none") from None
-    return head_from_msg(message)
-
-
-@cache
-def _make_installed_decoder(type_name: str) -> Callable[[bytes], Any]:
-    text = find_message_definition(type_name).text
-    return SchemaDecoder().prepare(Channel(0, "any topic", type_name, text, {}))
-
-
-def prepare_heads() -> None:
-    """Make what reads heads: 30 ms each, which the first block must not wait for."""
-    for type_name in (BLOCK_TYPE, STREAM_TYPE):
-        _make_installed_decoder(type_name)
 
 
 class MessageEncoder:

@@ -11,7 +11,7 @@ import psutil
 from bench.measure import Bench, Figure, at_most, part
 from bench.rig_processes import RigProcesses, Said, use_own_domain
 from impact_rig.core.errors import RigError
-from impact_rig.recordings.messages import STREAM_TYPE, read_block_head
+from impact_rig.recordings.messages import head_from_msg
 from impact_rig.recordings.records import RawMessage
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import SchemaDecoder
@@ -55,7 +55,7 @@ def read_flow(recording: Path, begin: int, end: int) -> Flow:
     for raw in messages:
         if raw.channel.topic == STREAM:
             if begin <= raw.publish_time <= end:
-                head = read_block_head(raw.data, STREAM_TYPE)
+                head = head_from_msg(decoder.decode(raw.channel, raw.data))
                 starts.append(head.first_sample)
                 size = head.points
             continue

@@ -38,7 +38,7 @@ QUICK = {
     "campaign.LOOK_PERIOD": 0.05,
     "hammer.WATCH_PERIOD": 0.1,
     "recorder.HEALTH_PERIOD": 0.1,
-    "recorder_run.DISCOVERY_PERIOD": 0.05,
+    "recorder.DISCOVERY_PERIOD": 0.05,
     "rig_node.DIAGNOSTIC_PERIOD": 0.1,
 }
 """How often nodes look at what they look at now and then [s]: else tests wait for a second."""

@@ -1,25 +1,21 @@
 """Results, set-ups and blocks survive the way through a message."""
 
 import math
-from array import array
 from dataclasses import asdict, replace
 from typing import get_args, get_origin
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from impact_rig_msgs.msg import AccelerationBlock, Channel, StreamBlock
-from rclpy.serialization import serialize_message
 
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import HitLabel
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample
 from impact_rig.nodes import messages, result_messages
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.result_messages import record_to_msg
-from impact_rig.recordings.messages import BLOCK_TYPE, STREAM_TYPE, read_block_head, setup_from_msg
+from impact_rig.recordings.messages import setup_from_msg
 from impact_rig.results.wire import fill_message, from_message, list_fields
 
 from ..results.test_wire import SETUP
@@ -100,30 +96,3 @@ def test_a_quantity_is_a_message_of_its_own():
 def test_a_set_up_comes_back_as_it_went(setup):
     # The paper's samples have all their reference values, so that nothing is NaN.
     assert asdict(setup_from_msg(setup_to_msg(setup, stamp_to_msg(7)))) == asdict(setup)
-
-
-KINDS = [(AccelerationBlock, BLOCK_TYPE), (StreamBlock, STREAM_TYPE)]
-
-
-@pytest.mark.parametrize(("kind", "type_name"), KINDS)
-@pytest.mark.parametrize("frame", ["", "rig", "hall 3"])
-@pytest.mark.parametrize("sample", ["", "a", "steel", "Prüfkörper, groß"])
-def test_all_fields_are_found_wherever_they_are_aligned(kind, type_name, frame, sample):
-    message = kind(
-        record=7, sample=sample, impact=3, attempt=2, first_sample=2**40 + 1,
-        sampling_rate=2.5e6, last=True,
-    )  # fmt: skip
-    message.header.frame_id = frame
-    message.header.stamp.sec, message.header.stamp.nanosec = 1_700_000_000, 123_456_789
-    message.hammer = Channel(counts=array("i", range(11)))
-    head = read_block_head(serialize_message(message), type_name)
-    assert head.label == HitLabel(sample, 7, 3, 2)
-    assert (head.first_sample, head.points, head.last) == (2**40 + 1, 11, True)
-    assert head.stamp == 1_700_000_000_123_456_789
-
-
-@pytest.mark.parametrize(("kind", "type_name"), KINDS)
-def test_numbers_of_any_other_source_are_counted_as_points(kind, type_name):
-    message = kind(hammer=Channel(values=array("d", [0.5] * 9)), last=False)
-    head = read_block_head(serialize_message(message), type_name)
-    assert (head.points, head.last) == (9, False)

@@ -25,10 +25,10 @@ def test_what_is_none_of_the_choices_is_refused_with_the_choices(harness):
 
 
 def test_a_virtual_rig_that_is_wrong_is_mended(harness):
-    node = harness.add(AccelerometerNode, source='faults = "earthquake"')
+    node = harness.add(AccelerometerNode, source='faults = "earthquake"', reconnect_period=0.05)
     assert not node.is_configured
     assert not harness.set_parameter(node.get_name(), "source", 'faults = "overload"')
-    harness.change_state(node.get_name(), "configure", "activate")
+    harness.wait_until(lambda: node.is_active)
 
 
 @pytest.mark.parametrize("kind", [HammerNode, AccelerometerNode])

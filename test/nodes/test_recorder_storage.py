@@ -4,7 +4,7 @@ import threading
 from array import array
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, HammerRelease, StreamBlock
+from impact_rig_msgs.msg import AccelerationBlock, HammerRelease, StreamBlock
 from std_msgs.msg import Empty
 
 from impact_rig.nodes import interfaces
@@ -49,7 +49,7 @@ def list_values(diagnostics):
 
 
 def test_every_record_is_on_the_disk_when_the_recorder_says_so(harness, recorder, tmp_path):
-    _, stored, _ = recorder(flush_period=0.0)
+    _, stored, _ = recorder()
     publisher = connect(harness)
     for record in (1, 2, 3):
         publish(publisher, make_blocks(record))
@@ -79,29 +79,6 @@ def test_what_records_lack_is_told_counted_and_kept_in_the_file(harness, recorde
     told = diagnostics.wait(is_warned)[-1]
     assert "2 gaps, 2000 points are missing" in told.status[0].message
     assert ("gaps", "2") in list_values(told)
-
-
-def test_an_arming_that_ends_without_its_last_block_is_stored_as_it_is(
-    harness, recorder, monkeypatch
-):
-    monkeypatch.setattr("impact_rig.nodes.recorder_run.SETTLING_TIME", 0.05)
-    _, stored, node = recorder()
-    armings = connect(harness, interfaces.ACQUISITION_STATE)
-
-    def tell(**fields):
-        # Of states that follow each other closely only the last may be heard.
-        heard = node.count_messages("/accelerometer/state")
-        armings.publish(AcquisitionState(**fields))
-        harness.wait_until(lambda: node.count_messages("/accelerometer/state") > heard)
-
-    tell(state=AcquisitionState.ARMED, record=7, sample="brass")
-    publish(connect(harness), make_blocks(7, ends=False))
-    tell(record=7, message="disarmed by the operator")
-    assert [(word.record, word.blocks) for word in stored.wait_for_count(1)] == [(7, 3)]
-    tell(state=AcquisitionState.ARMED, record=8, sample="brass")
-    tell(record=8, message="disarmed by the operator")
-    last = stored.wait_for_count(2)[-1]
-    assert (last.record, last.sample, last.blocks) == (8, "brass", 0)
 
 
 def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder, monkeypatch):
@@ -209,7 +186,7 @@ def test_the_running_stream_is_left_alone_unless_asked_for(harness, recorder, tm
 
 
 def test_what_led_to_a_hit_stands_before_it_in_the_file(harness, recorder, tmp_path):
-    _, stored, _ = recorder(flush_period=0.0)
+    _, stored, _ = recorder()
     releases, blocks = connect(harness, interfaces.RELEASE), connect(harness)
     for record in range(1, 11):
         releases.publish(HammerRelease(record=record))

@@ -1,8 +1,11 @@
 """What a recording has of each record and of a running stream is counted, and what it lacks."""
 
-from impact_rig.core.records import HitLabel
+import pytest
+
+from impact_rig.core.records import UNSTATED, HitLabel
 from impact_rig.recordings.contents import inspect_recording
-from impact_rig.recordings.hits import REMEMBERED, BlockCount, RecordWatch
+from impact_rig.recordings.hits import BlockCount, RecordWatch
+from impact_rig.recordings.messages import NO_ID, BlockHead
 
 from .conftest import block_fields
 
@@ -10,95 +13,43 @@ FIRST = HitLabel("brass", record=1)
 SECOND = HitLabel("brass", record=2, impact=2)
 
 
-def add(watch, label, *starts, last=True, points=100):
+def add(watch, label, *starts, last=True, points=100, stream_id=NO_ID):
     """Add a block for each first sample; the last of them ends the record, unless told so."""
+    ended = []
     for start in starts:
-        watch.add(label, start, points, 1000 + start, last=last and start == starts[-1])
+        is_last = last and start == starts[-1]
+        ended += watch.add(
+            BlockHead(label, start, points, 1000 + start, is_last, UNSTATED, stream_id)
+        )
+    return ended
 
 
 def test_a_record_ends_with_its_last_block():
     watch = RecordWatch()
-    add(watch, FIRST, 0, 100, 200, last=False)
-    assert not watch.has_finished
+    assert add(watch, FIRST, 0, 100, 200, last=False) == []
     assert watch.unfinished.blocks == 3
-    add(watch, FIRST, 300)
-    (count,) = watch.collect()
+    (count,) = add(watch, FIRST, 300)
     assert (count.label, count.blocks, count.gaps, count.missing_points) == (FIRST, 4, 0, 0)
     assert count.stamp == 1300
     assert watch.unfinished is None
-    assert watch.collect() == ()
 
 
 def test_missing_points_are_counted_by_record_and_in_all():
     watch = RecordWatch()
-    add(watch, FIRST, 100, 400, 500)
-    add(watch, SECOND, 0, 150)
-    first, second = watch.collect()
+    (first,) = add(watch, FIRST, 100, 400, 500)
+    (second,) = add(watch, SECOND, 0, 150)
     assert (first.gaps, first.missing_points) == (2, 100 + 200)
     assert (second.gaps, second.missing_points) == (1, 50)
-    assert (watch.gaps, watch.missing_points) == (3, 350)
+    assert (watch.total.gaps, watch.total.missing_points) == (3, 350)
 
 
-def test_the_next_record_ends_one_whose_last_block_never_came():
+@pytest.mark.parametrize(("label", "stream_id"), [(SECOND, NO_ID), (FIRST, b"another stream  ")])
+def test_the_next_record_ends_one_whose_last_block_never_came(label, stream_id):
     watch = RecordWatch()
     add(watch, FIRST, 0, 100, last=False)
-    add(watch, SECOND, 0, last=False)
-    (count,) = watch.collect()
+    (count,) = add(watch, label, 0, last=False, stream_id=stream_id)
     assert (count.label, count.blocks) == (FIRST, 2)
-    assert watch.unfinished.label == SECOND
-
-
-def test_an_arming_that_ends_without_its_last_block_ends_the_record():
-    watch = RecordWatch()
-    add(watch, FIRST, 0, last=False)
-    watch.end(1, "brass")
-    assert [count.blocks for count in watch.collect()] == [1]
-
-
-def test_an_arming_without_any_block_is_a_record_of_none():
-    watch = RecordWatch()
-    add(watch, FIRST, 0)
-    watch.end(2, "brass")
-    assert [(count.label.record, count.blocks) for count in watch.collect()] == [(1, 1), (2, 0)]
-
-
-def test_the_end_of_an_arming_may_be_told_after_the_next_record():
-    watch = RecordWatch()
-    add(watch, FIRST, 0)
-    watch.begin(2)
-    add(watch, SECOND, 0)
-    watch.end(1, "brass")
-    watch.end(2, "brass")
-    assert [count.blocks for count in watch.collect()] == [1, 1]
-
-
-def test_the_end_of_an_arming_that_is_told_late_leaves_the_record_under_way_alone():
-    watch = RecordWatch()
-    add(watch, FIRST, 0)
-    # The word that it began was later still than its blocks.
-    watch.begin(FIRST.record)
-    add(watch, SECOND, 0, 100, last=False)
-    watch.end(FIRST.record, FIRST.sample)
-    add(watch, SECOND, 200)
-    assert [count.label.record for count in watch.collect()] == [1, 1, 2]
-    assert (watch.gaps, watch.missing_points, watch.unfinished) == (0, 0, None)
-
-
-def test_a_number_that_is_used_again_after_a_new_arming_is_another_record():
-    watch = RecordWatch()
-    add(watch, FIRST, 0)
-    watch.begin(1)
-    watch.end(1, "brass")
-    assert [count.blocks for count in watch.collect()] == [1, 0]
-
-
-def test_what_was_told_of_long_ago_is_forgotten():
-    watch = RecordWatch()
-    for record in range(1, 3 * REMEMBERED + 1):
-        add(watch, HitLabel("brass", record=record), 0, 100)
-        assert [item.label.record for item in watch.collect()] == [record]
-    assert watch.has_ended(3 * REMEMBERED)
-    assert not watch.has_ended(2 * REMEMBERED)
+    assert watch.unfinished.blocks == 1
 
 
 def watch_blocks(*starts, points=100):

@@ -8,13 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import FileError
 from impact_rig.core.records import NOT_ARMED, Block, ChannelBlock, HitLabel
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.recordings.messages import (
     MessageEncoder,
     block_from_msg,
-    read_block_head,
     setup_from_msg,
 )
 
@@ -118,10 +116,3 @@ def test_a_setup_comes_back_as_it_was(decode, setup):
     encoder = MessageEncoder()
     found = setup_from_msg(decode(encoder.setup_definition, encoder.encode_setup(setup, STAMP)))
     np.testing.assert_equal(dataclasses.asdict(found), dataclasses.asdict(setup))
-
-
-@pytest.mark.parametrize("length", [0, 1, 4, 11, 30, 60])
-def test_a_block_that_is_cut_off_is_refused(length):
-    data = bytes(MessageEncoder().encode_block(make_block(np.zeros(5), np.zeros(5))))
-    with pytest.raises(FileError, match=f"a block of {length} byte is cut off"):
-        read_block_head(data[:length])
