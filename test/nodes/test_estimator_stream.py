@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from impact_rig_msgs.msg import StreamBlock
 
-from impact_rig.core.errors import SignalError
-from impact_rig.core.records import NOT_ARMED, Block, ChannelBlock, HitLabel
+from impact_rig.core.records import Block, ChannelBlock, HitLabel
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
@@ -33,31 +32,8 @@ def publisher():
 
 
 @pytest.fixture
-def sources():
-    """Return the topics of all publishers."""
-    return ["acceleration/stream"]
-
-
-@pytest.fixture
-def cutting(publisher, sources):
-    node = SimpleNamespace(advertise=lambda topic: publisher, count_publishers=sources.count)
-    return StreamCutting(node)
-
-
-def make_end(number):
-    """Return the block that ends a stream."""
-    nothing = ChannelBlock(np.zeros(0, np.int32), 1.0, 0.0, 2000.0)
-    return make_message(NOT_ARMED, number, nothing, last=True)
-
-
-def make_message(label, number, channel, *, last=False):
-    message = StreamBlock()
-    fill_block(
-        message,
-        Block(number * SIZE, RATE, channel, channel, label, last=last, stamp=number * 1_000_000),
-        IDENTITY,
-    )
-    return message
+def cutting(publisher):
+    return StreamCutting(SimpleNamespace(advertise=lambda topic: publisher))
 
 
 def make_block(number, *, full_scale=2000.0, impact=False):
@@ -65,7 +41,10 @@ def make_block(number, *, full_scale=2000.0, impact=False):
     if impact:
         counts[300:500] = 900
     channel = ChannelBlock(counts, 1.0, 0.0, full_scale)
-    return make_message(ARMING, number, channel)
+    message = StreamBlock()
+    block = Block(number * SIZE, RATE, channel, channel, ARMING, stamp=number * 1_000_000)
+    fill_block(message, block, IDENTITY)
+    return message
 
 
 def test_an_impact_is_published_as_a_block_of_its_arming(cutting, publisher):
@@ -97,37 +76,6 @@ def test_lost_points_are_counted_and_warned_of(cutting):
     assert cutting.describe_warning().startswith("2000 points of the stream were lost")
 
 
-def test_a_stream_that_stands_still_though_it_has_not_ended_is_warned_of(
-    cutting, sources, monkeypatch
-):
-    now = 1000.0
-    monkeypatch.setattr("impact_rig.nodes.estimator_stream.time.monotonic", lambda: now)
-    cutting.use_settings(AnalysisSettings())
-    cutting.feed(make_block(0))
-    now += 1.0
-    assert cutting.describe_warning() == ""
-    now += 4.0
-    assert cutting.describe_warning().startswith(
-        "the stream stands still: its next block is due since"
-    )
-    cutting.feed(make_block(1))
-    assert cutting.describe_warning() == ""
-    now += 5.0
-    sources.clear()
-    # Whoever sent it is gone, and says that for himself.
-    assert cutting.describe_warning() == ""
-
-
-def test_a_stream_that_has_ended_is_not_waited_for(cutting, monkeypatch):
-    now = 1000.0
-    monkeypatch.setattr("impact_rig.nodes.estimator_stream.time.monotonic", lambda: now)
-    cutting.use_settings(AnalysisSettings())
-    cutting.feed(make_block(0))
-    cutting.feed(make_end(1))
-    now += 60.0
-    assert cutting.describe_warning() == ""
-
-
 def test_other_settings_go_on_with_the_stream_from_where_it_is(cutting, publisher):
     cutting.use_settings(AnalysisSettings())
     cutting.feed(make_block(0))
@@ -142,13 +90,6 @@ def test_without_a_set_up_nothing_is_searched_and_nothing_said(cutting, publishe
     cutting.feed(make_block(0, impact=True))
     assert publisher.published == []
     assert cutting.describe()["stream blocks"] == 0
-
-
-def test_a_stream_that_cannot_be_searched_is_complained_of_once(cutting):
-    cutting.use_settings(AnalysisSettings())
-    with pytest.raises(SignalError, match="does not say the hammer's full scale"):
-        cutting.feed(make_block(0, full_scale=0.0))
-    cutting.feed(make_block(1, full_scale=0.0))
 
 
 STREAM = interfaces.make_stream_topic(400)
