@@ -27,39 +27,27 @@ STATE_PERIOD = 1.0
 """How often the state is published while it does not change but in its numbers [s]."""
 
 
-def declare_parameters(node: RigNode) -> None:
-    """Declare them all, with their defaults."""
-    node.declare(
-        "file", "",
-        "path of the recording: an .mcap file, or the folder of a run",
-    )  # fmt: skip
-    node.declare(
-        "rate", 1.0,
-        "speed, part of the original's [-]; may be changed at any time; what comes faster than"
-        " the subscribers take it is lost",
-        low=0.001, high=FASTEST, live=True,
-    )  # fmt: skip
-    node.declare(
-        "loop", 1, "how often [-]; 0: without end",
-        low=0, high=1_000_000, live=True,
-    )  # fmt: skip
-    node.declare(
-        "required_subscribers", "estimator",
-        "nodes of this namespace, by commas, that must be connected before the start",
-        live=True,
-    )  # fmt: skip
-    node.declare(
-        "exit_when_done", False, "end the process at the end of the recording",
-        live=True,
-    )  # fmt: skip
-
-
 class ReplayerNode(RigNode):
     """Replays while it is active; becomes inactive, or ends its process, when it is done."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__("replayer", **options)
-        declare_parameters(self)
+        self.declare("file", "", "path of the recording: an .mcap file, or the folder of a run")
+        self.declare(
+            "rate", 1.0,
+            "speed, part of the original's [-]; may be changed at any time; what comes faster than"
+            " the subscribers take it is lost",
+            low=0.001, high=FASTEST, live=True,
+        )  # fmt: skip
+        self.declare("loop", 1, "how often [-]; 0: without end", low=0, high=1_000_000, live=True)
+        self.declare(
+            "required_subscribers", "estimator",
+            "nodes of this namespace, by commas, that must be connected before the start",
+            live=True,
+        )  # fmt: skip
+        self.declare(
+            "exit_when_done", False, "end the process at the end of the recording", live=True
+        )
         self._recording: RecordingToReplay | None = None
         self._outputs: dict[str, Any] = {}
         self._timer: Any = None
@@ -68,13 +56,13 @@ class ReplayerNode(RigNode):
         self._passes = 0
         self._count = 0
         self._position = 0  # recorded moment that is now [ns]
-        self._looked = 0  # when that was found [ns]
+        self._last_tick = 0  # when that was computed [ns]
         self._phase = ReplayerState.IDLE
         self._message = "no recording"
         self._publish = self.advertise_state(interfaces.REPLAYER_STATE)
         self.create_timer(STATE_PERIOD, self._publish_state)
-        self.create_service(Trigger, interfaces.PAUSE_REPLAYER, self._pause)
-        self.create_service(Trigger, interfaces.RESUME_REPLAYER, self._resume)
+        self.create_service(Trigger, interfaces.PAUSE_REPLAYER, self._on_pause)
+        self.create_service(Trigger, interfaces.RESUME_REPLAYER, self._on_resume)
 
     def configure(self) -> None:
         """Open the recording and announce its topics, where no rig is up."""
@@ -94,11 +82,9 @@ class ReplayerNode(RigNode):
 
     def activate(self) -> None:
         """Start as soon as the subscribers are there."""
-        if self._recording is None:
-            raise FileError("no recording is open: configure the node first")
         self._passes = self._count = 0
         self._set_state(ReplayerState.WAITING, "waiting for subscribers")
-        self._timer = self.create_timer(PUBLISHING_PERIOD, self._go_on)
+        self._timer = self.create_timer(PUBLISHING_PERIOD, self._on_tick)
 
     def deactivate(self) -> None:
         """Stop publishing."""
@@ -123,21 +109,11 @@ class ReplayerNode(RigNode):
             raise FileError(self.fault)
 
     def report_fault(self, text: str) -> None:
-        """Say in the state, too, what is wrong."""
+        """Publish the fault in the state, too."""
         super().report_fault(text)
         self._set_state(self._phase, text)
 
     def diagnose(self) -> dict[str, Any]:
-        """Return how far the replay has come."""
-        state = self.describe_state()
-        return {
-            "file": state["uri"],
-            "progress": state["message"],
-            "messages": state["messages"],
-            "recorded time [s]": f"{state['position']:.3f}",
-        }
-
-    def describe_state(self) -> dict[str, Any]:
         """Return the fields of `ReplayerState`: how far the replay has come."""
         recording = self._recording
         return {
@@ -149,14 +125,14 @@ class ReplayerNode(RigNode):
             "message": self._message,
         }
 
-    def _go_on(self) -> None:
+    def _on_tick(self) -> None:
         """Publish what is due by now."""
         now, recording = time.monotonic_ns(), self._recording
-        elapsed, self._looked = now - self._looked, now
+        elapsed, self._last_tick = now - self._last_tick, now
         if recording is None:
             return
         try:
-            if self._phase == ReplayerState.WAITING and self._is_heard():
+            if self._phase == ReplayerState.WAITING and self._is_connected():
                 self._set_state(ReplayerState.PLAYING, "replaying")
                 self._begin_pass(recording)
             elif self._phase == ReplayerState.PLAYING:
@@ -166,7 +142,7 @@ class ReplayerNode(RigNode):
         except FileError as error:
             self._finish(str(error))
 
-    def _is_heard(self) -> bool:
+    def _is_connected(self) -> bool:
         required = self.get_value("required_subscribers")
         blocks = self._outputs[interfaces.ACCELERATION.name]
         missing = self.find_missing_subscriber(blocks.topic_name, required)
@@ -202,10 +178,10 @@ class ReplayerNode(RigNode):
         if problem:
             self.report_fault(problem)
 
-    def _pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._switch(response, ReplayerState.PLAYING, ReplayerState.PAUSED, "paused")
 
-    def _resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._switch(response, ReplayerState.PAUSED, ReplayerState.PLAYING, "replaying")
 
     def _switch(
@@ -225,7 +201,7 @@ class ReplayerNode(RigNode):
         self._publish_state()
 
     def _publish_state(self) -> None:
-        self._publish(**self.describe_state())
+        self._publish(**self.diagnose())
 
 
 def run_replayer(parameters: Mapping[str, Any], namespace: str) -> int:

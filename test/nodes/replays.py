@@ -83,5 +83,5 @@ def make_hits(counts):
 
 
 def wait_for_end(harness, node):
-    harness.wait_until(lambda: node.diagnose()["progress"].startswith("done"))
+    harness.wait_until(lambda: node.diagnose()["message"].startswith("done"))
     harness.wait_until(lambda: not node.is_active)

@@ -3,7 +3,6 @@
 import pytest
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import Impact
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError
@@ -143,13 +142,3 @@ def test_hits_without_a_verdict_end_it_and_none_is_counted(harness, monkeypatch)
     assert [message.record for message in releases.messages] == [1, 2, 3]
     assert not result.accepted
     assert any("no verdict on record 1" in item.message for item in feedback.messages)
-
-
-def test_a_verdict_of_another_campaign_counts_for_nothing(harness):
-    handle, feedback = strike_on(harness)
-    forger = harness.advertise(interfaces.IMPACT)
-    harness.wait_until(lambda: forger.get_subscription_count() >= 1)
-    for record in range(1, 50):
-        forger.publish(Impact(record=record, sample="steel small", accepted=True))
-    wait_for_more_hits(feedback)
-    check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)

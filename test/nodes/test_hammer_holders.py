@@ -98,25 +98,6 @@ def test_a_relay_in_other_hands_is_used_when_it_is_free(rig, board, add_hammer):
     rig.wait_for_newest(lambda state: state.state == HammerState.HELD)
 
 
-def test_a_mistake_in_the_rig_file_is_named_with_its_line_and_can_be_mended(
-    rig, board, rig_file, add_hammer
-):
-    good = rig_file.read_text()
-    number = good.splitlines().index(f'port = "{board.port}"') + 1
-    rig_file.write_text(good.replace("port =", "prot ="))
-    node = add_hammer()
-    assert f"rig.toml: line {number}: [holder] has an unknown key 'prot'" in node.fault
-    rig_file.write_text(good)
-    rig.wait_for_newest(lambda state: state.state == HammerState.HELD)
-    assert rig.call(interfaces.ARM_HAMMER).success
-
-
-def test_a_driver_that_there_is_not_is_named(rig_file, add_hammer):
-    write_rig_file(rig_file, 'driver = "magnet"')
-    node = add_hammer()
-    assert "driver of [holder] is 'magnet': it must be one of" in node.fault
-
-
 def test_the_end_of_the_process_does_not_let_go(rig, start_process, board, releases, rig_file):
     process = start_process("hammer", rig_file=str(rig_file), require_recorder=False)
     rig.wait_for_newest(lambda state: state.message == "held, not armed")

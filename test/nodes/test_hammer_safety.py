@@ -106,20 +106,16 @@ def test_the_hammer_refuses_with_the_reason(rig, ready, word):
     assert not rig.releases.messages
 
 
-def test_the_hammer_says_not_yet_while_the_accelerometers_are_silent(rig, harness):
-    harness.add(HammerNode)
-    assert rig.call(interfaces.ARM_HAMMER).success
+def test_the_hammer_says_not_yet_while_others_are_not_ready(rig):
+    waiting = RecorderState(waiting=True, uri="a.mcap", message="waiting for topics")
+    rig.start(recorder=waiting, arming=AcquisitionState(message="ready"))
     answer = rig.ask()
     assert not answer.success
-    assert answer.message.startswith(interfaces.NOT_YET)
-    assert "accelerometers are not armed" in answer.message
-
-
-def test_the_hammer_says_not_yet_while_a_recorder_looks_for_its_topics(rig):
-    rig.start(recorder=RecorderState(waiting=True, uri="a.mcap", message="waiting for topics"))
-    answer = rig.ask()
-    assert answer.message.startswith(interfaces.NOT_YET)
-    assert "waiting for topics" in answer.message
+    assert answer.message == (
+        "not yet, because the accelerometers are not armed (ready): call accelerometer/arm first"
+    )
+    rig.acquisition.publish(ARMED)
+    rig._harness.ask_until("waiting for topics", rig.ask)
     rig.recorder.publish(RECORDING)
     assert rig.release().success
 

@@ -13,7 +13,6 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from impact_rig.core.errors import FileError
 from impact_rig.core.quantity import drop_internals
 from impact_rig.core.records import Block
 from impact_rig.core.sample import SampleEstimate
@@ -100,7 +99,7 @@ def test_it_waits_for_those_who_must_not_miss_the_beginning(harness, tmp_path):
     path = write_recording(tmp_path / "session.mcap", make_hits({CONTROL_SAMPLE: 1}))
     blocks, impacts = harness.listen(interfaces.ACCELERATION), harness.listen(interfaces.IMPACT)
     node = harness.add(ReplayerNode, file=str(path), rate=1000.0)
-    harness.wait_until(lambda: node.diagnose()["progress"] == "waiting for subscribers")
+    harness.wait_until(lambda: node.diagnose()["message"] == "waiting for subscribers")
     assert not blocks.messages
     harness.add(EstimatorNode)
     impacts.wait_for_count(1)
@@ -153,21 +152,7 @@ def test_a_recording_of_another_version_is_refused(harness, tmp_path):
         )
         writer.add_message(channel, serialize_message(AccelerationBlock()), 1, 1)
     node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path))
-    assert (
-        "`uint8 attempt` of impact_rig_msgs/msg/AccelerationBlock in the recording and `uint32"
-        " attempt` of impact_rig_msgs/msg/AccelerationBlock here"
-    ) in node.fault
     assert "another version of impact_rig_msgs/msg/AccelerationBlock" in node.fault
-
-
-def test_what_cannot_replay_and_is_to_end_with_its_recording_ends_with_an_error(harness, tmp_path):
-    with pytest.raises(FileError, match=r"there is no file .*absent\.mcap"):
-        harness.add(
-            ReplayerNode,
-            required_subscribers=PEER,
-            file=str(tmp_path / "absent.mcap"),
-            exit_when_done=True,
-        )
 
 
 def test_damage_within_ends_the_replay_with_an_error(harness, tmp_path):
@@ -259,12 +244,3 @@ def test_each_pass_of_a_loop_estimates_afresh(harness, tmp_path):
     assert [item.record for item in impacts.wait_for_count(12)] == [1, 2, 3, 4] * 3
     (sample,) = harness.call(GetResults, interfaces.GET_RESULTS).samples
     assert (sample.impacts_accepted, sample.impacts_rejected) == (4, 0)
-
-
-def test_a_loop_without_end_is_ended_by_deactivation(harness, tmp_path):
-    path = write_recording(tmp_path / "session.mcap", make_events(5, pause=0.01))
-    blocks = harness.listen(interfaces.ACCELERATION)
-    node = play(harness, path, loop=0)
-    assert list_samples(blocks.wait_for_count(15))[:15] == [0, 1, 2, 3, 4] * 3
-    node.trigger_deactivate()
-    assert node.describe_state()["message"] == "stopped"
