@@ -288,32 +288,15 @@ def find_frequency(model: FittedModel, sample: str, setup: RigSetup) -> float:
 
 @dataclass(frozen=True)
 class TraceEstimates:
-    """What the mean traces of a sample say whatever the hammer's stiffness is.
+    """What the mean traces of a sample say, independent of the hammer's stiffness."""
 
-    Attributes
-    ----------
-    shape : PulseShapeEstimate
-        Of the hammer's mean pulse.
-    contact_law : ContactLaw
-        Of hammer and sample.
-    free_decay : FreeDecayEstimate
-        Of the sample after the contact.
-    notes : tuple of str
-        Why they are not determined.
-    """
-
-    shape: PulseShapeEstimate
-    contact_law: ContactLaw
+    pulse: HammerPulse
     free_decay: FreeDecayEstimate
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # why any of it is not determined
 
 
-def estimate_traces(
-    name: str, mean: MeanHit, setup: RigSetup, form: HammerPulse | None = None
-) -> TraceEstimates:
+def estimate_traces(name: str, mean: MeanHit, setup: RigSetup) -> TraceEstimates:
     """Estimate pulse shape, contact law and free decay of one sample from its mean hit.
-
-    The form of its pulse may be given where it is known already.
 
     Raises
     ------
@@ -323,9 +306,9 @@ def estimate_traces(
     width = measure_pulse(mean.traces[0]).half_amplitude_width / mean.sampling_rate
     contact_time = setup.analysis.pulse_factor * width
     decay, decay_notes = _look_at_decay(mean, setup, name, contact_time)
-    form = form or look_at_pulse(mean, setup, name)
-    notes = form.notes + (() if form.law.is_known else form.law.notes) + decay_notes
-    return TraceEstimates(form.shape, form.law, decay, tuple(dict.fromkeys(notes)))
+    pulse = look_at_pulse(mean, setup, name)
+    notes = pulse.notes + (() if pulse.law.is_known else pulse.law.notes) + decay_notes
+    return TraceEstimates(pulse, decay, tuple(dict.fromkeys(notes)))
 
 
 def _look_at_decay(
@@ -519,11 +502,11 @@ def add_checks(
     traces = traces or estimate_traces(estimate.name, mean, setup)
     checked = replace(
         estimate,
-        pulse_shape=_add_stiffness(traces.shape, estimate),
-        contact_law=traces.contact_law,
+        pulse_shape=_add_stiffness(traces.pulse.shape, estimate),
+        contact_law=traces.pulse.law,
         free_decay=traces.free_decay,
-        warnings=check_shape(traces.shape, traces.contact_law, estimate, setup)
-        + check_free_bodies(mean, traces.contact_law, estimate.contact_time.value)
+        warnings=check_shape(traces.pulse.shape, traces.pulse.law, estimate, setup)
+        + check_free_bodies(mean, traces.pulse.law, estimate.contact_time.value)
         + estimate.warnings,
         notes=estimate.notes + traces.notes,
     )

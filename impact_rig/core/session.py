@@ -20,12 +20,7 @@ from impact_rig.core.hits import (
     judge_hit,
     overrule_hit,
 )
-from impact_rig.core.paper_method import (
-    HammerEstimate,
-    HammerPulse,
-    estimate_hammer,
-    look_at_pulse,
-)
+from impact_rig.core.paper_method import HammerEstimate, estimate_hammer
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import Block, HitLabel, Record
 from impact_rig.core.sample import (
@@ -44,43 +39,21 @@ from impact_rig.core.speed_exponents import SpeedExponents, estimate_speed_expon
 
 @dataclass(frozen=True)
 class SessionResults:
-    """What a session has found so far.
-
-    Attributes
-    ----------
-    setup : RigSetup
-        Masses and settings.
-    hammer : HammerEstimate
-        k1, zeta1, c1.
-    samples : tuple of SampleEstimate
-        Those with hits, in the order of the sample set.
-    accepted : tuple of JudgedHit
-        Every hit that is in a mean, in the order of arrival; without its traces.
-    rejected : tuple of JudgedHit
-        Every hit that is in no mean, with all reasons, in the order of arrival: rejected when it
-        came, an outlier, surplus, or left out by hand; without its traces.
-    speed_exponents : tuple of SpeedExponents
-        Of samples that were struck from several release angles.
-    """
+    """What a session has found so far; the hits are without their traces."""
 
     setup: RigSetup
     hammer: HammerEstimate
-    samples: tuple[SampleEstimate, ...]
-    accepted: tuple[JudgedHit, ...]
-    rejected: tuple[JudgedHit, ...]
-    speed_exponents: tuple[SpeedExponents, ...] = ()
+    samples: tuple[SampleEstimate, ...]  # those with hits, in the order of the sample set
+    accepted: tuple[JudgedHit, ...]  # hits in the means, in the order of arrival
+    rejected: tuple[JudgedHit, ...]  # all others, with every reason, in the order of arrival
+    speed_exponents: tuple[SpeedExponents, ...] = ()  # of samples struck from several angles
 
 
 class Session:
     """Judges hits as they come and keeps the estimates of every sample.
 
-    Verdicts, figures and aligned traces of all hits stay in memory; see `HitSeries`.
-
-    Parameters
-    ----------
-    overrules : Overrules
-        A person's word on hits, before the verdicts of the analysis; hits that do not come are
-        nobody's concern.
+    Verdicts, figures and aligned traces of all hits stay in memory; see `HitSeries`. Overrules go
+    before the verdicts of the analysis; those for unknown hits are ignored.
     """
 
     def __init__(self, setup: RigSetup, overrules: Overrules = NO_OVERRULES) -> None:
@@ -88,10 +61,6 @@ class Session:
         self._detector = ImpactDetector(setup.analysis)
         self._overrules = overrules
         self._series: dict[str, HitSeries] = {}
-        self._setups: dict[str, RigSetup] = {}
-        self._hammers: dict[str, tuple[MeanHit, HammerEstimate]] = {}
-        self._numbers: dict[str, SampleEstimate] = {}
-        self._pulses: dict[str, tuple[MeanHit, HammerPulse]] = {}
         self._traces: dict[str, tuple[MeanHit, TraceEstimates]] = {}
         self._modelled: tuple[SampleEstimate, ...] = ()
 
@@ -124,11 +93,11 @@ class Session:
         """
         self.setup.samples.find(record.label.sample)
         self._modelled = ()
-        self._numbers.clear()
         corners = [response.low_corner for response in self.setup.responses]
         judged = judge_hit(record, self.setup.analysis, corners)
         hit = replace(judged, origin=record.origin)
-        series = self._find_series(hit.label.sample)
+        keep = self.setup.analysis.keep_hits
+        series = self._series.setdefault(hit.label.sample, HitSeries(keep))
         if hit.accepted:
             hit = series.match_polarity(hit, turns=self.setup.analysis.turns_polarity)
         if hit.accepted:
@@ -136,11 +105,6 @@ class Session:
         hit = overrule_hit(hit, self._overrules)
         series.add(hit)
         return hit
-
-    def _find_series(self, name: str) -> HitSeries:
-        if name not in self._series:
-            self._series[name] = HitSeries(self.setup.analysis.keep_hits)
-        return self._series[name]
 
     @property
     def labels(self) -> tuple[HitLabel, ...]:
@@ -154,9 +118,7 @@ class Session:
 
     def get_setup(self, name: str) -> RigSetup:
         """Return the set-up as it is for one sample, see `RigSetup.for_series`."""
-        if name not in self._setups:
-            self._setups[name] = self.setup.for_series(name)
-        return self._setups[name]
+        return self.setup.for_series(name)
 
     def is_control(self, name: str) -> bool:
         """Return whether a sample is the control sample of its release angle."""
@@ -183,10 +145,7 @@ class Session:
             note = f"k1: the mass of {' and '.join(unknown)} is not known"
         if mean is None or note:
             return HammerEstimate(notes=(note,), control_sample=control)
-        if control not in self._hammers or self._hammers[control][0] is not mean:
-            estimate = estimate_hammer(mean, setup, self._look_at_pulse(control, mean))
-            self._hammers[control] = mean, estimate
-        return self._hammers[control][1]
+        return estimate_hammer(mean, setup, self._get_traces(control, mean).pulse)
 
     def estimate_numbers(self, name: str) -> SampleEstimate:
         """Return tau_p, k and c of one sample so far: at once after a hit.
@@ -194,18 +153,13 @@ class Session:
         The budget of tau_p has the pulse's form as it was last found, with the hits before: its
         fits take as long as all else together, and `estimate_sample` repeats them.
         """
-        if name not in self._numbers:
-            self._numbers[name] = self._estimate_numbers(name)
-        return self._numbers[name]
-
-    def _estimate_numbers(self, name: str) -> SampleEstimate:
         series, mean, setup = self._series[name], self.compute_mean(name), self.get_setup(name)
         if mean is None:
             note = f"{name}: not determined, none of {len(series)} hits was accepted"
             return SampleEstimate(name, 0, len(series), notes=(note,))
         spread, rejected = series.contact_time_spread, len(series) - mean.count
-        hammer, form = self.estimate_hammer(name), self._look_at_pulse(name, mean)
-        estimate = estimate_numbers(name, mean, spread, rejected, hammer, setup, form)
+        hammer, pulse = self.estimate_hammer(name), self._get_traces(name, mean).pulse
+        estimate = estimate_numbers(name, mean, spread, rejected, hammer, setup, pulse)
         corrected, doubtful = series.describe_findings()
         notes = estimate.notes
         if unknown := self.setup.find_unknown_masses(name):
@@ -221,33 +175,20 @@ class Session:
 
     def estimate_sample(self, name: str) -> SampleEstimate:
         """Return the same with what stands beside it, but for the fitted model."""
-        self._forget_older_pulses({name, self.get_setup(name).samples.control_sample})
+        for struck in {name, self.get_setup(name).samples.control_sample}:
+            if struck in self._traces and self._traces[struck][0] is not self.compute_mean(struck):
+                del self._traces[struck]
         estimate, mean = self.estimate_numbers(name), self.compute_mean(name)
         if mean is None:
             return estimate
-        traces = self._estimate_traces(name, mean)
-        hammer = self.estimate_hammer(name)
+        hammer, traces = self.estimate_hammer(name), self._get_traces(name, mean)
         return add_checks(estimate, mean, hammer, self.get_setup(name), traces)
 
-    def _estimate_traces(self, name: str, mean: MeanHit) -> TraceEstimates:
-        # Another k1, as each hit on the control sample brings one, changes nothing in these.
-        if name not in self._traces or self._traces[name][0] is not mean:
-            form = self._look_at_pulse(name, mean)
-            self._traces[name] = mean, estimate_traces(name, mean, self.get_setup(name), form)
+    def _get_traces(self, name: str, mean: MeanHit) -> TraceEstimates:
+        """Return what was last found in the traces of a sample: of this mean, or an older one."""
+        if name not in self._traces:
+            self._traces[name] = mean, estimate_traces(name, mean, self.get_setup(name))
         return self._traces[name][1]
-
-    def _forget_older_pulses(self, names: set[str]) -> None:
-        """Forget forms of pulses of fewer hits than there are now, and what was made of them."""
-        for name in names & self._pulses.keys():
-            if self._pulses[name][0] is not self.compute_mean(name):
-                del self._pulses[name]
-                self._hammers.pop(name, None)
-                self._numbers.clear()
-
-    def _look_at_pulse(self, name: str, mean: MeanHit) -> HammerPulse:
-        if name not in self._pulses:
-            self._pulses[name] = mean, look_at_pulse(mean, self.get_setup(name), name)
-        return self._pulses[name][1]
 
     def estimate_all(self, report: Callable[[int], None] | None = None) -> SessionResults:
         """Return everything found so far, the model fitted to every sample.
@@ -257,7 +198,7 @@ class Session:
         Parameters
         ----------
         report : callable, optional
-            Is told after each sample how many are done.
+            Called after each sample with the number of those that are done.
         """
         if not self._modelled:
             self._modelled = self._estimate_each(self._estimate_with_models, report)
@@ -272,10 +213,6 @@ class Session:
         estimate: Callable[[str], SampleEstimate],
         report: Callable[[int], None] | None = None,
     ) -> tuple[SampleEstimate, ...]:
-        # Hammer and control sample share their hits: made one after the other, they share what
-        # is uncertain in them, too.
-        self._hammers.clear()
-        self._numbers.clear()
         found: dict[str, SampleEstimate] = {}
         for name in sorted(self.names, key=lambda name: not self.is_control(name)):
             found[name] = estimate(name)
