@@ -208,7 +208,7 @@ whole published campaign."""
 
 DOUBTS = (Reason.RINGING, Reason.UNSTEADY_ZERO)
 """Findings that are not corrected: they cannot be told from what is harmless."""
-LEFT_AS_IT_IS = (Reason.SMOOTHED,)
+LEFT_AS_IT_IS = (Reason.SMOOTHED, Reason.TRUNCATED)
 """Findings that are worth a warning and are not corrected."""
 LEAST_LIKENESS = 0.5
 """Correlation with the hits before over the contact, signs apart, from which on a channel tells

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from impact_rig.core.filtering import low_pass
 from impact_rig.core.pulse_width import PulseWidth
 from impact_rig.core.records import FloatArray
 from impact_rig.core.setup import AnalysisSettings
@@ -33,9 +32,6 @@ class Limits:
     uncertainty: float = 0.03  # [peak] of what is taken off the pulse: that of a step of 10 %
     surprise: float = 0.4  # [level] RMS that one wave may leave of the means it predicts
     cycles: int = 6  # [-] in the tail from which a narrow line is ringing, our choice
-    jump_reach: float = 0.25  # [w50] either way of a jump; a cubic follows a pulse within 0.1 %
-    jump_tolerance: float = 0.3  # [step] by the pulse's noise and ringing
-    jump_noise: float = 6.0  # [-] standard deviations; noise jumps so in one pulse of a thousand
 
 
 LIMITS = Limits()
@@ -43,30 +39,13 @@ LIMITS = Limits()
 
 @dataclass(frozen=True)
 class ZeroShift:
-    """What the level of one trace is after the impact.
-
-    Attributes
-    ----------
-    reason : Reason
-        Its cause.
-    explanation : str
-        For people, with the figures.
-    correction : ndarray or None
-        To be taken off the trace, shape (n,) [unit of the trace]; None: it is not sure enough.
-    uncertainty : float
-        Standard uncertainty of the correction under the pulse [unit of the trace].
-    stays : bool
-        It is still there at the record's end: no body does that.
-    came_at_once : bool
-        It is a step within the pulse.
-    """
+    """What the level of one trace is after the impact, in the unit of the trace."""
 
     reason: Reason
     explanation: str
-    correction: FloatArray | None = None
-    uncertainty: float = 0.0
-    stays: bool = True
-    came_at_once: bool = False
+    correction: FloatArray | None = None  # (n,), to be taken off; None: it is not sure enough
+    uncertainty: float = 0.0  # of the correction under the pulse, standard
+    stays: bool = True  # it is still there at the record's end: no body does that
 
 
 def judge_zeros(
@@ -76,65 +55,46 @@ def judge_zeros(
     noise: FloatArray,
     sampling_rate: float,
     settings: AnalysisSettings,
-    limits: Limits = LIMITS,
 ) -> list[ZeroShift | None]:
     """Judge the level of each trace after the impact.
 
-    Parameters
-    ----------
-    traces : ndarray, shape (channels, n)
-        Hammer, then sample where measured; mean of the baseline zero.
-    pulse : PulseWidth
-        Of the hammer.
-    baseline : int
-        Points of the baseline.
-    noise : ndarray, shape (channels,)
-        Standard deviation of each trace's white noise [unit of the traces].
-    sampling_rate : float
-        [Hz]
-    settings : AnalysisSettings
-        Of the low-pass; and of double hits: a hammer's tail of less than their level, RMS over the
-        peak, needs no explanation.
-
-    Returns
-    -------
-    list of ZeroShift or None
-        By channel; None: the trace comes back to its baseline, or the model does not describe its
-        tail.
+    Traces are those of hammer and sample, shape (channels, n), the mean of the baseline zero; the
+    noise is white. None: the trace comes back to its baseline, or the model does not describe its
+    tail. A hammer's tail below the level of double hits, RMS over the peak, needs no explanation.
     """
     count, points = traces.shape
-    begin = math.ceil(pulse.fall + limits.begin * pulse.half_amplitude_width)
-    size, before = (points - begin) // limits.parts, baseline // limits.baseline_parts
+    begin = math.ceil(pulse.fall + LIMITS.begin * pulse.half_amplitude_width)
+    size, before = (points - begin) // LIMITS.parts, baseline // LIMITS.baseline_parts
     found: list[ZeroShift | None] = [None] * count
-    if min(size, before) < limits.shortest_part:
+    if min(size, before) < LIMITS.shortest_part:
         return found
     share = compute_share(traces[0], pulse)
-    tails = traces[:, begin : begin + limits.parts * size]
-    means = tails.reshape(count, limits.parts, size).mean(axis=2)
+    tails = traces[:, begin : begin + LIMITS.parts * size]
+    means = tails.reshape(count, LIMITS.parts, size).mean(axis=2)
     levels = np.sqrt(np.mean(np.square(means), axis=1))
     peaks = np.abs(traces[:, math.floor(pulse.rise) : math.ceil(pulse.fall) + 1]).max(axis=1)
-    is_off = (levels > limits.least_level * peaks) & (peaks > 0.0)
+    is_off = (levels > LIMITS.least_level * peaks) & (peaks > 0.0)
     for channel in np.flatnonzero(is_off).tolist():
-        tail = _Tail(traces[channel], share, pulse, baseline, begin, size, before, limits)
+        tail = _Tail(traces[channel], share, pulse, baseline, begin, size, before)
         known = float(peaks[channel]), float(noise[channel]), sampling_rate
         is_droop = channel and found[0] is not None and found[0].reason is Reason.DROOP
         models = DROOP_FIRST if is_droop else MODELS
-        shift = tail.explain(models, *known, settings.cutoff_frequency)
+        shift = tail.explain(models, *known)
         if not channel and shift is not None and shift.correction is not None:
             # What was corrected is no momentum.
             share = compute_share(traces[0] - shift.correction, pulse)
             tail = replace(tail, share=share)
-            shift = tail.explain(models, *known, settings.cutoff_frequency)
+            shift = tail.explain(models, *known)
         found[channel] = shift
     if found[0] is None:
         whole = math.sqrt(float(np.mean(np.square(tails[0]))))
         level = settings.double_hit_level * float(peaks[0])
-        frequency = _find_ringing(tails[0], limits) if whole > level else None
+        frequency = _find_ringing(tails[0]) if whole > level else None
         percent = f"{100.0 * whole / peaks[0]:.2g} % of the peak, RMS"
         if frequency is not None:
             text = f"it rings by {percent}, at {frequency * sampling_rate * 1e-3:.2g} kHz"
             found[0] = ZeroShift(Reason.RINGING, text)
-        elif levels[0] > level and not _is_wave(means[0], limits):
+        elif levels[0] > level and not _is_wave(means[0]):
             text = (
                 f"it wanders by {percent}, as by noise of a cable or strain of the sensor's base"
             )
@@ -142,22 +102,22 @@ def judge_zeros(
     return found
 
 
-def _find_ringing(tail: FloatArray, limits: Limits) -> float | None:
+def _find_ringing(tail: FloatArray) -> float | None:
     """Return the frequency of a tail that rings, over the sampling rate [-]; None: it does not."""
     power = np.square(np.abs(np.fft.rfft((tail - tail.mean()) * np.hanning(tail.size))))
     line = int(power.argmax())
     near = np.arange(max(line - 2, 0), min(line + 3, power.size))
     is_narrow = float(power[near].sum()) > 0.5 * float(power.sum())
-    if not is_narrow or line < limits.cycles:
+    if not is_narrow or line < LIMITS.cycles:
         return None
     return float(near @ power[near] / power[near].sum()) / tail.size
 
 
-def _is_wave(means: FloatArray, limits: Limits) -> bool:
+def _is_wave(means: FloatArray) -> bool:
     """Tell whether each mean follows from the two before it, as in any one decaying wave."""
     earlier = np.stack([means[1:-1], means[:-2], np.ones(means.size - 2)], axis=1)
     rest = means[2:] - earlier @ np.linalg.lstsq(earlier, means[2:], rcond=None)[0]
-    return float(rest @ rest) < limits.surprise**2 * float(means[2:] @ means[2:])
+    return float(rest @ rest) < LIMITS.surprise**2 * float(means[2:] @ means[2:])
 
 
 def compute_share(hammer: FloatArray, pulse: PulseWidth) -> FloatArray:
@@ -205,7 +165,6 @@ class _Tail:
     begin: int
     size: int
     before: int
-    limits: Limits
 
     def explain(
         self,
@@ -213,34 +172,24 @@ class _Tail:
         peak: float,
         noise: float,
         sampling_rate: float,
-        cutoff_frequency: float,
     ) -> ZeroShift | None:
         """Return the simplest cause that leaves no more than all together; None: none is sure."""
         terms = self._make_terms()
         rows, measured = self._average(terms), self._average(self.trace[np.newaxis])[0]
         fits = [self._fit(rows, measured, chosen) for chosen in models]
         full = fits[-1]
-        floor = noise**2 / self.size + np.mean(np.square(self.limits.exactness * measured))
+        floor = noise**2 / self.size + np.mean(np.square(LIMITS.exactness * measured))
         variance = max(full.squares / full.freedom, floor)
         adequate = [fit for fit in fits if self._is_alike(fit, full, variance)]
         fewest = min(len(fit.terms) for fit in adequate)
         chosen = next(fit for fit in adequate if len(fit.terms) == fewest)
-        if self._find_rate(chosen) * (self.begin - self.pulse.fall) > self.limits.fastest:
+        if self._find_rate(chosen) * (self.begin - self.pulse.fall) > LIMITS.fastest:
             return None
         variance = max(chosen.squares / chosen.freedom, floor)
         gained = (float(measured @ measured) - chosen.squares) / fewest / variance
-        if gained < scipy.special.fdtri(fewest, chosen.freedom, 1.0 - self.limits.chance):
+        if gained < scipy.special.fdtri(fewest, chosen.freedom, 1.0 - LIMITS.chance):
             return None
-        jump = None
-        if chosen.terms == (STEP,):
-            jump = self._find_jump(
-                float(chosen.factors[0]), noise, cutoff_frequency, sampling_rate
-            )
-        if jump is not None:
-            terms[STEP] = jump
-        return self._describe(
-            chosen, variance, terms, peak, sampling_rate, came_at_once=jump is not None
-        )
+        return self._describe(chosen, variance, terms, peak, sampling_rate)
 
     def _make_terms(self) -> FloatArray:
         """Return step, droop and drift of the whole trace, each 1 in size, shape (3, n)."""
@@ -261,15 +210,15 @@ class _Tail:
 
     def _average(self, rows: FloatArray) -> FloatArray:
         """Return means over the parts of baseline and tail, shape (k, parts)."""
-        count, limits = len(rows), self.limits
-        before = rows[:, : limits.baseline_parts * self.before]
-        after = rows[:, self.begin : self.begin + limits.parts * self.size]
+        count = len(rows)
+        before = rows[:, : LIMITS.baseline_parts * self.before]
+        after = rows[:, self.begin : self.begin + LIMITS.parts * self.size]
         # Fewer points have more noise.
         weight = math.sqrt(min(self.before / self.size, 1.0))
         return np.concatenate(
             (
-                weight * before.reshape(count, limits.baseline_parts, self.before).mean(axis=2),
-                after.reshape(count, limits.parts, self.size).mean(axis=2),
+                weight * before.reshape(count, LIMITS.baseline_parts, self.before).mean(axis=2),
+                after.reshape(count, LIMITS.parts, self.size).mean(axis=2),
             ),
             axis=1,
         )
@@ -289,7 +238,7 @@ class _Tail:
         if fit.terms[-1] == DROOP and fit.factors[-1] < 0.0:
             return False  # it would grow
         ratio = (fit.squares - full.squares) / more / variance
-        return bool(ratio < scipy.special.fdtri(more, full.freedom, 1.0 - self.limits.simpler))
+        return bool(ratio < scipy.special.fdtri(more, full.freedom, 1.0 - LIMITS.simpler))
 
     def _describe(
         self,
@@ -298,8 +247,6 @@ class _Tail:
         terms: FloatArray,
         peak: float,
         sampling_rate: float,
-        *,
-        came_at_once: bool,
     ) -> ZeroShift:
         rows = terms[list(fit.terms)]
         correction = fit.factors @ rows
@@ -329,43 +276,11 @@ class _Tail:
                 f"a step of {percent * step:.2g} % of the peak"
                 f" (± {percent * 2.0 * spread:.1g} %) came with the impact"
             )
-            if abs(end) < self.limits.remaining * abs(step):
+            if abs(end) < LIMITS.remaining * abs(step):
                 text += " and goes"
             # When within the shock it came is evenly distributed.
-            unsure = self.limits.jump_tolerance if came_at_once else 1.0
-            standard = math.hypot(standard, unsure * step / math.sqrt(12.0))
-        is_sure = standard <= self.limits.uncertainty * peak
-        stays = reason is Reason.DROOP or abs(end) > self.limits.remaining * abs(level)
+            standard = math.hypot(standard, step / math.sqrt(12.0))
+        is_sure = standard <= LIMITS.uncertainty * peak
+        stays = reason is Reason.DROOP or abs(end) > LIMITS.remaining * abs(level)
         taken = correction if is_sure else None
-        return ZeroShift(reason, text, taken, standard, stays, came_at_once)
-
-    def _find_jump(
-        self, size: float, noise: float, cutoff_frequency: float, sampling_rate: float
-    ) -> FloatArray | None:
-        """Return a step of 1 where one of this size came at once; None: it did not.
-
-        Around each point of the pulse a cubic and a step are fitted. What the step has is compared
-        with what the tail shows.
-        """
-        limits = self.limits
-        reach = int(limits.jump_reach * self.pulse.half_amplitude_width)
-        first, last = math.floor(self.pulse.rise), math.ceil(self.pulse.fall)
-        if reach < limits.shortest_part or first < reach:
-            return None
-
-        def smooth(place: int) -> FloatArray:
-            step = np.heaviside(np.arange(self.trace.size) - float(place), 0.5)
-            return low_pass(step, cutoff_frequency, sampling_rate)
-
-        step = smooth(first)[first - reach : first + reach + 1]
-        powers = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, 2 * reach + 1), 4))[0]
-        kernel = step - powers @ (powers.T @ step)
-        square = float(kernel @ kernel)
-        if abs(size) < limits.jump_noise * noise / math.sqrt(square):
-            return None
-        near = self.trace[first - reach : last + reach + 1]
-        jumps = np.correlate(near, kernel, "valid") / square
-        place = int(np.argmax(jumps * math.copysign(1.0, size)))
-        is_inside = 0 < place < jumps.size - 1
-        is_alike = abs(jumps[place] - size) < limits.jump_tolerance * abs(size)
-        return smooth(first + place) if is_inside and is_alike else None
+        return ZeroShift(reason, text, taken, standard, stays)

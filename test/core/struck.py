@@ -67,7 +67,6 @@ class Impact:
     noise: float = 1e-3  # of full scale
     hum: float = 0.0
     zero_shift: float = 0.0
-    shift_at_once: bool = False  # in the middle of the pulse, and not as the shock goes on
     recovery: float = np.inf  # of the zero shift [s]
     corner: float = 0.1  # [Hz]
     drift: float = 0.0  # over the record
@@ -128,8 +127,6 @@ class Impact:
         ratio = np.array([[1.0], [HAMMER / self.sample_mass]])
         # The crystal keeps a charge that grows with the shock, and lets it go.
         after = np.cumsum(force) / force.sum()
-        if self.shift_at_once:
-            after = 1.0 * (time > 0.5 * self.duration)
         gone = np.exp(-np.maximum(time - self.duration, 0.0) / self.recovery)
         traces += self.zero_shift * peak * ratio * after * gone
         traces = lfilter(*butter(1, self.corner, "high", fs=RATE), traces)

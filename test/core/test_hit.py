@@ -192,3 +192,15 @@ class TestRealHits:
         assert hit.accepted
         assert hit.half_amplitude_width == pytest.approx(self.WIDTHS[name], abs=0.5e-6)
         assert 68 < hit.hammer_peak < 89
+
+    def test_a_record_that_begins_in_the_foot_of_its_pulse_has_the_zero_of_its_end(self):
+        # 2 % of the peak above the zero from the first point on, and rising; see test/data.
+        path = Path(__file__).parents[1] / "data" / "repeat_shock" / "acc_base_a0_start.txt"
+        _, table = np.loadtxt(path).T
+        settings = AnalysisSettings(cutoff_frequency=0.0)
+        hit = judge_hit(
+            make_record(table, pulse_index=29, full_scale=0.0, rate=49_993.0), settings
+        )
+        assert hit.accepted
+        assert [item.reason for item in hit.findings] == [Reason.TRUNCATED]
+        assert hit.hammer_peak == pytest.approx(table.max() - table[-20:].mean(), rel=1e-9)

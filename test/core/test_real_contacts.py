@@ -49,12 +49,6 @@ ROWS = (
         Row(f"zero shift of {part} %", replace(SOUND, zero_shift=part / 100), {}, "zero_shift")
         for part in (1, 3, 5)
     ),
-    Row(
-        "zero shift of 3 %, all at once",
-        replace(SOUND, zero_shift=0.03, shift_at_once=True),
-        {},
-        "zero_shift",
-    ),
     *(
         Row(f"AC coupling, {corner} Hz", replace(SOUND, corner=corner), {}, "droop")
         for corner in (30, 200)

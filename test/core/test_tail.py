@@ -106,16 +106,6 @@ def test_a_tail_that_rings_is_ringing():
     assert Reason.UNSTEADY_ZERO not in {item.reason for item in (*hit.rejections, *hit.findings)}
 
 
-@pytest.mark.parametrize("restitution", [0.9, 0.7])
-def test_a_step_that_comes_all_at_once_is_taken_off_where_it_came(restitution):
-    step = replace(SOUND, zero_shift=0.03, shift_at_once=True, restitution=restitution)
-    estimate = judge(step)[0].estimate_sample("struck")
-    law = estimate.contact_law
-    # As if it had come with the momentum: 0.5 and 1.2 % off.
-    assert law.duration.value == pytest.approx(212e-6, rel=0.002)
-    assert law.restitution.value == pytest.approx(restitution, abs=0.002)
-
-
 def test_where_in_the_shock_the_step_came_is_in_the_budgets():
     estimate = judge(replace(SOUND, zero_shift=0.03))[0].estimate_sample("struck")
     for quantity in (estimate.contact_law.duration, estimate.contact_time):
