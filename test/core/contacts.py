@@ -12,15 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from scipy.signal import butter, lfilter
-
-from impact_rig.core.records import Block, ChannelBlock, HitLabel
 
 FloatArray = NDArray[np.float64]
-HAMMER, SAMPLE, SPEED, DURATION = 0.1, 0.10538, 0.0819, 212e-6
-BOTH = HAMMER * SAMPLE / (HAMMER + SAMPLE)
-RATE, COUNT, START = 2.5e6, 5000, 200e-6
-FULL_SCALES = (2000.0, 4000.0)
 Force = Callable[[float, float], float]
 """Of indentation and its rate, in units of the speed and of T."""
 
@@ -99,6 +92,25 @@ def make_viscous(exponent: float, power: float) -> Callable[[float], Force]:
     return make_force
 
 
+@lru_cache(maxsize=64)
+def strike_body(exponent: float, loss: float) -> Motion:
+    """Strike a free body by Hunt and Crossley's law, F = x^n (1 + A x')."""
+    # Its force goes to zero with the indentation, which crosses zero; the force may touch it.
+    return integrate(make_viscous(exponent, exponent)(loss), sticks=True)
+
+
+@lru_cache(maxsize=16)
+def find_loss(exponent: float, restitution: float) -> float:
+    """Return A of bodies that part with `restitution`, to three digits."""
+    if restitution == 1.0:
+        return 0.0
+    return round(
+        brentq(lambda loss: strike_body(exponent, loss).restitution - restitution,
+               0.01, 5.0, xtol=1e-4),
+        3,
+    )  # fmt: skip
+
+
 @lru_cache(maxsize=8)
 def strike_plate(restitution: float) -> Motion:
     """Strike a large plate by Hertz: it yields at the speed F / Z, and its waves do not return."""
@@ -144,62 +156,3 @@ def crush(restitution: float) -> Motion:
     time = np.linspace(0.0, load + unload, 4001)
     force = np.where(time < load, np.sin(time), np.cos((time - load) / restitution))
     return Motion(time, np.maximum(force, 0.0), restitution)
-
-
-@dataclass(frozen=True)
-class Struck:
-    """One hit of a contact as a digitizer records it."""
-
-    motion: Motion
-    duration: float = DURATION
-    speed: float = SPEED
-    sample_mass: float = SAMPLE  # [kg]
-    noise: float = 1e-3  # of full scale
-    low_pass: float = 0.0  # of an amplifier, fourth order [Hz]
-    clip: float = np.inf  # of the peak
-    stated_scale: bool = True
-    sample_delay: float = 0.0  # [s]
-    rate_factor: float = 1.0  # sampling rate that is stated over the true one
-    gain: float = 1.0  # of what is stated
-    seed: int = 0
-
-    @property
-    def equivalent_mass(self) -> float:
-        """Of the bodies that move [kg]."""
-        return 1.0 / (1.0 / HAMMER + 1.0 / self.sample_mass)
-
-    def measure(self) -> FloatArray:
-        """Return both channels as the converter gives them [m/s^2]."""
-        random = np.random.default_rng(self.seed)
-        start = START + 1e-6 * random.standard_normal()
-        motion, unit = self.motion, self.duration / self.motion.time[-1]
-        height = self.equivalent_mass * self.speed / unit / HAMMER
-        time = np.arange(COUNT) / RATE
-        traces = np.zeros((2, COUNT))
-        recoil = -HAMMER / self.sample_mass * height * motion.force
-        if motion.recoil is not None:
-            recoil = -self.speed / unit * motion.recoil
-        shapes = (height * motion.force, 0.0), (recoil, self.sample_delay)
-        for row, (shape, delay) in enumerate(shapes):
-            traces[row] = np.interp((time - start - delay) / unit, motion.time, shape, 0.0, 0.0)
-        if self.low_pass:
-            traces = lfilter(*butter(4, self.low_pass, fs=RATE), traces)
-        traces *= self.gain
-        scales = np.array(FULL_SCALES)[:, np.newaxis]
-        traces += scales * self.noise * random.standard_normal(traces.shape)
-        top = self.clip * np.abs(traces[0]).max()
-        traces[0] = np.clip(traces[0], -top, top)
-        step = scales / 2**11
-        return np.asarray(np.clip(np.rint(traces / step), -2048, 2047) * step)
-
-    def make_block(self, label: HitLabel) -> Block:
-        """Return the hit as a digitizer sends it; where no scale is stated, as a file has it."""
-        channels = []
-        for trace, scale in zip(self.measure(), FULL_SCALES, strict=True):
-            if self.stated_scale:
-                counts = np.rint(trace / scale * 2**11).astype(np.int32)
-                channels.append(ChannelBlock(counts, scale / 2**11, 0.0, scale))
-            else:
-                channels.append(ChannelBlock(trace, 1.0, 0.0, 0.0))
-        rate = self.rate_factor * RATE
-        return Block(0, rate, channels[0], channels[1], label, last=True)

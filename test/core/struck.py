@@ -1,69 +1,32 @@
-"""Two free bodies that meet, and the accelerometers on them: nothing of it is the package's.
+"""Two bodies that meet, and the accelerometers on them: nothing of it is the package's.
 
-The contact's law is integrated by DOP853, once for each n and A; a second contact is one of its
-own, slower, and so lower and wider.
+A second contact is one of its own, slower, and so lower and wider.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 from scipy.signal import butter, cont2discrete, lfilter
 
 from impact_rig.core.records import Block, ChannelBlock, HitLabel
 
-FloatArray = NDArray[np.float64]
+from .contacts import FloatArray, Motion, find_loss, strike_body
+
 RATE, COUNT, START = 2.5e6, 5000, 200e-6
-HAMMER, SAMPLE, SPEED = 0.1, 0.10538, 0.0819
+HAMMER, SAMPLE, SPEED, DURATION = 0.1, 0.10538, 0.0819, 212e-6
 FULL_SCALES = (2000.0, 4000.0)
-
-
-@lru_cache(maxsize=64)
-def collide(exponent: float, loss: float) -> Any:
-    """Integrate x'' = -x^n (1 + A x') from touch to separation."""
-
-    def separate(_time: float, state: FloatArray) -> float:
-        return float(state[0])
-
-    separate.terminal, separate.direction = True, -1  # type: ignore[attr-defined]
-    return solve_ivp(
-        lambda _time, x: (x[1], -(max(x[0], 0.0) ** exponent) * (1.0 + loss * x[1])),
-        (0.0, 60.0),
-        (0.0, 1.0),
-        method="DOP853",
-        rtol=1e-9,
-        atol=1e-11,
-        events=separate,
-        dense_output=True,
-    )
-
-
-@lru_cache(maxsize=16)
-def find_loss(exponent: float, restitution: float) -> float:
-    """Return A of bodies that part with `restitution`, to three digits."""
-    if restitution == 1.0:
-        return 0.0
-
-    def exceed(loss: float) -> float:
-        return -collide(exponent, loss).y[1, -1] - restitution
-
-    return round(brentq(exceed, 0.01, 5.0, xtol=1e-4), 3)
 
 
 @dataclass(frozen=True)
 class Impact:
     """One impact, and what sensors and converter make of it; parts of the hammer's peak."""
 
-    duration: float = 212e-6
+    duration: float = DURATION
     exponent: float = 1.5
     restitution: float = 0.9
     sample_mass: float = SAMPLE
     second: tuple[float, float] = (0.0, 0.0)  # its speed over the first's; from touch to touch
-    resonance: float = 70e3
+    resonance: float = 70e3  # 0: none
     noise: float = 1e-3  # of full scale
     hum: float = 0.0
     zero_shift: float = 0.0
@@ -78,38 +41,39 @@ class Impact:
     low_pass: float = 0.0  # of an amplifier, not stated [Hz]
     speed: float = SPEED
     seed: int = 0
-    unloading: float = 0.0  # spring that unloads over the one that loads, by Walton and Braun
+    motion: Motion | None = None  # of another law; else by exponent and restitution
+    rate_factor: float = 1.0  # sampling rate that is stated over the true one
+    gain: float = 1.0  # of what is stated
+
+    @property
+    def equivalent_mass(self) -> float:
+        """Of the bodies that move [kg]."""
+        return 1.0 / (1.0 / HAMMER + 1.0 / self.sample_mass)
 
     def find_force(self, time: FloatArray) -> FloatArray:
         """Return force over the hammer's mass [m/s^2]."""
-        if self.unloading:
-            return self._find_crush(time)
+        if self.motion is not None:
+            return self._stretch(self.motion, self.motion.force, time, 1.0, self.duration)
         loss = find_loss(self.exponent, self.restitution)
-        unit = self.duration / collide(self.exponent, loss).t[-1]
-        both = HAMMER * self.sample_mass / (HAMMER + self.sample_mass)
         total = np.zeros(time.size)
         for part, delay in ((1.0, 0.0), self.second):
             if not part:
                 continue
             # A goes with the speed; T with its power of -(n - 1)/(n + 1).
-            motion = collide(self.exponent, round(loss * part, 3))
-            scale = unit * part ** ((1.0 - self.exponent) / (1.0 + self.exponent))
-            inside = (time > delay) & (time < delay + scale * motion.t[-1])
-            depth, rate = motion.sol((time[inside] - delay) / scale)
-            height = both * self.speed * part / scale / HAMMER
-            rate = 1.0 + round(loss * part, 3) * rate
-            total[inside] += height * np.maximum(depth, 0.0) ** self.exponent * rate
+            whole, motion = (
+                strike_body(self.exponent, round(loss * item, 3)) for item in (1.0, part)
+            )
+            duration = self.duration * motion.time[-1] / whole.time[-1]
+            duration *= part ** ((1.0 - self.exponent) / (1.0 + self.exponent))
+            total += self._stretch(motion, motion.force, time - delay, part, duration)
         return total
 
-    def _find_crush(self, time: FloatArray) -> FloatArray:
-        """Return it for one spring that loads, and a stiffer one that unloads."""
-        both = HAMMER * self.sample_mass / (HAMMER + self.sample_mass)
-        load = 0.5 * np.pi / self.duration * (1.0 + self.unloading**-0.5)
-        unload = load * self.unloading**0.5
-        top = 0.5 * np.pi / load
-        force = np.where(time < top, np.sin(load * time), np.cos(unload * (time - top)))
-        inside = (time > 0.0) & (time < self.duration)
-        return np.asarray(np.where(inside, both * self.speed * load / HAMMER * force, 0.0))
+    def _stretch(
+        self, motion: Motion, force: FloatArray, time: FloatArray, part: float, duration: float
+    ) -> FloatArray:
+        unit = duration / motion.time[-1]
+        height = self.equivalent_mass * self.speed * part / unit / HAMMER
+        return height * np.interp(time / unit, motion.time, force, 0.0, 0.0)
 
     def measure(self) -> FloatArray:
         """Return both channels as the converter gives them [m/s^2]."""
@@ -119,11 +83,17 @@ class Impact:
         force = self.find_force(time)
         peak = force.max()
         traces = np.outer((self.signs[0], self.signs[1] * HAMMER / self.sample_mass), force)
+        if self.motion is not None and self.motion.recoil is not None:
+            unit = self.duration / self.motion.time[-1]
+            recoil = np.interp(time / unit, self.motion.time, self.motion.recoil, 0.0, 0.0)
+            traces[1] = -self.speed / unit * recoil
+        traces *= self.gain
         angular = 2.0 * np.pi * self.resonance
-        top, bottom, _ = cont2discrete(
-            ([angular**2], [1.0, 0.04 * angular, angular**2]), 1.0 / RATE, "foh"
-        )
-        traces = lfilter(top.ravel(), bottom, traces)
+        if angular:
+            top, bottom, _ = cont2discrete(
+                ([angular**2], [1.0, 0.04 * angular, angular**2]), 1.0 / RATE, "foh"
+            )
+            traces = lfilter(top.ravel(), bottom, traces)
         ratio = np.array([[1.0], [HAMMER / self.sample_mass]])
         # The crystal keeps a charge that grows with the shock, and lets it go.
         after = np.cumsum(force) / force.sum()
@@ -157,4 +127,4 @@ class Impact:
                 channels.append(ChannelBlock(counts, scale / 2**11, 0.0, scale))
             else:
                 channels.append(ChannelBlock(trace, 1.0, 0.0, 0.0))
-        return Block(0, RATE, channels[0], channels[1], label, last=True)
+        return Block(0, self.rate_factor * RATE, channels[0], channels[1], label, last=True)

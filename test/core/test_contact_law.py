@@ -25,7 +25,8 @@ from impact_rig.core.records import FloatArray, HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor, SensorResponse
 from impact_rig.core.uncertainty import RigNumbers, make_gains, make_input
 
-from .struck import COUNT, HAMMER, RATE, SAMPLE, SPEED, START, Impact, collide, find_loss
+from .contacts import find_loss, strike_body
+from .struck import COUNT, HAMMER, RATE, SAMPLE, SPEED, START, Impact
 
 CUTOFF = 50e3
 BOTH = HAMMER * SAMPLE / (HAMMER + SAMPLE)
@@ -64,8 +65,8 @@ class Contact:
 def strike(exponent: float, restitution: float) -> Contact:
     """Return a contact of `struck`, and what its law is in SI units."""
     loss = find_loss(exponent, restitution)
-    motion = collide(exponent, loss)
-    unit, e = DURATION / motion.t[-1], -motion.y[1, -1]
+    motion = strike_body(exponent, loss)
+    unit, e = DURATION / motion.time[-1], motion.restitution
     force = Impact(DURATION, exponent, restitution).find_force(np.arange(COUNT) / RATE - START)
     return Contact(
         exponent=exponent,

@@ -13,23 +13,25 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup, Sample, SampleSet
 
 from .contacts import (
-    DURATION,
-    HAMMER,
-    SPEED,
     Law,
-    Struck,
+    Motion,
     crush,
     integrate,
     make_adhesive,
     make_viscous,
     strike_plate,
 )
+from .struck import DURATION, HAMMER, SPEED, Impact
 
 PLATE_MASS = 100.0  # [kg]
 ROOT = Law("root", 0.865, make_viscous(1.5, 0.5))
 
 
-def estimate(struck: Struck, speed: float = SPEED, seed: int = 5) -> SampleEstimate:
+def strike(motion: Motion, **how: float) -> Impact:
+    return Impact(motion=motion, resonance=0.0, **how)
+
+
+def estimate(struck: Impact, speed: float = SPEED, seed: int = 5) -> SampleEstimate:
     """Return what ten hits say, that differ by 0.3 % in duration and 2 % in speed."""
     samples = SampleSet((Sample("struck", struck.sample_mass),), "struck")
     session = Session(RigSetup(samples, hammer_mass=HAMMER, impact_speed=speed))
@@ -58,7 +60,7 @@ def estimate(struck: Struck, speed: float = SPEED, seed: int = 5) -> SampleEstim
     ids=lambda item: f"{item.name} {item.restitution}" if isinstance(item, Law) else "",
 )
 def test_a_form_of_loss_is_found_again(law, form):
-    struck = Struck(law.motion)
+    struck = strike(law.motion)
     found = estimate(struck).contact_law
     assert found.form == form.value
     check(found, struck)
@@ -66,7 +68,7 @@ def test_a_form_of_loss_is_found_again(law, form):
 
 @pytest.mark.parametrize("restitution", [0.8, 0.525])
 def test_a_hammer_on_a_large_plate(restitution):
-    struck = Struck(strike_plate(restitution), sample_mass=PLATE_MASS)
+    struck = strike(strike_plate(restitution), sample_mass=PLATE_MASS)
     found = estimate(struck).contact_law
     assert found.form == LossForm.PLATE.value
     check(found, struck)
@@ -88,7 +90,7 @@ def check(found, struck):
 
 
 def test_forms_that_describe_the_pulse_as_well_are_a_line_of_the_budget():
-    struck = Struck(Law("proportional", 0.995, make_viscous(1.5, 1.5)).motion)
+    struck = strike(Law("proportional", 0.995, make_viscous(1.5, 1.5)).motion)
     found = estimate(struck).contact_law
     assert "form of the loss" in {line.source for line in found.restitution.budget}
     assert any("does not tell apart the forms of loss" in note for note in found.notes)
@@ -98,14 +100,14 @@ def test_forms_that_describe_the_pulse_as_well_are_a_line_of_the_budget():
 @pytest.mark.parametrize(
     ("struck", "reason"),
     [
-        (Struck(integrate(make_adhesive(0.05), sticks=True)), "noise and sensor explain"),
-        (Struck(crush(0.98)), "above 1, and free bodies gain no energy"),
-        (Struck(crush(0.7)), "falls faster than it rises, as of a body that is crushed"),
+        (strike(integrate(make_adhesive(0.05), sticks=True)), "noise and sensor explain"),
+        (strike(crush(0.98)), "above 1, and free bodies gain no energy"),
+        (strike(crush(0.7)), "falls faster than it rises, as of a body that is crushed"),
         (
-            Struck(replace(ROOT, sticks=True).motion),
+            strike(replace(ROOT, sticks=True).motion),
             "noise and sensor explain",
         ),
-        (Struck(ROOT.motion, low_pass=5e3), "noise and sensor explain"),
+        (strike(ROOT.motion, low_pass=5e3), "noise and sensor explain"),
     ],
     ids=["adhesion", "crushed, 0.98", "crushed, 0.7", "root that pulls", "5 kHz amplifier"],
 )
@@ -124,10 +126,10 @@ def test_what_is_of_no_law_has_no_numbers_but_a_reason(struck, reason):
 @pytest.mark.parametrize(
     ("struck", "speed", "ratio", "told"),
     [
-        (Struck(ROOT.motion), 9.81 * SPEED, 1.0 / 9.81, "g read as m/s²"),
-        (Struck(ROOT.motion, rate_factor=2.0), SPEED, 0.5, "a sampling rate"),
-        (Struck(ROOT.motion, gain=0.9), SPEED, 0.9, "the sensitivity of a sensor"),
-        (Struck(crush(0.9), rate_factor=2.0), SPEED, 0.95, "that are stated"),
+        (strike(ROOT.motion), 9.81 * SPEED, 1.0 / 9.81, "g read as m/s²"),
+        (strike(ROOT.motion, rate_factor=2.0), SPEED, 0.5, "a sampling rate"),
+        (strike(ROOT.motion, gain=0.9), SPEED, 0.9, "the sensitivity of a sensor"),
+        (strike(crush(0.9), rate_factor=2.0), SPEED, 0.95, "that are stated"),
     ],
     ids=["g", "rate", "gain", "rate, no law"],
 )
@@ -142,7 +144,7 @@ def test_a_speed_that_is_not_the_stated_one_is_a_warning_with_its_ratio(
 
 @pytest.mark.parametrize("speed", [SPEED, math.nan])
 def test_a_speed_that_agrees_or_is_not_stated_is_no_warning(speed):
-    estimated = estimate(Struck(ROOT.motion), speed)
+    estimated = estimate(strike(ROOT.motion), speed)
     assert find_speed_warnings(estimated) == []
     assert estimated.contact_law.stated_restitution.is_known == math.isfinite(speed)
 

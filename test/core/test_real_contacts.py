@@ -13,6 +13,7 @@ from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup, Sample, SampleSet
 
+from .contacts import crush
 from .struck import HAMMER, RATE, SAMPLE, SPEED, Impact
 
 SETUP = RigSetup(
@@ -112,11 +113,9 @@ def test_a_row_of_the_table(row):
     [
         {"low_pass": 5e3},
         {"exponent": 1.0, "restitution": 1.0},
-        {"unloading": 1.3},
-        {"unloading": 2.0},
-        {"unloading": 4.0},
+        *({"motion": crush(unloading**-0.5)} for unloading in (1.3, 2.0, 4.0)),
     ],
-    ids=str,
+    ids=["5 kHz amplifier", "linear spring", "crushed, 1.3", "crushed, 2", "crushed, 4"],
 )
 def test_contact_time_and_stiffness_hold_what_the_shape_of_the_pulse_leaves_open(change):
     session = Session(SETUP)
