@@ -15,7 +15,6 @@ from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import RecordingWriter
 
 from .damaged import write_original
-from .text_recordings import Writer
 
 OUR_MESSAGES = Path(__file__).parents[2] / "msg_config" / "msg"
 STANDARD_MESSAGES = {
@@ -112,13 +111,13 @@ def setup_fields(**changes: Any) -> dict[str, Any]:
     return fields | changes
 
 
-def block_fields(record: int, points: int = 100, **changes: Any) -> dict[str, Any]:
+def block_fields(number: int, points: int = 100, **changes: Any) -> dict[str, Any]:
     """Return the fields of a block whose counts tell record and channel."""
     counts = np.arange(points, dtype=np.int32)
     channel = {"scale": 0.25, "offset": -1.5, "full_scale": 512.0}
     fields = {
         "header": header(),
-        "record": record,
+        "record": number,
         "sample": "brass",
         "impact": 3,
         "attempt": 2,
@@ -126,8 +125,8 @@ def block_fields(record: int, points: int = 100, **changes: Any) -> dict[str, An
         "sampling_rate": 2.5e6,
         "triggered": True,
         "last": True,
-        "hammer": {"counts": (counts + record).tolist(), "values": [], **channel},
-        "specimen": {"counts": (-counts - record).tolist(), "values": [], **channel},
+        "hammer": {"counts": (counts + number).tolist(), "values": [], **channel},
+        "specimen": {"counts": (-counts - number).tolist(), "values": [], **channel},
     }
     return fields | changes
 
@@ -198,10 +197,10 @@ class RecordingMaker:
         self.add(topic, OURS + "RigSetup", setup_fields(**changes))
 
     def add_block(
-        self, record: int, points: int = 100, topic: str = "acceleration", **changes: Any
+        self, number: int, points: int = 100, topic: str = "acceleration", **changes: Any
     ) -> None:
         """Add a block."""
-        self.add(topic, OURS + "AccelerationBlock", block_fields(record, points, **changes))
+        self.add(topic, OURS + "AccelerationBlock", block_fields(number, points, **changes))
 
     def add_virtual_impact(self, record: int, *faults: str) -> None:
         """Add the truth behind a simulated hit."""
@@ -217,17 +216,3 @@ class RecordingMaker:
 def original(make_recording: Make) -> Path:
     """Return a sound recording of four hits, a chunk for each and one for the set-up."""
     return write_original(make_recording)
-
-
-@pytest.fixture
-def make(tmp_path: Path) -> Iterator[Callable[..., Writer]]:
-    """Return a function that begins a recording of texts; it is closed at the end."""
-    made: list[Writer] = []
-
-    def begin(name: str = "session.mcap", **options: Any) -> Writer:
-        made.append(Writer(tmp_path / name, **options))
-        return made[-1]
-
-    yield begin
-    for item in made:
-        item.writer.close()

@@ -44,20 +44,11 @@ def label(record: int) -> dict[str, Any]:
     return {"header": stamp, "record": record, "sample": "brass", "impact": record, "attempt": 1}
 
 
-def block(record: int) -> dict[str, Any]:
-    """Return the fields of a block of a hundred points."""
-    counts = [record * 1000 + number % 7 for number in range(100)]
-    channel = {"counts": counts, "values": [], "scale": 0.25, "offset": 0.0, "full_scale": 512.0}
-    rest = {"sampling_rate": 2.5e6, "triggered": True, "hammer": channel, "specimen": channel}
-    return label(record) | rest
-
-
 def add_hit(maker: Any, record: int) -> None:
     """Add what a recorder writes of a hit, in a chunk of its own."""
     maker.add("release", OURS + "HammerRelease", {**label(record), "swing_time": 0.2})
     for first in (0, 100):
-        place = {"first_sample": first, "last": first > 0}
-        maker.add("acceleration", OURS + "AccelerationBlock", block(record) | place)
+        maker.add_block(record, **label(record), first_sample=first, last=first > 0)
     counts = {"blocks": 2, "gaps": 0, "missing_points": 0}
     maker.add("recorder/stored", OURS + "RecordStored", {**label(record), **counts})
     verdict = {"accepted": record % 2 == 1, "reasons": [] if record % 2 else ["weak: too weak"]}

@@ -10,11 +10,13 @@ import pytest
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.new_file import ROOM_FOR_ENDING, DiskFullError
+from impact_rig.recordings.schemas import MessageDefinition
 from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 
-from .text_recordings import TEXT, read_by_stream
+from .text_recordings import read_by_stream
 
 BLOCK = bytes(20_000)
+TEXT = MessageDefinition("std_msgs/msg/String", "string data\n")
 DISK_SIZE = ROOM_FOR_ENDING + (3 << 20)
 
 

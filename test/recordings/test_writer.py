@@ -22,11 +22,7 @@ from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import MessageDefinition, find_message_definition
 from impact_rig.recordings.writer import COMPRESSIONS, RecordingWriter
 
-from .text_recordings import (
-    HIT,
-    encode,
-    read_by_stream,
-)
+from .text_recordings import read_by_stream
 
 LATCHED = OfferedQos("reliable", "transient_local", "keep_last", 16)
 
@@ -175,64 +171,68 @@ writer.close()
 
 
 @pytest.mark.skipif(shutil.which("rerun") is None, reason="the Rerun viewer is not installed")
-def test_rerun_finds_nothing_wrong_with_it(make):
-    recording = make("session.mcap")
-    recording.add_hits(1, 2, 3)
-    recording.writer.close()
-    command = ["rerun", "mcap", "check", str(recording.writer.path)]
+def test_rerun_finds_nothing_wrong_with_it(make_recording):
+    recording = make_recording()
+    add_hits(recording, 1, 2, 3)
+    command = ["rerun", "mcap", "check", str(recording.close())]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    findings = [line.split() for line in done.stdout.splitlines() if "/acceleration" in line]
+    findings = [line.split() for line in done.stdout.splitlines() if "/text" in line]
     assert findings
     assert all((words[0], words[-1]) == ("ok", "—") for words in findings), done.stdout
 
 
 KILLED = """
-import os, signal, sys
+import os, signal
 from pathlib import Path
-sys.path.insert(0, {tests!r})
-from text_recordings import Writer
-recording = Writer(Path({output!r}))
-recording.add(recording.setup, b"set-up")
-for number in (1, 2, 3):
-    recording.add_hits(number)
-    recording.writer.sync()
-recording.add_hits(4)
+from impact_rig.recordings.schemas import MessageDefinition
+from impact_rig.recordings.writer import RecordingWriter
+writer = RecordingWriter(Path({output!r}), compression="none")
+channel = writer.add_channel("/text", MessageDefinition("std_msgs/msg/String", "string data"), ())
+for number in range(4):
+    writer.add_message(channel, b"%d" % number * 3000, number, number)
+    if number < 3:
+        writer.sync()
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
 def test_after_kill_9_everything_synced_is_in_the_file(tmp_path):
     path = tmp_path / "session.mcap"
-    script = KILLED.format(tests=str(Path(__file__).parent), output=str(path))
+    script = KILLED.format(output=str(path))
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
     assert done.returncode == -signal.SIGKILL, done.stderr
     found = [message.data for _, message in read_by_stream(path)]
-    hits = [data for data in found if HIT in data]
-    assert hits == [encode(b"%d " % number + HIT) for number in (1, 2, 3)]
+    assert found == [b"%d" % number * 3000 for number in range(3)]
 
 
-def test_a_sync_returns_when_the_disk_has_the_hit(make, monkeypatch):
-    recording = make("session.mcap")
+def add_hits(recording, *numbers):
+    """Add texts of 3 kB."""
+    for number in numbers:
+        recording.add("/text", "std_msgs/msg/String", {"data": f"{number} " + 3000 * "x"})
+
+
+def test_a_sync_returns_when_the_disk_has_the_hit(make_recording, monkeypatch):
+    recording = make_recording(compression="none")
     sizes = []
     monkeypatch.setattr(os, "fdatasync", lambda file: sizes.append(os.fstat(file).st_size))
-    recording.add_hits(1)
+    add_hits(recording, 1)
     recording.writer.flush()
     assert sizes == []
-    recording.add_hits(2)
+    add_hits(recording, 2)
     recording.writer.sync()
     assert sizes == [recording.writer.size]
-    assert len(HIT) * 2 < sizes[0] == recording.writer.path.stat().st_size
+    assert 2 * 3000 < sizes[0] == recording.path.stat().st_size
 
 
-def test_a_stream_is_sent_to_the_disk_while_it_is_written(make, monkeypatch):
+def test_a_stream_is_sent_to_the_disk_while_it_is_written(make_recording, monkeypatch):
     """Else a sync, or the end of a file in a stream, waits for seconds of data."""
     sent = []
     monkeypatch.setattr(
         os, "posix_fadvise", lambda file, start, length, advice: sent.append((start, length))
     )
     monkeypatch.setattr(new_file, "SENT_AT_ONCE", 10_000)
-    recording = make("session.mcap", chunk_size=4000)
-    recording.add_hits(*range(10))
+    recording = make_recording(compression="none", chunk_size=4000)
+    add_hits(recording, *range(10))
     assert [start for start, _ in sent] == [0, sent[0][1]]
     assert all(10_000 <= length < 20_000 for _, length in sent)
     assert recording.writer.size - sum(length for _, length in sent) < 10_000
@@ -245,13 +245,13 @@ def test_an_existing_file_is_never_overwritten(tmp_path):
     assert (tmp_path / "session.mcap").read_bytes() == b"precious"
 
 
-def test_a_finished_recording_takes_no_more(make):
-    recording = make()
-    recording.add_hits(1)
-    recording.writer.close()
-    recording.writer.close()
+def test_a_finished_recording_takes_no_more(make_recording):
+    recording = make_recording()
+    add_hits(recording, 1)
+    recording.close()
+    recording.close()
     assert (recording.writer.closed, recording.writer.free_space) == (True, 0)
     with pytest.raises(FileError, match="is closed already"):
-        recording.add_hits(2)
+        add_hits(recording, 2)
     with pytest.raises(FileError, match="is closed already"):
         recording.writer.sync()
