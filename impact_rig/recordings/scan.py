@@ -359,15 +359,21 @@ class Scan:
             if after - place <= MAX_SIZE and self._is_cut_off(file, after if kind else place):
                 return self.size
             raise DamageError(reason)
-        try:
-            if after != self._end:
-                self._read_head(file, after)
-        except DamageError:
+        if not self._has_records(file, after):
             after = self._find_chunk(file, place + 1)
         if after == self.size and not self.is_closed:
             reason = "the last record is cut off"
         self._note(place, after, reason)
         return after
+
+    def _has_records(self, file: BinaryIO, place: int) -> bool:
+        """Tell whether two records begin at a place; behind a wrong length one may seem to."""
+        with contextlib.suppress(DamageError):
+            for _ in range(2):
+                if place != self._end:
+                    _, place = self._read_head(file, place)
+            return True
+        return False
 
     def _is_cut_off(self, file: BinaryIO, place: int) -> bool:
         """Tell whether nothing follows in a file that was never closed.
