@@ -10,6 +10,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
+from impact_rig.nodes.ledger import Ledger
 from impact_rig.nodes.recorder import RecorderNode
 
 from .campaigns import begin, start_rig
@@ -142,3 +143,17 @@ def test_hits_without_a_verdict_end_it_and_none_is_counted(harness, monkeypatch)
     assert [message.record for message in releases.messages] == [1, 2, 3]
     assert not result.accepted
     assert any("no verdict on record 1" in item.message for item in feedback.messages)
+
+
+def test_a_record_that_is_not_stored_is_waited_for(harness, tmp_path, monkeypatch):
+    held = []
+    harness.add(RecorderNode, output=str(tmp_path / "session.mcap"))
+    parameters = {"require_recorder": True, "verdict_timeout": 0.2}
+    handle, feedback = strike_on(harness, campaign=parameters)
+    with monkeypatch.context() as patch:
+        patch.setattr(Ledger, "add_stored", lambda _, message: held.append(message) or ())
+        wait_for_state(feedback, PAUSED, "the recorder has not stored record")
+    estimator = find_node(harness, EstimatorNode)
+    harness.run(lambda: [estimator._on_stored(message) for message in held])
+    wait_for_more_hits(feedback)
+    check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)

@@ -77,10 +77,11 @@ class PowerCutError(Exception):
 
 
 def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
-    power, tmp_path, ros_domain, monkeypatch
+    harness, power, tmp_path, ros_domain, monkeypatch
 ):
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     on, off = power
+    verdicts = harness.listen(interfaces.IMPACT)
     goal = CampaignGoal(samples=SAMPLES, impacts=IMPACTS)
 
     killed = []
@@ -109,6 +110,10 @@ def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
     off()
     hits = outcome.results.hits
     assert len({hit.record for hit in hits}) == len(hits)
+    # Of every verdict that was published, also before the cut, the hit is on the disk.
+    seen = {(verdict.record, verdict.contact_time) for verdict in verdicts.messages}
+    assert len(seen) >= IMPACTS
+    assert seen <= {(hit.record, hit.contact_time) for hit in hits}
     accepted = [(hit.sample, hit.impact) for hit in hits if hit.accepted]
     assert accepted == [(name, number) for name in SAMPLES for number in range(1, IMPACTS + 1)]
     assert len(list(tmp_path.glob("session*.mcap"))) == 2
