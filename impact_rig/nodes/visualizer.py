@@ -9,10 +9,11 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable, Hashable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs.msg import (
     AccelerationBlock,
     HammerEstimate,
@@ -35,26 +36,18 @@ from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.recordings.messages import (
     NO_ID,
     block_from_msg,
-    label_from_msg,
     setup_from_msg,
     stamp_from_msg,
 )
 from impact_rig.recordings.new_file import choose_free
 from impact_rig.results.hit_traces import TraceAssembler
-from impact_rig.results.sample_traces import AlignedHit
 
 SILENCE = 5.0 * DIAGNOSTIC_PERIOD
-"""After what time without a word a node counts as silent [s], our choice."""
+"""How long a node that is not silent may take between two diagnostics [s], our choice."""
 
 
 class RigHealth:
-    """Keeps the last word of every node of one rig.
-
-    Parameters
-    ----------
-    namespace : str
-        Of the rig: the nodes right in it belong to it.
-    """
+    """Keeps the newest diagnostics of each node in the namespace of a rig."""
 
     def __init__(self, namespace: str) -> None:
         self._prefix = namespace.rstrip("/") + "/"
@@ -62,34 +55,28 @@ class RigHealth:
         self._stamp = 0
 
     def add(self, message: DiagnosticArray) -> bool:
-        """Keep what nodes of the rig say; return whether there was any."""
-        own = [status for status in message.status if self._is_own(status.name)]
-        for status in own:
+        """Keep the diagnostics of the rig's nodes; return whether there are any."""
+        is_any = False
+        for status in message.status:
             name = status.name.removeprefix(self._prefix)
-            self._nodes[name] = (_convert(name, status), time.monotonic())
-        if own:
-            self._stamp = stamp_from_msg(message.header.stamp)
-        return bool(own)
+            if name != status.name and "/" not in name:
+                # rclpy has a byte as bytes.
+                level = int.from_bytes(status.level)
+                values = tuple((item.key, item.value) for item in status.values)
+                health = NodeHealth(name, level, status.message, values)
+                self._nodes[name] = health, time.monotonic()
+                self._stamp, is_any = stamp_from_msg(message.header.stamp), True
+        return is_any
 
     def make_health(self) -> Health:
-        """Return what is known now, by the names of the nodes."""
+        """Return the newest diagnostics, by the names of the nodes."""
         now = time.monotonic()
         return Health(
             nodes=tuple(
-                _mark_silent(node, now - heard) for _, (node, heard) in sorted(self._nodes.items())
+                _mark_silent(node, now - came) for _, (node, came) in sorted(self._nodes.items())
             ),
             stamp=self._stamp,
         )
-
-    def _is_own(self, name: str) -> bool:
-        return name.startswith(self._prefix) and "/" not in name.removeprefix(self._prefix)
-
-
-def _convert(name: str, status: DiagnosticStatus) -> NodeHealth:
-    # rclpy gives a byte for a byte.
-    level = status.level[0] if isinstance(status.level, bytes) else status.level
-    values = tuple((item.key, item.value) for item in status.values)
-    return NodeHealth(name, int(level), status.message, values)
 
 
 def _mark_silent(node: NodeHealth, silence: float) -> NodeHealth:
@@ -125,7 +112,7 @@ class VisualizerNode(RigNode):
         self.declare("spawn", False, "open a viewer on this host")
         self.declare("web", False, "serve a web page for this host; the log says where")
         self._view: LiveView | None = None
-        self._latest: dict[Hashable, Work] = {}
+        self._latest: dict[Hashable, Work] = {}  # to be logged at the next refresh
         self._refreshing: Any = None
         self._is_behind = False
         self._left_out = 0
@@ -137,8 +124,6 @@ class VisualizerNode(RigNode):
             maxlen=WAITING_MESSAGES
         )
         self._health = RigHealth(self.get_namespace())
-        self._blocks_before = 0
-        self._next_health = 0.0
         self._rates = {name: RateMeter() for name in ("blocks", "hits")}
         self._counts = {"campaigns": 0, "blocks": 0, "hits": 0, "comparisons": 0}
 
@@ -155,23 +140,23 @@ class VisualizerNode(RigNode):
         self._campaign = None
 
     def activate(self) -> None:
-        """Listen; what was said last before is heard now."""
+        """Subscribe; latched messages come at once."""
         self._subscriptions_of_view = [
             self.listen(topic, callback)
             for topic, callback in (
-                (interfaces.SETUP, self._begin),
-                (interfaces.ACCELERATION, self._take_block),
-                (interfaces.VIRTUAL_IMPACT, self._in_campaign(self._take_truth)),
-                (interfaces.IMPACT, self._in_campaign(self._take_impact)),
-                (interfaces.ESTIMATE, self._in_campaign(self._take_estimate)),
-                (interfaces.HAMMER_ESTIMATE, self._in_campaign(self._take_hammer)),
-                (interfaces.COMPARISON, self._in_campaign(self._take_comparison)),
-                (interfaces.DIAGNOSTICS, self._take_diagnostics),
+                (interfaces.SETUP, self._on_setup),
+                (interfaces.ACCELERATION, self._on_block),
+                (interfaces.VIRTUAL_IMPACT, partial(self._show, self._on_truth)),
+                (interfaces.IMPACT, partial(self._show, self._on_impact)),
+                (interfaces.ESTIMATE, partial(self._show, self._on_estimate)),
+                (interfaces.HAMMER_ESTIMATE, partial(self._show, self._on_hammer_estimate)),
+                (interfaces.COMPARISON, partial(self._show, self._on_comparison)),
+                (interfaces.DIAGNOSTICS, self._on_diagnostics),
             )
         ]
 
     def deactivate(self) -> None:
-        """Listen no longer."""
+        """Withdraw the subscriptions."""
         for subscription in self._subscriptions_of_view:
             self.destroy_subscription(subscription)
         self._subscriptions_of_view = []
@@ -199,9 +184,9 @@ class VisualizerNode(RigNode):
         """Return why the view is not complete."""
         if self._is_behind:
             return "a viewer takes no data, or the disk is full: the view may be behind"
-        return self._campaign.overlay.fault if self._campaign else ""
+        return self._campaign.fault if self._campaign else ""
 
-    def _put(self, work: Work) -> None:
+    def _log(self, work: Work) -> None:
         if self._view is None:
             return
         try:
@@ -212,22 +197,18 @@ class VisualizerNode(RigNode):
                 self._last_reason = str(error)
                 self.get_logger().warning(f"a view is left out: {error}")
 
-    def _put_latest(self, key: Hashable, work: Work) -> None:
-        """Log something at the next refresh, in place of what the key had."""
-        self._latest[key] = work
-
     def _log_latest(self) -> None:
         latest = tuple(self._latest.values())
         self._latest.clear()
         for work in latest:
-            self._put(work)
+            self._log(work)
 
     def _refresh(self) -> None:
         self._log_latest()
         if self._view is not None:
             self._is_behind = not self._view.flush()
 
-    def _begin(self, message: RigSetup) -> None:
+    def _on_setup(self, message: RigSetup) -> None:
         setup = setup_from_msg(message)
         stamp = stamp_from_msg(message.header.stamp)
         campaign_id = id_from_msg(message.campaign_id)
@@ -239,69 +220,53 @@ class VisualizerNode(RigNode):
         self._log_latest()
         campaign = self._campaign = ShownCampaign(setup, campaign_id)
         contact_times = [sample.reference_contact_time for sample in setup.samples.samples]
-        self._put(
+        self._log(
             lambda log: log.log_setup(
                 setup.name, setup.samples.names, contact_times, setup.hammer_reading
             )
         )
-        self._put_results(campaign)
+        self._log_results_soon(campaign)
         early = tuple(self._early)
         self._early.clear()
-        for take, waiting in early:
-            self._take_in_campaign(take, waiting)
+        for callback, waiting in early:
+            self._show(callback, waiting)
 
-    def _in_campaign(self, take: Callable[[ShownCampaign, Any], None]) -> Callable[[Any], None]:
-        """Return a callback that takes what belongs to the campaign."""
-        return lambda message: self._take_in_campaign(take, message)
-
-    def _take_in_campaign(self, take: Callable[[ShownCampaign, Any], None], message: Any) -> None:
-        """Take what belongs to the campaign, and keep what comes before its set-up, as it may.
-
-        What was found in an earlier campaign, and is kept by its topic for who comes late, is not
-        shown.
-        """
+    def _show(self, callback: Callable[[ShownCampaign, Any], None], message: Any) -> None:
+        """Call back with a message of the campaign; one of another may be before its set-up."""
         campaign = self._campaign
         if campaign is None or id_from_msg(message.campaign_id) != campaign.campaign_id:
-            self._early.append((take, message))
+            self._early.append((callback, message))
         else:
-            take(campaign, message)
+            callback(campaign, message)
 
-    def _take_block(self, message: AccelerationBlock) -> None:
+    def _on_block(self, message: AccelerationBlock) -> None:
         self._counts["blocks"] += 1
         block = block_from_msg(message)
         traces = self._assembler.feed(block)
         if traces is not None:
             self._counts["hits"] += 1
-            self._put(lambda log: log.log_hit(traces))
-        if self._campaign is not None:
-            for hit in self._campaign.overlay.feed(block):
-                self._put_aligned(hit)
+            self._log(lambda log: log.log_hit(traces))
+        for hit in self._campaign.align(block) if self._campaign else ():
+            self._log(partial(ViewLog.log_aligned_hit, hit=hit))
 
-    def _put_aligned(self, hit: AlignedHit) -> None:
-        self._put(lambda log: log.log_aligned_hit(hit))
-
-    def _take_truth(self, campaign: ShownCampaign, message: VirtualImpact) -> None:
+    def _on_truth(self, campaign: ShownCampaign, message: VirtualImpact) -> None:
         campaign.add_truth(message)
 
-    def _take_impact(self, campaign: ShownCampaign, message: Impact) -> None:
+    def _on_impact(self, campaign: ShownCampaign, message: Impact) -> None:
         verdict = campaign.add_hit(message)
         stamp = stamp_from_msg(message.header.stamp)
-        self._put(lambda log: log.log_verdict(verdict, stamp))
-        if verdict.accepted:
-            hit = campaign.overlay.accept(label_from_msg(message))
-            if hit is not None:
-                self._put_aligned(hit)
-        self._put_results(campaign)
+        self._log(lambda log: log.log_verdict(verdict, stamp))
+        self._log_results_soon(campaign)
 
-    def _take_estimate(self, campaign: ShownCampaign, message: SampleEstimate) -> None:
+    def _on_estimate(self, campaign: ShownCampaign, message: SampleEstimate) -> None:
         campaign.add_estimate(message)
-        self._put_results(campaign)
+        self._log_results_soon(campaign)
 
-    def _take_hammer(self, campaign: ShownCampaign, message: HammerEstimate) -> None:
+    def _on_hammer_estimate(self, campaign: ShownCampaign, message: HammerEstimate) -> None:
         campaign.add_hammer(message)
-        self._put_results(campaign)
+        self._log_results_soon(campaign)
 
-    def _take_comparison(self, campaign: ShownCampaign, message: ModelComparison) -> None:
+    def _on_comparison(self, campaign: ShownCampaign, message: ModelComparison) -> None:
         self._counts["comparisons"] += 1
         campaign.add_comparison(message)
         sample = message.sample
@@ -311,22 +276,15 @@ class VisualizerNode(RigNode):
             log.log_sample(traces)
             log.log_law(traces, campaign.make_law(sample), campaign.setup)
 
-        self._put_latest(("traces", sample), show)
+        self._latest["traces", sample] = show
 
-    def _take_diagnostics(self, message: DiagnosticArray) -> None:
-        if not self._health.add(message):
-            return
-        health = self._health.make_health()
-        blocks, now = self._counts["blocks"], time.monotonic()
-        if blocks != self._blocks_before and now >= self._next_health:
-            # While hits come their history is kept, second by second.
-            self._blocks_before, self._next_health = blocks, now + DIAGNOSTIC_PERIOD
-            self._put(lambda log: log.log_health(health))
-        else:
-            self._put_latest("health", lambda log: log.log_health(health))
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        if self._health.add(message):
+            health = self._health.make_health()
+            self._latest["health"] = lambda log: log.log_health(health)
 
-    def _put_results(self, campaign: ShownCampaign) -> None:
-        self._put_latest("results", lambda log: log.log_results(campaign.make_results()))
+    def _log_results_soon(self, campaign: ShownCampaign) -> None:
+        self._latest["results"] = lambda log: log.log_results(campaign.make_results())
 
 
 def main() -> int:

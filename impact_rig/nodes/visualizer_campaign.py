@@ -21,7 +21,7 @@ from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.errors import RigError
 from impact_rig.core.hits import judge_hit
 from impact_rig.core.records import Block, HitLabel
-from impact_rig.core.setup import AnalysisSettings, RigSetup
+from impact_rig.core.setup import RigSetup
 from impact_rig.nodes.result_messages import hit_results_from_msg
 from impact_rig.recordings.messages import label_from_msg
 from impact_rig.results.campaign import HitResults, Results
@@ -81,12 +81,9 @@ def _stack(hammer: Any, specimen: Any) -> NDArray[np.float64]:
     return np.stack([trace[:count] for trace in traces]).astype(np.float64)
 
 
-WAITING_HITS = 16
-"""Hits that wait for their verdict, and verdicts for their hit, at most [-], our choice: blocks
-and verdicts travel apart, but not for long."""
 SHOWN_HITS = 100
-"""Of one sample, so many hits are shown one by one [-], our choice: more are a black band. Up to
-ten times as many every tenth is shown, up to a hundred times every hundredth, and so on: of 10 000
+"""Hits of one sample that are shown one by one [-], our choice: more are a black band. Up to ten
+times as many every tenth is shown, up to a hundred times every hundredth, and so on: of 10 000
 hits 280."""
 
 
@@ -98,90 +95,44 @@ def is_shown(number: int) -> bool:
     return number % step == 0
 
 
-class HitOverlay:
-    """Brings hits and verdicts together, whichever comes first.
+LARGEST_CAMPAIGN = 1000
+"""Most hits that tables and figures show, the newest [-], our choice: eight of the paper's
+campaigns. It bounds the node's memory."""
 
-    Parameters
-    ----------
-    settings : AnalysisSettings
-        How hits are found and filtered.
-    """
 
-    def __init__(self, settings: AnalysisSettings) -> None:
-        self._settings = settings
-        self._detector = ImpactDetector(settings)
+class ShownCampaign:
+    """Keeps the newest message about each hit, sample and model of a campaign."""
+
+    def __init__(self, setup: RigSetup, campaign_id: bytes) -> None:
+        self.setup = setup
+        self.campaign_id = campaign_id
+        self.fault = ""  # why hits are not laid over each other
+        self._detector = ImpactDetector(setup.analysis)
         self._label: HitLabel | None = None
         self._numbers: Counter[str] = Counter()
-        self._hits: OrderedDict[HitLabel, AlignedHit] = OrderedDict()
-        self._accepted: OrderedDict[HitLabel, None] = OrderedDict()
-        self.fault = ""
+        self._hits: OrderedDict[HitLabel, HitResults] = OrderedDict()
+        self._faults: OrderedDict[HitLabel, tuple[str, ...]] = OrderedDict()
+        self._hammer: HammerEstimate | None = None
+        self._estimates: dict[str, SampleEstimate] = {}
+        self._comparisons: dict[str, dict[str, ModelComparison]] = {}
 
-    def feed(self, block: Block) -> tuple[AlignedHit, ...]:
-        """Take the next block; return the hits that it completes and that are accepted already.
+    def align(self, block: Block) -> tuple[AlignedHit, ...]:
+        """Take a block; return the good hits that it completes, to be laid over the others.
 
-        Hits that are not shown are not looked at, see `is_shown`. One that cannot be filtered is
-        not there: `fault` says why.
+        Of a long series only some are shown, see `is_shown`.
         """
         if block.label != self._label:
             self._label = block.label
             self._numbers[block.label.sample] += 1
         if not is_shown(self._numbers[block.label.sample]):
             return ()
-        shown = []
         try:
-            for record in self._detector.feed(block):
-                judged = judge_hit(record, self._settings)
-                hit = align_hit(judged) if judged.accepted else None
-                if hit is None:
-                    continue
-                if hit.label in self._accepted:
-                    shown.append(hit)
-                else:
-                    self._hits[hit.label] = hit
+            judged = [judge_hit(it, self.setup.analysis) for it in self._detector.feed(block)]
+            aligned = [align_hit(hit) for hit in judged if hit.accepted]
         except RigError as error:
             self.fault = f"hits are not laid over each other: {error}"
-        _forget_oldest(self._hits)
-        return tuple(shown)
-
-    def accept(self, label: HitLabel) -> AlignedHit | None:
-        """Take the estimator's word that a hit is accepted; return the hit if it is there."""
-        hit = self._hits.pop(label, None)
-        if hit is None:
-            self._accepted[label] = None
-            _forget_oldest(self._accepted)
-        return hit
-
-
-def _forget_oldest(waiting: OrderedDict) -> None:
-    while len(waiting) > WAITING_HITS:
-        waiting.popitem(last=False)
-
-
-LARGEST_CAMPAIGN = 1000
-"""Hits that tables and figures show at most, the newest [-], our choice: eight of the paper's
-campaigns. Beyond, the node's memory does not grow."""
-
-
-class ShownCampaign:
-    """Keeps the newest word on everything.
-
-    Parameters
-    ----------
-    setup : RigSetup
-        With what is measured.
-    campaign_id : bytes
-        Of the campaign, which all that is found in it carries.
-    """
-
-    def __init__(self, setup: RigSetup, campaign_id: bytes) -> None:
-        self.setup = setup
-        self.campaign_id = campaign_id
-        self.overlay = HitOverlay(setup.analysis)
-        self._hits: OrderedDict[HitLabel, HitResults] = OrderedDict()
-        self._faults: OrderedDict[HitLabel, tuple[str, ...]] = OrderedDict()
-        self._hammer: HammerEstimate | None = None
-        self._estimates: dict[str, SampleEstimate] = {}
-        self._comparisons: dict[str, dict[str, ModelComparison]] = {}
+            return ()
+        return tuple(hit for hit in aligned if hit is not None)
 
     def add_truth(self, message: VirtualImpact) -> None:
         """Keep what the virtual rig did on purpose."""

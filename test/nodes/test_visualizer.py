@@ -70,7 +70,7 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
     impacts.wait_for_count(2)
     estimates.wait_for_count(2)
     harness.wait_until(lambda: node.diagnose()["hits"] == 2)
-    harness.wait_until(lambda: node.diagnose()["comparisons"] == 2)
+    harness.wait_until(lambda: node.diagnose()["comparisons"] >= 2)
     # Once a second each node says how it is.
     harness.wait_until(
         lambda: (

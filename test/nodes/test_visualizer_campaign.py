@@ -18,7 +18,8 @@ from impact_rig.devices.virtual.rig import (
 )
 from impact_rig.nodes import messages, result_messages, visualizer_campaign
 from impact_rig.nodes.identity import NO_IDENTITY
-from impact_rig.nodes.visualizer_campaign import WAITING_HITS, HitOverlay, ShownCampaign, is_shown
+from impact_rig.nodes.visualizer_campaign import ShownCampaign, is_shown
+from impact_rig.recordings.messages import NO_ID
 from impact_rig.results.campaign import results_from_session
 from impact_rig.results.sample_traces import sample_traces_from_estimate
 
@@ -33,66 +34,35 @@ def strike(record=1):
 
 
 @pytest.fixture
-def overlay():
-    return HitOverlay(PAPER_SETUP.analysis)
+def shown():
+    return ShownCampaign(PAPER_SETUP, NO_ID)
 
 
-def feed(overlay, blocks):
-    return [hit for block in blocks for hit in overlay.feed(block)]
+def align(shown, blocks):
+    return [hit for block in blocks for hit in shown.align(block)]
 
 
-def test_a_hit_waits_for_its_verdict(overlay):
+def test_the_middle_of_a_hit_s_pulse_is_at_time_zero(shown):
     label, blocks = strike()
-    assert feed(overlay, blocks) == []
-
-    hit = overlay.accept(label)
+    (hit,) = align(shown, blocks)
     assert hit.label == label
-    assert overlay.accept(label) is None, "shown once"
-
-
-def test_a_verdict_waits_for_its_hit(overlay):
-    label, blocks = strike()
-    assert overlay.accept(label) is None
-
-    (hit,) = feed(overlay, blocks)
-    assert hit.label == label
-
-
-def test_the_middle_of_its_pulse_is_at_time_zero(overlay):
-    label, blocks = strike()
-    feed(overlay, blocks)
-    hit = overlay.accept(label)
     middle = hit.start_time + measure_pulse(hit.traces[0]).middle / hit.sampling_rate
     assert middle == pytest.approx(0.0, abs=0.02 / hit.sampling_rate)
 
 
-def test_a_hit_that_nobody_accepts_is_not_shown(overlay):
-    label, blocks = strike(record=2)
-    feed(overlay, blocks)
-    assert overlay.accept(label) is None
+def test_a_rejected_hit_is_not_laid_over_the_others(shown):
+    assert align(shown, strike(record=2)[1]) == []
 
 
-def test_what_waits_for_ever_is_forgotten(overlay):
-    first, blocks = strike(record=3)
-    feed(overlay, blocks)
-    for record in range(4, 4 + WAITING_HITS):
-        feed(overlay, strike(record)[1])
-    assert overlay.accept(first) is None
-    assert overlay.accept(HitLabel(CONTROL_SAMPLE, record=4, impact=4)) is not None
-
-
-def test_of_a_long_series_ever_fewer_hits_are_shown(overlay):
-    shown = 0
+def test_of_a_long_series_ever_fewer_hits_are_shown(shown):
     (block,) = RIG.strike(HitLabel(CONTROL_SAMPLE)).split(10_000, 0)
+    count = 0
     for record in range(1, 121):
         named = HitLabel(CONTROL_SAMPLE, record=record, impact=record)
-        overlay.accept(named)
-        shown += len(overlay.feed(replace(block, label=named)))
-    assert shown == 99 + 3
-    # Another sample begins with every one.
-    other = HitLabel("steel small", record=2000)
-    overlay.accept(other)
-    assert len(overlay.feed(replace(block, label=other))) == 1
+        count += len(shown.align(replace(block, label=named)))
+    assert count == 99 + 3
+    # Each sample counts for itself.
+    assert len(shown.align(replace(block, label=HitLabel("steel small", record=2000)))) == 1
 
 
 def test_of_ten_thousand_hits_280_are_shown():
@@ -100,17 +70,16 @@ def test_of_ten_thousand_hits_280_are_shown():
     assert all(map(is_shown, range(1, 100)))
 
 
-def test_a_low_pass_that_the_sampling_is_too_slow_for_is_told(overlay):
+def test_a_low_pass_that_the_sampling_is_too_slow_for_is_named(shown):
     _, blocks = strike()
     slow = [replace(block, sampling_rate=50e3) for block in blocks]
-    assert feed(overlay, slow) == []
-    assert "hits are not laid over each other" in overlay.fault
-    assert "cutoff" in overlay.fault
+    assert align(shown, slow) == []
+    assert "hits are not laid over each other" in shown.fault
+    assert "cutoff" in shown.fault
 
 
 NAMES = ("steel small", CONTROL_SAMPLE)
 STAMP = messages.stamp_to_msg(10**18)
-STARTED = 10**18 - 7
 
 
 class Told:
@@ -150,7 +119,7 @@ def told():
 
 @pytest.fixture
 def campaign(told):
-    shown = ShownCampaign(PAPER_SETUP, STARTED)
+    shown = ShownCampaign(PAPER_SETUP, NO_ID)
     told.tell(shown)
     return shown
 
@@ -179,7 +148,7 @@ def test_traces_are_those_of_the_session(told, campaign):
 
 def test_an_endless_campaign_keeps_its_newest_hits(told, monkeypatch):
     monkeypatch.setattr(visualizer_campaign, "LARGEST_CAMPAIGN", 3)
-    shown = ShownCampaign(PAPER_SETUP, STARTED)
+    shown = ShownCampaign(PAPER_SETUP, NO_ID)
     message = told.verdicts[0]
     for record in range(1, 6):
         message.record = record
