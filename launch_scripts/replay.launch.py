@@ -3,7 +3,6 @@
 ``ros2 launch impact_rig replay.launch.py --show-args`` lists the arguments.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +19,8 @@ from launch.actions import (
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
-from impact_rig.configuration.processes import WINDOW, make_viewer_parameters
-from impact_rig.configuration.run import choose_view
-from impact_rig.core.errors import ParameterError
+from impact_rig.configuration.processes import WINDOW, make_viewer_parameters, split_names
+from impact_rig.configuration.run import choose_view, parse_number
 from impact_rig.recordings.source import find_recording
 
 SWITCH = ["true", "false"]
@@ -91,8 +89,8 @@ def make_replay(context: LaunchContext) -> list[Action]:
     recording = find_recording(Path(read("file")).expanduser())
     replayer = {
         "file": str(recording.resolve()),
-        "rate": read_number("rate", read("rate"), float),
-        "loop": read_number("loop", read("loop"), int),
+        "rate": parse_number("rate", read("rate"), float),
+        "loop": parse_number("loop", read("loop"), int),
         "required_subscribers": ", ".join(listeners),
         "exit_when_done": read("exit_when_done") == "true",
     }
@@ -107,7 +105,7 @@ def make_replay(context: LaunchContext) -> list[Action]:
 
 def choose_destination(viewer: str, view: str) -> dict[str, Any]:
     """Return the visualizer's parameters: file and viewers, or a window if nothing is chosen."""
-    viewers = [name for name in split_names(viewer) if name]
+    viewers = split_names(viewer)
     file = {"output": str(Path(view).expanduser().resolve())} if view else {}
     return {**file, **make_viewer_parameters(viewers or ([] if view else [WINDOW]))}
 
@@ -126,17 +124,3 @@ def make_node(name: str, values: dict[str, Any], params_file: str) -> Action:
         emulate_tty=True,
         on_exit=Shutdown(reason=f"{name} ended"),
     )
-
-
-def split_names(text: str) -> list[str]:
-    """Return names that stand between commas; ROS knows no empty list of texts."""
-    return [name.strip() for name in text.split(",")]
-
-
-def read_number(name: str, text: str, kind: Callable[[str], float | int]) -> float | int:
-    """Return an argument as a number."""
-    try:
-        return kind(text)
-    except ValueError:
-        wanted = "a whole number" if kind is int else "a number"
-        raise ParameterError(f"{name}:={text}: it must be {wanted}") from None

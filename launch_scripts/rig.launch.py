@@ -5,7 +5,6 @@ of ``impact-rig up``; names are relative, so that the rig can be remapped and pu
 """
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +28,7 @@ from impact_rig.configuration.processes import (
     NodeProcess,
     list_rig_processes,
     make_network_variables,
+    split_names,
 )
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.configuration.run import (
@@ -36,6 +36,7 @@ from impact_rig.configuration.run import (
     choose_view,
     make_run_folder,
     make_virtual_source,
+    parse_number,
 )
 from impact_rig.core.errors import ParameterError
 from impact_rig.devices.virtual.choices import Fault, Plant
@@ -92,15 +93,6 @@ ARGUMENTS = (
         description="folder of an earlier run to go on with; with impacts, its campaign goes on",
     ),
     DeclareLaunchArgument(
-        "record_stream",
-        default_value="false",
-        choices=SWITCH,
-        description="with continuous: record the whole stream, not only the impacts in it",
-    ),
-    DeclareLaunchArgument(
-        "notes", default_value="", description="what the recording should say of itself"
-    ),
-    DeclareLaunchArgument(
         "visualizer",
         default_value="auto",
         choices=["auto", "true", "false"],
@@ -152,12 +144,12 @@ def make_rig(context: LaunchContext) -> list[Action]:
 
     rig_file = Path(read("rig_file")).resolve() if read("rig_file") else None
     rig = load_rig_file(rig_file)
-    faults = read_number("faults", read("faults"), float)
+    faults = parse_number("faults", read("faults"), float)
     if faults is not None and not 0.0 <= faults <= 1.0:
         raise ParameterError(f"faults:={faults:g}: it must be a probability, from 0 to 1")
     source = make_virtual_source(
         plant=read("plant") or None,
-        seed=read_number("seed", read("seed"), int),
+        seed=parse_number("seed", read("seed"), int),
         faults=faults,
     )
     executables = Path(get_package_prefix("impact_rig"), "lib", "impact_rig")
@@ -169,8 +161,6 @@ def make_rig(context: LaunchContext) -> list[Action]:
         source=source,
         swing=rig.hammer,
         continuous=read("continuous") == "true",
-        notes=read("notes"),
-        record_stream=read("record_stream") == "true",
         visualize=choose_view(read("visualizer"), executables / "visualizer"),
         viewers=split_names(read("viewer")),
         only=split_names(read("only")),
@@ -183,7 +173,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
     actions = [make_node(process, read("params_file"), respawn=respawn) for process in processes]
     if read("namespace"):
         actions = [GroupAction([PushRosNamespace(read("namespace")), *actions])]
-    impacts = read_number("impacts", read("impacts"), int)
+    impacts = parse_number("impacts", read("impacts"), int)
     if impacts is not None:
         actions.append(make_campaign(impacts, read("resume"), read("namespace")))
     variables = make_network_variables(os.environ, network=read("network") == "true")
@@ -223,17 +213,3 @@ def make_campaign(impacts: int, resume: str, namespace: str) -> Action:
     return ExecuteProcess(
         cmd=command, output="screen", on_exit=Shutdown(reason="the campaign ended")
     )
-
-
-def split_names(text: str) -> list[str]:
-    """Return what stands between commas."""
-    return [name.strip() for name in text.split(",") if name.strip()]
-
-
-def read_number(name: str, text: str, kind: Callable[[str], float | int]) -> Any:
-    """Return an argument as a number; None if it is empty."""
-    try:
-        return kind(text) if text else None
-    except ValueError:
-        wanted = "a whole number" if kind is int else "a number"
-        raise ParameterError(f"{name}:={text}: it must be {wanted}") from None

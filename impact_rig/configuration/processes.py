@@ -60,6 +60,11 @@ def use_one_thread() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
+def split_names(text: str) -> list[str]:
+    """Return the names in a text that lists them by commas."""
+    return [part.strip() for part in text.split(",") if part.strip()]
+
+
 def open_closed_streams() -> None:
     """Put the null device behind standard streams that are closed.
 

@@ -4,6 +4,7 @@ import json
 import os
 import shlex
 import subprocess
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,15 @@ def parse_settings(settings: tuple[str, ...]) -> dict[str, dict[str, Any]]:
         except json.JSONDecodeError:
             parsed.setdefault(node, {})[parameter] = value
     return parsed
+
+
+def parse_number(name: str, text: str, kind: Callable[[str], float | int]) -> Any:
+    """Return a launch argument as a number; None if it is empty."""
+    try:
+        return kind(text) if text else None
+    except ValueError:
+        wanted = "a whole number" if kind is int else "a number"
+        raise ParameterError(f"{name}:={text}: it must be {wanted}") from None
 
 
 def choose_view(wanted: str, executable: Path) -> bool:

@@ -9,12 +9,16 @@ from typing import Any
 from impact_rig_msgs.srv import JoinCampaign
 
 from impact_rig import __version__
-from impact_rig.configuration.processes import RECORDING_NAME, make_run_folder_name
+from impact_rig.configuration.processes import (
+    RECORDING_NAME,
+    make_run_folder_name,
+    split_names,
+)
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.recorder_run import RecordingRun
-from impact_rig.nodes.rig_node import RigNode, split_names
+from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.new_file import DiskFullError, choose_free
 from impact_rig.recordings.provenance import read_attached_file
 from impact_rig.recordings.source import SUFFIX

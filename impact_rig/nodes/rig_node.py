@@ -18,7 +18,7 @@ from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallba
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from impact_rig.configuration.processes import ACTIVE
+from impact_rig.configuration.processes import ACTIVE, split_names
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.async_node import AsyncNode
 from impact_rig.nodes.identity import Identity, Membership, id_from_msg
@@ -372,8 +372,3 @@ class RateMeter:
         (then, before), self._seen = self._seen, (time.monotonic(), count)
         elapsed = self._seen[0] - then
         return max(count - before, 0) / elapsed if elapsed > 0.0 else 0.0
-
-
-def split_names(text: str) -> list[str]:
-    """Return the names in a text that lists them by commas."""
-    return [part.strip() for part in text.split(",") if part.strip()]
