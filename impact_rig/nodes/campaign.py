@@ -27,6 +27,8 @@ from impact_rig.nodes.rig_node import RigNode
 
 LOOK_PERIOD = 0.5
 """How often a campaign checks whether its pause is over [s]."""
+ATTEMPTS = 10
+"""Strikes in a row without an accepted hit that end a campaign whose goal has no limit [-]."""
 NOT_YET_TIMEOUT = 10.0
 """How long accelerometers or hammer may answer "not yet" [s], our choice: nodes that have just
 started take a while to find each other."""
@@ -48,11 +50,6 @@ class CampaignNode(RigNode):
     def __init__(self, **options: Any) -> None:
         super().__init__("campaign", **options)
         self.declare("rig_file", "", "path of the rig file; empty: the paper's rig and samples")
-        self.declare(
-            "attempts_per_impact", 10,
-            "hits of a sample in a row that may be rejected, or get no verdict [-]",
-            low=1, high=1000, live=True,
-        )  # fmt: skip
         self.declare(
             "verdict_timeout", 5.0, "longest time from the latest contact to the verdict [s]",
             low=0.1, high=3600.0, live=True,
@@ -242,7 +239,7 @@ class CampaignNode(RigNode):
             if wanted.has_angle and not is_set:
                 holder = self._hammer.holder if self._hammer else "none"
                 raise EndError(
-                    f"the holder ({holder}) cannot set a release angle, and nobody is asked to:"
+                    f"the holder ({holder}) cannot set a release angle, and no person is asked to:"
                     " let the campaign confirm the samples (--ask)"
                 )
             return False

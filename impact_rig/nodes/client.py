@@ -169,7 +169,7 @@ class RigClient:
         Raises
         ------
         DeviceError
-            If nobody offers it, or no answer comes.
+            If no node offers it, or no answer comes.
         """
         client = self._node.create_client(kind, name)
         try:
@@ -222,7 +222,7 @@ class HammerClient(RigClient):
         Raises
         ------
         DeviceError
-            If it was refused, or nobody answers.
+            If it was refused, or no answer comes.
         """
         response = self.call(Trigger, SERVICES[action], Trigger.Request(), self._timeout)
         if not response.success:
@@ -262,7 +262,7 @@ NEW_ONES = QoSProfile(
 
 
 CampaignGoal: TypeAlias = RunCampaign.Goal
-"""What to run, as the action's definition says it."""
+"""As the definition of the action has it."""
 
 
 @dataclass(frozen=True)
@@ -297,7 +297,7 @@ class Operator(Protocol):
         ...
 
     def let_go(self, sample: str, patience: float) -> None:
-        """Hear that the hammer may be let go by hand, within so many seconds."""
+        """Release the hammer by hand, within so many seconds."""
         ...
 
 
@@ -465,7 +465,7 @@ class CampaignClient(RigClient):
             return
         if status.alive_count:
             self._gone_since = math.inf
-            # A node that was started again does not know the goal, and says so.
+            # A node that was started again answers that it does not know the goal.
             self._result = self._goal.get_result_async()
             return
         self._gone_since = time.monotonic()

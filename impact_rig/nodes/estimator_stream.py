@@ -1,4 +1,4 @@
-"""The running stream: taken in a thread of its own, its impacts published as if triggered."""
+"""The running stream: received in its own thread, its impacts published as if triggered."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,7 @@
-"""The hammer with its interlock: the one place where a holder is told to let go.
+"""The hammer with its interlock: the one place that releases a holder.
 
 It knows no clock, no messages and no other node, so that its promise can be tested by itself: the
-holder lets go when a release was accepted, and never else.
+holder releases after an accepted release, and never else.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,34 +41,22 @@ class Disarming(IntEnum):
 
 ON_ITS_WAY = "the holder moves the hammer to its release angle"
 NEVER_ARMED = "held, not armed"
-"""What a hammer says that has just been started, or is back."""
+"""The message of a hammer that has just been started, or is back."""
 _AWAY = "put it back and call hammer/confirm_held"
 
 
 @dataclass(frozen=True)
 class HammerCondition:
-    """What everybody may know of the hammer.
-
-    Attributes
-    ----------
-    place : HammerPlace
-        Where it is.
-    is_armed : bool
-        The operator's enable is given.
-    disarmed_by : Disarming
-        Who or what took it last; `OPERATOR` while it is given, and before it ever was.
-    message : str
-        In words.
-    """
+    """The state of the hammer, as it is published."""
 
     place: HammerPlace = HammerPlace.HELD
-    is_armed: bool = False
-    disarmed_by: Disarming = Disarming.OPERATOR
+    is_armed: bool = False  # the operator's enable is given
+    disarmed_by: Disarming = Disarming.OPERATOR  # also while it is given, and before it ever was
     message: str = NEVER_ARMED
 
 
 class GuardedHammer:
-    """Lets the hammer go when it is held and armed, and nothing else forbids it.
+    """Releases the hammer when it is held and armed, and nothing else forbids it.
 
     At first, and whenever a holder has been taken, it is disarmed. An emergency stop lasts until
     it is reset, whatever happens to the holder meanwhile. When a method raises `DeviceError`, the
@@ -76,12 +64,12 @@ class GuardedHammer:
 
     Parameters
     ----------
-    tell : callable
+    publish : callable
         Called with every new condition.
     """
 
-    def __init__(self, tell: Callable[[HammerCondition], None]) -> None:
-        self._tell = tell
+    def __init__(self, publish: Callable[[HammerCondition], None]) -> None:
+        self._publish = publish
         self._condition = HammerCondition()
         self._holder: HammerHolder | None = None
         self._fault = ""
@@ -89,7 +77,7 @@ class GuardedHammer:
 
     @property
     def condition(self) -> HammerCondition:
-        """What everybody may know of it."""
+        """Its state."""
         return self._condition
 
     @property
@@ -124,7 +112,7 @@ class GuardedHammer:
     def lose(self, reason: str) -> None:
         """Note that the holder is lost: the hammer may be anywhere."""
         self._fault, self._is_known_held = reason, False
-        # Whoever had taken the enable before, a person above all, has still taken it.
+        # A disarming before, above all by a person, is still the last one.
         taker = Disarming.LOSS if self._condition.is_armed else self._condition.disarmed_by
         self._change(place=HammerPlace.FAULT, is_armed=False, disarmed_by=taker, message=reason)
 
@@ -180,7 +168,7 @@ class GuardedHammer:
         return isinstance(self._holder, AngledHolder)
 
     def set_angle(self, angle: float) -> str:
-        """Let the holder move the hammer to a release angle [rad].
+        """Move the hammer to a release angle [rad].
 
         Returns
         -------
@@ -194,7 +182,7 @@ class GuardedHammer:
         return "" if self._holder.set_angle(angle) else ON_ITS_WAY
 
     def release(self, obstacle: str) -> str:
-        """Let the hammer go, if nothing forbids it.
+        """Release the hammer, if nothing forbids it.
 
         Parameters
         ----------
@@ -209,7 +197,7 @@ class GuardedHammer:
         reason = self.describe_obstacle() or obstacle
         if reason or self._holder is None:
             return reason
-        # Whatever comes of it: nobody knows where the hammer is.
+        # Also if the holder fails now: where the hammer is becomes unknown.
         self._is_known_held = False
         self._holder.release()
         message = "the operator may let go" if self._holder.is_by_hand else "released"
@@ -238,7 +226,7 @@ class GuardedHammer:
         self._change(place=HammerPlace.HELD, message=message)
 
     def confirm_held(self) -> str:
-        """Hear from a person that the hammer is back; return why that is refused, or nothing."""
+        """Take a person's word that the hammer is back; return why that is refused, or nothing."""
         if self._holder is None or self._fault:
             return self._describe_fault()
         if self._condition.place is HammerPlace.SWINGING:
@@ -250,12 +238,12 @@ class GuardedHammer:
         return ""
 
     def check(self) -> None:
-        """Ask the holder what it does; raises `DeviceError` if it is lost or has let go."""
+        """Raise `DeviceError` if the holder is lost, or has released without an order."""
         if self._holder is None:
             return
         state = self._holder.read_state()
         if state is HolderState.RELEASED and self._condition.place is not HammerPlace.SWINGING:
-            raise DeviceError("the holder has let go though nobody told it to")
+            raise DeviceError("the holder has released the hammer without an order")
 
     def _describe_stop(self) -> str:
         return "an emergency stop lasts: call hammer/reset first" if self.is_stopped else ""
@@ -268,8 +256,8 @@ class GuardedHammer:
     def _change(self, **changes: Any) -> None:
         condition = replace(self._condition, **changes)
         if self._fault not in condition.message:
-            # Why the hammer is lost is told until it is back.
+            # The reason of a loss stays in the message until the hammer is back.
             condition = replace(condition, message=f"{condition.message}; {self._fault}")
         if condition != self._condition:
             self._condition = condition
-            self._tell(condition)
+            self._publish(condition)

@@ -371,7 +371,7 @@ class HammerNode(DeviceNode):
         return self._patience or float(self.get_value("swing_time"))
 
     def _on_swing_time(self) -> None:
-        by_hand = f"nobody released the hammer within {self._patience:g} s"
+        by_hand = f"the hammer was not released within {self._patience:g} s"
         self._end_swing(by_hand if self._patience else "back in the holder")
 
     def _end_swing(self, message: str) -> None:
@@ -382,7 +382,7 @@ class HammerNode(DeviceNode):
 
 
 def _read_clock() -> float:
-    """Return a time that nobody sets and that goes on while the computer sleeps [s]."""
+    """Return a time that cannot be set, and that goes on while the computer sleeps [s]."""
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 

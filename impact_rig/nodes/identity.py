@@ -52,7 +52,7 @@ NO_IDENTITY = Identity()
 
 
 def identity_from_msg(message: Any) -> Identity:
-    """Return the ids of a block, whoever decoded it."""
+    """Return the ids of a block."""
     return Identity(id_from_msg(message.campaign_id), id_from_msg(message.stream_id))
 
 

@@ -3,6 +3,7 @@
 All names are relative, so that a rig can be put into a namespace and remapped.
 """
 
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -46,7 +47,7 @@ of the paper's rate 20 MB each second."""
 LEASE = 2.0
 """After what time without a sign of life a node counts as silent [s], our choice: an operator who
 pulls a plug wants to see the enable go. The middleware gives one every two thirds of it, by a
-thread of its own, whatever keeps the node busy."""
+separate thread, also while the node is busy."""
 
 
 def _make_qos(depth: int, *, latched: bool) -> QoSProfile:
@@ -60,39 +61,22 @@ def _make_qos(depth: int, *, latched: bool) -> QoSProfile:
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of the rig.
+    """A topic of the rig."""
 
-    Attributes
-    ----------
-    name : str
-        Relative to the rig's namespace.
-    type : type
-        Message class.
-    qos : QoSProfile
-        Used by publisher and subscribers alike.
-    lease : float
-        After what time without a sign of life from the publisher whoever asks for it is told [s];
-        0: never, it is no topic of the rig's own nodes.
-    """
-
-    name: str
-    type: Any
-    qos: QoSProfile
-    lease: float = 0.0
+    name: str  # relative to the rig's namespace
+    type: Any  # message class
+    qos: QoSProfile  # of publisher and subscribers alike
+    lease: float = 0.0  # [s], after which a publisher without a sign of life is silent; 0: never
 
     @property
     def leased_qos(self) -> QoSProfile:
-        """What the rig's own publishers offer, and what asks for it who must miss them."""
+        """The QoS of the rig's own publishers, and of subscribers that watch their liveliness."""
         if not self.lease:
             return self.qos
-        return QoSProfile(
-            history=self.qos.history,
-            depth=self.qos.depth,
-            reliability=self.qos.reliability,
-            durability=self.qos.durability,
-            liveliness=LivelinessPolicy.AUTOMATIC,
-            liveliness_lease_duration=Duration(seconds=self.lease),
-        )
+        leased = copy(self.qos)
+        leased.liveliness = LivelinessPolicy.AUTOMATIC
+        leased.liveliness_lease_duration = Duration(seconds=self.lease)
+        return leased
 
 
 SETUP = Topic("setup", RigSetup, _make_qos(1, latched=True), LEASE)
@@ -126,7 +110,7 @@ RECORD_STORED = Topic(
 NOTE = Topic("note", String, _make_qos(10, latched=False))
 """What an operator has to say while the rig runs."""
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, QoSProfile(depth=64))
-"""What every node says of itself once a second: one for all namespaces, as everywhere in ROS 2."""
+"""Of every node, once a second: one topic for all namespaces, as everywhere in ROS 2."""
 REPLAYER_STATE = Topic("replayer/state", ReplayerState, _make_qos(1, latched=True))
 
 RECORDED_TOPICS = (

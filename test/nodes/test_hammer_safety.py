@@ -241,7 +241,7 @@ def test_an_operator_may_take_his_time_and_everybody_knows_how_long(rig, start_b
 def test_an_operator_who_does_not_let_go_is_not_waited_for_for_ever(rig, start_by_hand):
     start_by_hand("1 s")
     assert rig.release().success
-    state = rig.wait(lambda item: item.message == "nobody released the hammer within 1 s")
+    state = rig.wait(lambda item: item.message == "the hammer was not released within 1 s")
     assert state.state == HammerState.HELD
 
 
