@@ -64,11 +64,7 @@ def compute_square_root(quantity: float | UncertainNumber) -> float | UncertainN
     return root
 
 
-@overload
-def compute_hypotenuse(side: float, quantity: float) -> float: ...
-@overload
-def compute_hypotenuse(side: float, quantity: UncertainNumber) -> UncertainNumber: ...
-def compute_hypotenuse(side: float, quantity: float | UncertainNumber) -> float | UncertainNumber:
+def compute_hypotenuse(side: float, quantity: Number) -> Number:
     """Return sqrt(side^2 + quantity^2); `side` is a constant above zero."""
     if isinstance(quantity, (int, float)):
         return math.hypot(side, quantity)

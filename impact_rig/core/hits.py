@@ -226,11 +226,11 @@ def _filter_record(
     if record.specimen is not None:
         channels.append(record.specimen)
     raw = np.stack([channel.acceleration for channel in channels])
-    quiet, findings = slice(0, baseline_stop), ()
+    quiet, findings = slice(0, baseline_stop), []
     if _begins_within_pulse(raw[0], baseline_stop):
         quiet = slice(-baseline_stop, None)
         text = "the record begins within the pulse: its zero is that of the record's end"
-        findings = (Rejection(Reason.TRUNCATED, text),)
+        findings.append(Rejection(Reason.TRUNCATED, text))
     raw -= raw[:, quiet].mean(axis=1, keepdims=True)
     traces = low_pass(raw, settings.cutoff_frequency, record.sampling_rate)
     traces.setflags(write=False)
@@ -244,7 +244,7 @@ def _filter_record(
         baseline_points=baseline_stop,
         label=record.label,
     )
-    return raw, hit, findings
+    return raw, hit, tuple(findings)
 
 
 def _begins_within_pulse(hammer: FloatArray, baseline_stop: int) -> bool:
@@ -415,13 +415,7 @@ def average_hits(hits: Sequence[FilteredHit]) -> MeanHit:
 
 @dataclass(frozen=True)
 class Overrules:
-    """Hits accepted or rejected by hand.
-
-    Attributes
-    ----------
-    accepted, rejected : frozenset of HitLabel
-        In the mean whatever the analysis says, and not in it.
-    """
+    """Hits that an operator accepts or rejects, before the verdicts of the analysis."""
 
     accepted: frozenset[HitLabel] = frozenset()
     rejected: frozenset[HitLabel] = frozenset()
@@ -472,16 +466,6 @@ def find_label(name: str, labels: Collection[HitLabel]) -> HitLabel:
     raise ParameterError(
         f"there is no hit {name!r}: name one by the number of its record or as SAMPLE/IMPACT or"
         f" SAMPLE/IMPACT.ATTEMPT, for example 17 or 'steel small/3.1'; there are {known}"
-    )
-
-
-def make_overrules(
-    accept: Sequence[str], reject: Sequence[str], labels: Collection[HitLabel]
-) -> Overrules:
-    """Return overrules of hits by name; see `find_label` and `Overrules` for errors."""
-    return Overrules(
-        frozenset(find_label(name, labels) for name in accept),
-        frozenset(find_label(name, labels) for name in reject),
     )
 
 

@@ -17,6 +17,45 @@ from impact_rig.core.records import FloatArray, Record, Trace
 from impact_rig.core.setup import AnalysisSettings
 
 
+class Reason(Enum):
+    """Why a hit is rejected, or what was found in it."""
+
+    NO_TRIGGER = "no_trigger"
+    GAP = "gap"
+    NON_FINITE = "non_finite"
+    DEAD_CHANNEL = "dead_channel"
+    NO_PULSE = "no_pulse"
+    OVERLOAD = "overload"
+    DROPOUT = "dropout"
+    WEAK = "weak"
+    STRONG = "strong"
+    TRUNCATED = "truncated"
+    DOUBLE_HIT = "double_hit"
+    ZERO_SHIFT = "zero_shift"
+    DROOP = "droop"
+    DRIFT = "drift"
+    RINGING = "ringing"
+    SMOOTHED = "smoothed"
+    FEW_POINTS = "few_points"
+    UNSTEADY_ZERO = "unsteady_zero"
+    POLARITY = "polarity"
+    INCONSISTENT = "inconsistent"
+    SURPLUS = "surplus"
+    OPERATOR = "operator"
+
+
+@dataclass(frozen=True)
+class Rejection:
+    """One reason against a hit, with a sentence that has the figures."""
+
+    reason: Reason
+    explanation: str
+
+    def __str__(self) -> str:
+        """Return ``code: explanation``."""
+        return f"{self.reason.value}: {self.explanation}"
+
+
 @dataclass(frozen=True)
 class Limits:
     """From where on a hit is doubted."""
@@ -76,12 +115,7 @@ def find_longest_rail_run(trace: Trace, quiet: int) -> int:
     The rail is full scale where that is known. Whether it is or not, extremes that are equal in a
     row more often than chance allows stand at one.
 
-    Parameters
-    ----------
-    trace : Trace
-        Finite, of a point or more.
-    quiet : int
-        Points before the pulse, which show noise and baseline, 1 or more.
+    The trace is finite; `quiet` points before the pulse, 1 or more, show noise and baseline.
     """
     values = trace.acceleration
     bottom, top = trace.extremes
@@ -178,90 +212,49 @@ def _find_longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
 
 
 def find_dropout(trace: Trace, quiet: int) -> tuple[int, float] | None:
-    """Find a single point that cannot be: off a smooth curve through its neighbours.
+    """Find a single point off a smooth curve through its neighbours: where, and by how much.
 
-    Parameters
-    ----------
-    trace : Trace
-        As recorded and finite, before any low-pass: it would smear the point.
-    quiet : int
-        Points before the pulse, which show the noise, 1 or more.
-
-    Returns
-    -------
-    tuple of int and float, or None
-        Where, and by how much it is off; None: there is none.
+    The trace is finite and as recorded, since a low-pass would smear the point; `quiet` points
+    before the pulse show the noise.
     """
-    values = trace.acceleration
-    if values.size <= 2 * LIMITS.reach:
+    values, reach = trace.acceleration, LIMITS.reach
+    if values.size <= 2 * reach:
         return None
     # It is far off both neighbours, and these on the same side.
     steps = values[1:] - values[:-1]
     least = LIMITS.least_dropout * (trace.extremes[1] - trace.extremes[0])
     if min(float(steps.max()), -float(steps.min())) < least:
         return None
-    bends = np.diff(steps)
-    index = 1 + int(np.abs(bends).argmax())
-    if not LIMITS.reach <= index < values.size - LIMITS.reach:
+    index = 1 + int(np.abs(np.diff(steps)).argmax())
+    if not reach <= index < values.size - reach:
         return None
-    near = values[index - LIMITS.reach : index + LIMITS.reach + 1].copy()
-    curve = (
-        4.0 * (near[LIMITS.reach - 1] + near[LIMITS.reach + 1])
-        - near[LIMITS.reach - 2]
-        - near[LIMITS.reach + 2]
-    ) / 6.0
-    off = float(near[LIMITS.reach] - curve)
-    near[LIMITS.reach] = curve
+    near = values[index - reach : index + reach + 1].copy()
+    curve = (4.0 * (near[reach - 1] + near[reach + 1]) - near[reach - 2] - near[reach + 2]) / 6.0
+    off = float(near[reach] - curve)
+    near[reach] = curve
     left = float(np.abs(np.diff(near, n=2)).max()) / 2.0
     noise = float(np.std(values[:quiet]))
     upright = np.abs(values)
     step = trace.resolution or find_step(upright, float(upright.max()))
     least = max(least, LIMITS.dropout_noise * noise, LIMITS.dropout_steps * step)
     is_alone = left <= LIMITS.dropout_rest * abs(off) + LIMITS.top_noise * noise
-    if abs(off) < least or not is_alone:
-        return None
-    return index, off
+    return (index, off) if abs(off) >= least and is_alone else None
 
 
-@dataclass(frozen=True)
-class Jump:
-    """A step between two points of a trace that is smooth on both sides.
+def find_jump(trace: Trace, quiet: int) -> tuple[Reason, int, float] | None:
+    """Find the largest step between two points of a trace that is smooth on both sides.
 
-    Attributes
-    ----------
-    place : int
-        Point before it.
-    height : float
-        Signed [unit of the trace].
-    is_wrapped : bool
-        From one end of the range to the other, as of integers that are too short.
+    An overload: the counts wrap around; a gap: points are missing. With the point before it, and
+    its height. The trace is finite and as recorded; `quiet` points before the pulse show the
+    noise.
     """
-
-    place: int
-    height: float
-    is_wrapped: bool
-
-
-def find_jump(trace: Trace, quiet: int) -> Jump | None:
-    """Find the largest jump: points are missing there, or the counts wrap around.
-
-    Parameters
-    ----------
-    trace : Trace
-        As recorded and finite, before any low-pass.
-    quiet : int
-        Points before the pulse, which show the noise, 1 or more.
-    """
-    values = trace.acceleration
+    values, reach = trace.acceleration, 2 * LIMITS.reach
     steps = values[1:] - values[:-1]
-    if steps.size <= 4 * LIMITS.reach:
+    if steps.size <= 2 * reach:
         return None
     extent = trace.extremes[1] - trace.extremes[0]
     place = int(steps.argmax()) if steps.max() > -steps.min() else int(steps.argmin())
-    if (
-        abs(steps[place]) < LIMITS.least_jump * extent
-        or not 2 * LIMITS.reach <= place < steps.size - 2 * LIMITS.reach
-    ):
+    if abs(steps[place]) < LIMITS.least_jump * extent or not reach <= place < steps.size - reach:
         return None
     noise = math.sqrt(2.0) * float(np.std(values[:quiet]))
     least = max(
@@ -275,16 +268,15 @@ def find_jump(trace: Trace, quiet: int) -> Jump | None:
     if not is_far or abs(after - before) < least:
         return None
     if abs(after - before) > LIMITS.wrapped * extent:
-        return Jump(place, after - before, is_wrapped=True) if before * after < 0.0 else None
-    near = steps[place - 2 * LIMITS.reach : place + 2 * LIMITS.reach + 1]
+        return (Reason.OVERLOAD, place, after - before) if before * after < 0.0 else None
+    near = steps[place - reach : place + reach + 1]
     slope = float(np.median(near))
     off = near - slope
-    height = float(off[2 * LIMITS.reach])
-    others = float(np.abs(np.delete(off, 2 * LIMITS.reach)).max())
-    if abs(height) < least or others > LIMITS.jump_rest * abs(height):
-        return None
+    height = float(off[reach])
+    others = float(np.abs(np.delete(off, reach)).max())
     # Missing points go on in the direction of the trace; a zero that shifts may not.
-    return Jump(place, height, is_wrapped=False) if height * slope > 0.0 else None
+    is_gap = abs(height) >= least and others <= LIMITS.jump_rest * abs(height)
+    return (Reason.GAP, place, height) if is_gap and height * slope > 0.0 else None
 
 
 def is_flat(trace: FloatArray) -> bool:
@@ -309,21 +301,11 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class SecondPulse:
-    """A bump in the record of a hit, beside its pulse.
+    """A bump in the record of a hit, beside its pulse."""
 
-    Attributes
-    ----------
-    height : float
-        Over the height of the largest pulse [-].
-    delay : float
-        Middle to middle, in points; negative: it comes before the largest pulse.
-    kind : Kind
-        A contact; or what it cannot be told from.
-    """
-
-    height: float
-    delay: float
-    kind: Kind = Kind.CONTACT
+    height: float  # over the height of the largest pulse [-]
+    delay: float  # middle to middle [points]; negative: it comes before the largest pulse
+    kind: Kind = Kind.CONTACT  # or what it cannot be told from
 
 
 def estimate_duration(pulse: PulseWidth) -> float:
@@ -438,53 +420,6 @@ def _find_wander(
     return LIMITS.spread_of_median * float(np.median(np.abs(upright[tail]))) if tail.any() else 0.0
 
 
-class Reason(Enum):
-    """Why a hit is rejected, or what was found in it."""
-
-    NO_TRIGGER = "no_trigger"
-    GAP = "gap"
-    NON_FINITE = "non_finite"
-    DEAD_CHANNEL = "dead_channel"
-    NO_PULSE = "no_pulse"
-    OVERLOAD = "overload"
-    DROPOUT = "dropout"
-    WEAK = "weak"
-    STRONG = "strong"
-    TRUNCATED = "truncated"
-    DOUBLE_HIT = "double_hit"
-    ZERO_SHIFT = "zero_shift"
-    DROOP = "droop"
-    DRIFT = "drift"
-    RINGING = "ringing"
-    SMOOTHED = "smoothed"
-    FEW_POINTS = "few_points"
-    UNSTEADY_ZERO = "unsteady_zero"
-    POLARITY = "polarity"
-    INCONSISTENT = "inconsistent"
-    SURPLUS = "surplus"
-    OPERATOR = "operator"
-
-
-@dataclass(frozen=True)
-class Rejection:
-    """One reason against a hit.
-
-    Attributes
-    ----------
-    reason : Reason
-        For programs.
-    explanation : str
-        For people, with the figures.
-    """
-
-    reason: Reason
-    explanation: str
-
-    def __str__(self) -> str:
-        """Return ``code: explanation``."""
-        return f"{self.reason.value}: {self.explanation}"
-
-
 CHANNELS = ("hammer", "sample")
 """For people; the first tells how strong a hit was."""
 BASELINE_POINTS = 3
@@ -537,27 +472,27 @@ def check_channels(record: Record, settings: AnalysisSettings) -> tuple[Rejectio
             )
         dropout = find_dropout(trace, quiet)
         if dropout is not None:
-            place, off = dropout[0] / record.sampling_rate, dropout[1]
+            point, off = dropout
             found.append(
                 Rejection(
                     Reason.DROPOUT,
-                    f"a single point of the {name}, {place * 1e6:.0f} µs into the record, is"
+                    f"a single point of the {name},"
+                    f" {point / record.sampling_rate * 1e6:.0f} µs into the record, is"
                     f" {abs(off):.4g} m/s^2 off its neighbours",
                 )
             )
-        found += _check_jump(name, trace, quiet, record.sampling_rate)
+        jump = find_jump(trace, quiet)
+        if jump is not None:
+            reason, point, height = jump
+            what = "points are missing" if reason is Reason.GAP else "its counts wrap around"
+            found.append(
+                Rejection(
+                    reason,
+                    f"the {name} jumps by {abs(height):.4g} m/s^2 between two points"
+                    f" {point / record.sampling_rate * 1e6:.0f} µs into the record: {what}",
+                )
+            )
     return tuple(found)
-
-
-def _check_jump(name: str, trace: Trace, quiet: int, sampling_rate: float) -> list[Rejection]:
-    jump = find_jump(trace, quiet)
-    if jump is None:
-        return []
-    what = f"the {name} jumps by {abs(jump.height):.4g} m/s^2 between two points"
-    what += f" {jump.place / sampling_rate * 1e6:.0f} µs into the record"
-    if jump.is_wrapped:
-        return [Rejection(Reason.OVERLOAD, f"{what}: its counts wrap around")]
-    return [Rejection(Reason.GAP, f"{what}: points are missing")]
 
 
 def check_tops(traces: FloatArray) -> tuple[Rejection, ...]:

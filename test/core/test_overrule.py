@@ -11,7 +11,6 @@ from impact_rig.core.hits import (
     Overrules,
     describe_overruled,
     find_label,
-    make_overrules,
     overrule_hit,
 )
 from impact_rig.core.records import HitLabel
@@ -57,9 +56,9 @@ def test_a_place_with_several_attempts_is_not_guessed():
     assert "17 (steel small/3.1), 18 (steel small/3.2)" in str(error.value)
 
 
-def test_a_hit_named_in_both_is_refused_however_it_is_called():
+def test_a_hit_named_in_both_is_refused():
     with pytest.raises(ParameterError, match=r"hit 17 \(steel small/3\.1\) is both"):
-        make_overrules(["17"], ["steel small/3.1"], LABELS)
+        Overrules(frozenset({FIRST}), frozenset({FIRST}))
 
 
 def test_a_hit_rejected_by_hand_keeps_its_other_reasons():
