@@ -13,7 +13,7 @@ from impact_rig.core.contact_law import (
     describe_contradiction,
 )
 from impact_rig.core.damping import estimate_free_decay
-from impact_rig.core.errors import RigError
+from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.identification import (
     NAMES,
@@ -28,7 +28,6 @@ from impact_rig.core.paper_method import (
     NAN,
     STIFFNESS,
     BodyEstimate,
-    ContactEstimate,
     HammerPulse,
     estimate_bodies,
     look_at_pulse,
@@ -104,31 +103,16 @@ SPECIMEN_CHANNEL = 1
 
 @dataclass(frozen=True)
 class FreeDecayEstimate(Comparable):
-    """What the decay after the contact says of a sample; NaN: not determined.
+    """What the decay after the contact says of a sample; NaN: not determined."""
 
-    Attributes
-    ----------
-    stiffness : Quantity
-        m2 times the natural angular frequency squared [N/m].
-    damping_ratio, damping_coefficient : Quantity
-        zeta2 [-] and c2 [N s/m].
-    frequency : float
-        Of the damped oscillation [Hz].
-    periods : float
-        Of it that stand out of the noise [-].
-    r_squared : float
-        Part of the tail's variance that the fit explains [-].
-    residual_over_noise : float
-        RMS of what is left over the noise [-]; 1: nothing but noise.
-    """
-
+    # m2 times the natural angular frequency squared
     stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
     damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
     damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
     frequency: float = field(default=NAN, metadata=describe("Hz", "f", "frequency", shown="kHz"))
-    periods: float = NAN
+    periods: float = NAN  # that stand out of the noise
     r_squared: float = NAN
-    residual_over_noise: float = NAN
+    residual_over_noise: float = NAN  # RMS; 1: nothing but noise
 
     @property
     def is_known(self) -> bool:
@@ -142,80 +126,42 @@ NO_DECAY = FreeDecayEstimate()
 
 @dataclass(frozen=True)
 class FittedModel(Comparable):
-    """One variant of the model laid onto both traces of a sample.
+    """One variant of the model laid onto both traces of a sample; NaN: not determined."""
 
-    NaN: the model does not describe them, and the nearest parameters of a model that is not this
-    body's are no measurement of it.
-
-    Attributes
-    ----------
-    model : str
-        "driven": equation (4) on the hammer, the sample driven by F(t) alone; "printed":
-        equations (1) and (2) as they stand.
-    is_preferred : bool
-        It describes both traces, and of all variants that do its criterion is the smallest.
-    criterion : float
-        Bayesian information criterion [-]; ten less is very strong evidence.
-    contact_time, stiffness, damping_ratio, damping_coefficient : Quantity
-        tau_p [s], k2 [N/m], zeta2 [-] and c2 [N s/m].
-    force_balance : float
-        Force on the sample over force on the hammer [-]; 1 by Newton's third law, if masses
-        and calibrations are right and the model holds.
-    residual_hammer_percent, residual_sample_percent : float
-        RMS of what is left, over the trace's peak [%].
-    residual_over_noise : float
-        The same over the noise, both traces together [-]; 1: nothing but noise.
-    parameters : tuple of str
-        Names of all fitted parameters.
-    values : tuple of float
-        Theirs, in SI units.
-    covariance : tuple of float
-        Of one mean trace's noise, row by row, as many rows as parameters.
-    undetermined : tuple of str
-        Which combinations the traces do not determine.
-    notes : tuple of str
-        What else must be known to read the values.
-    identification : Identification or None
-        As fitted, with the traces.
-    """
-
-    model: str
+    model: str  # "driven": equation (4) on the hammer, the sample driven by F(t) alone
     is_preferred: bool = False
-    criterion: float = NAN
+    criterion: float = NAN  # Bayesian information criterion
     contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)
     stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
     damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
     damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
+    # Force on the sample over force on the hammer; 1 if masses, calibrations and model are right.
     force_balance: float = NAN
-    residual_hammer_percent: float = NAN
+    residual_hammer_percent: float = NAN  # RMS over the trace's peak
     residual_sample_percent: float = NAN
-    residual_over_noise: float = NAN
-    parameters: tuple[str, ...] = ()
-    values: tuple[float, ...] = ()
-    covariance: tuple[float, ...] = ()
-    undetermined: tuple[str, ...] = ()
+    residual_over_noise: float = NAN  # RMS of both traces; 1: nothing but noise
+    parameters: tuple[str, ...] = ()  # names of all fitted parameters
+    values: tuple[float, ...] = ()  # of the parameters, in SI units
+    covariance: tuple[float, ...] = ()  # by one mean trace's noise, row by row
+    undetermined: tuple[str, ...] = ()  # combinations that the traces do not determine
     notes: tuple[str, ...] = ()
     identification: Identification | None = field(default=None, metadata=INTERNAL)
 
 
-def estimate_decay(
+def _estimate_decay(
     mean: MeanHit, setup: RigSetup, sample: str, contact_time: float
 ) -> FreeDecayEstimate:
     """Estimate stiffness and damping of a sample from the decay after the contact.
 
-    Parameters
-    ----------
-    contact_time : float
-        tau_p [s].
-
     Raises
     ------
     NotDeterminedError
-        If the tail does not say.
+        If the tail shows none of the sample.
     """
-    decay = estimate_free_decay(
-        mean, SPECIMEN_CHANNEL, contact_time, setup.analysis.cutoff_frequency
-    )
+    cutoff = setup.analysis.cutoff_frequency
+    decay = estimate_free_decay(mean, SPECIMEN_CHANNEL, contact_time, cutoff)
+    if ringing := explain_ringing(decay.frequency, setup):
+        raise NotDeterminedError(f"free decay: {ringing}")
     body = propagate_fit(
         f"scatter of the hits on {sample}",
         decay.hit_values,
@@ -305,24 +251,15 @@ def estimate_traces(name: str, mean: MeanHit, setup: RigSetup) -> TraceEstimates
     """
     width = measure_pulse(mean.traces[0]).half_amplitude_width / mean.sampling_rate
     contact_time = setup.analysis.pulse_factor * width
-    decay, decay_notes = _look_at_decay(mean, setup, name, contact_time)
     pulse = look_at_pulse(mean, setup, name)
-    notes = pulse.notes + (() if pulse.law.is_known else pulse.law.notes) + decay_notes
+    notes = pulse.notes + (() if pulse.law.is_known else pulse.law.notes)
+    decay = NO_DECAY
+    if mean.traces.shape[0] > 1:
+        try:
+            decay = _estimate_decay(mean, setup, name, contact_time)
+        except RigError as error:
+            notes = (*notes, str(error))
     return TraceEstimates(pulse, decay, tuple(dict.fromkeys(notes)))
-
-
-def _look_at_decay(
-    mean: MeanHit, setup: RigSetup, name: str, contact_time: float
-) -> tuple[FreeDecayEstimate, tuple[str, ...]]:
-    """Return the free decay, or why it is not determined."""
-    if mean.traces.shape[0] <= 1:
-        return NO_DECAY, ()
-    try:
-        decay = estimate_decay(mean, setup, name, contact_time)
-    except RigError as error:
-        return NO_DECAY, (str(error),)
-    ringing = explain_ringing(decay.frequency, setup)
-    return (NO_DECAY, (f"free decay: {ringing}",)) if ringing else (decay, ())
 
 
 PEAK = describe("m/s^2", shown="m/s²")
@@ -331,100 +268,43 @@ TIME = describe("s", shown="µs")
 
 @dataclass(frozen=True)
 class SampleEstimate(Comparable):
-    """Everything known of one sample; NaN: not determined, see the notes.
-
-    Attributes
-    ----------
-    name : str
-        Of the sample.
-    impacts_accepted, impacts_rejected : int
-        Hits in the mean and left out.
-    contact_time : Quantity
-        tau_p of the mean trace [s].
-    contact_time_spread : float
-        Its standard deviation over the accepted hits [s].
-    half_amplitude_width : float
-        w50 [s].
-    width_ratio : float
-        w10 / w50 [-].
-    equivalent_stiffness, stiffness : Quantity
-        k_eq and k2 [N/m].
-    damping_ratio, damping_coefficient : Quantity
-        zeta2 [-] and c2 [N s/m].
-    log_decrement : float
-        Delta2 [-].
-    first_peak, second_peak : float
-        Magnitudes of U1 and U2, from which it is read [m/s^2].
-    first_peak_time, second_peak_time : float
-        Of U1 and U2 from the middle of the hammer pulse [s].
-    hammer_peak, specimen_peak : float
-        Of the mean traces [m/s^2].
-    hammer_peak_spread_percent : float
-        Standard deviation of the hammer's peaks over the accepted hits, over their mean [%]: how
-        alike the hammer struck.
-    peak_force : Quantity
-        Largest force on the hammer, m1 max |a1| [N].
-    rise_time : float
-        Of the mean hammer pulse, from a tenth to nine tenths of its peak [s].
-    mse_hammer_percent, mse_sample_percent : float
-        Mean square error of the force-driven model over the record, as in Fig. 6 [%].
-    contact_error_hammer_percent, contact_error_sample_percent : float
-        RMS error of the same over the contact alone [%].
-    shift_hammer, shift_sample : float
-        Applied to that model's traces, later is positive [s].
-    printed_mse_hammer_percent, printed_mse_sample_percent : float
-        Mean square error of equations (1) and (2) as printed [%].
-    pulse_shape : PulseShapeEstimate
-        Of the hammer's mean pulse: whether it is a versed-sine, and what else it may be.
-    contact_law : ContactLaw
-        Of hammer and sample as free bodies, from the shape of the hammer's pulse.
-    free_decay : FreeDecayEstimate
-        Damping from the decay after the contact.
-    identifications : tuple of FittedModel
-        One for each variant that could be fitted; empty: none, or not asked for.
-    warnings : tuple of str
-        What a reader of the numbers must know.
-    notes : tuple of str
-        What could not be determined, and why.
-    comparisons : tuple of ModelComparison
-        The traces, one per model variant; empty: not possible, see the notes.
-    """
+    """Everything known of one sample; NaN: not determined, see the notes."""
 
     name: str
     impacts_accepted: int
     impacts_rejected: int
-    contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)
-    contact_time_spread: float = field(default=NAN, metadata=TIME)
-    half_amplitude_width: float = field(default=NAN, metadata=TIME)
-    width_ratio: float = NAN
-    equivalent_stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
-    stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
+    contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)  # of the mean trace
+    contact_time_spread: float = field(default=NAN, metadata=TIME)  # standard deviation of hits
+    half_amplitude_width: float = field(default=NAN, metadata=TIME)  # w50
+    width_ratio: float = NAN  # w10 / w50
+    equivalent_stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)  # k_eq
+    stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)  # k2
     damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
     damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
     log_decrement: float = NAN
-    first_peak: float = field(default=NAN, metadata=PEAK)
-    first_peak_time: float = field(default=NAN, metadata=TIME)
-    second_peak: float = field(default=NAN, metadata=PEAK)
+    first_peak: float = field(default=NAN, metadata=PEAK)  # U1
+    first_peak_time: float = field(default=NAN, metadata=TIME)  # from the middle of the pulse
+    second_peak: float = field(default=NAN, metadata=PEAK)  # U2
     second_peak_time: float = field(default=NAN, metadata=TIME)
-    hammer_peak: float = field(default=NAN, metadata=PEAK)
+    hammer_peak: float = field(default=NAN, metadata=PEAK)  # of the mean traces
     specimen_peak: float = field(default=NAN, metadata=PEAK)
-    hammer_peak_spread_percent: float = NAN
+    hammer_peak_spread_percent: float = NAN  # standard deviation of the hits over their mean
     peak_force: Quantity = field(default=UNKNOWN, metadata=describe("N", "Fmax", "peak force"))
-    rise_time: float = field(default=NAN, metadata=describe("s"))
-    mse_hammer_percent: float = NAN
+    rise_time: float = field(default=NAN, metadata=describe("s"))  # 10 % to 90 % of the peak
+    mse_hammer_percent: float = NAN  # of the driven model over the record, as in Fig. 6
     mse_sample_percent: float = NAN
-    contact_error_hammer_percent: float = NAN
+    contact_error_hammer_percent: float = NAN  # RMS of the same over the contact alone
     contact_error_sample_percent: float = NAN
-    shift_hammer: float = field(default=NAN, metadata=TIME)
+    shift_hammer: float = field(default=NAN, metadata=TIME)  # of the model, later is positive
     shift_sample: float = field(default=NAN, metadata=TIME)
-    printed_mse_hammer_percent: float = NAN
+    printed_mse_hammer_percent: float = NAN  # of equations (1) and (2) as printed
     printed_mse_sample_percent: float = NAN
     pulse_shape: PulseShapeEstimate = NO_SHAPE
-    contact_law: ContactLaw = NO_LAW
+    contact_law: ContactLaw = NO_LAW  # of hammer and sample as free bodies
     free_decay: FreeDecayEstimate = NO_DECAY
     identifications: tuple[FittedModel, ...] = ()
     warnings: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what could not be determined, and why
     comparisons: tuple[ModelComparison, ...] = field(default=(), metadata=INTERNAL)
 
     @property
@@ -444,17 +324,20 @@ def estimate_numbers(
 ) -> SampleEstimate:
     """Estimate tau_p, k2 and c2 of one sample by equations (5) and (6b), and nothing beside them.
 
-    Parameters
-    ----------
-    contact_time_spread : float
-        Standard deviation of tau_p over the accepted hits [s]; NaN: of one hit.
-    hammer : BodyEstimate
-        Of the control experiment; k1 NaN: not known yet, and then k2 and c2 are neither.
-    form : HammerPulse or None
-        Of this mean hit, where it is known already.
+    The standard deviation of tau_p over the accepted hits [s] is NaN of one hit. As long as k1 of
+    the hammer is NaN, k2 and c2 are not determined. The form of the pulse is looked at if it is
+    not given.
     """
     contact, body = estimate_bodies(mean, setup, name, hammer, form)
-    peaks = body.peaks
+    peaks, tops = body.peaks, np.abs(mean.traces).max(axis=1).tolist()
+    noted = (
+        contact.contact_time,
+        contact.equivalent_stiffness,
+        body.stiffness,
+        body.damping_ratio,
+        body.damping_coefficient,
+    )
+    notes = body.notes + tuple(note for item in noted for note in item.notes)
     return SampleEstimate(
         name=name,
         impacts_accepted=mean.count,
@@ -473,13 +356,13 @@ def estimate_numbers(
         first_peak_time=_find_time(mean, peaks.first_index) if peaks else NAN,
         second_peak=peaks.second_peak if peaks else NAN,
         second_peak_time=_find_time(mean, peaks.second_index) if peaks else NAN,
-        hammer_peak=float(np.abs(mean.traces[0]).max()),
-        specimen_peak=_find_specimen_peak(mean),
+        hammer_peak=tops[0],
+        specimen_peak=tops[1] if len(tops) > 1 else NAN,
         hammer_peak_spread_percent=_compute_peak_spread(mean),
         peak_force=_estimate_peak_force(name, mean, setup),
         rise_time=measure_rise(mean.traces[0]) / mean.sampling_rate,
         warnings=check_steps(mean) + check_control(setup),
-        notes=_gather_notes(contact, body),
+        notes=tuple(dict.fromkeys(notes)),
     )
 
 
@@ -488,25 +371,20 @@ def add_checks(
     mean: MeanHit,
     hammer: BodyEstimate,
     setup: RigSetup,
-    traces: TraceEstimates | None = None,
+    traces: TraceEstimates,
 ) -> SampleEstimate:
     """Put pulse shape, contact law, free decay and comparison with the model beside the numbers.
 
-    Most of the work of an estimate; the model is not fitted yet: see `add_model`.
-
-    Parameters
-    ----------
-    traces : TraceEstimates or None
-        Of this mean hit, where they are known already.
+    The model is not fitted yet: see `add_model`.
     """
-    traces = traces or estimate_traces(estimate.name, mean, setup)
+    law = traces.pulse.law
     checked = replace(
         estimate,
         pulse_shape=_add_stiffness(traces.pulse.shape, estimate),
-        contact_law=traces.pulse.law,
+        contact_law=law,
         free_decay=traces.free_decay,
-        warnings=check_shape(traces.pulse.shape, traces.pulse.law, estimate, setup)
-        + check_free_bodies(mean, traces.pulse.law, estimate.contact_time.value)
+        warnings=check_shape(traces.pulse.shape, law, estimate, setup)
+        + check_delay(mean, law, estimate.contact_time.value)
         + estimate.warnings,
         notes=estimate.notes + traces.notes,
     )
@@ -526,10 +404,6 @@ def _add_stiffness(shape: PulseShapeEstimate, estimate: SampleEstimate) -> Pulse
             for fit in shape.fits
         ),
     )
-
-
-def _find_specimen_peak(mean: MeanHit) -> float:
-    return float(np.abs(mean.traces[1]).max()) if mean.traces.shape[0] > 1 else NAN
 
 
 def _compute_peak_spread(mean: MeanHit) -> float:
@@ -556,19 +430,6 @@ def _estimate_peak_force(name: str, mean: MeanHit, setup: RigSetup) -> Quantity:
 
 def _find_time(mean: MeanHit, index: int) -> float:
     return (index - mean.origin) / mean.sampling_rate
-
-
-def _gather_notes(contact: ContactEstimate, body: BodyEstimate) -> tuple[str, ...]:
-    """Return the notes of all results, each once."""
-    quantities = (
-        contact.contact_time,
-        contact.equivalent_stiffness,
-        body.stiffness,
-        body.damping_ratio,
-        body.damping_coefficient,
-    )
-    notes = body.notes + tuple(note for item in quantities for note in item.notes)
-    return tuple(dict.fromkeys(notes))
 
 
 def add_model(estimate: SampleEstimate, mean: MeanHit, setup: RigSetup) -> SampleEstimate:
@@ -654,8 +515,10 @@ STEPS = (
 )
 
 
-def check_delay(mean: MeanHit, contact_time: float) -> tuple[str, ...]:
-    """Warn unless hammer and free sample pass half of their momenta at one time."""
+def check_delay(mean: MeanHit, law: ContactLaw, contact_time: float) -> tuple[str, ...]:
+    """Warn unless hammer and sample, if it is free, pass half of their momenta at one time."""
+    if not (law.is_known and abs(law.momentum_ratio.value - 1.0) < LARGEST_MISMATCH):
+        return ()
     pulse, rate = measure_pulse(mean.traces[0]), mean.sampling_rate
     reach = pulse.half_amplitude_width
     first, last = max(int(pulse.rise - reach), 0), math.ceil(pulse.fall + reach)
@@ -684,12 +547,6 @@ def check_shape(
     )
     is_doubtful = shape.warning and not contradiction
     return ((shape.warning,) if is_doubtful else ()) + others
-
-
-def check_free_bodies(mean: MeanHit, law: ContactLaw, contact_time: float) -> tuple[str, ...]:
-    """Warn of channels that are not of one time, where both bodies are free."""
-    is_free = law.is_known and abs(law.momentum_ratio.value - 1.0) < LARGEST_MISMATCH
-    return check_delay(mean, contact_time) if is_free else ()
 
 
 def check_steps(mean: MeanHit) -> tuple[str, ...]:

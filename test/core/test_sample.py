@@ -25,6 +25,7 @@ from impact_rig.core.sample import (
     SampleEstimate,
     add_checks,
     estimate_numbers,
+    estimate_traces,
 )
 from impact_rig.core.session import Session
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
@@ -74,7 +75,7 @@ def estimate_sample(
     """Return the numbers of a sample with what stands beside them."""
     spread = statistics.stdev(contact_times) if len(contact_times) > 1 else np.nan
     numbers = estimate_numbers(name, mean, spread, rejected, hammer, setup)
-    return add_checks(numbers, mean, hammer, setup)
+    return add_checks(numbers, mean, hammer, setup, estimate_traces(name, mean, setup))
 
 
 def find_comparison(found: SampleEstimate, variant: ModelVariant) -> ModelComparison | None:
