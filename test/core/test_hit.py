@@ -139,17 +139,6 @@ def test_a_sample_that_moves_only_after_the_impact_has_no_zero_shift():
     assert (hit.accepted, hit.findings) == (True, ())
 
 
-def test_a_trace_with_nan_is_rejected_by_name():
-    hammer, specimen = make_traces()
-    hammer[100] = np.nan
-    hit = judge_hit(make_record(hammer, specimen, rate=RATE, pulse_index=None), SETTINGS)
-    assert [str(item) for item in hit.rejections] == [
-        "non_finite: 1 points of the hammer trace are no numbers"
-    ]
-    assert np.isnan(hit.contact_time)
-    assert hit.filtered is None
-
-
 def test_a_pulse_without_a_baseline_is_truncated():
     record = make_record(*make_traces(start=2.0), rate=RATE, pulse_index=3)
     assert find_reasons(judge_hit(record, SETTINGS)) == {Reason.TRUNCATED}

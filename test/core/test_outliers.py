@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import median_abs_deviation
 
 from impact_rig.core.hits import FilteredHit, JudgedHit
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import HitLabel
 from impact_rig.core.series import (
-    ENDLESS_THRESHOLD,
     HitSeries,
     Selection,
-    compute_criteria,
     compute_threshold,
 )
 from impact_rig.core.verdict import Reason, Rejection
@@ -103,26 +100,6 @@ class TestOutliers:
         straight = select_hits(hits)
         assert repr(turned.kept[::-1]) == repr(straight.kept)
         assert repr(turned.left_out[::-1]) == repr(straight.left_out)
-
-
-class TestCriteria:
-    """What hits have in common."""
-
-    @given(seed=st.integers(0, 1000), count=st.integers(5, 300), digits=st.integers(2, 9))
-    def test_criteria_are_median_and_median_deviation_of_all(self, seed, count, digits):
-        # Few digits make many hits alike.
-        random = np.random.default_rng(seed)
-        figures = np.round(1.0 + 0.1 * random.standard_normal((count, 3)), digits)
-        criteria = compute_criteria(figures)
-        assert [item.count for item in criteria] == [count] * 3
-        assert [item.median for item in criteria] == np.median(figures, axis=0).tolist()
-        spreads = 1.4826 * median_abs_deviation(figures, axis=0)
-        floors = [
-            item.measure.floor * ENDLESS_THRESHOLD / compute_threshold(count) * abs(item.median)
-            for item in criteria
-        ]
-        expected = np.maximum(spreads, floors)
-        assert [item.spread for item in criteria] == pytest.approx(expected, rel=1e-12)
 
 
 class TestThresholds:

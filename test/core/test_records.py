@@ -24,11 +24,6 @@ def test_what_blocks_and_traces_hold_is_their_own():
             array[0] = 99
 
 
-@pytest.mark.parametrize("dtype", [np.int16, np.uint8, np.int32])
-def test_counts_of_any_fitting_type_are_taken(dtype):
-    assert ChannelBlock(np.ones(3, dtype), 1.0, 0.0, 0.0).output.dtype == np.int32
-
-
 @pytest.mark.parametrize(
     "counts", [np.ones(3, complex), np.ones(3, np.int64), np.ones((2, 3), int)]
 )

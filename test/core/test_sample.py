@@ -137,17 +137,6 @@ def test_the_control_experiment_gives_twice_the_equivalent_stiffness():
     assert found.stiffness.value == pytest.approx(hammer.stiffness.value, rel=1e-12)
 
 
-def test_without_k1_the_damping_ratio_is_still_found():
-    mean = make_mean(200e-6, 1.5e4, 0.3)
-    unknown = BodyEstimate(notes=("k1: because",))
-    found = estimate_sample("heavy", mean, (200e-6,), 0, unknown, SETUP)
-    assert np.isnan(found.stiffness.value)
-    assert np.isnan(found.damping_coefficient.value)
-    assert found.damping_ratio.value == pytest.approx(0.3, rel=1e-3)
-    assert found.notes[:2] == ("k1: because", "k2: not determined without k1")
-    assert found.comparisons == ()
-
-
 def test_a_contact_too_short_for_k1_is_noted_not_raised():
     mean = make_mean(100e-6, 1.5e4, 0.3)
     found = estimate_sample("heavy", mean, (100e-6,), 0, HAMMER, SETUP)

@@ -10,28 +10,8 @@ from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.session import Session
 from impact_rig.core.verdict import Reason
 
-from .blocks import SETUP, make_blocks, make_counts, strike_series
+from .blocks import SETUP, make_blocks, make_counts
 from .struck import Impact
-
-
-def describe_rejected(session: Session) -> list[tuple[int, list[Reason]]]:
-    return [
-        (hit.label.record, [item.reason for item in hit.rejections])
-        for hit in session.estimate_all().rejected
-    ]
-
-
-def test_an_early_one_is_found_once_there_are_others():
-    session = Session(SETUP)
-    hits = strike_series(session, [450.0] + [900.0] * 9)
-    assert all(hit.accepted for hit in hits)
-    assert describe_rejected(session) == [(1, [Reason.INCONSISTENT])]
-    alone = Session(SETUP)
-    strike_series(alone, [900.0] * 9, first=2)
-    assert (
-        session.estimate_sample("alike").contact_time
-        == alone.estimate_sample("alike").contact_time
-    )
 
 
 def test_a_hit_without_a_pulse_cannot_be_taken_in():

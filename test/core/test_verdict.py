@@ -71,13 +71,6 @@ class TestStream:
         (found,) = check_stream(make_record(np.empty(0), triggered=False))
         assert str(found) == "no_trigger: the arming ended without a trigger"
 
-    def test_a_gap_is_named_as_the_stream_names_it(self):
-        record = make_record(make_trace(900.0), flaws=("7 points missing at point 3", "another"))
-        assert [str(item) for item in check_stream(record)] == [
-            "gap: 7 points missing at point 3",
-            "gap: another",
-        ]
-
     @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
     def test_a_value_that_is_no_number(self, value):
         hammer, specimen = make_trace(900.0), make_trace(400.0)
@@ -93,16 +86,12 @@ class TestChannels:
     """Dead and overloaded channels."""
 
     @pytest.mark.parametrize("noise", [0.0, 1.0, 20.0])
-    def test_a_dead_sample_channel(self, noise):
-        record = make_record(make_trace(900.0), make_trace(0.0, noise=noise))
-        (found,) = check_channels(record, SETTINGS)
-        assert str(found) == "dead_channel: the sample channel shows no signal"
-
-    @pytest.mark.parametrize("noise", [0.0, 1.0])
-    def test_a_dead_hammer_channel(self, noise):
-        record = make_record(make_trace(0.0, noise=noise), make_trace(400.0), pulse_index=None)
-        (found,) = check_channels(record, SETTINGS)
-        assert str(found) == "dead_channel: the hammer channel shows no signal"
+    @pytest.mark.parametrize("dead", ["sample", "hammer"])
+    def test_a_dead_channel_is_named(self, dead, noise):
+        quiet, struck = make_trace(0.0, noise=noise), make_trace(900.0)
+        traces, index = ((struck, quiet), 200) if dead == "sample" else ((quiet, struck), None)
+        (found,) = check_channels(make_record(*traces, pulse_index=index), SETTINGS)
+        assert str(found) == f"dead_channel: the {dead} channel shows no signal"
 
     def test_two_quiet_channels_are_no_pulse(self):
         record = make_record(make_trace(0.0), make_trace(0.0), pulse_index=None)
@@ -170,16 +159,6 @@ class TestChannels:
 
 class TestRail:
     """How many points in a row stand at the rail."""
-
-    @pytest.mark.parametrize("bits", [8, 12, 24])
-    @pytest.mark.parametrize("sign", [1, -1])
-    def test_is_recognised_at_every_resolution(self, bits, sign):
-        # The largest positive count is one below full scale.
-        largest = 2 ** (bits - 1)
-        step = 2000.0 / largest
-        counts = np.clip(np.rint(sign * make_trace(5000.0) / step), -largest, largest - 1)
-        run = find_longest_rail_run(Trace(counts * step, 2000.0, step), 200)
-        assert run == pytest.approx(np.count_nonzero(np.abs(make_trace(5000.0)) >= 2000), abs=4)
 
     @given(peak=st.floats(100, 1950))
     def test_is_not_seen_in_a_rounded_top(self, peak):
@@ -312,10 +291,11 @@ def find(trace: np.ndarray) -> SecondPulse | None:
     sign=st.sampled_from([1, -1]),
     height=st.floats(LEVEL, 0.99),
     delay=st.floats(1.2, 6.0),
+    turned=st.booleans(),
     stretch=st.floats(0.7, 1.6),
     seed=st.integers(0, 1000),
 )
-def test_every_second_contact_is_found(shape, sign, height, delay, stretch, seed):
+def test_every_second_contact_is_found(shape, sign, height, delay, turned, stretch, seed):
     first = make_pulse(shape=shape)
     # The delay runs from middle to middle; a longer second contact must not reach into the first.
     delay = max(delay, (1.0 + stretch) / 2.0 + 0.1)
@@ -323,17 +303,11 @@ def test_every_second_contact_is_found(shape, sign, height, delay, stretch, seed
     second = height * make_pulse(start, stretch * DURATION, shape)
     # White noise of 1 in 1000 of the peak after a low-pass that leaves every tenth point new.
     noise = np.repeat(np.random.default_rng(seed).standard_normal(COUNT // 10), 10)
-    found = find(sign * (first + second + 1e-3 * noise))
+    trace = sign * (first + second + 1e-3 * noise)
+    found = find(trace[::-1] if turned else trace)
     assert found.height == pytest.approx(height, abs=0.005)
+    delay = -delay if turned else delay
     assert found.delay == pytest.approx(delay * DURATION, abs=0.05 * DURATION)
-
-
-@given(height=st.floats(LEVEL, 0.95), delay=st.floats(1.2, 4.0))
-def test_a_smaller_contact_before_the_largest_is_found_too(height, delay):
-    trace = make_pulse(1200.0) + height * make_pulse(1200.0 - delay * DURATION)
-    found = find(trace)
-    assert found.height == pytest.approx(height, rel=1e-3)
-    assert found.delay == pytest.approx(-delay * DURATION, rel=1e-3)
 
 
 @given(height=st.floats(0.1, 0.9), delay=st.floats(0.5, 1.0))
