@@ -36,6 +36,7 @@ from impact_rig.core.speed_exponents import SpeedExponents
 from impact_rig.nodes import interfaces, result_messages
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.executor import make_executor
+from impact_rig.nodes.guarded_hammer import HammerPlace
 from impact_rig.recordings.messages import SETUP_TYPE, setup_from_msg
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.source import find_recordings
@@ -193,12 +194,6 @@ SERVICES = {
     "confirm": interfaces.CONFIRM_HELD,
 }
 """What can be asked for, and by which service."""
-PLACES = {
-    HammerState.HELD: "held",
-    HammerState.SWINGING: "swinging",
-    HammerState.FAULT: "lost",
-    HammerState.AWAY: "away",
-}
 
 
 class HammerClient(RigClient):
@@ -238,7 +233,9 @@ class HammerClient(RigClient):
                 f"no hammer publishes its state within {self._timeout:g} s: {START_ONE}"
             )
         state = states[-1]
-        text = f"{PLACES[state.state]}, {'armed' if state.armed else 'not armed'}"
+        text = (
+            f"{HammerPlace(state.state).name.lower()}, {'armed' if state.armed else 'not armed'}"
+        )
         why = "" if state.message == text else f" ({state.message})"
         return f"{text}{why}; holder: {state.holder or 'none'}"
 

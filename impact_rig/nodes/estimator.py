@@ -81,7 +81,7 @@ class EstimatorNode(RigNode):
         self.listen(interfaces.SETUP, self._on_setup)
         self.listen(interfaces.RECORD_STORED, self._on_stored)
         self.listen(interfaces.ACCELERATION, self._on_block)
-        self.create_service(GetResults, interfaces.GET_RESULTS, self._answer)
+        self.create_service(GetResults, interfaces.GET_RESULTS, self._on_get_results)
         self.offer_to_join()
         self._stream: StreamListener | None = None
 
@@ -98,7 +98,7 @@ class EstimatorNode(RigNode):
             self._stream.stop()
 
     def deactivate(self) -> None:
-        """Forget what has come: who goes on reads it again."""
+        """Forget what has come: a campaign that goes on reads it again."""
         self._ledger = self._setup = None
 
     def diagnose(self) -> dict[str, Any]:
@@ -138,7 +138,7 @@ class EstimatorNode(RigNode):
             self.get_logger().warning(f"not all earlier hits of this campaign: {problem}")
 
     def _catch_up(self) -> None:
-        """Judge what is stored of records whose blocks have not come as they are on the disk."""
+        """Judge stored records of which not all blocks have come."""
         ledger = self._ledger
         if ledger is None or not ledger.is_behind:
             return
@@ -150,8 +150,9 @@ class EstimatorNode(RigNode):
     def _on_setup(self, message: RigSetup) -> None:
         """Follow the set-ups of a replay."""
         is_begun = stamp_from_msg(message.header.stamp) > 0
+        # A campaign node publishes one without a stamp before any campaign.
         if self.membership.is_joined or (self._setup is not None and not is_begun):
-            return  # a campaign node has come, and no campaign has begun
+            return
         self.membership.identity = Identity(id_from_msg(message.campaign_id))
         self._begin(message, "")
         early = tuple(self._early)
@@ -184,7 +185,7 @@ class EstimatorNode(RigNode):
     def _publish(self, session: Session, hit: JudgedHit) -> None:
         struck, is_control = hit.label.sample, session.is_control(hit.label.sample)
         try:
-            # Made before the verdict is out, which wakes everybody else.
+            # Made before the verdict is published, which gives all other nodes work.
             numbers = session.estimate_numbers(struck) if hit.accepted else None
         finally:
             self._impact.publish(hit_to_msg(hit, self._identity))
@@ -196,10 +197,10 @@ class EstimatorNode(RigNode):
         if is_control:
             hammer = session.estimate_hammer(struck)
             self._hammer_estimate.publish(estimate_to_msg(hammer, stamp, self._identity))
-        # What stands beside the numbers takes most of the time, and the next hit replaces it.
+        # Everything beside the numbers takes most of the time, and the next hit replaces it.
         self._incomplete[struck] = None
         if is_control:
-            # What the control sample says of the hammer changes every other sample's k2.
+            # The hammer's stiffness from the control sample changes every other sample's k2.
             self._incomplete |= dict.fromkeys(session.names)
         done, self._struck = self._struck, struck
         if done != struck and done in self._incomplete:
@@ -219,7 +220,7 @@ class EstimatorNode(RigNode):
             self._complete_next()
 
     def _complete(self, name: str) -> None:
-        """Publish the estimate of a sample with what stands beside the numbers."""
+        """Publish the whole estimate of a sample."""
         if self._ledger is None or name not in self._incomplete:
             return
         del self._incomplete[name]
@@ -240,7 +241,7 @@ class EstimatorNode(RigNode):
             message = comparison_to_msg(estimate, comparison, stamp, self._identity)
             self._comparison.publish(message)
 
-    def _answer(
+    def _on_get_results(
         self, request: GetResults.Request, response: GetResults.Response
     ) -> GetResults.Response:
         self._catch_up()
@@ -259,7 +260,7 @@ class EstimatorNode(RigNode):
         response.samples = [estimate_to_msg(item, stamp, identity) for item in results.samples]
         response.speed_exponents = [record_to_msg(item) for item in results.speed_exponents]
         for estimate, message in zip(results.samples, response.samples, strict=True):
-            # Now with the model fitted: recorder and view want to know.
+            # Now with the model fitted, for recorder and view.
             self._estimate.publish(message)
             if estimate.name in self._incomplete:
                 self._publish_comparisons(estimate, stamp)

@@ -8,21 +8,17 @@ from typing import Any
 from impact_rig_msgs import msg
 
 from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.nodes.guarded_hammer import Disarming, HammerPlace
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.recordings.messages import block_from_msg, origin_from_msg, setup_from_msg
 
-HAMMER_PLACES = 4
-DISARMINGS = 3
 ACQUISITION_STATES = 3
-"""Numbered from 0 in the messages' definitions."""
+"""Numbered from 0 in the message's definition."""
 
 
 def _check_hammer_state(message: msg.HammerState) -> None:
-    if message.state >= HAMMER_PLACES or message.disarmed_by >= DISARMINGS:
-        raise ParameterError(
-            f"state is {message.state} and disarmed_by {message.disarmed_by}: they must be below"
-            f" {HAMMER_PLACES} and {DISARMINGS}"
-        )
+    HammerPlace(message.state)
+    Disarming(message.disarmed_by)
 
 
 def _check_acquisition_state(message: msg.AcquisitionState) -> None:

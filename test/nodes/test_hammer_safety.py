@@ -27,6 +27,7 @@ class Rig:
         self._harness = harness
         self.acquisition = harness.advertise(interfaces.ACQUISITION_STATE)
         self.recorder = harness.advertise(interfaces.RECORDER_STATE)
+        self.campaign = harness.advertise(interfaces.SETUP)
         self.stored = harness.advertise(interfaces.RECORD_STORED)
         self.states = harness.listen(interfaces.HAMMER_STATE)
         self.releases = harness.listen(interfaces.RELEASE)
@@ -173,7 +174,7 @@ def test_a_recorder_that_stops_disarms_the_hammer(rig):
     assert "the recorder has stopped: disk full" in rig.wait_for_loss().message
 
 
-@pytest.mark.parametrize("name", ["acquisition", "recorder"])
+@pytest.mark.parametrize("name", ["acquisition", "recorder", "campaign"])
 def test_a_node_that_goes_disarms_the_hammer(rig, harness, name):
     rig.start()
     harness.peer.destroy_publisher(getattr(rig, name))
