@@ -107,13 +107,15 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any], limit: SizeLimit)
     return NamedArray(
         name=str(item.attrs.get(NAME, name)),
         values=np.asarray(item[()]),
-        sampling_rate=rate,
-        unit=str(units[-1]) if units else "",
-        start=_read_number(stated, START_NAMES, 0.0),
+        stated={
+            "sampling_rate": rate,
+            "unit": str(units[-1]) if units else "",
+            "start": _read_number(stated, START_NAMES, 0.0),
+            "recorded_at": int(recorded_at) if isinstance(recorded_at, np.integer) else 0,
+            ORIGIN: str(item.attrs.get(ORIGIN, "")),
+            "time_unit": "" if is_step else "s",
+        },
         is_channel=NAME in item.attrs and len(item.shape) == 1,
-        recorded_at=int(recorded_at) if isinstance(recorded_at, np.integer) else 0,
-        origin=str(item.attrs.get(ORIGIN, "")),
-        time_unit="" if is_step else "s",
     )
 
 

@@ -93,10 +93,9 @@ def parse_mat(path: Path) -> Measurement:
     names = _list_variables(path)
     variables = loadmat(path, appendmat=False, variable_names=names, simplify_cells=True)
     text = variables.get(CHANNELS)
-    stated = read_described(text, variables) if isinstance(text, str) else {}
-    arrays: list[NamedArray] = []
-    for name in names:
-        arrays += [stated[name]] if name in stated else _list_arrays(_part(name), variables[name])
+    if isinstance(text, str):
+        return read_described(path, text, variables)
+    arrays = [array for name in names for array in _list_arrays(_part(name), variables[name])]
     return make_measurement(path, arrays)
 
 
@@ -186,7 +185,7 @@ def _list_arrays(name: str, value: Any) -> Iterator[NamedArray]:
     else:
         # SigLab's measurements are in volts before the factor eu_val.
         unit = "V" if name.endswith(".tdmeas") else ""
-        yield NamedArray(name, np.asarray(value), unit=unit)
+        yield NamedArray(name, np.asarray(value), {"unit": unit})
 
 
 def write_mat(path: Path, measurement: Measurement) -> None:

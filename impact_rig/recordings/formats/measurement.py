@@ -8,7 +8,7 @@ import mmap
 import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,8 @@ RATE_DIGITS = 9
 series get the same rate, whatever the last bits of their times."""
 ORIGIN = "origin"
 """What exported files call the origin of a channel."""
+DESCRIBED = ("name", "unit", "sampling_rate", "start", "recorded_at", ORIGIN)
+"""Fields of a channel that stand as JSON in our files of MATLAB and Parquet."""
 LARGEST_TIME_ERROR = 0.05
 """How far a point may lie from an even time grid, part of the step [-]. Our choice: above what
 rounding to the printed digits makes of even steps, far below a point that is missing."""
@@ -391,14 +393,8 @@ class NamedArray:
 
     name: str  # in the file
     values: NDArray[Any]  # of any kind and shape
-    # These are as in `MeasuredChannel`.
-    sampling_rate: float = math.nan
-    unit: str = ""
-    start: float = 0.0
+    stated: Mapping[str, Any] = field(default_factory=dict)  # fields of its `MeasuredChannel`
     is_channel: bool = False  # the file says that it is one; False: by name and shape
-    recorded_at: int = 0
-    origin: str = ""
-    time_unit: str = "s"
 
 
 def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
@@ -440,35 +436,24 @@ def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
 def describe_channels(channels: Sequence[MeasuredChannel], names: Sequence[str]) -> str:
     """Return what is known of channels beside their values as JSON, by names in a file."""
     table = [
-        {
-            "variable": variable,
-            "name": channel.name,
-            "unit": channel.unit,
-            "sampling_rate": None if math.isnan(channel.sampling_rate) else channel.sampling_rate,
-            "start": channel.start,
-            "recorded_at": channel.recorded_at or None,
-            ORIGIN: channel.origin,
-        }
+        {"variable": variable}
+        | {name: getattr(channel, name) for name in DESCRIBED}
+        | {"sampling_rate": None if math.isnan(channel.sampling_rate) else channel.sampling_rate}
+        | {"recorded_at": channel.recorded_at or None}
         for variable, channel in zip(names, channels, strict=True)
     ]
     return json.dumps(table)
 
 
-def read_described(text: str, variables: Mapping[str, Any]) -> dict[str, NamedArray]:
-    """Return the channels that a file describes by `describe_channels`, by their names in it."""
-    return {
-        row["variable"]: NamedArray(
-            name=row["name"],
-            values=np.ravel(variables[row["variable"]]),
-            sampling_rate=row["sampling_rate"] or math.nan,
-            unit=row["unit"],
-            start=row["start"],
-            is_channel=True,
-            recorded_at=int(row.get("recorded_at") or 0),  # MATLAB writes it as 1.6e18
-            origin=row.get(ORIGIN, ""),
-        )
-        for row in json.loads(text)
-    }
+def read_described(path: Path, text: str, variables: Mapping[str, Any]) -> Measurement:
+    """Return the channels of a file with a text of `describe_channels`, and its variables."""
+    channels = []
+    for row in json.loads(text):
+        values = keep_values(np.ravel(variables[row["variable"]]), f"{path}, {row['name']}")
+        stated = {name: row[name] for name in DESCRIBED if row.get(name) is not None}
+        stated["recorded_at"] = int(stated.get("recorded_at", 0))  # MATLAB writes it as 1.6e18
+        channels.append(MeasuredChannel(values=values, **stated))
+    return Measurement(path, tuple(channels))
 
 
 def split_columns(values: NDArray[Any]) -> dict[str, NDArray[Any]]:
@@ -499,37 +484,26 @@ def clean_name(name: str) -> str:
 def _make_channels(
     path: Path, array: NamedArray, clocks: Sequence[NamedArray], rates: Sequence[NamedArray]
 ) -> list[MeasuredChannel]:
-    columns = split_columns(array.values)
-    sampling_rate, start = array.sampling_rate, array.start
-    time_unit, time_flaw = array.time_unit, ""
-    if math.isnan(sampling_rate) and not array.is_channel:
+    stated = dict(array.stated)
+    if math.isnan(stated.get("sampling_rate", math.nan)) and not array.is_channel:
         if rates:
-            stated = _find_nearest(rates, array)
-            sampling_rate = read_stated_rate(stated)
-            time_unit = "" if clean_name(stated.name) in STEP_NAMES else "s"
-        points = max(array.values.shape)
-        fitting = [clock for clock in clocks if clock.values.size == points]
+            nearest = _find_nearest(rates, array)
+            is_step = clean_name(nearest.name) in STEP_NAMES
+            stated |= {
+                "sampling_rate": read_stated_rate(nearest),
+                "time_unit": "" if is_step else "s",
+            }
+        fitting = [clock for clock in clocks if clock.values.size == max(array.values.shape)]
         if fitting:
             time = _find_nearest(fitting, array)
-            times = time.values.ravel()
-            sampling_rate, time_unit, time_flaw = read_clock(
-                path, clean_name(time.name), times, time.unit
-            )
-            if not time_flaw:
-                start = TIME_UNITS[time_unit or "s"] * float(times[0])
+            times, unit = time.values.ravel(), time.stated.get("unit", "")
+            rate, unit, flaw = read_clock(path, clean_name(time.name), times, unit)
+            stated |= {"sampling_rate": rate, "time_unit": unit, "time_flaw": flaw}
+            if not flaw:
+                stated["start"] = TIME_UNITS[unit or "s"] * float(times[0])
     return [
-        MeasuredChannel(
-            name=array.name + place,
-            values=keep_values(column, f"{path}, {array.name}"),
-            sampling_rate=sampling_rate,
-            unit=array.unit,
-            start=start,
-            recorded_at=array.recorded_at,
-            origin=array.origin,
-            time_unit=time_unit,
-            time_flaw=time_flaw,
-        )
-        for place, column in columns.items()
+        MeasuredChannel(array.name + place, keep_values(column, f"{path}, {array.name}"), **stated)
+        for place, column in split_columns(array.values).items()
     ]
 
 
@@ -564,9 +538,10 @@ def _find_unit(array: NamedArray, units: Sequence[NamedArray]) -> NamedArray:
         if unit.values.size == 1
         and (PARTS.split(unit.name.removesuffix(".quantity.label"))[: len(groups)] == groups)
     ]
-    if array.unit or not around:
+    if array.stated.get("unit") or not around:
         return array
-    return replace(array, unit=str(_find_nearest(around, array).values.item()))
+    unit = str(_find_nearest(around, array).values.item())
+    return replace(array, stated={**array.stated, "unit": unit})
 
 
 def read_stated_rate(array: NamedArray) -> float:

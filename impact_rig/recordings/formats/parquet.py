@@ -42,14 +42,16 @@ def read_parquet(path: Path) -> Measurement:
         path, use_threads=False, pre_buffer=False, page_checksum_verification=True
     )
     text = (table.schema.metadata or {}).get(CHANNELS)
-    arrays, values = [], {}
+    if text:
+        names = table.column_names
+        variables = {name: table[name].drop_null().to_numpy() for name in names}
+        return read_described(path, text.decode(), variables)
+    arrays = []
     for field, column in zip(table.schema, table.columns, strict=True):
-        values[field.name] = (column.drop_null() if text else column).to_numpy()
         metadata = field.metadata or {}
         unit = next((metadata[key].decode() for key in UNITS if key in metadata), "")
-        arrays.append(NamedArray(field.name, values[field.name], unit=unit))
-    stated = read_described(text.decode(), values) if text else {}
-    return make_measurement(path, [stated.get(array.name, array) for array in arrays])
+        arrays.append(NamedArray(field.name, column.to_numpy(), {"unit": unit}))
+    return make_measurement(path, arrays)
 
 
 def write_parquet(path: Path, measurement: Measurement) -> None:

@@ -82,12 +82,14 @@ def _read_channel(channel: Any, group: str, properties: dict[str, Any]) -> Named
     return NamedArray(
         name=str(properties.get(NAME, group + channel.name)),
         values=np.asarray(channel[:]) if len(channel) else np.empty(0),
-        sampling_rate=rate,
-        unit=str(properties.get(UNIT, "")),
-        start=_read_number(properties, START, 0.0),
+        stated={
+            "sampling_rate": rate,
+            "unit": str(properties.get(UNIT, "")),
+            "start": _read_number(properties, START, 0.0),
+            "recorded_at": _read_time(properties),
+            ORIGIN: str(properties.get(ORIGIN, "")),
+        },
         is_channel=RATE in properties or rate > 0,
-        recorded_at=_read_time(properties),
-        origin=str(properties.get(ORIGIN, "")),
     )
 
 
