@@ -170,32 +170,34 @@ def _map_hits(
         path = questions.measurement.path
         for role, channel in found.items():
             _check_values(path, role, channel)
-        hammer, specimen = found["hammer"], found.get("specimen")
-        if specimen is not None:
-            _check_pair(path, hammer, specimen)
-        struck = _calibrate(
-            questions, "hammer", hammer, plan.hammer, hammer_mass, needs_scale=needs_scale
-        )
-        other = _Calibrated()
-        if specimen is not None:
-            other = _calibrate(
-                questions, "specimen", specimen, plan.specimen, needs_scale=needs_scale
+        if "specimen" in found:
+            _check_pair(path, found["hammer"], found["specimen"])
+        bodies = {
+            role: _calibrate(
+                questions,
+                role,
+                found[role],
+                getattr(plan, role),
+                hammer_mass,
+                needs_scale=needs_scale,
             )
+            for role in BODIES
+            if role in found
+        }
+        hammer = bodies["hammer"]
         mapped.append(
             MappedChannels(
-                sampling_rate=_choose_rate(questions, plan, hammer, found.get("time")),
-                hammer=struck.block,
-                specimen=other.block,
-                has_scale=struck.has_scale,
-                unit=struck.unit,
-                remarks=(*struck.remarks, *other.remarks),
+                sampling_rate=_choose_rate(questions, plan, found["hammer"], found.get("time")),
+                hammer=hammer.block,
+                specimen=bodies["specimen"].block if "specimen" in bodies else NO_SPECIMEN,
+                has_scale=hammer.has_scale,
+                unit=hammer.unit,
+                remarks=tuple(text for body in bodies.values() for text in body.remarks),
                 names=tuple(
-                    found[role].name
-                    for role, block in (("hammer", struck.block), ("specimen", other.block))
-                    if block.output.size
+                    found[role].name for role, body in bodies.items() if body.block.output.size
                 ),
-                stamp=hammer.stamp,
-                origin=hammer.origin,
+                stamp=found["hammer"].stamp,
+                origin=found["hammer"].origin,
             )
         )
     return mapped
@@ -462,7 +464,7 @@ def _calibrate(
     role: str,
     channel: MeasuredChannel,
     use: ChannelUse,
-    mass: float = math.nan,
+    mass: float,
     *,
     needs_scale: bool,
 ) -> _Calibrated:

@@ -7,13 +7,9 @@ import numpy as np
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.formats.measurement import (
-    DIMENSIONS,
-    MeasuredChannel,
     Measurement,
     NamedArray,
-    keep_values,
     make_measurement,
-    split_columns,
 )
 from impact_rig.recordings.formats.sizes import SizeLimit
 
@@ -30,21 +26,8 @@ def read_npy(path: Path) -> Measurement:
     array = np.load(path, mmap_mode="r", allow_pickle=False)
     if not isinstance(array, np.ndarray):
         raise FileError(f"{path} is no .npy file: it holds several arrays")
-    if array.dtype.kind not in "fiu":
-        raise FileError(f"{path} holds {array.dtype}: traces are real numbers")
-    if not 1 <= array.ndim <= DIMENSIONS or 0 in array.shape:
-        raise FileError(
-            f"{path} has shape {array.shape}: it should be (points,), (columns, points) or (hits,"
-            " columns, points), in any order"
-        )
-    columns = {f"column{place or ' 1'}": item for place, item in split_columns(array).items()}
-    return Measurement(
-        path,
-        tuple(
-            MeasuredChannel(name, keep_values(column, f"{path}, {name}"))
-            for name, column in columns.items()
-        ),
-    )
+    name = "column 1" if array.ndim == 1 else "column"
+    return make_measurement(path, [NamedArray(name, array)])
 
 
 def read_npz(path: Path) -> Measurement:

@@ -78,11 +78,11 @@ def test_times_in_uneven_steps_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("array", "told"),
     [
-        (np.zeros((2, 2, 2, 20)), r"shape \(2, 2, 2, 20\)"),
-        (np.zeros((0, 20)), r"shape \(0, 20\)"),
-        (np.array(1.0), r"shape \(\)"),
-        (np.zeros(20, dtype=complex), "holds complex128"),
-        (np.array(["a"] * 20), "holds <U1"),
+        (np.zeros((2, 2, 2, 20)), r"\(float64, \(2, 2, 2, 20\)\)"),
+        (np.zeros((0, 20)), r"\(float64, \(0, 20\)\)"),
+        (np.array(1.0), r"\(float64, \(\)\)"),
+        (np.zeros(20, dtype=complex), "complex128"),
+        (np.array(["a"] * 20), "<U1"),
         (np.zeros(20, dtype=np.longdouble), "float64 at most"),
     ],
 )
