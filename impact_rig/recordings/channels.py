@@ -85,6 +85,7 @@ class Questions:
     """All that is missing of a file."""
 
     measurement: Measurement
+    needs_scale: bool  # ask for all that makes accelerations; False: contact times are enough
     missing: list[Missing] = field(default_factory=list)
 
     def ask(self) -> None:
@@ -134,17 +135,17 @@ def map_channels(
     ParameterError
         If the units do not fit, or the user contradicts the file.
     """
-    questions = Questions(measurement)
-    mapped = _map_hits(questions, plan, hammer_mass, needs_scale=needs_scale)
+    questions = Questions(measurement, needs_scale)
+    mapped = _map_hits(questions, plan, hammer_mass)
     questions.ask()
     return mapped
 
 
 def make_template(measurement: Measurement) -> str:
     """Return a file of channels for a measurement; what must be said stands in it as "?"."""
-    questions = Questions(measurement)
+    questions = Questions(measurement, needs_scale=True)
     with contextlib.suppress(SignalError, ParameterError):
-        _map_hits(questions, ChannelPlan(), math.nan, needs_scale=True)
+        _map_hits(questions, ChannelPlan(), math.nan)
     channels = measurement.channels
     has_rate = not math.isnan(channels[0].sampling_rate)
     roles = ["hammer", "specimen"] if has_rate else _guess_roles(measurement)
@@ -162,9 +163,7 @@ def make_template(measurement: Measurement) -> str:
     return "\n".join(text) + "\n"
 
 
-def _map_hits(
-    questions: Questions, plan: ChannelPlan, hammer_mass: float, *, needs_scale: bool
-) -> list[MappedChannels]:
+def _map_hits(questions: Questions, plan: ChannelPlan, hammer_mass: float) -> list[MappedChannels]:
     mapped = []
     for found in _assign_roles(questions, plan):
         path = questions.measurement.path
@@ -173,14 +172,7 @@ def _map_hits(
         if "specimen" in found:
             _check_pair(path, found["hammer"], found["specimen"])
         bodies = {
-            role: _calibrate(
-                questions,
-                role,
-                found[role],
-                getattr(plan, role),
-                hammer_mass,
-                needs_scale=needs_scale,
-            )
+            role: _calibrate(questions, role, found[role], getattr(plan, role), hammer_mass)
             for role in BODIES
             if role in found
         }
@@ -460,13 +452,7 @@ class _Calibrated:
 
 
 def _calibrate(
-    questions: Questions,
-    role: str,
-    channel: MeasuredChannel,
-    use: ChannelUse,
-    mass: float,
-    *,
-    needs_scale: bool,
+    questions: Questions, role: str, channel: MeasuredChannel, use: ChannelUse, mass: float
 ) -> _Calibrated:
     """Return a channel with its scale; as it is where nothing makes accelerations of it."""
     path, name = questions.measurement.path, f"the {BODIES[role]}'s channel"
@@ -478,7 +464,7 @@ def _calibrate(
             f"{path}: {name} {channel.name!r} is a force: it must be an acceleration"
         )
     missing = _find_missing(f"{name} {channel.name!r}", role, unit, measured, mass)
-    if missing and needs_scale:
+    if missing and questions.needs_scale:
         questions.missing.append(missing)
     remarks = []
     if not unit:

@@ -188,7 +188,7 @@ def inspect_recording(path: Path, *, report: Report = lambda _: None) -> Content
     _check_kind(scan)
     contents.topics = sorted(map(find_topic, scan.channels.values()), key=attrgetter("name"))
     _count_lost(scan, topics)
-    contents.unknown_messages = scan.unknown.total()
+    contents.unknown_messages = scan.unknown
     contents.size = scan.size
     contents.library = scan.header.library if scan.header is not None else ""
     contents.compression = tuple(scan.compressions)
@@ -250,8 +250,8 @@ def _list_problems(scan: Scan, lost: int) -> Iterator[str]:
         yield f"{len(scan.damages) - MOST_PLACES} further places cannot be read"
     if not scan.damages and lost:
         yield f"{lost} messages are missing: their numbers, or the index, tell"
-    if count := scan.unknown.total():
-        yield f"the topic of {count} messages is not described any more"
+    if scan.unknown:
+        yield f"the topic of {scan.unknown} messages is not described any more"
 
 
 def _check_kind(scan: Scan) -> None:

@@ -276,13 +276,8 @@ def _refuse_existing(path: Path) -> None:
         raise FileError(f"{path} exists already: name another file, none is overwritten")
 
 
-def make_folders(folder: Path) -> list[Path]:
+def make_folders(folder: Path) -> None:
     """Make a folder and those above it, and put their names on the disk.
-
-    Returns
-    -------
-    list of Path
-        Those that were not there, innermost first.
 
     Raises
     ------
@@ -298,7 +293,6 @@ def make_folders(folder: Path) -> list[Path]:
         raise FileError(f"the folder {folder} cannot be made: {error.strerror}") from None
     for item in missing:
         sync_folder(item.parent)
-    return missing
 
 
 def _name(part: Path, path: Path) -> None:

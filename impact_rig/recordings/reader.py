@@ -173,10 +173,6 @@ def read_recording(path: Path, namespace: str | None = None) -> Recording:
     namespace : str, optional
         Of the rig; found in the file by default.
 
-    Returns
-    -------
-    Recording
-
     Raises
     ------
     FileError

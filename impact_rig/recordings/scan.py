@@ -9,7 +9,6 @@ import io
 import os
 import re
 import zlib
-from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -118,7 +117,7 @@ class Scan:
         self._wanted, self._kinds = wanted, kinds
         self._chosen: dict[int, Channel | None] = {}  # channels that were met; None: not wanted
         self.damages: list[Damage] = []  # of the last pass, as far as it came
-        self.unknown: Counter[int] = Counter()  # messages of channels that are not described
+        self.unknown = 0  # messages of channels that are not described
         self.compressions: dict[str, None] = {}  # names, in the order in which they came
         self.chunks = 0
         self._unpacker = Unpacker(self.size)
@@ -291,7 +290,7 @@ class Scan:
                 if number not in self.channels:
                     if self._is_strict:
                         raise DamageError("a message belongs to a channel that is not announced")
-                    self.unknown[number] += 1
+                    self.unknown += 1
                     continue
                 chosen[number] = self._choose(self.channels[number])
             channel = chosen[number]

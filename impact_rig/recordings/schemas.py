@@ -206,10 +206,6 @@ def find_message_definition(type_name: str) -> MessageDefinition:
     type_name : str
         For example `impact_rig_msgs/msg/Impact`.
 
-    Returns
-    -------
-    MessageDefinition
-
     Raises
     ------
     FileError

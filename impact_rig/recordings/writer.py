@@ -1,6 +1,5 @@
 """Writes a recording: one MCAP file."""
 
-import contextlib
 import time
 from collections import Counter
 from pathlib import Path
@@ -62,14 +61,8 @@ class RecordingWriter:
         self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[str, int] = {}
         self._counts: Counter[int] = Counter()
-        made = make_folders(path.parent)
-        try:
-            self._file = DiskFile(path)
-        except FileError:
-            for folder in made:
-                with contextlib.suppress(OSError):
-                    folder.rmdir()
-            raise
+        make_folders(path.parent)
+        self._file = DiskFile(path)
         self._writer = Writer(
             self._file,  # type: ignore[arg-type]  # it needs no more of a file than this has
             chunk_size=chunk_size,

@@ -143,12 +143,7 @@ def _read_number(stated: dict[str, Any], names: set[str], default: float = math.
 def write_hdf5(path: Path, measurement: Measurement) -> None:
     """Write each channel as a data set with its rate, unit, start and date as attributes.
 
-    Parameters
-    ----------
-    path : Path
-        Of the new file.
-    measurement : Measurement
-        What to write. A slash in a name becomes an underscore; the attribute `name` keeps it.
+    A slash in a name becomes an underscore; the attribute `name` keeps it.
     """
     import h5py
 

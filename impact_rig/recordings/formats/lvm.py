@@ -83,10 +83,6 @@ def make_channels(segment: Segment, first: Segment) -> list[MeasuredChannel]:
     first : Segment
         From whose first channel the starts count.
 
-    Returns
-    -------
-    list of MeasuredChannel
-
     Raises
     ------
     FileError
@@ -224,15 +220,6 @@ def read_lvm(path: Path) -> Measurement:
     header, since the table gives times to the microsecond only; starts count from that of the
     first channel, date and time in its header. These are local ones without a time zone: they are
     taken as UTC. Channels of later segments are named by their segment.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-
-    Returns
-    -------
-    Measurement
 
     Raises
     ------

@@ -191,13 +191,8 @@ def _list_arrays(name: str, value: Any) -> Iterator[NamedArray]:
 def write_mat(path: Path, measurement: Measurement) -> None:
     """Write each channel as a variable, and what is known of them as JSON.
 
-    Parameters
-    ----------
-    path : Path
-        Of the new file.
-    measurement : Measurement
-        What to write. The names of variables are made of the channels' by letters that MATLAB
-        allows; the text `channels` has the names themselves: see MATLAB's `jsondecode`.
+    The names of variables are made of the channels' by letters that MATLAB
+    allows; the text `channels` has the names themselves: see MATLAB's `jsondecode`.
     """
     from scipy.io import savemat
 

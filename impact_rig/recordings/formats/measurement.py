@@ -236,10 +236,6 @@ def blame_file(path: Path) -> Iterator[None]:
     path : Path
         Of the file; its suffix says what it should be.
 
-    Yields
-    ------
-    None
-
     Raises
     ------
     FileError
@@ -410,10 +406,6 @@ def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
         Of the file, for messages.
     arrays : sequence of NamedArray
         All arrays of the file, in its order.
-
-    Returns
-    -------
-    Measurement
 
     Raises
     ------

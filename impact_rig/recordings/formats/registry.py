@@ -46,11 +46,6 @@ WRITABLE = tuple(suffix for suffix, (_, write) in FORMATS.items() if write)
 def read_measurement(path: Path) -> Measurement:
     """Read the channels of a file, whose suffix tells its format.
 
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-
     Returns
     -------
     Measurement

@@ -10,13 +10,7 @@ thirty million points, of whatever size."""
 
 
 class SizeLimit:
-    """Adds up what a file claims to hold, and refuses what no file of its size may.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    """
+    """Adds up what a file claims to hold, and refuses what no file of its size may."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -134,15 +134,7 @@ def _refuse_doubtful() -> Iterator[None]:
 
 
 def write_tdms(path: Path, measurement: Measurement) -> None:
-    """Write channels as waveforms of one group.
-
-    Parameters
-    ----------
-    path : Path
-        Of the new file.
-    measurement : Measurement
-        What to write.
-    """
+    """Write channels as waveforms of one group."""
     from nptdms import ChannelObject, TdmsWriter
 
     channels = measurement.channels

@@ -194,15 +194,6 @@ def read_text(path: Path) -> Measurement:
     step. The text of a large file passes through memory piece by piece, its numbers go to a
     temporary file.
 
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-
-    Returns
-    -------
-    Measurement
-
     Raises
     ------
     FileError
